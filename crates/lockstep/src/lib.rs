@@ -1,1 +1,4 @@
-//! Work in progress.
+//! Lockstep co-simulation over shared memory.
+
+pub mod port;
+pub mod time;

@@ -1,0 +1,290 @@
+//! The description of a port's payload.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// The element type of a field. Every one is little-endian and naturally aligned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Element {
+    /// IEEE 754 double.
+    F64,
+    /// IEEE 754 single.
+    F32,
+    /// Signed 64-bit integer.
+    I64,
+    /// Signed 32-bit integer.
+    I32,
+    /// Unsigned 64-bit integer.
+    U64,
+    /// Unsigned 32-bit integer.
+    U32,
+    /// Unsigned byte.
+    U8,
+}
+
+impl Element {
+    /// Size, which is also the alignment, bytes.
+    pub const fn size(self) -> usize {
+        match self {
+            Element::F64 | Element::I64 | Element::U64 => 8,
+            Element::F32 | Element::I32 | Element::U32 => 4,
+            Element::U8 => 1,
+        }
+    }
+
+    /// The name used in files: `f64`, `u8`, …
+    pub const fn name(self) -> &'static str {
+        match self {
+            Element::F64 => "f64",
+            Element::F32 => "f32",
+            Element::I64 => "i64",
+            Element::I32 => "i32",
+            Element::U64 => "u64",
+            Element::U32 => "u32",
+            Element::U8 => "u8",
+        }
+    }
+
+    /// One element of this type as a double (integers beyond 2^53 are rounded). `bytes` starts at the element.
+    pub fn to_f64(self, bytes: &[u8]) -> f64 {
+        macro_rules! read {
+            ($type:ty) => {{
+                let mut raw = [0; size_of::<$type>()];
+                raw.copy_from_slice(&bytes[..size_of::<$type>()]);
+                <$type>::from_le_bytes(raw) as f64
+            }};
+        }
+        match self {
+            Element::F64 => read!(f64),
+            Element::F32 => read!(f32),
+            Element::I64 => read!(i64),
+            Element::I32 => read!(i32),
+            Element::U64 => read!(u64),
+            Element::U32 => read!(u32),
+            Element::U8 => f64::from(bytes[0]),
+        }
+    }
+}
+
+/// One named field of a payload.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Field {
+    /// The field's name, unique in the payload.
+    pub name: String,
+    /// The type of each element.
+    pub element: Element,
+    /// The extents, row-major; empty for a scalar.
+    #[serde(default)]
+    pub shape: Vec<u32>,
+    /// The unit of every element, such as `N m` or `rad/s`; `1` for a pure number.
+    pub unit: String,
+    /// The frame in which a vector's components are given; empty where that means nothing.
+    #[serde(default)]
+    pub frame: String,
+    /// Where the field starts, bytes.
+    pub offset: u32,
+}
+
+impl Field {
+    /// How many elements the field has.
+    pub fn len(&self) -> usize {
+        self.shape.iter().map(|&extent| extent as usize).product()
+    }
+
+    /// True when an extent is zero.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The bytes of the field inside a payload.
+    pub fn range(&self) -> std::ops::Range<usize> {
+        let start = self.offset as usize;
+        start..start + self.len() * self.element.size()
+    }
+
+    /// Element `index` of the field of `payload` as a double.
+    pub fn value(&self, payload: &[u8], index: usize) -> f64 {
+        let start = self.offset as usize + index * self.element.size();
+        self.element.to_f64(&payload[start..])
+    }
+
+    /// The names of the elements for tables: `p_NB_N[0]`, or the bare name of a scalar.
+    pub fn element_name(&self, index: usize) -> String {
+        if self.shape.is_empty() {
+            return self.name.clone();
+        }
+        let mut rest = index;
+        let mut text = String::new();
+        for &extent in self.shape.iter().rev() {
+            text = format!("[{}]{text}", rest % extent as usize);
+            rest /= extent as usize;
+        }
+        format!("{}{text}", self.name)
+    }
+}
+
+impl fmt::Display for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.name, self.element.name())?;
+        if !self.shape.is_empty() {
+            write!(f, "{:?}", self.shape)?;
+        }
+        write!(f, " in {}", self.unit)?;
+        if !self.frame.is_empty() {
+            write!(f, ", frame {}", self.frame)?;
+        }
+        Ok(())
+    }
+}
+
+/// The description of a payload: plain old data in C layout, without padding.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Descriptor {
+    /// The name of the message type.
+    pub name: String,
+    /// The size of a payload, bytes; a multiple of the largest element.
+    pub size: u32,
+    /// The fields in the order of their offsets.
+    pub fields: Vec<Field>,
+}
+
+/// Why a descriptor cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum DescriptorError {
+    /// A payload must have something in it, and at most [`Descriptor::MAX_SIZE`].
+    #[error("message `{message}`: a payload of {size} bytes; between 1 and {max} are allowed", max = Descriptor::MAX_SIZE)]
+    Size {
+        /// The message.
+        message: String,
+        /// Its size, bytes.
+        size: u64,
+    },
+    /// A field is unnamed, repeated, empty, misaligned, overlapping or beyond the end.
+    #[error("message `{message}`, field `{field}`: {reason}")]
+    Field {
+        /// The message.
+        message: String,
+        /// The field.
+        field: String,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+}
+
+impl Descriptor {
+    /// The largest payload, bytes.
+    pub const MAX_SIZE: u32 = 1 << 20;
+
+    /// Checks what a foreign participant says of its own payload: nothing later needs to be afraid of an offset.
+    pub fn validate(&self) -> Result<(), DescriptorError> {
+        if self.size == 0 || self.size > Self::MAX_SIZE {
+            return Err(DescriptorError::Size {
+                message: self.name.clone(),
+                size: u64::from(self.size),
+            });
+        }
+        let mut end = 0_u64;
+        for (at, field) in self.fields.iter().enumerate() {
+            let refuse = |reason| {
+                Err(DescriptorError::Field {
+                    message: self.name.clone(),
+                    field: field.name.clone(),
+                    reason,
+                })
+            };
+            if field.name.is_empty() {
+                return refuse("a field needs a name");
+            }
+            if self.fields[..at].iter().any(|earlier| earlier.name == field.name) {
+                return refuse("the name is used twice");
+            }
+            let count = field
+                .shape
+                .iter()
+                .try_fold(1_u64, |product, &extent| product.checked_mul(u64::from(extent)));
+            let bytes = match count.and_then(|count| count.checked_mul(field.element.size() as u64)) {
+                None => return refuse("the shape is too large"),
+                Some(0) => return refuse("the shape has a zero in it"),
+                Some(bytes) => bytes,
+            };
+            if !u64::from(field.offset).is_multiple_of(field.element.size() as u64) {
+                return refuse("the offset is not a multiple of the element's size");
+            }
+            if u64::from(field.offset) != end {
+                return refuse("it does not start where the field before it ends");
+            }
+            end = match end.checked_add(bytes) {
+                Some(end) if end <= u64::from(self.size) => end,
+                _ => return refuse("it reaches beyond the end of the payload"),
+            };
+        }
+        if end != u64::from(self.size) {
+            return Err(DescriptorError::Field {
+                message: self.name.clone(),
+                field: String::new(),
+                reason: "the fields do not fill the payload; padding must be a field of its own",
+            });
+        }
+        Ok(())
+    }
+
+    /// The field called `name`.
+    pub fn field(&self, name: &str) -> Option<&Field> {
+        self.fields.iter().find(|field| field.name == name)
+    }
+
+    /// A 64-bit FNV-1a hash of names, types, shapes, units, frames and offsets. Equal descriptors have equal hashes on
+    /// every machine and in every language; the text that is hashed is one line per field, as [`Descriptor::canonical`]
+    /// gives it.
+    pub fn hash64(&self) -> u64 {
+        self.canonical().bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+        })
+    }
+
+    /// The text behind [`Descriptor::hash64`]: `name size\n`, then `name|element|extents|unit|frame|offset\n` per field.
+    pub fn canonical(&self) -> String {
+        let mut text = format!("{} {}\n", self.name, self.size);
+        for field in &self.fields {
+            let extents: Vec<String> = field.shape.iter().map(u32::to_string).collect();
+            text += &format!(
+                "{}|{}|{}|{}|{}|{}\n",
+                field.name,
+                field.element.name(),
+                extents.join(","),
+                field.unit,
+                field.frame,
+                field.offset
+            );
+        }
+        text
+    }
+
+    /// The first difference between two descriptors in words, for a user who connected the wrong ports.
+    pub fn difference(&self, other: &Descriptor) -> Option<String> {
+        if self == other {
+            return None;
+        }
+        for (mine, theirs) in self.fields.iter().zip(&other.fields) {
+            if mine != theirs {
+                return Some(format!("`{mine}` against `{theirs}`"));
+            }
+        }
+        if self.fields.len() != other.fields.len() {
+            let (longer, extra) = if self.fields.len() > other.fields.len() {
+                (&self.name, &self.fields[other.fields.len()])
+            } else {
+                (&other.name, &other.fields[self.fields.len()])
+            };
+            return Some(format!("only `{longer}` has the field `{extra}`"));
+        }
+        Some(format!(
+            "message `{}` of {} bytes against `{}` of {}",
+            self.name, self.size, other.name, other.size
+        ))
+    }
+}

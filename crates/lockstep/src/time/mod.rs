@@ -1,0 +1,7 @@
+//! Exact time: rationals for people, integer ticks for the plan.
+
+mod rational;
+mod sample_time;
+
+pub use rational::{Rational, TimeError};
+pub use sample_time::{SampleTime, TickError, Ticks, Timebase};

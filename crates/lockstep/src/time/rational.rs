@@ -1,0 +1,381 @@
+//! Exact instants and durations as fractions of a second.
+
+use std::cmp::Ordering;
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// An instant or a duration in seconds, exactly: `numerator / denominator` in lowest terms, denominator positive.
+///
+/// Simulated time is never a sum of rounded doubles. A period of `1/300 s` or a rate of `30 Hz` is what the user wrote,
+/// to the last digit, after any number of steps.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Rational {
+    numerator: i64,
+    denominator: i64,
+}
+
+/// Why a text is not a time.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TimeError {
+    /// The text has no number and unit of time.
+    #[error("`{text}` is not a time: write a number and a unit, for example \"10 ms\", \"1/300 s\" or \"30 Hz\"")]
+    Syntax {
+        /// What was written.
+        text: String,
+    },
+    /// The unit is missing or not one of time.
+    #[error(
+        "`{text}` has the unit `{unit}`, which is not one of time: use ns, us, ms, s, min, h, or Hz, kHz for a rate"
+    )]
+    Unit {
+        /// What was written.
+        text: String,
+        /// The part taken for a unit.
+        unit: String,
+    },
+    /// The value does not fit a 64-bit fraction.
+    #[error("`{text}` needs a fraction with more than 63 bits: write it with fewer digits")]
+    Range {
+        /// What was written.
+        text: String,
+    },
+}
+
+pub(crate) fn gcd(a: i128, b: i128) -> i128 {
+    let (mut a, mut b) = (a.abs(), b.abs());
+    while b != 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+impl Rational {
+    /// Zero seconds.
+    pub const ZERO: Rational = Rational {
+        numerator: 0,
+        denominator: 1,
+    };
+
+    /// `numerator / denominator` seconds in lowest terms; `None` when the denominator is zero or 63 bits do not suffice.
+    pub fn new(numerator: i128, denominator: i128) -> Option<Rational> {
+        if denominator == 0 {
+            return None;
+        }
+        let common = gcd(numerator, denominator).max(1) * denominator.signum();
+        Some(Rational {
+            numerator: i64::try_from(numerator / common).ok()?,
+            denominator: i64::try_from(denominator / common).ok()?,
+        })
+    }
+
+    /// A whole number of nanoseconds.
+    pub fn from_nanos(nanos: i64) -> Rational {
+        Rational::new(i128::from(nanos), 1_000_000_000).expect("a 64-bit count of nanoseconds fits")
+    }
+
+    /// A whole number of milliseconds.
+    pub fn from_millis(millis: i64) -> Rational {
+        Rational::new(i128::from(millis), 1000).expect("a 64-bit count of milliseconds fits")
+    }
+
+    /// The numerator in lowest terms, s.
+    pub fn numerator(self) -> i64 {
+        self.numerator
+    }
+
+    /// The denominator in lowest terms, always positive.
+    pub fn denominator(self) -> i64 {
+        self.denominator
+    }
+
+    /// True above zero.
+    pub fn is_positive(self) -> bool {
+        self.numerator > 0
+    }
+
+    /// True below zero.
+    pub fn is_negative(self) -> bool {
+        self.numerator < 0
+    }
+
+    /// The double nearest to the value, s.
+    pub fn seconds(self) -> f64 {
+        nearest_double(i128::from(self.numerator), i128::from(self.denominator))
+    }
+
+    /// The sum, unless it needs more than 63 bits.
+    pub fn checked_add(self, other: Rational) -> Option<Rational> {
+        let (a, b) = (i128::from(self.numerator), i128::from(self.denominator));
+        let (c, d) = (i128::from(other.numerator), i128::from(other.denominator));
+        Rational::new(a.checked_mul(d)?.checked_add(c.checked_mul(b)?)?, b.checked_mul(d)?)
+    }
+
+    /// A whole multiple, unless it needs more than 63 bits.
+    pub fn checked_mul(self, factor: i64) -> Option<Rational> {
+        Rational::new(
+            i128::from(self.numerator).checked_mul(i128::from(factor))?,
+            i128::from(self.denominator),
+        )
+    }
+
+    /// The largest duration of which both are whole multiples; `None` when it needs more than 63 bits.
+    pub fn common_measure(self, other: Rational) -> Option<Rational> {
+        let (a, b) = (i128::from(self.numerator), i128::from(self.denominator));
+        let (c, d) = (i128::from(other.numerator), i128::from(other.denominator));
+        let denominators = b / gcd(b, d) * d;
+        let numerators = gcd(a.checked_mul(denominators / b)?, c.checked_mul(denominators / d)?);
+        Rational::new(numerators, denominators)
+    }
+}
+
+/// The double nearest to `numerator / denominator` (ties to even), for a positive denominator.
+pub(crate) fn nearest_double(numerator: i128, denominator: i128) -> f64 {
+    const EXACT: u128 = 1 << 53;
+    let (n, d) = (numerator.unsigned_abs(), denominator.unsigned_abs());
+    let magnitude = if n <= EXACT && d <= EXACT {
+        // Both are doubles already, so the one division is the only rounding.
+        n as f64 / d as f64
+    } else {
+        long_division(n, d)
+    };
+    if numerator < 0 { -magnitude } else { magnitude }
+}
+
+fn long_division(n: u128, d: u128) -> f64 {
+    let (mut quotient, mut remainder, mut exponent) = (n / d, n % d, 0);
+    // Binary long division until 64 significant bits stand there. The denominator stays below 2^127, so doubling the
+    // remainder cannot overflow.
+    while quotient < 1 << 63 && n != 0 {
+        remainder <<= 1;
+        quotient <<= 1;
+        if remainder >= d {
+            remainder -= d;
+            quotient |= 1;
+        }
+        exponent -= 1;
+    }
+    if remainder != 0 {
+        quotient |= 1; // sticky: decides ties
+    }
+    // The conversion rounds to nearest even once; the scale is a power of two.
+    quotient as f64 * f64::from_bits(((1023 + i64::from(exponent)) as u64) << 52)
+}
+
+impl PartialOrd for Rational {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Rational {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let left = i128::from(self.numerator) * i128::from(other.denominator);
+        let right = i128::from(other.numerator) * i128::from(self.denominator);
+        left.cmp(&right)
+    }
+}
+
+/// Units of time, largest factor last tried: name, numerator and denominator of its length in seconds.
+const UNITS: [(&str, i128, i128); 7] = [
+    ("ns", 1, 1_000_000_000),
+    ("us", 1, 1_000_000),
+    ("µs", 1, 1_000_000),
+    ("ms", 1, 1000),
+    ("s", 1, 1),
+    ("min", 60, 1),
+    ("h", 3600, 1),
+];
+
+impl FromStr for Rational {
+    type Err = TimeError;
+
+    /// Reads `"10 ms"`, `"1/300 s"`, `"0.25 s"`, `"1.5e-3 s"`; a rate such as `"30 Hz"` is the period it stands for.
+    fn from_str(text: &str) -> Result<Rational, TimeError> {
+        let syntax = || TimeError::Syntax { text: text.to_owned() };
+        let range = || TimeError::Range { text: text.to_owned() };
+        let trimmed = text.trim();
+        let split = trimmed
+            .char_indices()
+            .find(|&(at, c)| c.is_alphabetic() && !is_exponent(trimmed, at, c))
+            .map_or(trimmed.len(), |(at, _)| at);
+        let (value, unit) = (trimmed[..split].trim(), trimmed[split..].trim());
+        let (numerator, denominator) = match value.split_once('/') {
+            None => decimal(value).ok_or_else(syntax)?,
+            Some((above, below)) => {
+                let (a, b) = decimal(above.trim()).ok_or_else(syntax)?;
+                let (c, d) = decimal(below.trim()).ok_or_else(syntax)?;
+                (a.checked_mul(d).ok_or_else(range)?, b.checked_mul(c).ok_or_else(range)?)
+            }
+        };
+        let scaled = |n: i128, d: i128| -> Option<Rational> {
+            let (n, d) = (numerator.checked_mul(n)?, denominator.checked_mul(d)?);
+            Rational::new(n, d)
+        };
+        let rate = |per_second: i128| -> Result<Rational, TimeError> {
+            let hertz = scaled(per_second, 1).ok_or_else(range)?;
+            if !hertz.is_positive() {
+                return Err(syntax());
+            }
+            Rational::new(i128::from(hertz.denominator), i128::from(hertz.numerator)).ok_or_else(range)
+        };
+        match unit {
+            "Hz" => rate(1),
+            "kHz" => rate(1000),
+            _ => {
+                let &(_, n, d) = UNITS
+                    .iter()
+                    .find(|(name, ..)| *name == unit)
+                    .ok_or_else(|| TimeError::Unit {
+                        text: text.to_owned(),
+                        unit: unit.to_owned(),
+                    })?;
+                scaled(n, d).ok_or_else(range)
+            }
+        }
+    }
+}
+
+fn is_exponent(text: &str, at: usize, c: char) -> bool {
+    let after = text[at..].chars().nth(1);
+    (c == 'e' || c == 'E')
+        && text[..at].ends_with(|d: char| d.is_ascii_digit() || d == '.')
+        && after.is_some_and(|d| d.is_ascii_digit() || d == '-' || d == '+')
+}
+
+/// A decimal number as an exact fraction.
+fn decimal(text: &str) -> Option<(i128, i128)> {
+    let (mantissa, exponent) = match text.split_once(['e', 'E']) {
+        Some((mantissa, exponent)) => (mantissa, exponent.parse::<i32>().ok()?),
+        None => (text, 0),
+    };
+    let (negative, digits) = match mantissa.strip_prefix('-') {
+        Some(rest) => (true, rest),
+        None => (false, mantissa.strip_prefix('+').unwrap_or(mantissa)),
+    };
+    let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+    let all = format!("{whole}{fraction}");
+    if all.is_empty() || all.len() > 30 || !all.bytes().all(|b| b.is_ascii_digit()) {
+        return None;
+    }
+    let value: i128 = all.parse().ok()?;
+    let value = if negative { -value } else { value };
+    let power = exponent.checked_sub(i32::try_from(fraction.len()).ok()?)?;
+    let scale = 10_i128.checked_pow(power.unsigned_abs())?;
+    let (n, d) = if power < 0 {
+        (value, scale)
+    } else {
+        (value.checked_mul(scale)?, 1)
+    };
+    let common = gcd(n, d).max(1);
+    Some((n / common, d / common))
+}
+
+impl fmt::Display for Rational {
+    /// The shortest exact text: `"10 ms"`, `"1/300 s"`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.denominator == 1 {
+            return write!(f, "{} s", self.numerator);
+        }
+        for (name, n, d) in [("ms", 1, 1000), ("us", 1, 1_000_000), ("ns", 1, 1_000_000_000)] {
+            let scaled = i128::from(self.numerator) * d;
+            if scaled % (i128::from(self.denominator) * n) == 0 {
+                return write!(f, "{} {name}", scaled / (i128::from(self.denominator) * n));
+            }
+        }
+        write!(f, "{}/{} s", self.numerator, self.denominator)
+    }
+}
+
+impl fmt::Debug for Rational {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl Serialize for Rational {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Rational {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        text.parse().map_err(serde::de::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn check(text: &str, numerator: i128, denominator: i128) {
+        assert_eq!(
+            text.parse::<Rational>().unwrap(),
+            Rational::new(numerator, denominator).unwrap(),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn reads_what_users_write() {
+        check("10 ms", 1, 100);
+        check("10ms", 1, 100);
+        check("30 Hz", 1, 30);
+        check("1/300 s", 1, 300);
+        check("1.5e-3 s", 3, 2000);
+        check("2e3us", 1, 500);
+        check("0.1 kHz", 1, 100);
+        check("-3 s", -3, 1);
+        check("2 min", 120, 1);
+        check("1/3 ms", 1, 3000);
+    }
+
+    #[test]
+    fn refuses_what_is_not_a_time() {
+        for text in [
+            "", "10", "ms", "ten ms", "10 m", "1/0 s", "0 Hz", "-2 Hz", "1 2 s", "1e99 s", "0.2 deg",
+        ] {
+            assert!(text.parse::<Rational>().is_err(), "{text}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn text_round_trips(n in -1_000_000_i128..1_000_000, d in 1_i128..1_000_000) {
+            let value = Rational::new(n, d).unwrap();
+            prop_assert_eq!(value.to_string().parse::<Rational>().unwrap(), value);
+        }
+
+        #[test]
+        fn the_common_measure_divides_both(a in 1_i128..100_000, b in 1_i128..100_000, c in 1_i128..100_000, d in 1_i128..100_000) {
+            let (x, y) = (Rational::new(a, b).unwrap(), Rational::new(c, d).unwrap());
+            let measure = x.common_measure(y).unwrap();
+            for value in [x, y] {
+                let ratio = Rational::new(
+                    i128::from(value.numerator) * i128::from(measure.denominator),
+                    i128::from(value.denominator) * i128::from(measure.numerator),
+                ).unwrap();
+                prop_assert_eq!(ratio.denominator, 1);
+            }
+        }
+
+        /// The result is the closest double: neither neighbour is nearer. Distances are compared as exact integers.
+        #[test]
+        fn the_double_is_the_nearest(n in 1_i128 << 53..1 << 62, d in 1_i128 << 12..1 << 30) {
+            let nearest = nearest_double(n, d);
+            // |x - n/d| scaled by d * 2^shift; the quotient lies in [2^23, 2^50], so the mantissa always needs a shift
+            let error = |x: f64| {
+                let mantissa = i128::from(x.to_bits() & ((1 << 52) - 1) | 1 << 52);
+                let shift = 1075 - (x.to_bits() >> 52) as i32;
+                (mantissa * d - (n << shift)).unsigned_abs()
+            };
+            for neighbour in [nearest.next_up(), nearest.next_down()] {
+                prop_assert!(error(nearest) <= error(neighbour) || nearest.to_bits() >> 52 != neighbour.to_bits() >> 52);
+            }
+        }
+    }
+}
