@@ -1,4 +1,11 @@
 //! Lockstep co-simulation over shared memory.
 
+pub mod executor;
+pub mod link;
+pub mod participant;
+pub mod plan;
 pub mod port;
+pub mod random;
+pub mod stepper;
 pub mod time;
+pub mod transport;

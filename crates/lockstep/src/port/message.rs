@@ -109,7 +109,7 @@ macro_rules! message {
                         $( $crate::port::__private::field::<$type>(
                             ::core::stringify!($field),
                             $unit,
-                            { let frame: &str = ""; $( let frame: &str = $frame; )? frame },
+                            ::core::concat!("" $(, $frame)?),
                             ::core::mem::offset_of!($name, $field),
                         ), )*
                     ],

@@ -3,5 +3,6 @@
 mod rational;
 mod sample_time;
 
+pub(crate) use rational::gcd;
 pub use rational::{Rational, TimeError};
 pub use sample_time::{SampleTime, TickError, Ticks, Timebase};

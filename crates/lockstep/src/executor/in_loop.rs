@@ -1,0 +1,118 @@
+//! All participants in one loop, in the order of simulated time.
+
+use super::RunError;
+use crate::stepper::{Progress, Stepper};
+use crate::time::Ticks;
+
+/// A run in one loop of one thread: the fastest way without parallelism, and the measure for the other executors.
+pub struct InLoop {
+    steppers: Vec<Stepper>,
+    /// Positions of the steppers, ordered by rank.
+    by_rank: Vec<usize>,
+    started: bool,
+}
+
+impl InLoop {
+    /// A loop over steppers that were assembled for `plan`.
+    pub fn new(plan: &crate::plan::Plan, steppers: Vec<Stepper>) -> InLoop {
+        let mut by_rank: Vec<usize> = (0..steppers.len()).collect();
+        by_rank.sort_by_key(|&number| plan.participants[number].rank);
+        InLoop {
+            steppers,
+            by_rank,
+            started: false,
+        }
+    }
+
+    /// Does every activation before `horizon`, in order. Calls `at` with the instant before the activations of that
+    /// instant, ticks.
+    pub fn run_to(&mut self, horizon: Ticks, mut at: impl FnMut(Ticks)) -> Result<(), RunError> {
+        if !self.started {
+            // Before any horizon is given, this publishes what exists before the run starts.
+            self.settle()?;
+            self.started = true;
+        }
+        for stepper in &mut self.steppers {
+            stepper.extend_horizon(horizon);
+        }
+        loop {
+            let next = self
+                .steppers
+                .iter()
+                .filter(|s| s.next_activation() < s.assignment().activations);
+            let now = next.map(Stepper::next_instant).min().unwrap_or(Ticks::MAX);
+            if now >= horizon {
+                return self.settle();
+            }
+            at(now);
+            self.instant(now)?;
+        }
+    }
+
+    /// All activations at `now`. Ranks give the order; where a circle of zero-delay links is open only at this instant,
+    /// a participant may have to wait for one of higher rank, and its turn comes again.
+    fn instant(&mut self, now: Ticks) -> Result<(), RunError> {
+        loop {
+            let (mut moved, mut left) = (false, false);
+            for &number in &self.by_rank {
+                let stepper = &mut self.steppers[number];
+                if stepper.next_instant() != now || stepper.next_activation() >= stepper.assignment().activations {
+                    continue;
+                }
+                match stepper.poll().map_err(|source| RunError::of(stepper, source))? {
+                    Progress::Stepped => moved = true,
+                    Progress::Waiting(_) => left = true,
+                    Progress::AtHorizon | Progress::Finished => {}
+                }
+            }
+            if !left {
+                return Ok(());
+            }
+            if !moved {
+                return Err(self.stuck(now));
+            }
+        }
+    }
+
+    /// Hands over what is still on its way to the tape.
+    fn settle(&mut self) -> Result<(), RunError> {
+        for stepper in &mut self.steppers {
+            match stepper.poll().map_err(|source| RunError::of(stepper, source))? {
+                Progress::AtHorizon | Progress::Finished => {}
+                Progress::Stepped | Progress::Waiting(_) => {
+                    let now = stepper.next_instant();
+                    return Err(self.stuck(now));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn stuck(&mut self, now: Ticks) -> RunError {
+        let t = self
+            .steppers
+            .first()
+            .map_or(0.0, |s| s.assignment().timebase.seconds(now));
+        let waiting: Vec<String> = self
+            .steppers
+            .iter_mut()
+            .filter_map(|stepper| {
+                let progress = stepper.poll().ok()?;
+                Some(format!(
+                    "`{}` at activation {}: {progress:?}",
+                    stepper.assignment().name,
+                    stepper.next_activation()
+                ))
+            })
+            .collect();
+        RunError::Stuck {
+            t,
+            waiting: waiting.join("; "),
+        }
+    }
+
+    /// The participants, for figures that only they know.
+    pub fn steppers(&self) -> &[Stepper] {
+        &self.steppers
+    }
+}

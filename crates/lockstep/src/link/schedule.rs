@@ -1,0 +1,190 @@
+//! The sample every activation of a consumer reads, computed before anything runs.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Hold, Visibility};
+use crate::time::{SampleTime, Ticks};
+
+/// What an input sees at a communication point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Read {
+    /// Nothing is visible yet (or the hold says so): the link's initial value.
+    Initial,
+    /// The sample with this index.
+    Sample(u64),
+}
+
+/// The reads of one link, activation by activation. Producer and consumer each run one: the producer to know which samples
+/// anybody will ever read, the consumer to know which one to wait for. It holds no data and depends on nothing but the plan.
+#[derive(Debug, Clone)]
+pub struct ReadSchedule {
+    visibility: Visibility,
+    consumer: SampleTime,
+    /// Read sample 0 while nothing is visible.
+    first_sample: bool,
+    /// The next activation to be asked for.
+    next: u64,
+    /// Samples up to here (exclusive) have been looked at and are settled: visible or dropped for good.
+    settled: u64,
+    /// The newest settled visible sample, and the newest settled of all.
+    newest: Option<u64>,
+    newest_sent: Option<u64>,
+}
+
+impl ReadSchedule {
+    /// The schedule of a link for a consumer with sample time `consumer`. With `first_sample`, the producer's sample 0
+    /// stands in while nothing is visible; that is allowed only for outputs that exist before the run starts.
+    pub fn new(visibility: Visibility, consumer: SampleTime, first_sample: bool) -> ReadSchedule {
+        ReadSchedule {
+            visibility,
+            consumer,
+            first_sample,
+            next: 0,
+            settled: 0,
+            newest: None,
+            newest_sent: None,
+        }
+    }
+
+    /// The next activation that [`ReadSchedule::advance`] answers for.
+    pub fn next_activation(&self) -> u64 {
+        self.next
+    }
+
+    /// What the consumer reads at its next activation. Constant time on average: every sample is settled once.
+    pub fn advance(&mut self) -> Read {
+        let t = self.consumer.instant(self.next);
+        self.next += 1;
+        self.at(t)
+    }
+
+    /// Jumps to activation `k` (forward only), for a participant that takes over in mid-run.
+    pub fn skip_to(&mut self, k: u64) {
+        self.next = self.next.max(k);
+    }
+
+    fn at(&mut self, t: Ticks) -> Read {
+        let (least, most) = self.visibility.delay_bounds();
+        let producer = self.visibility.producer();
+        // No sample beyond `last` can be visible; every sample up to `sure` is, unless it is dropped.
+        let Some(last) = producer.index_at_or_before(t.saturating_sub(least)) else {
+            return self.nothing();
+        };
+        let sure = producer
+            .index_at_or_before(t.saturating_sub(most))
+            .map_or(0, |index| index + 1);
+        if sure > self.settled {
+            self.settle(sure);
+        }
+        let late = (self.settled..=last)
+            .rev()
+            .find(|&k| producer.instant(k) + self.visibility.delay(k) <= t && self.arrives(k));
+        let newest_sent = late.or(self.newest_sent);
+        match self.visibility.hold() {
+            Hold::Last => late.or(self.newest).map_or_else(|| self.nothing(), Read::Sample),
+            Hold::Initial => match newest_sent {
+                Some(k) if !self.visibility.dropped(k) => Read::Sample(k),
+                Some(_) => Read::Initial,
+                None => self.nothing(),
+            },
+        }
+    }
+
+    /// Whether sample `k` counts when the newest is looked for: under `Hold::Initial` a dropped sample does, as a gap.
+    fn arrives(&self, k: u64) -> bool {
+        self.visibility.hold() == Hold::Initial || !self.visibility.dropped(k)
+    }
+
+    fn settle(&mut self, sure: u64) {
+        // Only the newest of the newly settled samples matters; look backwards from the end.
+        if let Some(found) = (self.settled..sure).rev().find(|&k| !self.visibility.dropped(k)) {
+            self.newest = Some(found);
+        }
+        self.newest_sent = Some(sure - 1);
+        self.settled = sure;
+    }
+
+    fn nothing(&self) -> Read {
+        if self.first_sample {
+            Read::Sample(0)
+        } else {
+            Read::Initial
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::Timing;
+    use crate::time::{Rational, Timebase};
+    use proptest::prelude::*;
+
+    /// The rule in its plainest words: look at every sample there is.
+    fn searched(visibility: &Visibility, t: Ticks, first_sample: bool) -> Read {
+        let arrived = |k: &u64| visibility.producer().instant(*k) + visibility.delay(*k) <= t;
+        let sent = (0..200).rev().filter(arrived);
+        let newest = match visibility.hold() {
+            Hold::Last => sent.clone().find(|&k| !visibility.dropped(k)),
+            Hold::Initial => match sent.clone().next() {
+                Some(k) if visibility.dropped(k) => return Read::Initial,
+                other => other,
+            },
+        };
+        match newest {
+            Some(k) => Read::Sample(k),
+            None if first_sample => Read::Sample(0),
+            None => Read::Initial,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_read_is_the_one_found_by_search(
+            (offset, period, consumer_offset, consumer_period) in (0_i64..30, 1_i64..20, 0_i64..30, 1_i64..25),
+            (delay, delay_parts, jitter) in (0_i64..100, 1_i64..7, 0_i64..60),
+            drop in prop_oneof![Just(0.0), Just(1.0), 0.0..1.0],
+            initial_on_drop in any::<bool>(),
+            first_sample in any::<bool>(),
+            seed in any::<u64>(),
+        ) {
+            let timebase = Timebase::measuring([Rational::from_millis(1)]).unwrap();
+            let timing = Timing {
+                delay: Rational::new(i128::from(delay), i128::from(delay_parts) * 1000).unwrap(),
+                jitter: Rational::from_millis(jitter),
+                drop,
+                hold: if initial_on_drop { Hold::Initial } else { Hold::Last },
+            };
+            let producer = SampleTime { offset, period };
+            let visibility = Visibility::new(&timing, producer, &timebase, seed, "x").unwrap();
+            let consumer = SampleTime { offset: consumer_offset, period: consumer_period };
+            let mut schedule = ReadSchedule::new(visibility, consumer, first_sample);
+            let mut last = 0;
+            for k in 0..consumer.count_before(200 * period.min(5)) {
+                let read = schedule.advance();
+                prop_assert_eq!(read, searched(&visibility, consumer.instant(k), first_sample), "activation {}", k);
+                if let Read::Sample(index) = read {
+                    prop_assert!(index >= last, "reads never go back");
+                    last = index;
+                }
+            }
+        }
+
+        #[test]
+        fn delays_are_exact(delay in 0_i128..1_000_000, jitter in 0_i128..1_000_000, parts in 1_i128..1000, seed in any::<u64>()) {
+            let timebase = Timebase::measuring([Rational::new(1, 300).unwrap(), Rational::from_millis(1)]).unwrap();
+            let timing = Timing {
+                delay: Rational::new(delay, parts * 1000).unwrap(),
+                jitter: Rational::new(jitter, parts * 777).unwrap(),
+                ..Timing::default()
+            };
+            let producer = SampleTime { offset: 0, period: 10 };
+            let visibility = Visibility::new(&timing, producer, &timebase, seed, "x").unwrap();
+            let (least, most) = visibility.delay_bounds();
+            prop_assert_eq!(least, timebase.ceil(timing.delay).unwrap());
+            for k in 0..50 {
+                prop_assert!((least..=most).contains(&visibility.delay(k)));
+            }
+        }
+    }
+}

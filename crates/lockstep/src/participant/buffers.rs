@@ -1,0 +1,169 @@
+//! The current payloads of a participant's ports, aligned for any message.
+
+use crate::port::{Descriptor, Element, Message};
+
+/// The bytes of one payload, aligned to 8.
+#[derive(Debug, Clone)]
+pub struct Payload {
+    words: Vec<u64>,
+    size: usize,
+}
+
+impl Payload {
+    /// All zeros.
+    pub fn zeroed(size: usize) -> Payload {
+        Payload {
+            words: vec![0; size.div_ceil(8)],
+            size,
+        }
+    }
+
+    /// The bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &bytemuck::cast_slice(&self.words)[..self.size]
+    }
+
+    /// The bytes, for writing.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        &mut bytemuck::cast_slice_mut(&mut self.words)[..self.size]
+    }
+}
+
+/// The elements of a payload that can be NaN or infinite, merged into runs.
+#[derive(Debug, Clone)]
+pub(crate) struct FiniteCheck {
+    doubles: Vec<std::ops::Range<usize>>,
+    singles: Vec<std::ops::Range<usize>>,
+}
+
+impl FiniteCheck {
+    pub(crate) fn new(descriptor: &Descriptor) -> FiniteCheck {
+        let runs = |element: Element| {
+            let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
+            for range in descriptor
+                .fields
+                .iter()
+                .filter(|f| f.element == element)
+                .map(|f| f.range())
+            {
+                match runs.last_mut() {
+                    Some(last) if last.end == range.start => last.end = range.end,
+                    _ => runs.push(range),
+                }
+            }
+            runs
+        };
+        FiniteCheck {
+            doubles: runs(Element::F64),
+            singles: runs(Element::F32),
+        }
+    }
+
+    /// True when every floating-point element is finite. The exponent field alone tells, so the loop has no branches.
+    pub(crate) fn passes(&self, payload: &[u8]) -> bool {
+        let mut good = true;
+        for run in &self.doubles {
+            for chunk in payload[run.clone()].as_chunks::<8>().0 {
+                good &= u64::from_le_bytes(*chunk) & 0x7ff0_0000_0000_0000 != 0x7ff0_0000_0000_0000;
+            }
+        }
+        for run in &self.singles {
+            for chunk in payload[run.clone()].as_chunks::<4>().0 {
+                good &= u32::from_le_bytes(*chunk) & 0x7f80_0000 != 0x7f80_0000;
+            }
+        }
+        good
+    }
+}
+
+/// The first element of a payload that is not finite: its name and value.
+pub(crate) fn first_not_finite(descriptor: &Descriptor, payload: &[u8]) -> Option<(String, f64)> {
+    descriptor.fields.iter().find_map(|field| {
+        let index = (0..field.len()).find(|&index| !field.value(payload, index).is_finite())?;
+        Some((field.element_name(index), field.value(payload, index)))
+    })
+}
+
+/// The inputs of an activation.
+#[derive(Debug)]
+pub struct Inputs {
+    pub(crate) payloads: Vec<Payload>,
+}
+
+impl Inputs {
+    /// The payload of input number `port` as the message `M` that the interface declares for it.
+    ///
+    /// # Panics
+    /// When there is no such port or `M` has another size: a mistake in the participant's own code.
+    pub fn get<M: Message>(&self, port: usize) -> &M {
+        bytemuck::from_bytes(self.payloads[port].bytes())
+    }
+
+    /// The raw bytes of input number `port`.
+    pub fn bytes(&self, port: usize) -> &[u8] {
+        self.payloads[port].bytes()
+    }
+}
+
+/// The outputs of an activation. What a step does not write keeps its last value.
+#[derive(Debug)]
+pub struct Outputs {
+    pub(crate) payloads: Vec<Payload>,
+}
+
+impl Outputs {
+    /// The payload of output number `port` as the message `M` that the interface declares for it.
+    ///
+    /// # Panics
+    /// When there is no such port or `M` has another size: a mistake in the participant's own code.
+    pub fn get_mut<M: Message>(&mut self, port: usize) -> &mut M {
+        bytemuck::from_bytes_mut(self.payloads[port].bytes_mut())
+    }
+
+    /// The raw bytes of output number `port`.
+    pub fn bytes_mut(&mut self, port: usize) -> &mut [u8] {
+        self.payloads[port].bytes_mut()
+    }
+}
+
+impl Inputs {
+    /// Zeroed buffers for the inputs of `interface`.
+    pub fn zeroed(interface: &super::Interface) -> Inputs {
+        Inputs {
+            payloads: interface
+                .inputs
+                .iter()
+                .map(|p| Payload::zeroed(p.descriptor.size as usize))
+                .collect(),
+        }
+    }
+
+    /// The payload of input number `port` as `M`, for a test that drives a participant by hand.
+    ///
+    /// # Panics
+    /// As [`Inputs::get`].
+    pub fn get_mut<M: Message>(&mut self, port: usize) -> &mut M {
+        bytemuck::from_bytes_mut(self.payloads[port].bytes_mut())
+    }
+}
+
+impl Outputs {
+    /// Zeroed buffers for the outputs of `interface`.
+    pub fn zeroed(interface: &super::Interface) -> Outputs {
+        Outputs {
+            payloads: interface
+                .outputs
+                .iter()
+                .map(|p| Payload::zeroed(p.descriptor.size as usize))
+                .collect(),
+        }
+    }
+
+    /// The payload of output number `port` as `M`.
+    ///
+    /// # Panics
+    /// As [`Outputs::get_mut`].
+    pub fn get<M: Message>(&self, port: usize) -> &M {
+        bytemuck::from_bytes(self.payloads[port].bytes())
+    }
+}

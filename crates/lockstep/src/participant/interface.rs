@@ -1,0 +1,176 @@
+//! The ports of a participant.
+
+use serde::{Deserialize, Serialize};
+
+use crate::port::{Descriptor, DescriptorError, Message};
+
+/// How a participant's outputs depend on its inputs in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// Computes at t_k from the inputs at t_k; the outputs are stamped t_k (direct feedthrough).
+    Sampled,
+    /// Holds the inputs at t_k over [t_k, t_k + P] and integrates; the outputs are stamped t_k + P (no feedthrough).
+    /// Its outputs at the first instant exist before the run starts.
+    Continuous,
+}
+
+/// An input port.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Input {
+    /// The port's name.
+    pub name: String,
+    /// The payload it takes.
+    pub descriptor: Descriptor,
+    /// Whether the scenario must connect it. An input that is not connected holds zeros.
+    pub required: bool,
+}
+
+/// An output port.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Output {
+    /// The port's name.
+    pub name: String,
+    /// The payload it gives.
+    pub descriptor: Descriptor,
+}
+
+/// What a participant tells at hello.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Interface {
+    /// How outputs depend on inputs.
+    pub kind: Kind,
+    /// The input ports; their position is their number in [`super::Inputs`].
+    pub inputs: Vec<Input>,
+    /// The output ports; their position is their number in [`super::Outputs`].
+    pub outputs: Vec<Output>,
+}
+
+/// The most ports of one direction that a participant may have.
+pub(super) const PORTS_MAX: usize = 256;
+
+impl Interface {
+    /// An interface without ports.
+    pub fn new(kind: Kind) -> Interface {
+        Interface {
+            kind,
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+        }
+    }
+
+    /// Adds an input that the scenario must connect.
+    pub fn input<M: Message>(mut self, name: &str) -> Interface {
+        self.inputs.push(Input {
+            name: name.to_owned(),
+            descriptor: M::descriptor(),
+            required: true,
+        });
+        self
+    }
+
+    /// Adds an input that may stay unconnected and then holds zeros.
+    pub fn optional_input<M: Message>(mut self, name: &str) -> Interface {
+        self.inputs.push(Input {
+            name: name.to_owned(),
+            descriptor: M::descriptor(),
+            required: false,
+        });
+        self
+    }
+
+    /// Adds an output.
+    pub fn output<M: Message>(mut self, name: &str) -> Interface {
+        self.outputs.push(Output {
+            name: name.to_owned(),
+            descriptor: M::descriptor(),
+        });
+        self
+    }
+
+    /// Checks what a foreign participant says of itself.
+    pub fn validate(&self) -> Result<(), InterfaceError> {
+        let inputs = self.inputs.iter().map(|port| (&port.name, &port.descriptor));
+        let outputs = self.outputs.iter().map(|port| (&port.name, &port.descriptor));
+        for ports in [inputs.collect::<Vec<_>>(), outputs.collect()] {
+            if ports.len() > PORTS_MAX {
+                return Err(InterfaceError::TooMany(ports.len()));
+            }
+            for (at, (name, descriptor)) in ports.iter().enumerate() {
+                let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+                if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
+                    return Err(InterfaceError::Name((*name).clone()));
+                }
+                if ports[..at].iter().any(|(earlier, _)| earlier == name) {
+                    return Err(InterfaceError::Twice((*name).clone()));
+                }
+                descriptor.validate().map_err(|source| InterfaceError::Descriptor {
+                    port: (*name).clone(),
+                    source,
+                })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The first difference to the interface that a participant in the same place must have, in words.
+    pub fn difference(&self, expected: &Interface) -> Option<String> {
+        if self.kind != expected.kind {
+            return Some(format!("it is {:?} where {:?} is expected", self.kind, expected.kind));
+        }
+        let mine = self.inputs.iter().map(|port| ("input", &port.name, &port.descriptor));
+        let mine: Vec<_> = mine
+            .chain(self.outputs.iter().map(|port| ("output", &port.name, &port.descriptor)))
+            .collect();
+        let theirs = expected
+            .inputs
+            .iter()
+            .map(|port| ("input", &port.name, &port.descriptor));
+        let theirs: Vec<_> = theirs
+            .chain(
+                expected
+                    .outputs
+                    .iter()
+                    .map(|port| ("output", &port.name, &port.descriptor)),
+            )
+            .collect();
+        for (direction, name, descriptor) in &theirs {
+            match mine.iter().find(|port| port.0 == *direction && port.1 == *name) {
+                None => return Some(format!("it has no {direction} `{name}`")),
+                Some((.., own)) => {
+                    if let Some(difference) = own.difference(descriptor) {
+                        return Some(format!("{direction} `{name}`: {difference}"));
+                    }
+                }
+            }
+        }
+        let extra = mine
+            .iter()
+            .find(|port| !theirs.iter().any(|other| other.0 == port.0 && other.1 == port.1));
+        extra
+            .map(|(direction, name, _)| format!("it has the {direction} `{name}`, which is not expected"))
+            .or_else(|| (self != expected).then(|| "its ports stand in another order".to_owned()))
+    }
+}
+
+/// Why an interface cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum InterfaceError {
+    /// More ports than anybody needs.
+    #[error("{0} ports in one direction; at most {PORTS_MAX} are allowed")]
+    TooMany(usize),
+    /// A name that cannot stand in a scenario or a file name.
+    #[error("`{0}` is not a port name: use up to 64 letters, digits, `_` and `-`")]
+    Name(String),
+    /// A name used twice in one direction.
+    #[error("the port `{0}` is declared twice")]
+    Twice(String),
+    /// A payload that cannot be used.
+    #[error("port `{port}`: {source}")]
+    Descriptor {
+        /// The port.
+        port: String,
+        /// What is wrong with its payload.
+        source: DescriptorError,
+    },
+}

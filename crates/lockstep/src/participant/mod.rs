@@ -1,0 +1,93 @@
+//! Participants: models that own their state and meet the rest of the world only at communication points.
+
+mod buffers;
+mod interface;
+
+use std::error::Error;
+
+pub(crate) use buffers::{FiniteCheck, first_not_finite};
+pub use buffers::{Inputs, Outputs, Payload};
+pub use interface::{Input, Interface, InterfaceError, Kind, Output};
+
+/// Why a participant gives up; the text reaches the user, so it should name the quantity, its value and the remedy.
+pub type Failure = Box<dyn Error + Send + Sync>;
+
+/// A parameter that a participant refuses.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{key}`: {reason}")]
+pub struct ParameterError {
+    /// The key below the participant's `parameters`, dotted; empty when it is about all of them.
+    pub key: String,
+    /// What is wrong, with the value and the remedy.
+    pub reason: String,
+}
+
+impl ParameterError {
+    /// A refusal of the parameter `key`.
+    pub fn new(key: impl Into<String>, reason: impl ToString) -> ParameterError {
+        ParameterError {
+            key: key.into(),
+            reason: reason.to_string(),
+        }
+    }
+}
+
+/// What a participant is told about itself before it is made. Nothing else may leak in: no clock, no file, no environment.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// The participant's name in the scenario.
+    pub name: String,
+    /// The table `participants.NAME.parameters`, with the contents of files in place of their names.
+    pub parameters: toml::Table,
+    /// The seed of the run; random streams come from [`crate::random::Stream`] with this seed and a name.
+    pub seed: u64,
+    /// The sample period, s.
+    pub period: f64,
+    /// The first activation, s.
+    pub offset: f64,
+}
+
+/// Makes a participant from its setup.
+pub type Factory = fn(&Setup) -> Result<Box<dyn Participant>, ParameterError>;
+
+/// The instant of an activation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// The number of the activation, from 0.
+    pub index: u64,
+    /// Its instant t_k: the double nearest to offset + k period, s.
+    pub t: f64,
+    /// The instant t_{k+1}, s.
+    pub t_next: f64,
+    /// The period, s: the double nearest to the exact value, not `t_next - t`.
+    pub period: f64,
+}
+
+/// A model that can be stepped.
+///
+/// `step` must be a function of the state, the step and the inputs alone, and must not allocate: it is on the path that
+/// decides how fast everybody runs.
+pub trait Participant: Send {
+    /// The ports, in the order in which they are numbered.
+    fn interface(&self) -> Interface;
+
+    /// Called once before the first step. A [`Kind::Continuous`] participant writes its outputs for the instant of its
+    /// first activation; a [`Kind::Sampled`] one has nothing to write yet.
+    fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure>;
+
+    /// One activation. A sampled participant writes the outputs for `step.t`; a continuous one holds the inputs over
+    /// the step and writes the outputs for `step.t_next`.
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure>;
+
+    /// The complete state as bytes, so that [`Participant::restore`] in another process continues to the last bit.
+    /// `None` when the participant cannot be saved.
+    fn save(&self) -> Option<Vec<u8>> {
+        None
+    }
+
+    /// Takes over a state that [`Participant::save`] gave. The bytes may come from a file: they must be checked.
+    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
+        let _ = state;
+        Err("this participant cannot restore a state".into())
+    }
+}

@@ -1,0 +1,403 @@
+//! From what the user wrote to a plan, with every mistake found before anything starts.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Initial, Link, PARTICIPANTS_MAX, Participant, Plan, PlanError, capacity, order};
+use crate::link::{ReadSchedule, Timing, Visibility};
+use crate::participant::{Interface, Kind};
+use crate::port::Descriptor;
+use crate::time::{Rational, SampleTime, Ticks, Timebase};
+
+/// A participant as the user gives it.
+#[derive(Debug, Clone)]
+pub struct ParticipantSpec {
+    /// The name.
+    pub name: String,
+    /// The sample period.
+    pub period: Rational,
+    /// The first activation.
+    pub offset: Rational,
+    /// The ports.
+    pub interface: Interface,
+}
+
+/// A connection as the user gives it.
+#[derive(Debug, Clone)]
+pub struct LinkSpec {
+    /// The name.
+    pub name: String,
+    /// Participant and output.
+    pub from: (String, String),
+    /// Participant and input.
+    pub to: (String, String),
+    /// Delay, jitter, drops.
+    pub timing: Timing,
+    /// What is read before anything is visible; zeros unless given.
+    pub initial: Option<Initial>,
+}
+
+impl Plan {
+    /// Plans a run of `duration`.
+    ///
+    /// # Errors
+    /// Every mistake that can be told apart, not only the first.
+    pub fn build(
+        participants: Vec<ParticipantSpec>,
+        links: &[LinkSpec],
+        duration: Rational,
+        seed: u64,
+    ) -> Result<Plan, Vec<PlanError>> {
+        let mut errors = check_participants(&participants);
+        if !duration.is_positive() {
+            errors.push(PlanError::Duration(duration));
+        }
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+        let times = participants.iter().flat_map(|spec| [spec.period, spec.offset]);
+        let timebase = Timebase::measuring(times).map_err(|error| vec![error.into()])?;
+        let end = timebase.ceil(duration).map_err(|error| vec![error.into()])?;
+        let mut plan = Plan {
+            timebase,
+            end,
+            seed,
+            participants: Vec::new(),
+            links: Vec::new(),
+        };
+        let mut first_stream = 0;
+        for spec in participants {
+            let ticks = |time| timebase.ceil(time).map_err(|error| vec![error.into()]);
+            let sample_time = SampleTime {
+                offset: ticks(spec.offset)?,
+                period: ticks(spec.period)?,
+            };
+            let outputs = spec.interface.outputs.len() as u32;
+            plan.participants.push(Participant {
+                name: spec.name,
+                period: spec.period,
+                offset: spec.offset,
+                sample_time,
+                activations: sample_time.count_before(end),
+                rank: 0,
+                inputs: vec![None; spec.interface.inputs.len()],
+                interface: spec.interface,
+                first_stream,
+            });
+            first_stream += outputs;
+        }
+        for (at, spec) in links.iter().enumerate() {
+            if links[..at].iter().any(|earlier| earlier.name == spec.name) {
+                errors.push(PlanError::NameTwice(spec.name.clone()));
+            }
+            match plan.link(spec) {
+                Ok(link) => plan.add(link, &mut errors),
+                Err(error) => errors.push(error),
+            }
+        }
+        errors.extend(plan.unconnected());
+        if errors.is_empty() {
+            errors = order::rank(&mut plan);
+        }
+        if errors.is_empty() { Ok(plan) } else { Err(errors) }
+    }
+
+    fn link(&self, spec: &LinkSpec) -> Result<Link, PlanError> {
+        let participant = |name: &str| {
+            self.participant(name).ok_or_else(|| PlanError::Unknown {
+                link: spec.name.clone(),
+                what: "participant".into(),
+                name: name.to_owned(),
+                known: listed(self.participants.iter().map(|p| p.name.as_str())),
+            })
+        };
+        let (producer, consumer) = (participant(&spec.from.0)?, participant(&spec.to.0)?);
+        let (from, to) = (&self.participants[producer], &self.participants[consumer]);
+        let unknown = |direction: &str, name: &str, port: &str, known: Vec<&str>| PlanError::Unknown {
+            link: spec.name.clone(),
+            what: format!("{direction} of `{name}` called"),
+            name: port.to_owned(),
+            known: listed(known),
+        };
+        let outputs = &from.interface.outputs;
+        let output = outputs
+            .iter()
+            .position(|port| port.name == spec.from.1)
+            .ok_or_else(|| {
+                unknown(
+                    "output",
+                    &from.name,
+                    &spec.from.1,
+                    outputs.iter().map(|p| p.name.as_str()).collect(),
+                )
+            })?;
+        let inputs = &to.interface.inputs;
+        let input = inputs.iter().position(|port| port.name == spec.to.1).ok_or_else(|| {
+            unknown(
+                "input",
+                &to.name,
+                &spec.to.1,
+                inputs.iter().map(|p| p.name.as_str()).collect(),
+            )
+        })?;
+        let (sends, takes) = (&outputs[output].descriptor, &inputs[input].descriptor);
+        if let Some(difference) = sends.difference(takes) {
+            return Err(PlanError::Mismatch {
+                link: spec.name.clone(),
+                from: format!("{}.{}", spec.from.0, spec.from.1),
+                to: format!("{}.{}", spec.to.0, spec.to.1),
+                difference,
+            });
+        }
+        let size = sends.size as usize;
+        let initial = spec.initial.clone().unwrap_or_else(|| Initial::Value(vec![0; size]));
+        match &initial {
+            Initial::Value(bytes) if bytes.len() != size => {
+                return Err(PlanError::InitialSize {
+                    link: spec.name.clone(),
+                    given: bytes.len(),
+                    needed: size,
+                });
+            }
+            Initial::FirstSample => {
+                let from_name = format!("{}.{}", spec.from.0, spec.from.1);
+                if from.interface.kind == Kind::Sampled {
+                    return Err(PlanError::FirstSample {
+                        link: spec.name.clone(),
+                        from: from_name,
+                    });
+                }
+                if from.sample_time.offset > to.sample_time.offset {
+                    return Err(PlanError::FirstSampleLate {
+                        link: spec.name.clone(),
+                        from: from_name,
+                        starts: from.offset,
+                        reads: to.offset,
+                    });
+                }
+            }
+            Initial::Value(_) => {}
+        }
+        let visibility = Visibility::new(&spec.timing, from.sample_time, &self.timebase, self.seed, &spec.name)
+            .map_err(|source| PlanError::Timing {
+                link: spec.name.clone(),
+                source,
+            })?;
+        let capacity = capacity::capacity(&spec.name, &visibility, to.sample_time)?;
+        Ok(Link {
+            name: spec.name.clone(),
+            from: (producer, output),
+            to: (consumer, input),
+            timing: spec.timing,
+            visibility,
+            initial,
+            capacity,
+        })
+    }
+
+    fn add(&mut self, link: Link, errors: &mut Vec<PlanError>) {
+        match self.participants[link.to.0].inputs[link.to.1] {
+            Some(first) => errors.push(PlanError::FedTwice {
+                input: self.input_name(link.to),
+                first: self.links[first].name.clone(),
+                second: link.name,
+            }),
+            None => {
+                self.participants[link.to.0].inputs[link.to.1] = Some(self.links.len());
+                self.links.push(link);
+            }
+        }
+    }
+
+    fn unconnected(&self) -> Vec<PlanError> {
+        let mut errors = Vec::new();
+        for (number, participant) in self.participants.iter().enumerate() {
+            for (input, port) in participant.interface.inputs.iter().enumerate() {
+                if port.required && participant.inputs[input].is_none() {
+                    errors.push(PlanError::NotConnected {
+                        input: self.input_name((number, input)),
+                        message: port.descriptor.name.clone(),
+                        candidates: self.outputs_like(&port.descriptor),
+                    });
+                }
+            }
+        }
+        errors
+    }
+
+    fn outputs_like(&self, descriptor: &Descriptor) -> Vec<String> {
+        let all = self.participants.iter().enumerate().flat_map(|(number, participant)| {
+            (0..participant.interface.outputs.len()).map(move |output| (number, output))
+        });
+        all.filter(|&(number, output)| self.participants[number].interface.outputs[output].descriptor == *descriptor)
+            .map(|port| self.output_name(port))
+            .collect()
+    }
+}
+
+fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
+    if names.is_empty() {
+        "none".into()
+    } else {
+        names.join(", ")
+    }
+}
+
+fn check_participants(specs: &[ParticipantSpec]) -> Vec<PlanError> {
+    let mut errors = Vec::new();
+    if specs.is_empty() {
+        errors.push(PlanError::Empty);
+    }
+    if specs.len() > PARTICIPANTS_MAX {
+        errors.push(PlanError::TooMany(specs.len()));
+    }
+    for (at, spec) in specs.iter().enumerate() {
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        let named = spec.name.starts_with(|c: char| c.is_ascii_alphabetic()) && spec.name.chars().all(plain);
+        if !named || spec.name.len() > 64 {
+            errors.push(PlanError::Name(spec.name.clone()));
+        }
+        if specs[..at].iter().any(|earlier| earlier.name == spec.name) {
+            errors.push(PlanError::NameTwice(spec.name.clone()));
+        }
+        if !spec.period.is_positive() {
+            errors.push(PlanError::Period {
+                participant: spec.name.clone(),
+                period: spec.period,
+            });
+        }
+        if spec.offset.is_negative() {
+            errors.push(PlanError::Offset {
+                participant: spec.name.clone(),
+                offset: spec.offset,
+            });
+        }
+        if let Err(source) = spec.interface.validate() {
+            errors.push(PlanError::Interface {
+                participant: spec.name.clone(),
+                source,
+            });
+        }
+    }
+    errors
+}
+
+/// The part of a plan that one participant works from: what it is told before the run starts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Assignment {
+    /// The participant's name.
+    pub name: String,
+    /// The tick.
+    pub timebase: Timebase,
+    /// Its activations.
+    pub sample_time: SampleTime,
+    /// How many activations lie before the end.
+    pub activations: u64,
+    /// The ports, which must be those it told at hello.
+    pub interface: Interface,
+    /// One entry per input; `None` for an input that is not connected.
+    pub inputs: Vec<Option<InputLink>>,
+    /// One entry per output.
+    pub outputs: Vec<OutputPort>,
+}
+
+/// What a consumer knows of a link.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct InputLink {
+    /// The number of the link in the plan.
+    pub link: u32,
+    /// The name of the output, for messages.
+    pub from: String,
+    /// The rule of visibility.
+    pub visibility: Visibility,
+    /// What is read before anything is visible.
+    pub initial: Initial,
+    /// Samples that fit.
+    pub capacity: u32,
+}
+
+/// What a producer knows of an output.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OutputPort {
+    /// The number of the output in the run's list of streams.
+    pub stream: u32,
+    /// Everybody who reads it.
+    pub consumers: Vec<Consumer>,
+}
+
+/// What a producer knows of a link.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Consumer {
+    /// The number of the link in the plan.
+    pub link: u32,
+    /// The name of the input, for messages.
+    pub to: String,
+    /// The number of the reading participant.
+    pub participant: u32,
+    /// The rule of visibility.
+    pub visibility: Visibility,
+    /// The reader's activations.
+    pub sample_time: SampleTime,
+    /// Whether the reader takes sample 0 before anything is visible.
+    pub first_sample: bool,
+    /// Samples that fit.
+    pub capacity: u32,
+    /// No activation of the reader at or after this instant, ticks.
+    pub end: Ticks,
+}
+
+impl Consumer {
+    /// The reads of the link.
+    pub fn schedule(&self) -> ReadSchedule {
+        ReadSchedule::new(self.visibility, self.sample_time, self.first_sample)
+    }
+}
+
+impl Plan {
+    /// The part of the plan that participant number `participant` works from.
+    pub fn assignment(&self, participant: usize) -> Assignment {
+        let own = &self.participants[participant];
+        let inputs = own.inputs.iter().map(|link| {
+            link.map(|number| {
+                let link = &self.links[number];
+                InputLink {
+                    link: number as u32,
+                    from: self.output_name(link.from),
+                    visibility: link.visibility,
+                    initial: link.initial.clone(),
+                    capacity: link.capacity as u32,
+                }
+            })
+        });
+        let outputs = (0..own.interface.outputs.len()).map(|output| {
+            let consumers = self
+                .links
+                .iter()
+                .enumerate()
+                .filter(|(_, link)| link.from == (participant, output));
+            let consumers = consumers.map(|(number, link)| Consumer {
+                link: number as u32,
+                to: self.input_name(link.to),
+                participant: link.to.0 as u32,
+                visibility: link.visibility,
+                sample_time: self.participants[link.to.0].sample_time,
+                first_sample: link.initial == Initial::FirstSample,
+                capacity: link.capacity as u32,
+                end: self.end,
+            });
+            OutputPort {
+                stream: own.first_stream + output as u32,
+                consumers: consumers.collect(),
+            }
+        });
+        Assignment {
+            name: own.name.clone(),
+            timebase: self.timebase,
+            sample_time: own.sample_time,
+            activations: own.activations,
+            inputs: inputs.collect(),
+            outputs: outputs.collect(),
+            interface: own.interface.clone(),
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! Why a set of participants and links is not a plan.
+
+use crate::link::TimingError;
+use crate::participant::InterfaceError;
+use crate::time::{Rational, TickError};
+
+/// One reason why a run cannot be planned. A scenario with several mistakes gets all of them at once.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// A run needs something to do.
+    #[error("there are no participants")]
+    Empty,
+    /// Too many participants.
+    #[error("{0} participants; at most {max} are allowed", max = super::PARTICIPANTS_MAX)]
+    TooMany(usize),
+    /// Two participants or two links of one name.
+    #[error("the name `{0}` is used twice")]
+    NameTwice(String),
+    /// A name that cannot be part of a file name.
+    #[error("`{0}` is not a name: use up to 64 letters, digits, `_` and `-`, starting with a letter")]
+    Name(String),
+    /// A period that is not positive.
+    #[error("participant `{participant}`: the period is {period}; it must be positive")]
+    Period {
+        /// The participant.
+        participant: String,
+        /// Its period.
+        period: Rational,
+    },
+    /// A first activation before the start.
+    #[error("participant `{participant}`: the offset is {offset}; it must not be negative")]
+    Offset {
+        /// The participant.
+        participant: String,
+        /// Its offset.
+        offset: Rational,
+    },
+    /// A run that ends before it starts.
+    #[error("the duration is {0}; it must be positive")]
+    Duration(Rational),
+    /// The times have no common tick.
+    #[error(transparent)]
+    Ticks(#[from] TickError),
+    /// A participant's own description of its ports is unusable.
+    #[error("participant `{participant}`: {source}")]
+    Interface {
+        /// The participant.
+        participant: String,
+        /// What is wrong.
+        source: InterfaceError,
+    },
+    /// A link names something that is not there.
+    #[error("connection `{link}`: there is no {what} `{name}`; there is {known}")]
+    Unknown {
+        /// The link.
+        link: String,
+        /// `participant`, `output of …`, `input of …`.
+        what: String,
+        /// What was written.
+        name: String,
+        /// What could have been written.
+        known: String,
+    },
+    /// The ports at the two ends do not fit.
+    #[error("connection `{link}`: `{from}` does not fit `{to}`: {difference}")]
+    Mismatch {
+        /// The link.
+        link: String,
+        /// The output.
+        from: String,
+        /// The input.
+        to: String,
+        /// The first difference.
+        difference: String,
+    },
+    /// An input with two sources.
+    #[error("the input `{input}` is fed twice, by connections `{first}` and `{second}`: remove one")]
+    FedTwice {
+        /// The input.
+        input: String,
+        /// The first link.
+        first: String,
+        /// The second link.
+        second: String,
+    },
+    /// A required input without a source.
+    #[error("the input `{input}` is not connected: add a connection with to = \"{input}\" from an output of type {message}{}", hint(.candidates))]
+    NotConnected {
+        /// The input.
+        input: String,
+        /// The message type it takes.
+        message: String,
+        /// The outputs that would fit.
+        candidates: Vec<String>,
+    },
+    /// A link's timing is unusable.
+    #[error("connection `{link}`: {source}")]
+    Timing {
+        /// The link.
+        link: String,
+        /// What is wrong.
+        source: TimingError,
+    },
+    /// An initial value of the wrong size.
+    #[error("connection `{link}`: the initial value has {given} bytes; the message has {needed}")]
+    InitialSize {
+        /// The link.
+        link: String,
+        /// Bytes given.
+        given: usize,
+        /// Bytes needed.
+        needed: usize,
+    },
+    /// The first sample of an output that is computed from inputs cannot be there before the run starts.
+    #[error(
+        "connection `{link}`: initial = \"first-sample\" needs an output that exists before the run starts, but `{from}` is \
+         computed from its inputs: give an initial value instead"
+    )]
+    FirstSample {
+        /// The link.
+        link: String,
+        /// The output.
+        from: String,
+    },
+    /// First sample of an output that starts later than its reader.
+    #[error(
+        "connection `{link}`: initial = \"first-sample\", but `{from}` starts at {starts}, after its reader at {reads}: give an \
+         initial value or move the offset"
+    )]
+    FirstSampleLate {
+        /// The link.
+        link: String,
+        /// The output.
+        from: String,
+        /// When it starts.
+        starts: Rational,
+        /// When the reader starts.
+        reads: Rational,
+    },
+    /// The delay holds more samples than anybody can buffer.
+    #[error("connection `{link}`: {samples} samples would be in flight; at most {max} are allowed: shorten the delay", max = super::capacity::CAPACITY_MAX)]
+    Capacity {
+        /// The link.
+        link: String,
+        /// Samples in flight.
+        samples: u128,
+    },
+    /// Zero-delay feedthrough in a circle.
+    #[error(
+        "algebraic loop at t = {t}: {members}. Every member needs the output of the one before it at the same instant. \
+         A delay on any one of these connections breaks the loop: {links}"
+    )]
+    AlgebraicLoop {
+        /// The first instant at which all members are activated.
+        t: String,
+        /// The members in order, `a -> b -> a`.
+        members: String,
+        /// The connections in order.
+        links: String,
+    },
+    /// The search for loops gave up.
+    #[error(
+        "the zero-delay connections between sampled participants have too many circles to check: give some of them a delay"
+    )]
+    TooManyCircles,
+}
+
+fn hint(candidates: &[String]) -> String {
+    if candidates.is_empty() {
+        String::new()
+    } else {
+        format!(", such as {}", candidates.join(" or "))
+    }
+}

@@ -1,0 +1,108 @@
+//! Which participant runs on which core.
+//!
+//! A hand-off costs least between two processes that spin on a core each, a few microseconds between two that yield to each
+//! other on one core, and ten times that when one must be woken on another core. So: a core for everybody where there are
+//! enough; else those who must take turns anyway share a core, and those who can work at the same time get different ones.
+
+use super::Plan;
+use super::components::strongly_connected;
+
+/// Where the participants of a run go.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Placement {
+    /// The core of each participant; `None` leaves it to the operating system.
+    pub cores: Vec<Option<usize>>,
+    /// Whether a participant may spin: nobody else needs its core.
+    pub spin: Vec<bool>,
+    /// The groups of participants that take turns, each in order of the scenario.
+    pub groups: Vec<Vec<usize>>,
+    /// The choice in words.
+    pub reason: String,
+}
+
+/// Chooses a core for every participant out of `cores`, the numbers this process may use.
+pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
+    let count = plan.participants.len();
+    let groups = turn_taking(plan);
+    let names = |group: &[usize]| -> String {
+        group
+            .iter()
+            .map(|&member| plan.participants[member].name.as_str())
+            .collect::<Vec<_>>()
+            .join("+")
+    };
+    if cores.len() < 2 {
+        let reason = "one core: everybody takes turns on it".to_owned();
+        return Placement {
+            cores: vec![None; count],
+            spin: vec![false; count],
+            groups,
+            reason,
+        };
+    }
+    if cores.len() > count {
+        let own = cores[1..=count].iter().map(|&core| Some(core)).collect();
+        let reason = format!("{} cores for {count} participants: a core each, spinning", cores.len());
+        return Placement {
+            cores: own,
+            spin: vec![true; count],
+            groups,
+            reason,
+        };
+    }
+    // The longest list first onto the core with the least work so far; the number of activations stands for the work.
+    let work = |group: &[usize]| {
+        group
+            .iter()
+            .map(|&member| plan.participants[member].activations)
+            .sum::<u64>()
+    };
+    let mut by_work: Vec<&Vec<usize>> = groups.iter().collect();
+    by_work.sort_by_key(|group| std::cmp::Reverse(work(group)));
+    let mut load = vec![0_u64; cores.len()];
+    let mut own = vec![None; count];
+    let mut parts = vec![Vec::new(); cores.len()];
+    for group in by_work {
+        // The last core is the first choice, because core 0 serves most interrupts and the recorder.
+        let core = (0..cores.len())
+            .rev()
+            .min_by_key(|&core| load[core])
+            .expect("there are cores");
+        load[core] += work(group);
+        group.iter().for_each(|&member| own[member] = Some(cores[core]));
+        parts[core].push(names(group));
+    }
+    let listed: Vec<String> = parts
+        .iter()
+        .zip(cores)
+        .filter(|(groups, _)| !groups.is_empty())
+        .map(|(groups, core)| format!("core {core}: {}", groups.join(", ")))
+        .collect();
+    let reason = format!(
+        "{} cores for {count} participants: those who take turns share a core ({})",
+        cores.len(),
+        listed.join("; ")
+    );
+    let alone = |member: usize| own.iter().filter(|&&core| core == own[member]).count() == 1;
+    let spin = (0..count).map(alone).collect();
+    Placement {
+        cores: own,
+        spin,
+        groups,
+        reason,
+    }
+}
+
+/// The groups that take turns: circles of links whose delay is too short for both ends to work at the same time. A link
+/// lets them when its delay is at least half the longer of the two periods.
+fn turn_taking(plan: &Plan) -> Vec<Vec<usize>> {
+    let tight = plan.links.iter().filter(|link| {
+        let periods = [link.from.0, link.to.0].map(|end| plan.participants[end].sample_time.period);
+        link.visibility.delay_bounds().0 < periods[0].max(periods[1]) / 2
+    });
+    let arrows: Vec<(usize, usize)> = tight.map(|link| (link.from.0, link.to.0)).collect();
+    let mut groups = strongly_connected(plan.participants.len(), &arrows);
+    groups.iter_mut().for_each(|group| group.sort_unstable());
+    groups.sort_unstable();
+    groups
+}

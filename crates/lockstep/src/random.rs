@@ -1,0 +1,75 @@
+//! Random numbers that do not depend on order: a draw is a function of (run seed, name, index).
+//!
+//! The generator is SplitMix64's output function (Steele, Lea, Flood 2014) over a counter, which any language reproduces in
+//! ten lines. A process that is started late, restarted or replaced sees the same draws.
+
+use serde::{Deserialize, Serialize};
+
+/// A stream of random numbers, addressed by index.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stream {
+    key: u64,
+}
+
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// SplitMix64's finaliser.
+const fn mix(mut z: u64) -> u64 {
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+impl Stream {
+    /// The stream called `name` in a run with seed `seed`. Names that differ give unrelated streams.
+    pub fn new(seed: u64, name: &str) -> Stream {
+        // FNV-1a over the name; then two rounds of mixing, so that neighbouring seeds share nothing.
+        let hash = name.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+        });
+        Stream {
+            key: mix(mix(seed.wrapping_add(GOLDEN)) ^ hash),
+        }
+    }
+
+    /// 64 random bits at `index`.
+    pub fn bits(&self, index: u64) -> u64 {
+        mix(self.key.wrapping_add(GOLDEN.wrapping_mul(index.wrapping_add(1))))
+    }
+
+    /// A number in [0, 1), a multiple of 2^-53.
+    pub fn uniform(&self, index: u64) -> f64 {
+        (self.bits(index) >> 11) as f64 * f64::EPSILON * 0.5
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_are_uniform_and_unrelated() {
+        let (a, b) = (Stream::new(1, "plant"), Stream::new(2, "plant"));
+        let n = 100_000;
+        let mean = |s: &Stream| (0..n).map(|i| s.uniform(i)).sum::<f64>() / n as f64;
+        assert!((mean(&a) - 0.5).abs() < 0.004 && (mean(&b) - 0.5).abs() < 0.004);
+        let covariance = (0..n).map(|i| (a.uniform(i) - 0.5) * (b.uniform(i) - 0.5)).sum::<f64>() / n as f64 * 12.0;
+        assert!(covariance.abs() < 0.015, "{covariance}");
+        let lagged = (0..n)
+            .map(|i| (a.uniform(i) - 0.5) * (a.uniform(i + 1) - 0.5))
+            .sum::<f64>()
+            / n as f64
+            * 12.0;
+        assert!(lagged.abs() < 0.015, "{lagged}");
+    }
+
+    /// The numbers other languages must reproduce (docs/protocol.md).
+    #[test]
+    fn the_documented_values_hold() {
+        let stream = Stream::new(42, "link measured");
+        assert_eq!(
+            [stream.bits(0), stream.bits(1)],
+            [2298222421786498984, 18229472497692884557]
+        );
+    }
+}

@@ -1,0 +1,38 @@
+//! Why a participant's activation failed.
+
+use crate::participant::Failure;
+use crate::transport::Broken;
+
+/// Why an activation cannot be completed. Whoever is to blame is named.
+#[derive(Debug, thiserror::Error)]
+pub enum StepError {
+    /// The participant itself gave up.
+    #[error("{0}")]
+    Failed(Failure),
+    /// The participant wrote a NaN or an infinity.
+    #[error("its output `{port}` has {element} = {value}: an output must be finite")]
+    NotFinite {
+        /// The output.
+        port: String,
+        /// The element of the payload.
+        element: String,
+        /// NaN or an infinity.
+        value: f64,
+    },
+    /// A sample that came in breaks the protocol.
+    #[error("`{from}` sent {what}")]
+    BadSample {
+        /// The output it came from.
+        from: String,
+        /// What was wrong with it.
+        what: String,
+    },
+    /// A link or the recording broke.
+    #[error("the way {way} broke: {source}")]
+    Broken {
+        /// `from X`, `to Y` or `to the recorder`.
+        way: String,
+        /// What happened.
+        source: Broken,
+    },
+}

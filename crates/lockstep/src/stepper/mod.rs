@@ -1,0 +1,382 @@
+//! One participant's way through its activations, without waiting and without I/O of its own.
+//!
+//! A [`Stepper`] is the whole protocol of a participant: which sample to read, what to check, when to step, what to record
+//! and publish. It never blocks: where it cannot go on it says what it waits for, and whoever drives it decides how to wait.
+//! The loop in one process, the threads and the processes over shared memory all drive this same code.
+
+mod error;
+mod input;
+mod output;
+
+pub use error::StepError;
+
+use input::InputState;
+use output::{ConsumerState, OutputState};
+
+use crate::link::Read;
+use crate::participant::{FiniteCheck, Inputs, Kind, Outputs, Participant, Step, first_not_finite};
+use crate::plan::Assignment;
+use crate::time::Ticks;
+use crate::transport::{Header, Receiver, Recording, Sender};
+
+/// What a stepper cannot go on without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wait {
+    /// Sample `index` of the link that feeds input `input`.
+    Sample {
+        /// The input.
+        input: usize,
+        /// The sample.
+        index: u64,
+    },
+    /// Room on the way to consumer `consumer` of output `output`.
+    Room {
+        /// The output.
+        output: usize,
+        /// The consumer's position among those of the output.
+        consumer: usize,
+    },
+    /// Room in the recording.
+    Recording,
+}
+
+/// How far a call of [`Stepper::poll`] came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// One activation is complete: stepped, recorded and published.
+    Stepped,
+    /// The next activation lies at or past the horizon; everything before it is complete and handed over.
+    AtHorizon,
+    /// All activations are complete and handed over.
+    Finished,
+    /// It needs something first.
+    Waiting(Wait),
+}
+
+/// Where the work on an activation stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// The outputs for the first instant have not been made.
+    Initialise,
+    /// Between activations.
+    Rest,
+    /// Getting the sample for this input; what it reads is asked once.
+    Gather { input: usize, read: Option<Read> },
+    /// Putting this output on the tape.
+    Record { output: usize },
+    /// Handing the tape over, before anybody else sees the sample.
+    Flush,
+    /// Sending this output to this consumer.
+    Publish { output: usize, consumer: usize },
+}
+
+/// The ends of the links of one participant, in the order of its assignment.
+pub struct Ends {
+    /// One receiver per connected input.
+    pub receivers: Vec<Option<Box<dyn Receiver>>>,
+    /// One sender per consumer of each output.
+    pub senders: Vec<Vec<Box<dyn Sender>>>,
+    /// The way to the tape.
+    pub recording: Box<dyn Recording>,
+}
+
+/// A participant with its links, driven by [`Stepper::poll`].
+pub struct Stepper {
+    participant: Box<dyn Participant>,
+    assignment: Assignment,
+    inputs: Vec<Option<InputState>>,
+    outputs: Vec<OutputState>,
+    recording: Box<dyn Recording>,
+    input_buffers: Inputs,
+    output_buffers: Outputs,
+    horizon: Ticks,
+    /// The next activation.
+    next: u64,
+    /// The sample that the output buffers hold.
+    sample: u64,
+    initialised: bool,
+    phase: Phase,
+}
+
+impl Stepper {
+    /// A stepper at rest before its first activation, with a horizon that lets nothing happen yet.
+    pub fn new(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends) -> Stepper {
+        let interface = &assignment.interface;
+        let sample_time = assignment.sample_time;
+        let receivers = ends
+            .receivers
+            .into_iter()
+            .zip(&assignment.inputs)
+            .zip(&interface.inputs);
+        let inputs = receivers.map(|((receiver, link), port)| {
+            let (receiver, link) = (receiver?, link.as_ref()?);
+            Some(InputState::new(
+                link,
+                &port.descriptor,
+                sample_time,
+                assignment.timebase,
+                receiver,
+            ))
+        });
+        let senders = ends
+            .senders
+            .into_iter()
+            .zip(&assignment.outputs)
+            .zip(&interface.outputs);
+        let outputs = senders.map(|((senders, output), port)| OutputState {
+            stream: output.stream,
+            name: port.name.clone(),
+            finite: FiniteCheck::new(&port.descriptor),
+            descriptor: port.descriptor.clone(),
+            consumers: senders
+                .into_iter()
+                .zip(&output.consumers)
+                .map(|(s, c)| ConsumerState::new(c, s))
+                .collect(),
+        });
+        Stepper {
+            participant,
+            inputs: inputs.collect(),
+            outputs: outputs.collect(),
+            recording: ends.recording,
+            input_buffers: Inputs::zeroed(interface),
+            output_buffers: Outputs::zeroed(interface),
+            horizon: Ticks::MIN,
+            next: 0,
+            sample: 0,
+            initialised: false,
+            phase: Phase::Initialise,
+            assignment,
+        }
+    }
+
+    /// The participant's part of the plan.
+    pub fn assignment(&self) -> &Assignment {
+        &self.assignment
+    }
+
+    /// The number of the next activation: all before it are complete.
+    pub fn next_activation(&self) -> u64 {
+        self.next
+    }
+
+    /// The instant of the next activation, ticks.
+    pub fn next_instant(&self) -> Ticks {
+        self.assignment.sample_time.instant(self.next)
+    }
+
+    /// The instant of the next activation, s.
+    pub fn next_seconds(&self) -> f64 {
+        self.assignment.timebase.seconds(self.next_instant())
+    }
+
+    /// Lets activations before `horizon` happen. The horizon only moves forward; an earlier one changes nothing.
+    pub fn extend_horizon(&mut self, horizon: Ticks) {
+        self.horizon = self.horizon.max(horizon);
+    }
+
+    /// The participant inside.
+    pub fn participant(&self) -> &dyn Participant {
+        &*self.participant
+    }
+
+    /// Works until an activation is complete, or until something is missing. Calling again goes on where it stopped.
+    pub fn poll(&mut self) -> Result<Progress, StepError> {
+        loop {
+            match self.phase {
+                Phase::Initialise => self.initialise()?,
+                Phase::Rest => {
+                    let at_end = self.next >= self.assignment.activations;
+                    if at_end || self.next_instant() >= self.horizon {
+                        if !self.flush()? {
+                            return Ok(Progress::Waiting(Wait::Recording));
+                        }
+                        return Ok(if at_end {
+                            Progress::Finished
+                        } else {
+                            Progress::AtHorizon
+                        });
+                    }
+                    self.phase = Phase::Gather { input: 0, read: None };
+                }
+                Phase::Gather { input, read } => {
+                    if let Some(wait) = self.gather(input, read)? {
+                        return Ok(Progress::Waiting(wait));
+                    }
+                }
+                Phase::Record { output } => {
+                    if !self.record(output)? {
+                        return Ok(Progress::Waiting(Wait::Recording));
+                    }
+                }
+                Phase::Flush => {
+                    if !self.flush()? {
+                        return Ok(Progress::Waiting(Wait::Recording));
+                    }
+                    self.phase = Phase::Publish { output: 0, consumer: 0 };
+                }
+                Phase::Publish { output, consumer } => {
+                    if output < self.outputs.len() {
+                        if !self.publish(output, consumer)? {
+                            return Ok(Progress::Waiting(Wait::Room { output, consumer }));
+                        }
+                    } else if self.initialised {
+                        self.next += 1;
+                        self.phase = Phase::Rest;
+                        return Ok(Progress::Stepped);
+                    } else {
+                        self.initialised = true;
+                        self.phase = Phase::Rest;
+                    }
+                }
+            }
+        }
+    }
+
+    fn initialise(&mut self) -> Result<(), StepError> {
+        let continuous = self.assignment.interface.kind == Kind::Continuous;
+        self.participant
+            .initialise(self.next_seconds(), &mut self.output_buffers)
+            .map_err(StepError::Failed)?;
+        if continuous && self.assignment.activations > 0 {
+            self.check_outputs()?;
+            self.phase = Phase::Record { output: 0 };
+        } else {
+            self.initialised = true;
+            self.phase = Phase::Rest;
+        }
+        Ok(())
+    }
+
+    fn gather(&mut self, number: usize, read: Option<Read>) -> Result<Option<Wait>, StepError> {
+        let Some(slot) = self.inputs.get_mut(number) else {
+            self.step()?;
+            return Ok(None);
+        };
+        if let Some(input) = slot {
+            let read = read.unwrap_or_else(|| input.next_read());
+            if let Some(index) = input.fetch(read, self.input_buffers.payloads[number].bytes_mut())? {
+                self.phase = Phase::Gather {
+                    input: number,
+                    read: Some(read),
+                };
+                return Ok(Some(Wait::Sample { input: number, index }));
+            }
+        }
+        self.phase = Phase::Gather {
+            input: number + 1,
+            read: None,
+        };
+        Ok(None)
+    }
+
+    fn step(&mut self) -> Result<(), StepError> {
+        let Assignment {
+            timebase,
+            sample_time,
+            interface,
+            ..
+        } = &self.assignment;
+        let step = Step {
+            index: self.next,
+            t: timebase.seconds(sample_time.instant(self.next)),
+            t_next: timebase.seconds(sample_time.instant(self.next + 1)),
+            period: timebase.seconds(sample_time.period),
+        };
+        self.sample = match interface.kind {
+            Kind::Sampled => self.next,
+            Kind::Continuous => self.next + 1,
+        };
+        self.participant
+            .step(&step, &self.input_buffers, &mut self.output_buffers)
+            .map_err(StepError::Failed)?;
+        self.check_outputs()?;
+        self.phase = Phase::Record { output: 0 };
+        Ok(())
+    }
+
+    fn check_outputs(&self) -> Result<(), StepError> {
+        for (output, payload) in self.outputs.iter().zip(&self.output_buffers.payloads) {
+            if !output.finite.passes(payload.bytes()) {
+                let (element, value) = first_not_finite(&output.descriptor, payload.bytes()).unwrap_or_default();
+                return Err(StepError::NotFinite {
+                    port: output.name.clone(),
+                    element,
+                    value,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn header(&self) -> Header {
+        Header {
+            index: self.sample,
+            stamp: self.assignment.sample_time.instant(self.sample),
+        }
+    }
+
+    fn record(&mut self, number: usize) -> Result<bool, StepError> {
+        let header = self.header();
+        let Some(output) = self.outputs.get_mut(number) else {
+            // Samples that nobody reads need only reach the tape, and that can wait until somebody is shown something.
+            self.phase = Phase::Publish {
+                output: self.outputs.len(),
+                consumer: 0,
+            };
+            for consumer in self.outputs.iter_mut().flat_map(|output| &mut output.consumers) {
+                if consumer.look_at(header.index) {
+                    self.phase = Phase::Flush;
+                }
+            }
+            return Ok(true);
+        };
+        let payload = self.output_buffers.payloads[number].bytes();
+        let appended = self
+            .recording
+            .try_append(output.stream, header, payload)
+            .map_err(to_the_recorder)?;
+        if appended {
+            self.phase = Phase::Record { output: number + 1 };
+        }
+        Ok(appended)
+    }
+
+    fn flush(&mut self) -> Result<bool, StepError> {
+        self.recording.try_flush().map_err(to_the_recorder)
+    }
+
+    fn publish(&mut self, output: usize, consumer: usize) -> Result<bool, StepError> {
+        let header = self.header();
+        let Some(reader) = self.outputs[output].consumers.get_mut(consumer) else {
+            self.phase = Phase::Publish {
+                output: output + 1,
+                consumer: 0,
+            };
+            return Ok(true);
+        };
+        if reader.wants {
+            let payload = self.output_buffers.payloads[output].bytes();
+            let sent = reader.sender.try_send(header, payload);
+            let sent = sent.map_err(|source| StepError::Broken {
+                way: format!("to `{}`", reader.to),
+                source,
+            })?;
+            if !sent {
+                return Ok(false);
+            }
+        }
+        self.phase = Phase::Publish {
+            output,
+            consumer: consumer + 1,
+        };
+        Ok(true)
+    }
+}
+
+fn to_the_recorder(source: crate::transport::Broken) -> StepError {
+    StepError::Broken {
+        way: "to the recorder".into(),
+        source,
+    }
+}

@@ -1,0 +1,302 @@
+//! Random plans, a participant whose outputs depend on everything it ever read, and a reference executor that is simple
+//! enough to be obviously right.
+
+use std::sync::{Arc, Mutex};
+
+use lockstep::link::{Hold, Timing};
+use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
+use lockstep::plan::{Initial, LinkSpec, ParticipantSpec, Plan, PlanError};
+use lockstep::time::{Rational, Ticks};
+use lockstep::transport::{Broken, Header, Recording};
+use proptest::prelude::*;
+
+lockstep::message! {
+    /// A value that remembers.
+    pub struct Mixed {
+        /// A hash of all that went in.
+        pub hash: u64 = "1",
+        /// The same as a number.
+        pub x: f64 = "m",
+    }
+}
+
+/// Mixes the inputs of every activation into a state and gives it out.
+pub struct Mixer {
+    kind: Kind,
+    inputs: usize,
+    outputs: usize,
+    state: u64,
+}
+
+impl Mixer {
+    pub fn new(kind: Kind, inputs: usize, outputs: usize, number: u64) -> Mixer {
+        Mixer {
+            kind,
+            inputs,
+            outputs,
+            state: number.wrapping_mul(0x9e37_79b9) + 1,
+        }
+    }
+
+    fn write(&self, t: f64, outputs: &mut Outputs) {
+        for port in 0..self.outputs {
+            let hash = (self.state ^ t.to_bits()).wrapping_add(port as u64);
+            *outputs.get_mut::<Mixed>(port) = Mixed {
+                hash,
+                x: (hash >> 20) as f64,
+            };
+        }
+    }
+}
+
+impl Participant for Mixer {
+    fn interface(&self) -> Interface {
+        let mut interface = Interface::new(self.kind);
+        for port in 0..self.inputs {
+            interface = interface.optional_input::<Mixed>(&format!("in{port}"));
+        }
+        for port in 0..self.outputs {
+            interface = interface.output::<Mixed>(&format!("out{port}"));
+        }
+        interface
+    }
+
+    fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        self.write(t, outputs);
+        Ok(())
+    }
+
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        for port in 0..self.inputs {
+            let input = inputs.get::<Mixed>(port);
+            self.state = (self.state ^ input.hash ^ input.x.to_bits())
+                .wrapping_mul(0x0100_0000_01b3)
+                .rotate_left(17);
+        }
+        self.state ^= step.t.to_bits();
+        self.write(
+            if self.kind == Kind::Sampled {
+                step.t
+            } else {
+                step.t_next
+            },
+            outputs,
+        );
+        Ok(())
+    }
+}
+
+/// What a run left behind: for every stream, the samples with their stamps.
+pub type Tape = Vec<Vec<(u64, Ticks, Vec<u8>)>>;
+
+/// A recording that several participants share.
+#[derive(Clone)]
+pub struct Shared(pub Arc<Mutex<Tape>>);
+
+impl Shared {
+    pub fn new(plan: &Plan) -> Shared {
+        Shared(Arc::new(Mutex::new(vec![Vec::new(); plan.stream_count()])))
+    }
+    pub fn take(&self) -> Tape {
+        std::mem::take(&mut self.0.lock().unwrap())
+    }
+}
+
+impl Recording for Shared {
+    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
+        self.0.lock().unwrap()[stream as usize].push((header.index, header.stamp, payload.to_vec()));
+        Ok(true)
+    }
+    fn try_flush(&mut self) -> Result<bool, Broken> {
+        Ok(true)
+    }
+}
+
+/// A description from which a plan and fresh participants can be made any number of times.
+#[derive(Debug, Clone)]
+pub struct World {
+    pub mixers: Vec<(Kind, Rational, Rational, usize, usize)>,
+    pub links: Vec<(usize, usize, usize, usize, Timing, bool)>,
+    pub duration: Rational,
+    pub seed: u64,
+}
+
+impl World {
+    pub fn participants(&self) -> Vec<Box<dyn Participant>> {
+        let mixers = self.mixers.iter().enumerate();
+        mixers
+            .map(|(number, &(kind, _, _, inputs, outputs))| {
+                Box::new(Mixer::new(kind, inputs, outputs, number as u64)) as Box<dyn Participant>
+            })
+            .collect()
+    }
+
+    pub fn plan(&self) -> Result<Plan, Vec<PlanError>> {
+        let mut taken = Vec::new();
+        let mut links = Vec::new();
+        for (number, &(from, output, to, input, timing, first)) in self.links.iter().enumerate() {
+            let (from, to) = (from % self.mixers.len(), to % self.mixers.len());
+            let (output, input) = (output % self.mixers[from].4, input % self.mixers[to].3.max(1));
+            if self.mixers[to].3 == 0 || taken.contains(&(to, input)) {
+                continue;
+            }
+            taken.push((to, input));
+            let first = first && self.mixers[from].0 == Kind::Continuous && self.mixers[from].2 <= self.mixers[to].2;
+            links.push(LinkSpec {
+                name: format!("link{number}"),
+                from: (format!("p{from}"), format!("out{output}")),
+                to: (format!("p{to}"), format!("in{input}")),
+                timing,
+                initial: if first {
+                    Some(Initial::FirstSample)
+                } else {
+                    Some(Initial::Value(vec![number as u8; 16]))
+                },
+            });
+        }
+        let specs = self
+            .mixers
+            .iter()
+            .enumerate()
+            .map(|(number, &(kind, period, offset, inputs, outputs))| {
+                let interface = Mixer::new(kind, inputs, outputs, 0).interface();
+                ParticipantSpec {
+                    name: format!("p{number}"),
+                    period,
+                    offset,
+                    interface,
+                }
+            });
+        Plan::build(specs.collect(), &links, self.duration, self.seed)
+    }
+}
+
+fn time(range: std::ops::Range<i128>) -> impl Strategy<Value = Rational> {
+    // Odd denominators: thirds and sevenths of milliseconds are as good as any other time.
+    (range, prop_oneof![Just(1_i128), Just(2), Just(3), Just(7)]).prop_map(|(n, d)| Rational::new(n, d * 1000).unwrap())
+}
+
+/// Worlds of 1 to 6 participants with any mix of kinds, periods, offsets, delays, jitter, drops and shapes.
+pub fn worlds() -> impl Strategy<Value = World> {
+    let kind = prop_oneof![Just(Kind::Sampled), Just(Kind::Continuous)];
+    let mixer = (kind, time(1..12), time(0..10), 0_usize..4, 1_usize..3);
+    let timing = (
+        time(0..30),
+        prop_oneof![3 => Just(Rational::ZERO), 1 => time(0..20)],
+        prop_oneof![3 => Just(0.0), 1 => 0.0..1.0],
+        any::<bool>(),
+    )
+        .prop_map(|(delay, jitter, drop, initial)| Timing {
+            delay,
+            jitter,
+            drop,
+            hold: if initial { Hold::Initial } else { Hold::Last },
+        });
+    let zero = Just(Timing::default());
+    let link = (
+        0_usize..6,
+        0_usize..2,
+        0_usize..6,
+        0_usize..3,
+        prop_oneof![1 => timing, 1 => zero],
+        any::<bool>(),
+    );
+    (
+        prop::collection::vec(mixer, 1..7),
+        prop::collection::vec(link, 0..12),
+        time(20..90),
+        any::<u64>(),
+    )
+        .prop_map(|(mixers, links, duration, seed)| World {
+            mixers,
+            links,
+            duration,
+            seed,
+        })
+}
+
+/// The reference: keeps every sample of every output for ever, and for every read searches all of them for the newest that
+/// is visible. Activations of one instant are tried in any order until all have what they need.
+pub fn reference(world: &World, plan: &Plan) -> Tape {
+    let mut participants = world.participants();
+    let mut tape: Tape = vec![Vec::new(); plan.stream_count()];
+    let record = |tape: &mut Tape, number: usize, index: u64, outputs: &Outputs| {
+        let own = &plan.participants[number];
+        for output in 0..own.interface.outputs.len() {
+            let bytes = bytemuck::bytes_of(outputs.get::<Mixed>(output)).to_vec();
+            tape[own.first_stream as usize + output].push((index, own.sample_time.instant(index), bytes));
+        }
+    };
+    let mut buffers: Vec<(Inputs, Outputs)> = Vec::new();
+    for (number, own) in plan.participants.iter().enumerate() {
+        let mut outputs = Outputs::zeroed(&own.interface);
+        let t = plan.timebase.seconds(own.sample_time.offset);
+        participants[number].initialise(t, &mut outputs).unwrap();
+        if own.interface.kind == Kind::Continuous && own.activations > 0 {
+            record(&mut tape, number, 0, &outputs);
+        }
+        buffers.push((Inputs::zeroed(&own.interface), outputs));
+    }
+    let mut todo: Vec<(Ticks, usize, u64)> = (0..plan.participants.len())
+        .flat_map(|number| (0..plan.participants[number].activations).map(move |k| (number, k)))
+        .map(|(number, k)| (plan.participants[number].sample_time.instant(k), number, k))
+        .collect();
+    todo.sort_unstable();
+    while !todo.is_empty() {
+        let now = todo[0].0;
+        let ready = todo.iter().position(|&(t, number, _)| {
+            // Whoever feeds it without delay and is also activated now must come first.
+            t == now
+                && !plan.links.iter().any(|link| {
+                    let feeds = link.to.0 == number
+                        && plan.participants[link.from.0].interface.kind == Kind::Sampled
+                        && link.visibility.delay_bounds().0 == 0;
+                    feeds
+                        && todo
+                            .iter()
+                            .any(|&(other_t, other, _)| other_t == now && other == link.from.0)
+                })
+        });
+        let (_, number, k) = todo.remove(ready.expect("the planner promised that there is no loop"));
+        let own = &plan.participants[number];
+        let (inputs, outputs) = &mut buffers[number];
+        for (input, link) in own.inputs.iter().enumerate() {
+            let Some(link) = link.map(|link| &plan.links[link]) else {
+                continue;
+            };
+            let stream = plan.participants[link.from.0].first_stream as usize + link.from.1;
+            let arrived = |index: u64, stamp: Ticks| stamp + link.visibility.delay(index) <= now;
+            let sent = tape[stream]
+                .iter()
+                .rev()
+                .filter(|(index, stamp, _)| arrived(*index, *stamp));
+            let newest = match link.visibility.hold() {
+                Hold::Last => sent
+                    .clone()
+                    .find(|(index, ..)| !link.visibility.dropped(*index))
+                    .map(Some),
+                Hold::Initial => sent
+                    .clone()
+                    .next()
+                    .map(|sample| (!link.visibility.dropped(sample.0)).then_some(sample)),
+            };
+            let bytes = match (newest, &link.initial) {
+                (Some(Some((.., bytes))), _) => bytes.clone(),
+                (None, Initial::FirstSample) => tape[stream][0].2.clone(),
+                (_, Initial::Value(bytes)) => bytes.clone(),
+                (Some(None), Initial::FirstSample) => vec![0; 16],
+            };
+            *inputs.get_mut::<Mixed>(input) = bytemuck::pod_read_unaligned(&bytes);
+        }
+        let step = Step {
+            index: k,
+            t: plan.timebase.seconds(now),
+            t_next: plan.timebase.seconds(own.sample_time.instant(k + 1)),
+            period: plan.timebase.seconds(own.sample_time.period),
+        };
+        participants[number].step(&step, inputs, outputs).unwrap();
+        let index = if own.interface.kind == Kind::Sampled { k } else { k + 1 };
+        record(&mut tape, number, index, outputs);
+    }
+    tape
+}
