@@ -1,6 +1,8 @@
 //! Lockstep co-simulation over shared memory.
 
+pub mod control;
 pub mod executor;
+pub mod host;
 pub mod link;
 pub mod participant;
 pub mod plan;
@@ -9,3 +11,4 @@ pub mod random;
 pub mod stepper;
 pub mod time;
 pub mod transport;
+pub mod wire;

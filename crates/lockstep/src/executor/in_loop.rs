@@ -1,6 +1,7 @@
 //! All participants in one loop, in the order of simulated time.
 
-use super::RunError;
+use super::{Part, RunError};
+use crate::plan::Plan;
 use crate::stepper::{Progress, Stepper};
 use crate::time::Ticks;
 
@@ -13,8 +14,9 @@ pub struct InLoop {
 }
 
 impl InLoop {
-    /// A loop over steppers that were assembled for `plan`.
-    pub fn new(plan: &crate::plan::Plan, steppers: Vec<Stepper>) -> InLoop {
+    /// A loop over parts that were assembled for `plan`.
+    pub fn new(plan: &Plan, parts: Vec<Part>) -> InLoop {
+        let steppers: Vec<Stepper> = parts.into_iter().map(Part::stepper).collect();
         let mut by_rank: Vec<usize> = (0..steppers.len()).collect();
         by_rank.sort_by_key(|&number| plan.participants[number].rank);
         InLoop {

@@ -9,9 +9,10 @@ pub use in_loop::InLoop;
 pub use threads::run_in_threads;
 
 use crate::participant::Participant;
-use crate::plan::Plan;
+use crate::plan::{Assignment, Plan};
 use crate::stepper::{Ends, StepError, Stepper};
-use crate::transport::{Receiver, Recording, Sender, local};
+use crate::transport::local::{self, LocalReceiver, LocalSender};
+use crate::transport::{Receiver, Recording, Sender};
 
 /// Why a run in one process ended early.
 #[derive(Debug, thiserror::Error)]
@@ -51,43 +52,75 @@ impl RunError {
     }
 }
 
+/// A participant with its ends of local links, before it is driven by anybody.
+pub struct Part {
+    participant: Box<dyn Participant>,
+    assignment: Assignment,
+    receivers: Vec<Option<LocalReceiver>>,
+    senders: Vec<Vec<LocalSender>>,
+    recording: Box<dyn Recording + Send>,
+}
+
+impl Part {
+    /// The stepper of this participant.
+    pub fn stepper(self) -> Stepper {
+        let boxed = |sender| Box::new(sender) as Box<dyn Sender>;
+        let ends = Ends {
+            receivers: self
+                .receivers
+                .into_iter()
+                .map(|end| end.map(|end| Box::new(end) as Box<dyn Receiver>))
+                .collect(),
+            senders: self
+                .senders
+                .into_iter()
+                .map(|ends| ends.into_iter().map(boxed).collect())
+                .collect(),
+            recording: self.recording,
+        };
+        Stepper::new(self.participant, self.assignment, ends)
+    }
+}
+
 /// Connects the participants of a plan inside this process. `recording` gives each its way to the tape.
 pub fn assemble(
     plan: &Plan,
     participants: Vec<Box<dyn Participant>>,
-    mut recording: impl FnMut(usize) -> Box<dyn Recording>,
-) -> Vec<Stepper> {
-    let mut senders: Vec<Option<Box<dyn Sender>>> = Vec::new();
-    let mut receivers: Vec<Option<Box<dyn Receiver>>> = Vec::new();
+    mut recording: impl FnMut(usize) -> Box<dyn Recording + Send>,
+) -> Vec<Part> {
+    let (mut senders, mut receivers) = (Vec::new(), Vec::new());
     for link in &plan.links {
         let size = plan.participants[link.from.0].interface.outputs[link.from.1]
             .descriptor
             .size as usize;
         let (sender, receiver) = local::link(size, link.capacity);
-        senders.push(Some(Box::new(sender)));
-        receivers.push(Some(Box::new(receiver)));
+        senders.push(Some(sender));
+        receivers.push(Some(receiver));
     }
-    let mut steppers = Vec::with_capacity(participants.len());
+    let mut parts = Vec::with_capacity(participants.len());
     for (number, participant) in participants.into_iter().enumerate() {
         let assignment = plan.assignment(number);
-        let mut ends = Ends {
-            receivers: Vec::new(),
-            senders: Vec::new(),
+        let own = assignment.inputs.iter();
+        let receivers = own
+            .map(|link| link.as_ref().and_then(|link| receivers[link.link as usize].take()))
+            .collect();
+        let own = assignment.outputs.iter();
+        let senders = own
+            .map(|output| {
+                output
+                    .consumers
+                    .iter()
+                    .filter_map(|to| senders[to.link as usize].take())
+                    .collect()
+            })
+            .collect();
+        parts.push(Part {
+            participant,
+            assignment,
+            receivers,
+            senders,
             recording: recording(number),
-        };
-        for link in &assignment.inputs {
-            ends.receivers
-                .push(link.as_ref().and_then(|link| receivers[link.link as usize].take()));
-        }
-        for output in &assignment.outputs {
-            let consumers = output.consumers.iter();
-            ends.senders.push(
-                consumers
-                    .filter_map(|consumer| senders[consumer.link as usize].take())
-                    .collect(),
-            );
-        }
-        steppers.push(Stepper::new(participant, assignment, ends));
+        });
     }
-    steppers
+    parts
 }

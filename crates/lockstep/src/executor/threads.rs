@@ -3,19 +3,20 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use super::RunError;
-use crate::stepper::{Progress, Stepper};
+use super::{Part, RunError};
+use crate::stepper::Progress;
 use crate::time::Ticks;
 
-/// Runs every stepper in a thread of its own until all activations before `horizon` are complete. The first failure stops
+/// Runs every participant in a thread of its own until all activations before `horizon` are complete. The first failure stops
 /// everybody and is returned.
-pub fn run_in_threads(steppers: Vec<Stepper>, horizon: Ticks) -> Result<(), RunError> {
+pub fn run_in_threads(parts: Vec<Part>, horizon: Ticks) -> Result<(), RunError> {
     let stop = &AtomicBool::new(false);
     let results: Vec<Result<(), RunError>> = thread::scope(|scope| {
-        let handles: Vec<_> = steppers
+        let handles: Vec<_> = parts
             .into_iter()
-            .map(|mut stepper| {
+            .map(|part| {
                 scope.spawn(move || {
+                    let mut stepper = part.stepper();
                     stepper.extend_horizon(horizon);
                     while !stop.load(Ordering::Relaxed) {
                         match stepper.poll() {

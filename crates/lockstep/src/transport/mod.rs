@@ -1,5 +1,6 @@
 //! What carries samples between participants: one small interface, one implementation a file.
 
+pub mod iceoryx;
 pub mod local;
 
 use crate::time::Ticks;
@@ -20,20 +21,20 @@ pub struct Header {
 }
 
 /// The sending end of a link: first in, first out, nothing is ever lost or repeated.
-pub trait Sender: Send {
+pub trait Sender {
     /// Sends one sample, or does nothing and answers `false` when there is no room now.
     fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken>;
 }
 
 /// The receiving end of a link.
-pub trait Receiver: Send {
+pub trait Receiver {
     /// Copies the next sample into `payload`, or answers `None` when there is none yet. A sample of another size than
     /// `payload` is an error: it comes from a participant that does not keep to its own description.
     fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken>;
 }
 
 /// Where a participant puts every sample of every output for the tape.
-pub trait Recording: Send {
+pub trait Recording {
     /// Puts one sample, or does nothing and answers `false` when there is no room now.
     fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken>;
 

@@ -1,0 +1,143 @@
+//! What the orchestrator and a participant say to each other outside the data path.
+
+use serde::{Deserialize, Serialize};
+
+use crate::participant::Interface;
+use crate::plan::Assignment;
+
+/// The version of the protocol. Both sides must have the same.
+pub const PROTOCOL: u32 = 1;
+
+/// From the orchestrator to a participant; each is answered by one [`Reply`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Request {
+    /// Who are you?
+    Hello {
+        /// The orchestrator's [`PROTOCOL`].
+        protocol: u32,
+    },
+    /// These are your parameters; tell your ports.
+    Configure {
+        /// The participant's name in the scenario.
+        name: String,
+        /// The parameters as a TOML document, with the contents of files in place of their names.
+        parameters: String,
+        /// The seed of the run.
+        seed: u64,
+        /// The sample period, s.
+        period: f64,
+        /// The first activation, s.
+        offset: f64,
+    },
+    /// This is your part of the plan; open your links and get ready. Nothing is published before the horizon moves.
+    Connect {
+        /// The part of the plan.
+        assignment: Assignment,
+        /// The cores to run on; empty to leave it to the operating system.
+        cores: Vec<u32>,
+        /// How to wait.
+        waiting: Waiting,
+    },
+    /// Give your state. Only at rest.
+    Save,
+    /// Take this state. Only at rest.
+    Restore {
+        /// What a [`Reply::State`] held.
+        state: Vec<u8>,
+    },
+    /// Leave.
+    Terminate,
+}
+
+/// From a participant to the orchestrator.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Reply {
+    /// To [`Request::Hello`].
+    Hello {
+        /// The participant's [`PROTOCOL`].
+        protocol: u32,
+        /// Its program and version, for the run's record.
+        program: String,
+    },
+    /// To [`Request::Configure`].
+    Described {
+        /// The ports.
+        interface: Interface,
+    },
+    /// To requests that only need to be done.
+    Done,
+    /// To [`Request::Save`]; `None` when the participant cannot be saved.
+    State(Option<Vec<u8>>),
+    /// The request cannot be fulfilled.
+    Refused {
+        /// The parameter that is to blame, dotted, or empty.
+        key: String,
+        /// Why, with the remedy.
+        reason: String,
+    },
+}
+
+/// How a participant waits: it looks again at once `spins` times, then lets others run `yields` times, then sleeps until it
+/// is woken. The result of a run does not depend on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Waiting {
+    /// Looks before the first yield.
+    pub spins: u32,
+    /// Looks with a yield each before sleeping.
+    pub yields: u32,
+}
+
+impl Waiting {
+    /// For a participant with a core of its own.
+    pub const SPIN: Waiting = Waiting {
+        spins: 20_000,
+        yields: 2_000,
+    };
+    /// For participants that share a core: the one waited for needs it.
+    pub const YIELD: Waiting = Waiting {
+        spins: 20,
+        yields: 5_000,
+    };
+    /// For long pauses and machines that have better things to do.
+    pub const SLEEP: Waiting = Waiting { spins: 0, yields: 0 };
+}
+
+/// What a participant tells the recorder between its samples.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Note {
+    /// All activations are complete, and every sample before this note is all there is.
+    Finished(Timing),
+    /// At rest: the next activation lies at or past this horizon, ticks.
+    AtRest {
+        /// The horizon.
+        horizon: i64,
+        /// The next activation.
+        next: u64,
+    },
+    /// The participant cannot go on.
+    Failed {
+        /// The activation.
+        activation: u64,
+        /// Its instant, as text.
+        t: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// Where the wall time of a participant went.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Timing {
+    /// From the first activation to the last, ns.
+    pub total_ns: u64,
+    /// Waiting for each input, ns.
+    pub inputs_ns: Vec<u64>,
+    /// Waiting for room at consumers, ns.
+    pub room_ns: u64,
+    /// Waiting for the recorder, ns.
+    pub recorder_ns: u64,
+    /// Waiting for the horizon, ns.
+    pub horizon_ns: u64,
+    /// Times it had to sleep.
+    pub sleeps: u64,
+}

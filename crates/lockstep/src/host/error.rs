@@ -1,0 +1,39 @@
+//! Why a participant's process ends early.
+
+use crate::stepper::StepError;
+use crate::transport::Broken;
+use crate::transport::iceoryx::DomainError;
+
+/// Why a participant's process ends early.
+#[derive(Debug, thiserror::Error)]
+pub enum HostError {
+    /// The run's shared memory cannot be entered.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// A service broke.
+    #[error("{0}")]
+    Broken(#[from] Broken),
+    /// The kernel refused to tie this process to its orchestrator.
+    #[error("cannot be tied to the orchestrator's life: {0}")]
+    Orphan(String),
+    /// The participant's own step, or the protocol, failed.
+    #[error("activation {activation} at t = {t} s: {source}")]
+    Step {
+        /// The activation.
+        activation: u64,
+        /// Its instant, s.
+        t: f64,
+        /// Why.
+        source: StepError,
+    },
+    /// The participant panicked.
+    #[error("activation {activation} at t = {t} s: it panicked: {message}")]
+    Panic {
+        /// The activation.
+        activation: u64,
+        /// Its instant, s.
+        t: f64,
+        /// What it said.
+        message: String,
+    },
+}

@@ -1,0 +1,48 @@
+//! The life of a participant in a process of its own: from the first request of the orchestrator to the last.
+
+mod error;
+mod session;
+mod waiting;
+
+pub use error::HostError;
+
+use std::env;
+use std::process::ExitCode;
+
+use crate::participant::Factory;
+use crate::transport::iceoryx::Address;
+
+/// The environment variable with the address of the run.
+pub const ADDRESS: &str = "ESCAPEMENT_RUN";
+/// The environment variable with the participant's name.
+pub const PARTICIPANT: &str = "ESCAPEMENT_PARTICIPANT";
+
+/// The `main` of a participant's program: takes its place in the run that the environment names, makes the participant with
+/// `factory`, and stays until it is done or told to leave.
+///
+/// Prints the reason of a failure on standard error and returns exit code 1; 2 when it was not started by an orchestrator.
+pub fn run(factory: Factory, program: &str) -> ExitCode {
+    let (address, name) = match (env::var(ADDRESS), env::var(PARTICIPANT)) {
+        (Ok(address), Ok(name)) => (address, name),
+        _ => {
+            eprintln!(
+                "{program}: this program takes part in a run and is started by the orchestrator; name it in a scenario as \
+                 run = {{ exe = \"…\" }} ({ADDRESS} and {PARTICIPANT} are not set)"
+            );
+            return ExitCode::from(2);
+        }
+    };
+    let outcome = address.parse::<Address>().map_err(HostError::from).and_then(|address| {
+        // A participant must not outlive its orchestrator, however that ends.
+        rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))
+            .map_err(|error| HostError::Orphan(error.to_string()))?;
+        session::Session::open(address, &name, program, factory)?.run()
+    });
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{name}: {error}");
+            ExitCode::from(1)
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The horizon and the stop flag: one small board that everyone reads at any time and only the orchestrator writes.
+
+use iceoryx2::port::reader::{EntryHandle, Reader};
+use iceoryx2::port::writer::{EntryHandleMut, Writer};
+use iceoryx2::service::port_factory::blackboard::PortFactory;
+
+use super::Ipc;
+use super::domain::{Domain, DomainError};
+use crate::time::Ticks;
+
+const SERVICE: &str = "clock";
+const HORIZON: u64 = 0;
+const STOP: u64 = 1;
+
+/// The orchestrator's end. Before the horizon is moved for the first time nobody does anything.
+pub struct ClockWriter {
+    horizon: EntryHandleMut<Ipc, u64, i64>,
+    stop: EntryHandleMut<Ipc, u64, u64>,
+    now: Ticks,
+    _writer: Writer<Ipc, u64>,
+    _service: PortFactory<Ipc, u64>,
+}
+
+impl ClockWriter {
+    /// Creates the clock for up to `readers` participants.
+    pub fn create(domain: &Domain, readers: usize) -> Result<ClockWriter, DomainError> {
+        let failed = |error: &dyn std::fmt::Debug| domain.failed("creating the clock", error);
+        let service = domain
+            .service(SERVICE)?
+            .blackboard_creator::<u64>()
+            .add::<i64>(HORIZON, Ticks::MIN)
+            .add::<u64>(STOP, 0)
+            .max_readers(readers)
+            .max_nodes(readers + 1)
+            .create()
+            .map_err(|error| failed(&error))?;
+        let writer = service.writer_builder().create().map_err(|error| failed(&error))?;
+        Ok(ClockWriter {
+            horizon: writer.entry::<i64>(&HORIZON).map_err(|error| failed(&error))?,
+            stop: writer.entry::<u64>(&STOP).map_err(|error| failed(&error))?,
+            now: Ticks::MIN,
+            _writer: writer,
+            _service: service,
+        })
+    }
+
+    /// Moves the horizon; it only goes forward.
+    pub fn extend(&mut self, horizon: Ticks) {
+        if horizon > self.now {
+            self.now = horizon;
+            self.horizon.update_with_copy(horizon);
+        }
+    }
+
+    /// Where the horizon is.
+    pub fn horizon(&self) -> Ticks {
+        self.now
+    }
+
+    /// Tells everybody to leave at the next opportunity.
+    pub fn stop(&mut self) {
+        self.stop.update_with_copy(1);
+    }
+}
+
+/// A participant's end.
+pub struct ClockReader {
+    horizon: EntryHandle<Ipc, u64, i64>,
+    stop: EntryHandle<Ipc, u64, u64>,
+    _reader: Reader<Ipc, u64>,
+    _service: PortFactory<Ipc, u64>,
+}
+
+impl ClockReader {
+    /// Opens the clock.
+    pub fn open(domain: &Domain) -> Result<ClockReader, DomainError> {
+        let failed = |error: &dyn std::fmt::Debug| domain.failed("opening the clock", error);
+        let service = domain
+            .service(SERVICE)?
+            .blackboard_opener::<u64>()
+            .open()
+            .map_err(|error| failed(&error))?;
+        let reader = service.reader_builder().create().map_err(|error| failed(&error))?;
+        Ok(ClockReader {
+            horizon: reader.entry::<i64>(&HORIZON).map_err(|error| failed(&error))?,
+            stop: reader.entry::<u64>(&STOP).map_err(|error| failed(&error))?,
+            _reader: reader,
+            _service: service,
+        })
+    }
+
+    /// Where the horizon is; [`Ticks::MIN`] before the run starts.
+    pub fn horizon(&self) -> Ticks {
+        *self.horizon.get()
+    }
+
+    /// Whether everybody is to leave.
+    pub fn stopped(&self) -> bool {
+        *self.stop.get() != 0
+    }
+}

@@ -1,0 +1,149 @@
+//! Requests to a participant and their replies.
+
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::client::Client;
+use iceoryx2::port::server::Server;
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::PortFactory as _;
+use iceoryx2::service::port_factory::request_response::PortFactory;
+
+use super::domain::{Domain, DomainError};
+use super::{Ipc, broken};
+use crate::control::{Reply, Request};
+use crate::transport::Broken;
+use crate::wire;
+
+type Factory = PortFactory<Ipc, [u8], (), [u8], ()>;
+
+/// What is reserved for a request or a reply at first; larger ones make room for themselves.
+const USUAL: usize = 64 * 1024;
+
+fn name(participant: &str) -> String {
+    format!("control/{participant}")
+}
+
+/// The orchestrator's end, one per participant.
+pub struct ControlClient {
+    client: Client<Ipc, [u8], (), [u8], ()>,
+    service: Factory,
+}
+
+impl ControlClient {
+    /// Creates the control service of `participant`.
+    pub fn create(domain: &Domain, participant: &str) -> Result<ControlClient, DomainError> {
+        let failed =
+            |error: &dyn std::fmt::Debug| domain.failed(format!("creating the control of `{participant}`"), error);
+        let service = domain
+            .service(&name(participant))?
+            .request_response::<[u8], [u8]>()
+            .max_clients(1)
+            .max_servers(2)
+            .max_nodes(4)
+            .max_active_requests_per_client(1)
+            .max_loaned_requests(1)
+            .max_response_buffer_size(1)
+            .max_borrowed_responses_per_pending_response(1)
+            .create()
+            .map_err(|error| failed(&error))?;
+        let client = service
+            .client_builder()
+            .initial_max_slice_len(USUAL)
+            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .create()
+            .map_err(|error| failed(&error))?;
+        Ok(ControlClient { client, service })
+    }
+
+    /// Whether the participant's server is there.
+    pub fn present(&self) -> bool {
+        self.service.dynamic_config().number_of_servers() > 0
+    }
+
+    /// Sends `request` and looks for the reply until `limit` has passed or `abandon` says that it is of no use any more.
+    /// `Ok(None)` when no reply came.
+    pub fn ask(
+        &self,
+        request: &Request,
+        limit: Duration,
+        mut abandon: impl FnMut() -> bool,
+    ) -> Result<Option<Reply>, Broken> {
+        let bytes = wire::encode("a request", request).map_err(|error| Broken(error.to_string()))?;
+        let message = self
+            .client
+            .loan_slice_uninit(bytes.len())
+            .map_err(|error| broken("no memory", error))?;
+        let pending = message
+            .write_from_slice(&bytes)
+            .send()
+            .map_err(|error| broken("asking", error))?;
+        let started = Instant::now();
+        loop {
+            if let Some(reply) = pending.receive().map_err(|error| broken("receiving a reply", error))? {
+                return Ok(Some(
+                    wire::decode("a reply", reply.payload()).map_err(|error| Broken(error.to_string()))?,
+                ));
+            }
+            if started.elapsed() > limit || abandon() {
+                return Ok(None);
+            }
+            std::thread::sleep(Duration::from_micros(200));
+        }
+    }
+}
+
+/// The participant's end.
+pub struct ControlServer {
+    server: Server<Ipc, [u8], (), [u8], ()>,
+    _service: Factory,
+}
+
+impl ControlServer {
+    /// Opens the control service of `participant`. From now on the orchestrator knows that it is there.
+    pub fn open(domain: &Domain, participant: &str) -> Result<ControlServer, DomainError> {
+        let failed =
+            |error: &dyn std::fmt::Debug| domain.failed(format!("opening the control of `{participant}`"), error);
+        let service = domain
+            .service(&name(participant))?
+            .request_response::<[u8], [u8]>()
+            .open()
+            .map_err(|error| failed(&error))?;
+        let server = service
+            .server_builder()
+            .initial_max_slice_len(USUAL)
+            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .create()
+            .map_err(|error| failed(&error))?;
+        Ok(ControlServer {
+            server,
+            _service: service,
+        })
+    }
+
+    /// Answers one request, if there is one, with what `answer` makes of it. Whether there was one.
+    pub fn serve(&self, answer: impl FnOnce(Request) -> Reply) -> Result<bool, Broken> {
+        let Some(active) = self
+            .server
+            .receive()
+            .map_err(|error| broken("receiving a request", error))?
+        else {
+            return Ok(false);
+        };
+        let reply = match wire::decode("a request", active.payload()) {
+            Ok(request) => answer(request),
+            Err(error) => Reply::Refused {
+                key: String::new(),
+                reason: error.to_string(),
+            },
+        };
+        let bytes = wire::encode("a reply", &reply).map_err(|error| Broken(error.to_string()))?;
+        let message = active
+            .loan_slice_uninit(bytes.len())
+            .map_err(|error| broken("no memory", error))?;
+        message
+            .write_from_slice(&bytes)
+            .send()
+            .map_err(|error| broken("replying", error))?;
+        Ok(true)
+    }
+}

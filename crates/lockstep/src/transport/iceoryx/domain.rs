@@ -1,0 +1,117 @@
+//! The part of shared memory that belongs to one run.
+
+use std::fmt;
+use std::path::{Path as StdPath, PathBuf};
+use std::str::FromStr;
+
+use iceoryx2::prelude::*;
+use iceoryx2::service::builder::Builder;
+
+use super::Ipc;
+
+/// Why a run's part of shared memory cannot be set up.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum DomainError {
+    /// The text is not a domain's address.
+    #[error("`{0}` is not the address of a run: it reads PREFIX@FOLDER")]
+    Address(String),
+    /// The path is too long for shared memory.
+    #[error("the folder `{}` has a name that shared memory cannot use; choose a shorter one with TMPDIR", .0.display())]
+    Folder(PathBuf),
+    /// iceoryx2 refused.
+    #[error("shared memory of the run under `{}`: {what} failed: {reason}", .folder.display())]
+    Service {
+        /// The run's folder for the files that are not shared memory.
+        folder: PathBuf,
+        /// The operation.
+        what: String,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+}
+
+/// The address of a run in shared memory: an unguessable prefix of every name, and a folder that only the user can enter.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Address {
+    /// Every shared memory object of the run starts with this.
+    pub prefix: String,
+    /// The files beside shared memory.
+    pub folder: PathBuf,
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}@{}", self.prefix, self.folder.display())
+    }
+}
+
+impl FromStr for Address {
+    type Err = DomainError;
+    fn from_str(text: &str) -> Result<Address, DomainError> {
+        let (prefix, folder) = text
+            .split_once('@')
+            .ok_or_else(|| DomainError::Address(text.to_owned()))?;
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
+        if prefix.is_empty() || !prefix.chars().all(plain) || !StdPath::new(folder).is_absolute() {
+            return Err(DomainError::Address(text.to_owned()));
+        }
+        Ok(Address {
+            prefix: prefix.to_owned(),
+            folder: PathBuf::from(folder),
+        })
+    }
+}
+
+/// A process's place in a run's part of shared memory.
+pub struct Domain {
+    address: Address,
+    node: Node<Ipc>,
+}
+
+impl Domain {
+    /// Enters the domain at `address` under the name `process`.
+    pub fn enter(address: Address, process: &str) -> Result<Domain, DomainError> {
+        // What iceoryx2 has to say reaches the user as the errors of this crate.
+        set_log_level(LogLevel::Fatal);
+        let folder = |_| DomainError::Folder(address.folder.clone());
+        let mut config = Config::default();
+        config.global.prefix = FileName::new(address.prefix.as_bytes()).map_err(folder)?;
+        let bytes = address.folder.as_os_str().as_encoded_bytes();
+        config.global.set_root_path(&Path::new(bytes).map_err(folder)?);
+        // Who is dead is for the orchestrator to find and say; nobody else cleans up in the meantime.
+        config.global.node.cleanup_dead_nodes_on_creation = false;
+        config.global.node.cleanup_dead_nodes_on_destruction = false;
+        config.global.service.cleanup_dead_nodes_on_open = false;
+        let failed = |what: &str, reason: String| DomainError::Service {
+            folder: address.folder.clone(),
+            what: what.to_owned(),
+            reason,
+        };
+        let name = NodeName::new(process).map_err(|error| failed("naming the process", format!("{error:?}")))?;
+        let node = NodeBuilder::new()
+            .name(&name)
+            .config(&config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Ipc>()
+            .map_err(|error| failed("joining", format!("{error:?}")))?;
+        Ok(Domain { address, node })
+    }
+
+    /// The address, as it is handed to participants.
+    pub fn address(&self) -> &Address {
+        &self.address
+    }
+
+    pub(super) fn service(&self, name: &str) -> Result<Builder<Ipc>, DomainError> {
+        let name = ServiceName::new(name).map_err(|error| self.failed(name, error))?;
+        Ok(self.node.service_builder(&name))
+    }
+
+    pub(super) fn failed(&self, what: impl fmt::Display, error: impl fmt::Debug) -> DomainError {
+        DomainError::Service {
+            folder: self.address.folder.clone(),
+            what: what.to_string(),
+            reason: format!("{error:?}"),
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! Shared memory: iceoryx2, each messaging pattern for what it is for. No other module names iceoryx2.
+//!
+//! | need | pattern | service |
+//! |---|---|---|
+//! | samples on link number n | publish-subscribe, one publisher, one subscriber | `link/n` |
+//! | samples and notes of a participant to the recorder | publish-subscribe | `record/NAME` |
+//! | requests to a participant | request-response | `control/NAME` |
+//! | the horizon and the stop flag | blackboard | `clock` |
+//! | what a participant is doing, and whether it sleeps | blackboard | `status/NAME` |
+//! | waking a participant | event | `wake/NAME` |
+
+mod clock;
+mod control;
+mod domain;
+mod link;
+mod record;
+mod status;
+mod wake;
+
+pub use clock::{ClockReader, ClockWriter};
+pub use control::{ControlClient, ControlServer};
+pub use domain::{Address, Domain, DomainError};
+pub use link::{LinkReceiver, LinkSender, LinkService};
+pub use record::{RecordReceiver, RecordSender, Recorded, SharedRecord};
+pub use status::{Activity, Status, StatusReader, StatusService, StatusWriter};
+pub use wake::{Bell, Sleeper, WakeService, Waker};
+
+use iceoryx2::prelude::*;
+
+/// One kind of service for the whole run: every port belongs to one thread.
+type Ipc = ipc::Service;
+
+fn broken(what: impl std::fmt::Display, error: impl std::fmt::Debug) -> super::Broken {
+    super::Broken(format!("{what}: {error:?}"))
+}

@@ -1,0 +1,205 @@
+//! What a participant is doing, for those who may have to wake it or to explain why nothing moves.
+
+use std::sync::atomic::{Ordering, fence};
+
+use iceoryx2::port::reader::{EntryHandle, Reader};
+use iceoryx2::port::writer::{EntryHandleMut, Writer};
+use iceoryx2::prelude::*;
+use iceoryx2::service::port_factory::blackboard::PortFactory;
+
+use super::Ipc;
+use super::domain::{Domain, DomainError};
+
+const ASLEEP: u64 = 0;
+const STATUS: u64 = 1;
+
+/// What a participant does at the moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Activity {
+    /// Not ready yet.
+    Starting,
+    /// Working on an activation.
+    Computing,
+    /// Waiting for sample `index` of input `input`.
+    Input {
+        /// The input.
+        input: u32,
+        /// The sample.
+        index: u64,
+    },
+    /// Waiting for room at consumer `consumer` of output `output`.
+    Room {
+        /// The output.
+        output: u32,
+        /// The consumer.
+        consumer: u32,
+    },
+    /// Waiting for the recorder.
+    Recorder,
+    /// At rest at the horizon.
+    Rest,
+    /// Done.
+    Finished,
+}
+
+/// A participant's row on the board: four 64-bit words.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[repr(C)]
+struct Row {
+    next: u64,
+    activity: u64,
+    first: u64,
+    second: u64,
+}
+
+// SAFETY: four 64-bit integers in C layout: no pointers, no padding, no drop.
+unsafe impl ZeroCopySend for Row {
+    unsafe fn type_name() -> &'static str {
+        "EscapementStatus"
+    }
+}
+
+/// What a participant is doing, as read by somebody else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Status {
+    /// Its next activation: all before it are complete.
+    pub next: u64,
+    /// What it does.
+    pub activity: Activity,
+}
+
+fn name(participant: &str) -> String {
+    format!("status/{participant}")
+}
+
+/// The service of one participant's row; the orchestrator holds it from before the participant starts.
+pub struct StatusService {
+    _service: PortFactory<Ipc, u64>,
+}
+
+impl StatusService {
+    /// Creates the row of `participant` for up to `readers` others.
+    pub fn create(domain: &Domain, participant: &str, readers: usize) -> Result<StatusService, DomainError> {
+        let service = domain
+            .service(&name(participant))?
+            .blackboard_creator::<u64>()
+            .add::<u64>(ASLEEP, 0)
+            .add::<Row>(STATUS, Row::default())
+            .max_readers(readers)
+            .max_nodes(readers + 2)
+            .create();
+        let what = || format!("creating the status of `{participant}`");
+        Ok(StatusService { _service: service.map_err(|error| domain.failed(what(), error))? })
+    }
+}
+
+/// The participant's own end.
+pub struct StatusWriter {
+    asleep: EntryHandleMut<Ipc, u64, u64>,
+    row: EntryHandleMut<Ipc, u64, Row>,
+    _writer: Writer<Ipc, u64>,
+    _service: PortFactory<Ipc, u64>,
+}
+
+impl StatusWriter {
+    /// Opens the participant's own row.
+    pub fn open(domain: &Domain, participant: &str) -> Result<StatusWriter, DomainError> {
+        let failed =
+            |error: &dyn std::fmt::Debug| domain.failed(format!("opening the status of `{participant}`"), error);
+        let service = domain
+            .service(&name(participant))?
+            .blackboard_opener::<u64>()
+            .open()
+            .map_err(|error| failed(&error))?;
+        let writer = service.writer_builder().create().map_err(|error| failed(&error))?;
+        Ok(StatusWriter {
+            asleep: writer.entry::<u64>(&ASLEEP).map_err(|error| failed(&error))?,
+            row: writer.entry::<Row>(&STATUS).map_err(|error| failed(&error))?,
+            _writer: writer,
+            _service: service,
+        })
+    }
+
+    /// Says what the participant does now.
+    pub fn set(&mut self, status: Status) {
+        let (activity, first, second) = match status.activity {
+            Activity::Starting => (0, 0, 0),
+            Activity::Computing => (1, 0, 0),
+            Activity::Input { input, index } => (2, u64::from(input), index),
+            Activity::Room { output, consumer } => (3, u64::from(output), u64::from(consumer)),
+            Activity::Recorder => (4, 0, 0),
+            Activity::Rest => (5, 0, 0),
+            Activity::Finished => (6, 0, 0),
+        };
+        self.row.update_with_copy(Row {
+            next: status.next,
+            activity,
+            first,
+            second,
+        });
+    }
+
+    /// Says that the participant is about to sleep, or is awake again. After `true` it must look once more before it
+    /// sleeps: whoever publishes after that look sees the flag.
+    pub fn set_asleep(&mut self, asleep: bool) {
+        self.asleep.update_with_copy(u64::from(asleep));
+        fence(Ordering::SeqCst);
+    }
+}
+
+/// Somebody else's end.
+pub struct StatusReader {
+    asleep: EntryHandle<Ipc, u64, u64>,
+    row: EntryHandle<Ipc, u64, Row>,
+    _reader: Reader<Ipc, u64>,
+    _service: PortFactory<Ipc, u64>,
+}
+
+impl StatusReader {
+    /// Opens the row of `participant`.
+    pub fn open(domain: &Domain, participant: &str) -> Result<StatusReader, DomainError> {
+        let failed =
+            |error: &dyn std::fmt::Debug| domain.failed(format!("opening the status of `{participant}`"), error);
+        let service = domain
+            .service(&name(participant))?
+            .blackboard_opener::<u64>()
+            .open()
+            .map_err(|error| failed(&error))?;
+        let reader = service.reader_builder().create().map_err(|error| failed(&error))?;
+        Ok(StatusReader {
+            asleep: reader.entry::<u64>(&ASLEEP).map_err(|error| failed(&error))?,
+            row: reader.entry::<Row>(&STATUS).map_err(|error| failed(&error))?,
+            _reader: reader,
+            _service: service,
+        })
+    }
+
+    /// Whether the participant sleeps, or is about to.
+    pub fn asleep(&self) -> bool {
+        *self.asleep.get() != 0
+    }
+
+    /// What it does. The row is written by another process, so an unknown word is taken for `Starting`.
+    pub fn get(&self) -> Status {
+        let row = *self.row.get();
+        let activity = match row.activity {
+            1 => Activity::Computing,
+            2 => Activity::Input {
+                input: row.first as u32,
+                index: row.second,
+            },
+            3 => Activity::Room {
+                output: row.first as u32,
+                consumer: row.second as u32,
+            },
+            4 => Activity::Recorder,
+            5 => Activity::Rest,
+            6 => Activity::Finished,
+            _ => Activity::Starting,
+        };
+        Status {
+            next: row.next,
+            activity,
+        }
+    }
+}

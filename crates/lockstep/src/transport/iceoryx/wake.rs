@@ -1,0 +1,125 @@
+//! Waking a participant that sleeps.
+
+use std::sync::atomic::{Ordering, fence};
+use std::time::Duration;
+
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::service::port_factory::event::PortFactory;
+
+use super::domain::{Domain, DomainError};
+use super::status::StatusReader;
+use super::{Ipc, broken};
+use crate::transport::Broken;
+
+fn name(participant: &str) -> String {
+    format!("wake/{participant}")
+}
+
+/// The event of one participant; the orchestrator holds it from before the participant starts.
+pub struct WakeService(PortFactory<Ipc>);
+
+impl WakeService {
+    /// Creates the event of `participant` for up to `wakers` others.
+    pub fn create(domain: &Domain, participant: &str, wakers: usize) -> Result<WakeService, DomainError> {
+        let service = domain
+            .service(&name(participant))?
+            .event()
+            .event_id_max_value(1)
+            .max_notifiers(wakers)
+            .max_listeners(2)
+            .max_nodes(wakers + 2)
+            .create();
+        Ok(WakeService(service.map_err(|error| {
+            domain.failed(format!("creating the wake-up of `{participant}`"), error)
+        })?))
+    }
+
+    /// A notifier that wakes the participant whatever it does, for the orchestrator.
+    pub fn bell(&self, domain: &Domain) -> Result<Bell, DomainError> {
+        Ok(Bell(
+            self.0
+                .notifier_builder()
+                .create()
+                .map_err(|error| domain.failed("opening a notifier", error))?,
+        ))
+    }
+}
+
+/// Wakes one participant unconditionally.
+pub struct Bell(Notifier<Ipc>);
+
+impl Bell {
+    /// Wakes the participant if it sleeps.
+    pub fn ring(&self) {
+        // Nobody there to be woken is no failure: a participant that has left needs no waking.
+        let _ = self.0.notify();
+    }
+}
+
+/// The sleeping participant's end.
+pub struct Sleeper {
+    listener: Listener<Ipc>,
+    _service: PortFactory<Ipc>,
+}
+
+impl Sleeper {
+    /// Opens the participant's own event.
+    pub fn open(domain: &Domain, participant: &str) -> Result<Sleeper, DomainError> {
+        let failed =
+            |error: &dyn std::fmt::Debug| domain.failed(format!("opening the wake-up of `{participant}`"), error);
+        let service = domain
+            .service(&name(participant))?
+            .event()
+            .open()
+            .map_err(|error| failed(&error))?;
+        let listener = service.listener_builder().create().map_err(|error| failed(&error))?;
+        Ok(Sleeper {
+            listener,
+            _service: service,
+        })
+    }
+
+    /// Sleeps until woken, or for `limit`.
+    pub fn sleep(&mut self, limit: Duration) -> Result<(), Broken> {
+        self.listener
+            .timed_wait(|_| {}, limit)
+            .map(|_| ())
+            .map_err(|error| broken("sleeping", error))
+    }
+}
+
+/// The end of somebody for whom the participant may be waiting.
+pub struct Waker {
+    status: StatusReader,
+    notifier: Notifier<Ipc>,
+    _service: PortFactory<Ipc>,
+}
+
+impl Waker {
+    /// Opens the event of `participant`.
+    pub fn open(domain: &Domain, participant: &str) -> Result<Waker, DomainError> {
+        let failed =
+            |error: &dyn std::fmt::Debug| domain.failed(format!("opening the wake-up of `{participant}`"), error);
+        let service = domain
+            .service(&name(participant))?
+            .event()
+            .open()
+            .map_err(|error| failed(&error))?;
+        let notifier = service.notifier_builder().create().map_err(|error| failed(&error))?;
+        Ok(Waker {
+            status: StatusReader::open(domain, participant)?,
+            notifier,
+            _service: service,
+        })
+    }
+
+    /// Wakes the participant if it sleeps. To be called after what it may be waiting for has been published; costs a look
+    /// at its row while it is awake.
+    pub fn wake(&self) {
+        fence(Ordering::SeqCst);
+        if self.status.asleep() {
+            let _ = self.notifier.notify();
+        }
+    }
+}
