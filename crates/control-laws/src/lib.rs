@@ -1,1 +1,61 @@
-//! Work in progress.
+//! Control laws for a free-flying servicer with a seven-joint arm: values in, values out.
+//!
+//! | module | what it computes |
+//! |---|---|
+//! | [`hierarchical`] | the two-level law: outer loop, shaping filter, inner loop, model feed-forward |
+//! | [`outer`] | pose errors of the end effector to a virtual velocity (attitude error, weights, pseudoinverse) |
+//! | [`inner`] | velocity error to a bounded feedback force (conditional integrator, PI, P) |
+//! | [`filter`] | virtual velocity to virtual acceleration |
+//! | [`tracker`] | the two above and the model's feed-forward: virtual velocity to force |
+//! | [`model`] | the control model: kinematics of the end effector and the feed-forward force |
+//! | [`avoidance`] | joint ends and the straight elbow, in the null space |
+//! | [`allocation`] | the base's torque, shared between wheels and thrusters |
+//! | [`reference`] | the comparison law: base and arm each with a set-point of their own |
+//!
+//! # Conventions
+//!
+//! SI units and radians. Generalised velocity `[w_NB in B axes (3); v_NB in B axes (3); joint rates (7)]`; a generalised force has the
+//! same order: `[torque about B's origin; force; joint torques]`. Twists are `[w; v]` in end-effector axes. Quaternions are Hamilton,
+//! scalar first in every array.
+//!
+//! "Eq n" is the numbering of P. Bruschi, *A Hierarchical Control Architecture for Space Robots in On-Orbit Servicing Operations* (2025).
+//!
+//! # What a law is
+//!
+//! A law is a struct built by `new` from validated parameters and advanced by `step`. It knows no process, file, clock or log and allocates
+//! nothing in a step. All that it remembers is in `state()`, plain arrays; `from_state` continues with the same bits. All matrices have
+//! static sizes and sines come from `libm`, so the same inputs give the same bits on every machine.
+#![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
+
+pub mod allocation;
+pub mod avoidance;
+pub mod filter;
+pub mod hierarchical;
+pub mod inner;
+mod measured;
+pub mod model;
+pub mod outer;
+pub mod reference;
+pub mod tracker;
+
+pub use guidance_laws::ParameterError;
+pub use hierarchical::HierarchicalLaw;
+pub use measured::Measured;
+pub use model::{ControlModel, ModelOptions};
+pub use reference::ReferenceLaw;
+
+use nalgebra::{SMatrix, SVector};
+
+/// Degrees of freedom of the servicer without its propellant.
+pub const DOF: usize = 13;
+/// Joints of the arm.
+pub const JOINTS: usize = 7;
+
+/// Generalised velocity, acceleration or force.
+pub type Dof = SVector<f64, DOF>;
+/// Twist of the end effector, `[w; v]` in end-effector axes.
+pub type Twist = SVector<f64, 6>;
+/// Body Jacobian of the end effector: generalised velocity to [`Twist`].
+pub type Jacobian = SMatrix<f64, 6, DOF>;
+/// Matrix between generalised vectors.
+pub type Matrix13 = SMatrix<f64, DOF, DOF>;

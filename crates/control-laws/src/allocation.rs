@@ -1,0 +1,239 @@
+//! Who makes the torque on the base: wheels, or thrusters in couples.
+//!
+//! Beyond the paper, off by default. Twelve thrusters stand in four-packs, one pack an axis: two push each way, on lever arms that turn
+//! the base about the next axis but one (thrusters along y turn about x, along z about y, along x about z). So a pack makes a force `f`
+//! and a torque `m` at once as long as `|f| + |m| / arm ≤ F`. Wheel and thruster torques that cancel are the null space of the base's
+//! torque: along it stored momentum moves from the wheels to the thrusters while the base feels nothing.
+
+use crate::{Dof, ParameterError};
+use nalgebra::Vector3;
+
+/// Everything a user chooses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AllocationParameters {
+    /// Torque limit of the wheels, one a body axis, N m.
+    pub wheel_torque_nm: Vector3<f64>,
+    /// Momentum limit of the wheels, N m s.
+    pub wheel_momentum_nms: Vector3<f64>,
+    /// Force limit of the thrusters along each body axis, N (two thrusters at full thrust).
+    pub thruster_force_n: Vector3<f64>,
+    /// Lever arm of the couples about each body axis, m. Zero: no couple about that axis.
+    pub lever_arm_m: Vector3<f64>,
+    /// Rate at which stored momentum above the threshold is shed, 1/s. Zero: thrusters only help out saturated wheels.
+    pub unload_rate_1_s: f64,
+    /// Stored momentum that is left alone, N m s.
+    pub unload_above_nms: f64,
+}
+
+/// Who makes what.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Allocation {
+    /// Torque of the wheels on the base, base axes, N m.
+    pub wheel_torque: Vector3<f64>,
+    /// Torque of the thruster couples on the base, base axes, N m.
+    pub thruster_torque: Vector3<f64>,
+    /// Force of the thrusters on the base, base axes, N.
+    pub thruster_force: Vector3<f64>,
+    /// Thrust of each thruster, N, none negative: for each axis the two that push along it, then the two that push against it.
+    pub thrust: [f64; 12],
+    /// Torque that was asked for and that nobody can make, N m.
+    pub missing_torque: Vector3<f64>,
+    /// Force that was asked for and that nobody can make, N.
+    pub missing_force: Vector3<f64>,
+}
+
+impl Allocation {
+    /// The base's part of a generalised force, shared by `parameters` or, without any, directly.
+    pub fn of(parameters: Option<&AllocationParameters>, force: &Dof, wheel_momentum: &Vector3<f64>) -> Self {
+        let torque = Vector3::new(force[0], force[1], force[2]);
+        let force = Vector3::new(force[3], force[4], force[5]);
+        match parameters {
+            None => Self::direct(&torque, &force),
+            Some(parameters) => parameters.share(&torque, &force, wheel_momentum),
+        }
+    }
+
+    /// The paper's: all torque from the wheels, all force from the thrusters, limits left to the actuators.
+    pub fn direct(torque: &Vector3<f64>, force: &Vector3<f64>) -> Self {
+        Self {
+            wheel_torque: *torque,
+            thruster_torque: Vector3::zeros(),
+            thruster_force: *force,
+            thrust: thrust(force, &Vector3::zeros(), &Vector3::zeros()),
+            missing_torque: Vector3::zeros(),
+            missing_force: Vector3::zeros(),
+        }
+    }
+}
+
+/// The axis along which the thrusters push that turn about `axis`.
+const fn thrust_axis(axis: usize) -> usize {
+    (axis + 1) % 3
+}
+
+/// Thrust of each thruster for forces along, and torques about, the axes.
+fn thrust(force: &Vector3<f64>, torque: &Vector3<f64>, lever_arm: &Vector3<f64>) -> [f64; 12] {
+    let mut thrust = [0.0; 12];
+    for turn in 0..3 {
+        let push = thrust_axis(turn);
+        let couple = if lever_arm[turn] > 0.0 { torque[turn] / lever_arm[turn] } else { 0.0 };
+        let (first, second) = (0.5 * (force[push] + couple), 0.5 * (force[push] - couple));
+        thrust[4 * push] = first.max(0.0);
+        thrust[4 * push + 1] = second.max(0.0);
+        thrust[4 * push + 2] = (-first).max(0.0);
+        thrust[4 * push + 3] = (-second).max(0.0);
+    }
+    thrust
+}
+
+impl AllocationParameters {
+    pub(crate) fn validated(&self) -> Result<(), ParameterError> {
+        for axis in 0..3 {
+            ParameterError::non_negative("allocation.wheel_torque_nm", self.wheel_torque_nm[axis])?;
+            ParameterError::non_negative("allocation.wheel_momentum_nms", self.wheel_momentum_nms[axis])?;
+            ParameterError::non_negative("allocation.thruster_force_n", self.thruster_force_n[axis])?;
+            ParameterError::non_negative("allocation.lever_arm_m", self.lever_arm_m[axis])?;
+        }
+        ParameterError::non_negative("allocation.unload_rate_1_s", self.unload_rate_1_s)?;
+        ParameterError::non_negative("allocation.unload_above_nms", self.unload_above_nms)?;
+        Ok(())
+    }
+
+    /// Shares `torque` (N m) and `force` (N) on the base, with `momentum` (N m s) stored in the wheels; all in base axes. Force has
+    /// priority over torque on the thrusters.
+    pub fn share(&self, torque: &Vector3<f64>, force: &Vector3<f64>, momentum: &Vector3<f64>) -> Allocation {
+        let thruster_force = force.zip_map(&self.thruster_force_n, |value, limit| value.clamp(-limit, limit));
+        let mut wheel_torque = Vector3::zeros();
+        let mut thruster_torque = Vector3::zeros();
+        for axis in 0..3 {
+            let push = thrust_axis(axis);
+            let spare = (self.thruster_force_n[push] - thruster_force[push].abs()) * self.lever_arm_m[axis];
+            let (most_negative, most_positive) = self.wheel_range(axis, momentum[axis]);
+            // a wheel that turns the base forwards loses momentum: dh/dt = −torque
+            let shed = self.unload_rate_1_s
+                * (momentum[axis].abs() - self.unload_above_nms).max(0.0).copysign(momentum[axis]);
+            let wheel = (torque[axis] + shed).clamp(most_negative, most_positive);
+            let thruster = (torque[axis] - wheel).clamp(-spare, spare);
+            // what the thrusters cannot take over stays with the wheels
+            wheel_torque[axis] = (torque[axis] - thruster).clamp(most_negative, most_positive);
+            thruster_torque[axis] = thruster;
+        }
+        Allocation {
+            wheel_torque,
+            thruster_torque,
+            thruster_force,
+            thrust: thrust(&thruster_force, &thruster_torque, &self.lever_arm_m),
+            missing_torque: torque - wheel_torque - thruster_torque,
+            missing_force: force - thruster_force,
+        }
+    }
+
+    /// Torques a wheel can give: none that fills it further once it is full.
+    fn wheel_range(&self, axis: usize, momentum: f64) -> (f64, f64) {
+        let (torque, full) = (self.wheel_torque_nm[axis], self.wheel_momentum_nms[axis]);
+        let most_positive = if momentum <= -full { 0.0 } else { torque };
+        let most_negative = if momentum >= full { 0.0 } else { -torque };
+        (most_negative, most_positive)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn parameters() -> AllocationParameters {
+        AllocationParameters {
+            wheel_torque_nm: Vector3::repeat(0.2),
+            wheel_momentum_nms: Vector3::repeat(12.0),
+            thruster_force_n: Vector3::repeat(9.0),
+            lever_arm_m: Vector3::new(0.45, 0.5, 0.55),
+            unload_rate_1_s: 0.01,
+            unload_above_nms: 6.0,
+        }
+    }
+
+    fn vector(size: f64) -> impl Strategy<Value = Vector3<f64>> {
+        proptest::array::uniform3(-size..size).prop_map(Vector3::from)
+    }
+
+    /// Force and torque of the thrusters from where they stand and point: independent of how thrust was computed.
+    fn wrench(thrust: &[f64; 12], lever_arm: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let (mut force, mut torque) = (Vector3::zeros(), Vector3::zeros());
+        for push in 0..3 {
+            let turn = (push + 2) % 3;
+            let offset = Vector3::ith((turn + 2) % 3, lever_arm[turn]);
+            let direction = Vector3::ith(push, 1.0);
+            // the first of each two stands where it turns forwards
+            let side = offset.cross(&direction)[turn].signum();
+            for (index, (along, forwards)) in [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)].into_iter().enumerate() {
+                let f = direction * (along * thrust[4 * push + index]);
+                let at = offset * (side * along * forwards);
+                force += f;
+                torque += at.cross(&f);
+            }
+        }
+        (force, torque)
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_is_lost_and_no_limit_is_passed(
+            torque in vector(6.0), force in vector(12.0), momentum in vector(14.0),
+        ) {
+            let parameters = parameters();
+            let shared = parameters.share(&torque, &force, &momentum);
+            prop_assert!((shared.wheel_torque + shared.thruster_torque + shared.missing_torque - torque).amax() < 1e-14);
+            prop_assert!((shared.thruster_force + shared.missing_force - force).amax() < 1e-14);
+            for axis in 0..3 {
+                prop_assert!(shared.wheel_torque[axis].abs() <= 0.2);
+                if momentum[axis].abs() >= 12.0 {
+                    prop_assert!(shared.wheel_torque[axis] * momentum[axis] >= 0.0, "a full wheel is not filled further");
+                }
+            }
+            for thrust in shared.thrust {
+                prop_assert!((0.0..=4.5 + 1e-12).contains(&thrust));
+            }
+            let (made_force, made_torque) = wrench(&shared.thrust, &parameters.lever_arm_m);
+            prop_assert!((made_force - shared.thruster_force).amax() < 1e-12);
+            prop_assert!((made_torque - shared.thruster_torque).amax() < 1e-12);
+        }
+
+        #[test]
+        fn shedding_momentum_is_not_felt_by_the_base(torque in vector(0.15), momentum in vector(11.0)) {
+            let shared = parameters().share(&torque, &Vector3::zeros(), &momentum);
+            prop_assert!(shared.missing_torque.amax() < 1e-15);
+            prop_assert!((shared.wheel_torque + shared.thruster_torque - torque).amax() < 1e-15);
+            for axis in 0..3 {
+                let shed = shared.wheel_torque[axis] - torque[axis];
+                prop_assert!(shed * momentum[axis] >= 0.0);
+                prop_assert_eq!(shed.abs() > 1e-15, momentum[axis].abs() > 6.0 + 1e-13);
+            }
+        }
+    }
+
+    #[test]
+    fn thrusters_help_out_saturated_wheels_with_what_the_force_leaves() {
+        let torque = Vector3::new(1.0, 0.0, 0.0);
+        let free = parameters().share(&torque, &Vector3::zeros(), &Vector3::zeros());
+        assert!((free.wheel_torque.x - 0.2).abs() < 1e-15 && (free.thruster_torque.x - 0.8).abs() < 1e-15);
+        let busy = parameters().share(&torque, &Vector3::new(0.0, -8.0, 0.0), &Vector3::zeros());
+        assert!((busy.thruster_torque.x - 0.45).abs() < 1e-15);
+        assert!((busy.missing_torque.x - 0.35).abs() < 1e-15);
+    }
+
+    #[test]
+    fn direct_allocation_is_what_was_asked_for() {
+        let (torque, force) = (Vector3::new(1.0, -2.0, 3.0), Vector3::new(-20.0, 5.0, 0.1));
+        let direct = Allocation::direct(&torque, &force);
+        assert_eq!((direct.wheel_torque, direct.thruster_force), (torque, force));
+        assert_eq!(wrench(&direct.thrust, &Vector3::zeros()).0, force);
+    }
+
+    #[test]
+    fn a_negative_limit_is_refused_with_the_field() {
+        let mut parameters = parameters();
+        parameters.lever_arm_m.y = -0.1;
+        assert_eq!(parameters.validated().unwrap_err().field, "allocation.lever_arm_m");
+    }
+}

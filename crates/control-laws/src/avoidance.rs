@@ -1,0 +1,127 @@
+//! Avoidance of joint ends and of the straight elbow, in the null space of the end effector's Jacobian.
+//!
+//! Beyond the paper, off by default. Each joint that comes closer than a margin to an end of its range is asked to turn back, and the
+//! elbow to bend when it is nearly straight; the projection lets base and arm do that without moving the end effector. The end effector
+//! keeps priority: a joint is kept off its end only as far as the null space allows.
+
+use crate::{Dof, JOINTS, ParameterError};
+
+/// Everything a user chooses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AvoidanceParameters {
+    /// Lower end of each joint's range, rad.
+    pub lower_rad: [f64; JOINTS],
+    /// Upper end of each joint's range, rad.
+    pub upper_rad: [f64; JOINTS],
+    /// Distance from an end at which a joint starts to be turned back, rad.
+    pub margin_rad: f64,
+    /// Rate asked of a joint at the end of its range, rad/s; it grows with the square of the way into the margin.
+    pub rate_rad_s: f64,
+    /// The elbow, if its straight position is to be avoided as well.
+    pub elbow: Option<Elbow>,
+}
+
+/// A joint in which the arm becomes singular at angle zero.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Elbow {
+    /// Index of the joint, 0 for A1.
+    pub joint: usize,
+    /// Angle below which the elbow is asked to bend, rad.
+    pub margin_rad: f64,
+    /// Rate asked at the straight position, rad/s.
+    pub rate_rad_s: f64,
+}
+
+impl AvoidanceParameters {
+    pub(crate) fn validated(&self) -> Result<(), ParameterError> {
+        ParameterError::positive("avoidance.margin_rad", self.margin_rad)?;
+        ParameterError::positive("avoidance.rate_rad_s", self.rate_rad_s)?;
+        ParameterError::finite("avoidance.lower_rad", &self.lower_rad)?;
+        ParameterError::finite("avoidance.upper_rad", &self.upper_rad)?;
+        for (lower, upper) in self.lower_rad.iter().zip(&self.upper_rad) {
+            if upper - lower <= 2.0 * self.margin_rad {
+                let remedy = "must be above avoidance.lower_rad by more than two margins";
+                return Err(ParameterError::new("avoidance.upper_rad", upper, remedy));
+            }
+        }
+        if let Some(elbow) = self.elbow {
+            ParameterError::positive("avoidance.elbow.margin_rad", elbow.margin_rad)?;
+            ParameterError::positive("avoidance.elbow.rate_rad_s", elbow.rate_rad_s)?;
+            if elbow.joint >= JOINTS {
+                let remedy = "must be the index of a joint, 0 to 6";
+                return Err(ParameterError::new("avoidance.elbow.joint", elbow.joint, remedy));
+            }
+        }
+        Ok(())
+    }
+
+    /// The velocity that would turn the joints back, before its projection into the null space; zero away from every margin.
+    pub fn wish(&self, joints: &[f64; JOINTS]) -> Dof {
+        let mut wish = Dof::zeros();
+        for joint in 0..JOINTS {
+            let above = depth(self.upper_rad[joint] - joints[joint], self.margin_rad);
+            let below = depth(joints[joint] - self.lower_rad[joint], self.margin_rad);
+            wish[6 + joint] = self.rate_rad_s * (below * below - above * above);
+        }
+        if let Some(elbow) = self.elbow {
+            let angle = joints[elbow.joint];
+            let into = depth(angle.abs(), elbow.margin_rad);
+            // away from zero; a perfectly straight elbow bends to the positive side
+            wish[6 + elbow.joint] += elbow.rate_rad_s * into * into * if angle < 0.0 { -1.0 } else { 1.0 };
+        }
+        wish
+    }
+}
+
+/// How deep in the margin: 0 at its edge, 1 where `distance` is zero, and no more than 2 beyond.
+fn depth(distance: f64, margin: f64) -> f64 {
+    ((margin - distance) / margin).clamp(0.0, 2.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parameters() -> AvoidanceParameters {
+        AvoidanceParameters {
+            lower_rad: [-2.0; JOINTS],
+            upper_rad: [2.0; JOINTS],
+            margin_rad: 0.4,
+            rate_rad_s: 0.1,
+            elbow: Some(Elbow {
+                joint: 3,
+                margin_rad: 0.3,
+                rate_rad_s: 0.05,
+            }),
+        }
+    }
+
+    #[test]
+    fn only_joints_in_a_margin_are_turned_back() {
+        let wish = parameters().wish(&[0.0, 1.59, 1.9, 0.5, -2.0, -2.5, 1.0]);
+        assert_eq!(wish.fixed_rows::<8>(0), Dof::zeros().fixed_rows::<8>(0));
+        assert!(wish[8] < 0.0 && wish[8] > -0.1);
+        assert_eq!((wish[9], wish[12]), (0.0, 0.0));
+        assert_eq!(wish[10], 0.1);
+        assert!(wish[11] > 0.1 && wish[11] <= 0.4, "beyond the end more, but bounded");
+    }
+
+    #[test]
+    fn a_straight_elbow_bends_away_from_zero() {
+        for (angle, sign) in [(0.1, 1.0), (-0.1, -1.0), (0.0, 1.0)] {
+            let mut joints = [0.5; JOINTS];
+            joints[3] = angle;
+            assert!(parameters().wish(&joints)[9] * sign > 0.0, "{angle}");
+        }
+    }
+
+    #[test]
+    fn ranges_that_leave_no_room_are_refused_with_the_field() {
+        let mut narrow = parameters();
+        narrow.upper_rad[2] = -1.3;
+        assert_eq!(narrow.validated().unwrap_err().field, "avoidance.upper_rad");
+        let mut elbow = parameters();
+        elbow.elbow.as_mut().unwrap().joint = 7;
+        assert_eq!(elbow.validated().unwrap_err().field, "avoidance.elbow.joint");
+    }
+}

@@ -1,0 +1,174 @@
+//! The inner loop: from the error of the generalised velocity to a feedback force (Eq 6 to 8).
+
+mod gains;
+mod solve;
+
+pub use gains::Gains;
+
+use crate::{Dof, ParameterError};
+use solve::ImplicitStep;
+
+/// Which feedback law.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum FeedbackLaw {
+    /// Eq 7: proportional plus integral inside a saturation that the integrator knows about.
+    ConditionalIntegrator {
+        /// Where the feedback force saturates.
+        bound: Bound,
+        /// How the integrator is discretised.
+        discretisation: Discretisation,
+    },
+    /// Eq 6: proportional plus integral, not bounded.
+    ProportionalIntegral,
+    /// Proportional, not bounded.
+    Proportional,
+}
+
+/// Bound `F` of the feedback force.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Bound {
+    /// One bound a channel, N m and N: with the limits of the actuators the feedback alone never asks for more than there is.
+    PerChannel(Dof),
+    /// The paper's `‖K_S‖ I`: one number for newtons and newton metres alike.
+    Scalar(f64),
+}
+
+/// How the conditional integrator is discretised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Discretisation {
+    /// One implicit step: exact below saturation, and `|K_I σ| ≤ F` for every period (diagonal gains).
+    #[default]
+    Exact,
+    /// Forward Euler, for comparison: `σ` may leave its bound when the period is long against `K_P / K_I`.
+    Euler,
+}
+
+/// The feedback at an instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feedback {
+    /// Feedback force `u_CI`: `[m_b; f_b; τ]`, N m, N, N m.
+    pub force: Dof,
+    /// Which channels saturate.
+    pub saturated: [bool; 13],
+    /// Whether the implicit step of full gain matrices converged; always true with diagonal gains.
+    pub converged: bool,
+}
+
+/// The inner loop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InnerLoop {
+    gains: Gains,
+    bound: Option<Dof>,
+    integrates: bool,
+    discretisation: Discretisation,
+    period_s: f64,
+    implicit: ImplicitStep,
+    sigma: Dof,
+}
+
+impl InnerLoop {
+    /// An inner loop with nothing integrated yet, stepped every `period_s`.
+    ///
+    /// # Errors
+    ///
+    /// If `K_P` is not positive definite, `K_I` not positive semidefinite, or a bound not above zero.
+    pub fn new(gains: Gains, law: &FeedbackLaw, period_s: f64) -> Result<Self, ParameterError> {
+        ParameterError::positive("period_s", period_s)?;
+        let implicit = ImplicitStep::new(&gains, period_s)?;
+        let (bound, discretisation) = match *law {
+            FeedbackLaw::ConditionalIntegrator {
+                bound: Bound::PerChannel(bound),
+                discretisation,
+            } => (Some(bound), discretisation),
+            FeedbackLaw::ConditionalIntegrator {
+                bound: Bound::Scalar(bound),
+                discretisation,
+            } => (Some(Dof::repeat(bound)), discretisation),
+            FeedbackLaw::ProportionalIntegral | FeedbackLaw::Proportional => (None, Discretisation::Exact),
+        };
+        for value in bound.iter().flat_map(Dof::iter) {
+            ParameterError::positive("inner.bound", *value)?;
+        }
+        Ok(Self {
+            gains,
+            bound,
+            integrates: *law != FeedbackLaw::Proportional,
+            discretisation,
+            period_s,
+            implicit,
+            sigma: Dof::zeros(),
+        })
+    }
+
+    /// Integral of the velocity error `σ`, rad and m.
+    pub fn sigma(&self) -> &Dof {
+        &self.sigma
+    }
+
+    /// Continues from an integral, with the same bits.
+    pub fn restore(&mut self, sigma: &[f64; 13]) {
+        self.sigma = (*sigma).into();
+    }
+
+    /// Takes in the velocity error `y = ṽ_v − ṽ` and advances the integral by a period.
+    pub fn step(&mut self, error: &Dof) -> Feedback {
+        let proportional = self.gains.kp() * error;
+        if !self.integrates {
+            return Feedback::unbounded(proportional);
+        }
+        let candidate = self.sigma + error * self.period_s;
+        let Some(bound) = self.bound else {
+            self.sigma = candidate; // Eq 6
+            return Feedback::unbounded(self.gains.ki() * self.sigma + proportional);
+        };
+        match self.discretisation {
+            Discretisation::Euler => self.euler(&proportional, &bound),
+            Discretisation::Exact => {
+                let wanted = self.gains.ki() * candidate + proportional;
+                if !exceeds(&wanted, &bound).contains(&true) {
+                    // below saturation Eq 7 is Eq 6
+                    self.sigma = candidate;
+                    return Feedback::unbounded(wanted);
+                }
+                let solution = if self.gains.is_diagonal() {
+                    self.implicit.diagonal(&self.sigma, error, &proportional, &bound)
+                } else {
+                    self.implicit.full(&self.sigma, &proportional, &bound)
+                };
+                self.sigma = solution.sigma;
+                Feedback::bounded(&solution.wanted, &bound, solution.converged)
+            }
+        }
+    }
+
+    fn euler(&mut self, proportional: &Dof, bound: &Dof) -> Feedback {
+        // H⁻¹(G σ + y) = F⁻¹(K_I σ + K_P y)
+        let wanted = self.gains.ki() * self.sigma + proportional;
+        let feedback = Feedback::bounded(&wanted, bound, true);
+        // σ̇ = −G σ + H sat₁(·), with G = K_P⁻¹ K_I and H sat₁ = K_P⁻¹ u_CI
+        self.sigma += self.implicit.kp_inverse() * (feedback.force - self.gains.ki() * self.sigma) * self.period_s;
+        feedback
+    }
+}
+
+impl Feedback {
+    fn unbounded(force: Dof) -> Self {
+        Self {
+            force,
+            saturated: [false; 13],
+            converged: true,
+        }
+    }
+
+    fn bounded(wanted: &Dof, bound: &Dof, converged: bool) -> Self {
+        Self {
+            force: wanted.zip_map(bound, |value, bound| value.clamp(-bound, bound)),
+            saturated: exceeds(wanted, bound),
+            converged,
+        }
+    }
+}
+
+fn exceeds(wanted: &Dof, bound: &Dof) -> [bool; 13] {
+    std::array::from_fn(|channel| wanted[channel].abs() > bound[channel])
+}

@@ -1,0 +1,112 @@
+//! The part that every law shares: from a virtual velocity to a force (Eq 5 to 8).
+
+use crate::filter::{FilterParameters, FilterState, ShapingFilter};
+use crate::inner::{Feedback, FeedbackLaw, Gains, InnerLoop};
+use crate::model::ControlModel;
+use crate::{DOF, Dof, Measured, ParameterError};
+
+/// Everything a user chooses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackerParameters {
+    /// Time between two steps, s.
+    pub period_s: f64,
+    /// The command-shaping filter.
+    pub filter: FilterParameters,
+    /// Which velocity is fed back and goes into `C ṽ`.
+    pub followed: Followed,
+    /// Gains of the inner loop.
+    pub gains: Gains,
+    /// Which feedback law.
+    pub feedback: FeedbackLaw,
+}
+
+/// Which velocity the inner loop follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Followed {
+    /// The virtual velocity as the outer loop gives it, as the paper.
+    #[default]
+    Raw,
+    /// The filter's own velocity, of which the virtual acceleration is the derivative.
+    Filtered,
+}
+
+/// What a velocity tracker remembers, as plain numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackerState {
+    /// State of the shaping filter.
+    pub filter: FilterState,
+    /// Integral of the velocity error `σ`, rad and m.
+    pub sigma: [f64; DOF],
+}
+
+/// A force and where it comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tracking {
+    /// Generalised force `u = u_CI + M v̇_v + C ṽ_v`: `[m_b; f_b; τ]`, N m, N, N m.
+    pub force: Dof,
+    /// The feedback part.
+    pub feedback: Feedback,
+    /// Virtual acceleration `v̇_v`.
+    pub acceleration: Dof,
+    /// Velocity error `y = ṽ_v − ṽ`.
+    pub error: Dof,
+}
+
+/// Shaping filter, inner loop and model feed-forward.
+#[derive(Debug, Clone)]
+pub(crate) struct Tracker {
+    model: ControlModel,
+    filter: ShapingFilter,
+    followed: Followed,
+    inner: InnerLoop,
+}
+
+impl Tracker {
+    pub(crate) fn new(model: ControlModel, parameters: &TrackerParameters) -> Result<Self, ParameterError> {
+        Ok(Self {
+            model,
+            filter: ShapingFilter::new(&parameters.filter, parameters.period_s)?,
+            followed: parameters.followed,
+            inner: InnerLoop::new(parameters.gains, &parameters.feedback, parameters.period_s)?,
+        })
+    }
+
+    pub(crate) fn model(&self) -> &ControlModel {
+        &self.model
+    }
+
+    pub(crate) fn sigma(&self) -> &Dof {
+        self.inner.sigma()
+    }
+
+    pub(crate) fn state(&self) -> TrackerState {
+        TrackerState {
+            filter: *self.filter.state(),
+            sigma: (*self.inner.sigma()).into(),
+        }
+    }
+
+    pub(crate) fn restore(&mut self, state: &TrackerState) {
+        self.filter.restore(&state.filter);
+        self.inner.restore(&state.sigma);
+    }
+
+    /// The force that makes the servicer follow `velocity`.
+    pub(crate) fn step(&mut self, measured: &Measured, velocity: &Dof) -> Tracking {
+        let filtered = self.filter.step(velocity);
+        let followed = match self.followed {
+            Followed::Raw => velocity,
+            Followed::Filtered => &filtered.velocity,
+        };
+        let error = followed - measured.velocity;
+        let feedback = self.inner.step(&error);
+        // Eq 5: u = u_CI + M v̇_v + C ṽ_v
+        let feed_forward = self.model.force(measured, followed, &filtered.acceleration);
+        Tracking {
+            force: feedback.force + feed_forward,
+            feedback,
+            acceleration: filtered.acceleration,
+            error,
+        }
+    }
+}

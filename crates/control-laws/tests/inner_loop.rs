@@ -1,0 +1,178 @@
+//! Properties of the inner loop that hold for every gain, bound, period and error history.
+
+use control_laws::inner::{Bound, Discretisation, FeedbackLaw, Gains, InnerLoop};
+use control_laws::{Dof, Matrix13};
+use proptest::prelude::*;
+
+fn conditional(bound: Bound, discretisation: Discretisation) -> FeedbackLaw {
+    FeedbackLaw::ConditionalIntegrator { bound, discretisation }
+}
+
+fn channels(range: std::ops::Range<f64>) -> impl Strategy<Value = Dof> {
+    proptest::collection::vec(range, 13).prop_map(|values| Dof::from_row_slice(&values))
+}
+
+/// Errors that jump, rest and reverse: what drives an integrator into and out of saturation.
+fn errors() -> impl Strategy<Value = Vec<Dof>> {
+    proptest::collection::vec((channels(-1.0..1.0), prop_oneof![Just(0.0), Just(0.01), Just(1.0), Just(30.0)]), 60)
+        .prop_map(|list| list.into_iter().map(|(direction, size)| direction * size).collect())
+}
+
+/// A symmetric positive definite matrix: a diagonal plus something smaller beside it.
+fn coupled(diagonal: &Dof, coupling: f64) -> Matrix13 {
+    Matrix13::from_fn(|row, column| {
+        let mean = (diagonal[row] * diagonal[column]).sqrt();
+        if row == column { mean } else { mean * coupling / (1.0 + row.abs_diff(column) as f64) }
+    })
+}
+
+proptest! {
+    #[test]
+    fn integral_action_never_exceeds_the_bound_for_any_period(
+        kp in channels(0.1..500.0), ki in channels(0.0..500.0), bound in channels(0.01..400.0),
+        period_s in prop_oneof![1e-4..0.1, 0.1..1e3], errors in errors(),
+    ) {
+        let law = conditional(Bound::PerChannel(bound), Discretisation::Exact);
+        let mut inner = InnerLoop::new(Gains::diagonal(&kp, &ki), &law, period_s).unwrap();
+        for error in errors {
+            let feedback = inner.step(&error);
+            for channel in 0..13 {
+                let action = ki[channel] * inner.sigma()[channel];
+                prop_assert!(action.abs() <= bound[channel] * (1.0 + 1e-14), "{action} of {}", bound[channel]);
+                prop_assert!(feedback.force[channel].abs() <= bound[channel]);
+            }
+        }
+    }
+
+    #[test]
+    fn below_saturation_it_is_the_pi_law_to_the_last_bit(
+        kp in channels(0.1..500.0), ki in channels(0.0..500.0), coupling in prop_oneof![Just(0.0), 0.05..0.15], errors in errors(),
+    ) {
+        let gains = Gains::full(coupled(&kp, coupling), coupled(&ki, coupling));
+        let law = conditional(Bound::Scalar(1e9), Discretisation::Exact);
+        let mut bounded = InnerLoop::new(gains, &law, 0.01).unwrap();
+        let mut plain = InnerLoop::new(gains, &FeedbackLaw::ProportionalIntegral, 0.01).unwrap();
+        for error in errors {
+            prop_assert_eq!(bounded.step(&error), plain.step(&error));
+            prop_assert_eq!(bounded.sigma(), plain.sigma());
+        }
+    }
+
+    #[test]
+    fn the_fixed_point_of_full_matrices_is_the_closed_form_when_they_are_nearly_diagonal(
+        kp in channels(0.5..500.0), ki in channels(0.1..200.0), bound in channels(0.01..100.0), errors in errors(),
+    ) {
+        let law = conditional(Bound::PerChannel(bound), Discretisation::Exact);
+        let mut closed = InnerLoop::new(Gains::diagonal(&kp, &ki), &law, 0.01).unwrap();
+        let mut off_diagonal = Matrix13::from_diagonal(&kp);
+        off_diagonal[(0, 1)] = 1e-300; // takes the general path with the same numbers
+        let gains = Gains::full(off_diagonal, Matrix13::from_diagonal(&ki));
+        prop_assert!(!gains.is_diagonal());
+        let mut iterated = InnerLoop::new(gains, &law, 0.01).unwrap();
+        for error in errors {
+            let (a, b) = (closed.step(&error), iterated.step(&error));
+            prop_assert!(b.converged);
+            prop_assert!((a.force - b.force).component_div(&bound).amax() < 1e-10);
+            prop_assert!((closed.sigma() - iterated.sigma()).amax() < 1e-9 * (1.0 + closed.sigma().amax()));
+        }
+    }
+
+    #[test]
+    fn full_matrices_satisfy_the_implicit_equation(
+        kp in channels(1.0..300.0), ki in channels(0.1..100.0), coupling in 0.05..0.15, bound in channels(0.1..50.0), errors in errors(),
+    ) {
+        let (kp, ki) = (coupled(&kp, coupling), coupled(&ki, coupling));
+        let law = conditional(Bound::PerChannel(bound), Discretisation::Exact);
+        let mut inner = InnerLoop::new(Gains::full(kp, ki), &law, 0.01).unwrap();
+        for error in errors {
+            let before = *inner.sigma();
+            let feedback = inner.step(&error);
+            let after = inner.sigma();
+            prop_assert!(feedback.converged);
+            // K_P (σ⁺ − σ)/T = −K_I σ⁺ + u: Eq 7 at the end of the period
+            let residual = kp * (after - before) / 0.01 + ki * after - feedback.force;
+            let scale = (kp * (after - before) / 0.01).amax() + (ki * after).amax() + 1e-9;
+            prop_assert!(residual.amax() < 1e-9 * scale, "{} of {scale}", residual.amax());
+        }
+    }
+
+    #[test]
+    fn both_discretisations_follow_the_differential_equation_as_the_period_shrinks(
+        kp in channels(1.0..100.0), ratio in channels(0.1..3.0), bound in channels(0.1..10.0),
+    ) {
+        let gains = Gains::diagonal(&kp, &kp.component_mul(&ratio));
+        let error = |time_s: f64| Dof::from_fn(|channel, _| libm::sin(time_s + channel as f64));
+        let run = |discretisation, period_s: f64| {
+            let mut inner = InnerLoop::new(gains, &conditional(Bound::PerChannel(bound), discretisation), period_s).unwrap();
+            for tick in 0..(2.0 / period_s).round() as u32 {
+                inner.step(&error(f64::from(tick) * period_s));
+            }
+            *inner.sigma()
+        };
+        let fine = run(Discretisation::Exact, 1e-4);
+        for discretisation in [Discretisation::Exact, Discretisation::Euler] {
+            let coarse = (run(discretisation, 4e-3) - fine).amax();
+            let finer = (run(discretisation, 1e-3) - fine).amax();
+            prop_assert!(coarse < 0.02 && finer < 0.006, "{discretisation:?}: {coarse} {finer}");
+        }
+    }
+}
+
+#[test]
+fn forward_euler_leaves_the_bound_where_the_exact_step_does_not() {
+    let gains = Gains::diagonal(&Dof::repeat(1.0), &Dof::repeat(5.0));
+    let worst = |discretisation| {
+        let mut inner = InnerLoop::new(gains, &conditional(Bound::Scalar(1.0), discretisation), 0.35).unwrap();
+        let mut worst = 0.0_f64;
+        for tick in 0..40 {
+            inner.step(&Dof::repeat(if tick % 20 < 10 { 3.0 } else { -3.0 }));
+            worst = worst.max(5.0 * inner.sigma()[0].abs());
+        }
+        worst
+    };
+    assert!(worst(Discretisation::Exact) <= 1.0);
+    assert!(worst(Discretisation::Euler) > 1.3);
+}
+
+#[test]
+fn after_a_long_saturation_the_feedback_reverses_at_once_and_the_pi_law_does_not() {
+    let gains = Gains::diagonal(&Dof::repeat(2.0), &Dof::repeat(1.0));
+    let recovery = |law| {
+        let mut inner = InnerLoop::new(gains, &law, 0.01).unwrap();
+        for _ in 0..3000 {
+            inner.step(&Dof::repeat(1.0));
+        }
+        (0..10_000).take_while(|_| inner.step(&Dof::repeat(-1.0)).force[0] > 0.0).count()
+    };
+    assert_eq!(recovery(conditional(Bound::Scalar(1.0), Discretisation::Exact)), 0);
+    assert!(recovery(FeedbackLaw::ProportionalIntegral) > 2000, "wind-up");
+}
+
+#[test]
+fn the_proportional_law_remembers_nothing() {
+    let gains = Gains::diagonal(&Dof::repeat(2.0), &Dof::repeat(1.0));
+    let mut inner = InnerLoop::new(gains, &FeedbackLaw::Proportional, 0.01).unwrap();
+    for _ in 0..10 {
+        assert_eq!(inner.step(&Dof::repeat(0.5)).force, Dof::repeat(1.0));
+    }
+    assert_eq!(*inner.sigma(), Dof::zeros());
+}
+
+#[test]
+fn gains_and_bounds_out_of_range_are_refused_with_the_field() {
+    let good = Dof::repeat(1.0);
+    let with = |index: usize, value: f64| {
+        let mut gains = good;
+        gains[index] = value;
+        gains
+    };
+    let field = |kp: &Dof, ki: &Dof, bound: f64| {
+        let law = conditional(Bound::Scalar(bound), Discretisation::Exact);
+        InnerLoop::new(Gains::diagonal(kp, ki), &law, 0.01).map(drop).map_err(|error| error.field)
+    };
+    assert_eq!(field(&with(4, 0.0), &good, 1.0), Err("inner.kp"));
+    assert_eq!(field(&with(4, f64::NAN), &good, 1.0), Err("inner.kp"));
+    assert_eq!(field(&good, &with(12, -0.1), 1.0), Err("inner.ki"));
+    assert_eq!(field(&good, &good, 0.0), Err("inner.bound"));
+    assert_eq!(field(&good, &with(12, 0.0), 1.0), Ok(()));
+}

@@ -1,0 +1,359 @@
+//! Navigation: the target's motion from a noisy camera pose that arrives late.
+//!
+//! A multiplicative error-state Kalman filter whose process is the rigid body itself: position and velocity of the centre of mass,
+//! attitude and angular velocity by Euler's equation, and the camera's own errors, which drift slowly instead of being white. The estimate
+//! lives at the stamp of the newest camera pose; a step predicts it over the latency to the present with the target's own motion, and so
+//! gives a smooth set-point at any rate.
+//!
+//! Camera model: `p_m = p_NT + b_p + n_p` (world axes) and `q_m = q_NT ⊗ exp(b_θ + n_θ)` (target axes), where `b` is a first-order
+//! Gauss-Markov process of a known standard deviation and time constant and `n` is white.
+//!
+//! Assumptions and limits: the inertia of the target is known up to a factor; no torque acts on it and no force beyond the accelerations
+//! named in the parameters; poses arrive in the order of their stamps (an older one is ignored); between two poses the target turns by less
+//! than half a turn.
+
+mod error_state;
+
+use crate::target::TargetModel;
+use crate::{ParameterError, Pose, TargetState, so3};
+use error_state::{Covariance, ErrorState, STATES, transition};
+use nalgebra::{Quaternion, SMatrix, SVector, UnitQuaternion, Vector3};
+
+/// A pair of standard deviations or densities, for position and attitude.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionAttitude {
+    /// Position part.
+    pub position: f64,
+    /// Attitude part.
+    pub attitude: f64,
+}
+
+/// Everything a user chooses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameters {
+    /// The target's rigid-body motion.
+    pub target: TargetModel,
+    /// Standard deviation of the camera's slow errors, m and rad about each axis.
+    pub drift_sigma: PositionAttitude,
+    /// Time constant of the slow errors, s.
+    pub drift_time_s: f64,
+    /// Standard deviation of the camera's white errors, m and rad about each axis; above zero.
+    pub white_sigma: PositionAttitude,
+    /// Density of the accelerations the model does not know, m/s² and rad/s² per √Hz. Keeps the filter awake.
+    pub acceleration_density: PositionAttitude,
+    /// Standard deviation of the velocities before the first pose, m/s and rad/s about each axis.
+    pub initial_rate_sigma: PositionAttitude,
+    /// A pose is refused when its normalised innovation squared exceeds this. 22.5 refuses one good pose in a thousand; infinity none.
+    pub gate: f64,
+    /// So many poses refused in a row start the filter anew: then it is the filter that is wrong.
+    pub refusals_max: u32,
+}
+
+/// A pose of the target by the camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraPose {
+    /// When the picture was taken, s.
+    pub stamp_s: f64,
+    /// Measured pose of the target body frame in the world.
+    pub pose: Pose,
+}
+
+/// What the filter answers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Motion of the target at the time asked for.
+    pub target: TargetState,
+    /// Standard deviation at the stamp of the newest pose: of the position, the length over the three axes, m.
+    pub position_sigma_m: f64,
+    /// The same of the attitude, rad.
+    pub attitude_sigma_rad: f64,
+    /// Age of the newest pose that was taken in, s: what the prediction bridges.
+    pub age_s: f64,
+    /// What became of the pose of this step.
+    pub update: Update,
+}
+
+/// What became of a camera pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Update {
+    /// There was none, or one that was known already.
+    None,
+    /// It started the filter.
+    Started,
+    /// It was taken in.
+    Accepted {
+        /// Normalised innovation squared: 6 on average when the filter is consistent.
+        nis: f64,
+    },
+    /// It was refused.
+    Refused {
+        /// Normalised innovation squared.
+        nis: f64,
+    },
+}
+
+/// All that the filter remembers, as plain numbers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State {
+    /// Whether a pose has been taken in; before that the other fields mean nothing.
+    pub started: bool,
+    /// Stamp of the newest pose seen, s.
+    pub stamp_s: f64,
+    /// Stamp the estimate stands at, s.
+    pub estimate_s: f64,
+    /// Poses refused in a row.
+    pub refusals: u32,
+    /// Position, m.
+    pub position: [f64; 3],
+    /// Attitude, scalar first.
+    pub attitude: [f64; 4],
+    /// Velocity, m/s.
+    pub velocity: [f64; 3],
+    /// Angular velocity, rad/s.
+    pub rate: [f64; 3],
+    /// Slow camera error of the position, m.
+    pub position_drift: [f64; 3],
+    /// Slow camera error of the attitude, rad.
+    pub attitude_drift: [f64; 3],
+    /// Covariance of the error state, column by column; SI units.
+    pub covariance: [[f64; STATES]; STATES],
+}
+
+/// The navigation filter.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NavigationFilter {
+    parameters: Parameters,
+    belief: Option<Belief>,
+}
+
+/// What is believed at a stamp.
+#[derive(Debug, Clone, PartialEq)]
+struct Belief {
+    newest_s: f64,
+    estimate_s: f64,
+    refusals: u32,
+    target: TargetState,
+    position_drift: Vector3<f64>,
+    attitude_drift: Vector3<f64>,
+    covariance: Covariance,
+}
+
+impl NavigationFilter {
+    /// A filter that has seen nothing yet.
+    ///
+    /// # Errors
+    ///
+    /// Names the parameter that is out of range.
+    pub fn new(parameters: Parameters) -> Result<Self, ParameterError> {
+        for (field, pair) in [
+            ("white_sigma", parameters.white_sigma),
+            ("initial_rate_sigma", parameters.initial_rate_sigma),
+        ] {
+            ParameterError::positive(field, pair.position)?;
+            ParameterError::positive(field, pair.attitude)?;
+        }
+        for (field, pair) in [
+            ("drift_sigma", parameters.drift_sigma),
+            ("acceleration_density", parameters.acceleration_density),
+        ] {
+            ParameterError::non_negative(field, pair.position)?;
+            ParameterError::non_negative(field, pair.attitude)?;
+        }
+        ParameterError::positive("drift_time_s", parameters.drift_time_s)?;
+        if parameters.gate.is_nan() || parameters.gate <= 0.0 {
+            let remedy = "must be above zero; infinity refuses nothing";
+            return Err(ParameterError::new("gate", parameters.gate, remedy));
+        }
+        Ok(Self {
+            parameters,
+            belief: None,
+        })
+    }
+
+    /// A filter that continues from `state`, with the same bits.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub fn from_state(parameters: Parameters, state: &State) -> Result<Self, ParameterError> {
+        let [w, x, y, z] = state.attitude;
+        let belief = state.started.then(|| Belief {
+            newest_s: state.stamp_s,
+            estimate_s: state.estimate_s,
+            refusals: state.refusals,
+            target: TargetState {
+                pose: Pose {
+                    position: state.position.into(),
+                    attitude: UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)),
+                },
+                velocity: state.velocity.into(),
+                rate: state.rate.into(),
+            },
+            position_drift: state.position_drift.into(),
+            attitude_drift: state.attitude_drift.into(),
+            covariance: state.covariance.into(),
+        });
+        Ok(Self {
+            belief,
+            ..Self::new(parameters)?
+        })
+    }
+
+    /// All that the filter remembers.
+    pub fn state(&self) -> State {
+        match &self.belief {
+            None => State {
+                started: false,
+                stamp_s: 0.0,
+                estimate_s: 0.0,
+                refusals: 0,
+                position: [0.0; 3],
+                attitude: [0.0; 4],
+                velocity: [0.0; 3],
+                rate: [0.0; 3],
+                position_drift: [0.0; 3],
+                attitude_drift: [0.0; 3],
+                covariance: [[0.0; STATES]; STATES],
+            },
+            Some(belief) => State {
+                started: true,
+                stamp_s: belief.newest_s,
+                estimate_s: belief.estimate_s,
+                refusals: belief.refusals,
+                position: belief.target.pose.position.into(),
+                attitude: so3::to_wxyz(&belief.target.pose.attitude),
+                velocity: belief.target.velocity.into(),
+                rate: belief.target.rate.into(),
+                position_drift: belief.position_drift.into(),
+                attitude_drift: belief.attitude_drift.into(),
+                covariance: belief.covariance.into(),
+            },
+        }
+    }
+
+    /// Takes in a camera pose, if there is a new one, and says where the target is at `time_s`. `None` until there was a first pose.
+    pub fn step(&mut self, time_s: f64, camera: Option<&CameraPose>) -> Option<Estimate> {
+        let update = match camera {
+            None => Update::None,
+            Some(camera) => self.take_in(camera),
+        };
+        let belief = self.belief.as_ref()?;
+        let age_s = time_s - belief.estimate_s;
+        let sigma = |first: usize| {
+            (first..first + 3)
+                .map(|i| belief.covariance[(i, i)])
+                .sum::<f64>()
+                .sqrt()
+        };
+        Some(Estimate {
+            target: self.parameters.target.predicted(&belief.target, age_s),
+            position_sigma_m: sigma(error_state::POSITION),
+            attitude_sigma_rad: sigma(error_state::ATTITUDE),
+            age_s,
+            update,
+        })
+    }
+
+    /// Covariance of the error state at the stamp of the estimate: position (world, m), velocity (world, m/s), attitude (target axes,
+    /// rad), angular velocity (target axes, rad/s), slow camera errors of position (m) and attitude (rad), three numbers each.
+    pub fn covariance(&self) -> Option<&SMatrix<f64, 18, 18>> {
+        self.belief.as_ref().map(|belief| &belief.covariance)
+    }
+
+    fn take_in(&mut self, camera: &CameraPose) -> Update {
+        let parameters = &self.parameters;
+        match &mut self.belief {
+            None => {
+                self.belief = Some(Belief::started(parameters, camera));
+                Update::Started
+            }
+            Some(belief) if camera.stamp_s <= belief.newest_s => Update::None,
+            Some(belief) => {
+                belief.newest_s = camera.stamp_s;
+                belief.predict(parameters, camera.stamp_s);
+                let nis = belief.update(parameters, &camera.pose);
+                if nis <= parameters.gate {
+                    belief.refusals = 0;
+                    return Update::Accepted { nis };
+                }
+                belief.refusals += 1;
+                if belief.refusals > parameters.refusals_max {
+                    *belief = Belief::started(parameters, camera);
+                    return Update::Started;
+                }
+                Update::Refused { nis }
+            }
+        }
+    }
+}
+
+impl Belief {
+    fn started(parameters: &Parameters, camera: &CameraPose) -> Self {
+        Self {
+            newest_s: camera.stamp_s,
+            estimate_s: camera.stamp_s,
+            refusals: 0,
+            target: TargetState {
+                pose: camera.pose,
+                velocity: Vector3::zeros(),
+                rate: Vector3::zeros(),
+            },
+            position_drift: Vector3::zeros(),
+            attitude_drift: Vector3::zeros(),
+            covariance: error_state::initial(parameters),
+        }
+    }
+
+    fn predict(&mut self, parameters: &Parameters, to_s: f64) {
+        let span_s = to_s - self.estimate_s;
+        let steps = (span_s / error_state::LONGEST_STEP_S).ceil().max(1.0);
+        let step_s = span_s / steps;
+        for _ in 0..steps as u64 {
+            let (phi, noise) = transition(parameters, &self.target.rate, step_s);
+            self.covariance = phi * self.covariance * phi.transpose() + noise;
+            self.target = parameters.target.predicted(&self.target, step_s);
+            let keep = libm::exp(-step_s / parameters.drift_time_s);
+            self.position_drift *= keep;
+            self.attitude_drift *= keep;
+        }
+        self.estimate_s = to_s;
+    }
+
+    /// Takes in a pose unless it is out of the gate; the normalised innovation squared.
+    fn update(&mut self, parameters: &Parameters, pose: &Pose) -> f64 {
+        let drift = so3::exp(&self.attitude_drift);
+        let expected = self.target.pose.attitude * drift;
+        let r_p = pose.position - self.target.pose.position - self.position_drift;
+        let r_q = so3::log(&(expected.inverse() * pose.attitude));
+        let residual = SVector::<f64, 6>::new(r_p.x, r_p.y, r_p.z, r_q.x, r_q.y, r_q.z);
+
+        let h = error_state::observation(&drift, &self.attitude_drift);
+        let noise = error_state::camera_noise(parameters);
+        let cross = self.covariance * h.transpose();
+        let innovation = h * cross + noise;
+        let Some(factor) = innovation.cholesky() else {
+            return f64::INFINITY; // not a covariance any more: refuse, and after a few refusals start anew
+        };
+        let nis = residual.dot(&factor.solve(&residual));
+        if nis.is_nan() || nis > parameters.gate {
+            return if nis.is_nan() { f64::INFINITY } else { nis };
+        }
+        let gain = factor.solve(&cross.transpose()).transpose();
+        let correction: ErrorState = gain * residual;
+        // Joseph's form: stays symmetric and positive whatever the rounding
+        let keep = Covariance::identity() - gain * h;
+        let covariance = keep * self.covariance * keep.transpose() + gain * noise * gain.transpose();
+        self.covariance = (covariance + covariance.transpose()) * 0.5;
+
+        let part = |first: usize| correction.fixed_rows::<3>(first).into_owned();
+        self.target.pose.position += part(error_state::POSITION);
+        self.target.velocity += part(error_state::VELOCITY);
+        self.target.pose.attitude = so3::normalised(
+            self.target.pose.attitude.into_inner() * so3::exp(&part(error_state::ATTITUDE)).into_inner(),
+        );
+        self.target.rate += part(error_state::RATE);
+        self.position_drift += part(error_state::POSITION_DRIFT);
+        self.attitude_drift += part(error_state::ATTITUDE_DRIFT);
+        nis
+    }
+}
