@@ -1,0 +1,1 @@
+//! Whether two tapes are the same.
