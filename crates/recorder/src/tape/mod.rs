@@ -37,6 +37,7 @@ pub use events::{Event, EventKind};
 pub use memory::{DigestSink, MemoryTape};
 pub use reader::{Reader, Torn};
 pub use sink::Sink;
+pub(crate) use source::split as split_record;
 pub use source::{FieldRef, Record, Records, Source};
 pub use spec::{FORMAT_VERSION, StreamSpec};
 pub use writer::Writer;
