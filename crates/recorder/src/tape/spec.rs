@@ -36,7 +36,6 @@ pub struct StreamSpec {
     /// The distance of two samples, positive.
     pub period: Rational,
     /// The index of the first sample on the tape; above zero when a run starts from a checkpoint.
-    #[serde(default)]
     pub first_index: u64,
     /// The payload.
     pub descriptor: Descriptor,
