@@ -128,10 +128,11 @@ impl Writer {
     /// Hands every complete sample to the operating system: from here on a crash of this process does not lose it.
     /// Every stream is tried; the first error is given.
     pub fn flush(&mut self) -> Result<(), AppendError> {
-        self.lanes.iter_mut().fold(Ok(()), |so_far, lane| {
-            let flushed = lane.flush();
-            so_far.and(flushed)
-        })
+        let mut first = Ok(());
+        for lane in &mut self.lanes {
+            first = first.and(lane.flush());
+        }
+        first
     }
 
     /// How many samples stream number `stream` has, on disk and in memory; `None` when there is no such stream.
