@@ -1,1 +1,12 @@
-//! Work in progress.
+//! What a run leaves behind: the tape, the run folder, comparisons, exports and reports.
+//!
+//! - [`tape`]: the bit-exact record of every sample, written while the run goes on and readable after any crash;
+//! - [`folder`]: where the files of one run lie;
+//! - [`compare`]: whether two tapes are the same bits, and where they part.
+//!
+//! The crate knows ports only by their [`lockstep::port::Descriptor`]: every field has a name, a shape, a unit and a
+//! frame, and nothing here needs the type that produced it.
+
+pub mod compare;
+pub mod folder;
+pub mod tape;

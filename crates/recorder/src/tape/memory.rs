@@ -1,0 +1,118 @@
+//! Tapes without files, for campaigns and tests.
+
+use super::digest::combine;
+use super::spec::validate_all;
+use super::track::Track;
+use super::{AppendError, Digest, ReadError, Sink, Source, SpecError, StreamSpec};
+
+fn tracks(streams: Vec<StreamSpec>) -> Result<Vec<Track>, SpecError> {
+    validate_all(&streams)?;
+    streams.into_iter().map(Track::new).collect()
+}
+
+/// A tape in memory. Grows as samples come: the one sink that allocates.
+#[derive(Debug)]
+pub struct MemoryTape {
+    streams: Vec<StreamSpec>,
+    lanes: Vec<(Track, Vec<u8>)>,
+}
+
+impl MemoryTape {
+    /// An empty tape of these streams.
+    pub fn new(streams: Vec<StreamSpec>) -> Result<MemoryTape, SpecError> {
+        let lanes = tracks(streams.clone())?.into_iter().map(|track| (track, Vec::new()));
+        Ok(MemoryTape {
+            lanes: lanes.collect(),
+            streams,
+        })
+    }
+}
+
+impl Sink for MemoryTape {
+    fn sample(&mut self, stream: usize, index: u64, stamp_s: f64, payload: &[u8]) -> Result<(), AppendError> {
+        let count = self.lanes.len();
+        let (track, bytes) = self
+            .lanes
+            .get_mut(stream)
+            .ok_or(AppendError::Stream { stream, count })?;
+        track.check(index, stamp_s, payload)?;
+        bytes.extend_from_slice(&stamp_s.to_le_bytes());
+        bytes.extend_from_slice(payload);
+        track.advance();
+        Ok(())
+    }
+}
+
+impl Source for MemoryTape {
+    fn streams(&self) -> &[StreamSpec] {
+        &self.streams
+    }
+
+    fn count(&self, stream: usize) -> u64 {
+        self.lanes[stream].0.count()
+    }
+
+    fn read(&self, stream: usize, first: u64, records: &mut [u8]) -> Result<(), ReadError> {
+        let stride = self.check_range(stream, first, records.len())?;
+        let start = first as usize * stride;
+        records.copy_from_slice(&self.lanes[stream].1[start..start + records.len()]);
+        Ok(())
+    }
+}
+
+/// Keeps nothing but the hash: says whether a run gives the same tape as another at no cost in memory or disk.
+#[derive(Debug)]
+pub struct DigestSink {
+    lanes: Vec<HashLane>,
+}
+
+#[derive(Debug)]
+struct HashLane {
+    track: Track,
+    hasher: blake3::Hasher,
+    /// Records are hashed many at a time, which is several times faster than one by one.
+    pending: Vec<u8>,
+}
+
+/// Bytes that are hashed at once.
+const PENDING_BYTES: usize = 1 << 14;
+
+impl DigestSink {
+    /// A sink for these streams.
+    pub fn new(streams: Vec<StreamSpec>) -> Result<DigestSink, SpecError> {
+        let lanes = tracks(streams)?.into_iter().map(|track| HashLane {
+            pending: Vec::with_capacity(PENDING_BYTES + track.spec().stride()),
+            hasher: blake3::Hasher::new(),
+            track,
+        });
+        Ok(DigestSink { lanes: lanes.collect() })
+    }
+
+    /// The digest that a tape of all samples so far would have.
+    pub fn digest(&self) -> Digest {
+        combine(self.lanes.iter().map(|lane| {
+            let mut hasher = lane.hasher.clone();
+            hasher.update(&lane.pending);
+            (lane.track.spec(), lane.track.count(), hasher.finalize().into())
+        }))
+    }
+}
+
+impl Sink for DigestSink {
+    fn sample(&mut self, stream: usize, index: u64, stamp_s: f64, payload: &[u8]) -> Result<(), AppendError> {
+        let count = self.lanes.len();
+        let lane = self
+            .lanes
+            .get_mut(stream)
+            .ok_or(AppendError::Stream { stream, count })?;
+        lane.track.check(index, stamp_s, payload)?;
+        lane.pending.extend_from_slice(&stamp_s.to_le_bytes());
+        lane.pending.extend_from_slice(payload);
+        if lane.pending.len() >= PENDING_BYTES {
+            lane.hasher.update(&lane.pending);
+            lane.pending.clear();
+        }
+        lane.track.advance();
+        Ok(())
+    }
+}

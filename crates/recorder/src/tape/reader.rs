@@ -1,0 +1,256 @@
+//! Reading a tape, also a damaged one, also while it is being written.
+
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use super::spec::{FORMAT_NAME, Index, Seal, validate_all};
+use super::{Digest, Event, FORMAT_VERSION, ReadError, Source, StreamSpec};
+
+/// A larger index or event file is not one of ours.
+const MAX_TEXT_BYTES: u64 = 1 << 28;
+
+/// A tape in a folder. Nothing in the folder is trusted: a file that does not fit the rest is an error, never a panic.
+///
+/// Records are read where they lie (`pread`), so a tape of any length takes no memory, several threads may read one
+/// `Reader`, and a file that shrinks meanwhile is an error instead of a signal.
+#[derive(Debug)]
+pub struct Reader {
+    dir: PathBuf,
+    streams: Vec<StreamSpec>,
+    lanes: Vec<Lane>,
+    seal: Option<Seal>,
+}
+
+#[derive(Debug)]
+struct Lane {
+    path: PathBuf,
+    file: File,
+    count: u64,
+    torn_bytes: u64,
+}
+
+/// A last record of which only a part reached the disk.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Torn {
+    /// The stream, `participant.port`.
+    pub stream: String,
+    /// How many complete records come before it.
+    pub complete: u64,
+    /// How many bytes of it there are.
+    pub bytes: u64,
+}
+
+impl Reader {
+    /// Opens the tape in `dir`, which is a `tape` folder or a run folder that has one.
+    pub fn open(dir: &Path) -> Result<Reader, ReadError> {
+        let dir = [dir.join("tape"), dir.to_owned()]
+            .into_iter()
+            .find(|dir| dir.join("index.json").is_file())
+            .ok_or_else(|| ReadError::NoTape { path: dir.to_owned() })?;
+        let path = dir.join("index.json");
+        let streams = read_index(&path)?;
+        let mut lanes = Vec::with_capacity(streams.len());
+        for spec in &streams {
+            let path = dir.join(spec.file_name());
+            let io = |source| ReadError::Io {
+                path: path.clone(),
+                source,
+            };
+            let file = File::open(&path).map_err(io)?;
+            if !file.metadata().map_err(io)?.is_file() {
+                return Err(damaged(&path, "it is not a regular file"));
+            }
+            lanes.push(Lane {
+                path,
+                file,
+                count: 0,
+                torn_bytes: 0,
+            });
+        }
+        let mut reader = Reader {
+            seal: read_seal(&dir)?,
+            dir,
+            streams,
+            lanes,
+        };
+        reader.refresh()?;
+        Ok(reader)
+    }
+
+    /// The tape's folder.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    /// Looks how long the streams are now: on a tape that is being written, they grow.
+    pub fn refresh(&mut self) -> Result<(), ReadError> {
+        for (spec, lane) in self.streams.iter().zip(&mut self.lanes) {
+            let metadata = lane.file.metadata().map_err(|source| ReadError::Io {
+                path: lane.path.clone(),
+                source,
+            })?;
+            let stride = spec.stride() as u64;
+            lane.count = metadata.len() / stride;
+            lane.torn_bytes = metadata.len() % stride;
+        }
+        Ok(())
+    }
+
+    /// Streams that end in a part of a record.
+    pub fn torn(&self) -> Vec<Torn> {
+        let lanes = self.streams.iter().zip(&self.lanes);
+        lanes
+            .filter(|(_, lane)| lane.torn_bytes > 0)
+            .map(|(spec, lane)| Torn {
+                stream: spec.name(),
+                complete: lane.count,
+                bytes: lane.torn_bytes,
+            })
+            .collect()
+    }
+
+    /// The digest that the writer stated when it finished; `None` when it never did. [`Source::digest`] computes it from
+    /// the samples.
+    pub fn sealed_digest(&self) -> Option<Digest> {
+        self.seal.as_ref().map(|seal| seal.digest)
+    }
+
+    /// Compares every byte with what the writer stated when it finished. A tape without a seal has nothing to compare.
+    pub fn verify(&self) -> Result<(), ReadError> {
+        let Some(seal) = &self.seal else { return Ok(()) };
+        if seal.streams.len() != self.streams.len() {
+            let path = self.dir.join("seal.json");
+            return Err(damaged(
+                &path,
+                format!("it lists {} streams of {}", seal.streams.len(), self.streams.len()),
+            ));
+        }
+        for entry in &seal.streams {
+            let stream = self.stream(&entry.stream)?;
+            let lane = &self.lanes[stream];
+            if lane.count != entry.count || lane.torn_bytes != 0 {
+                let reason = format!(
+                    "it has {} records and {} bytes; {} records were written",
+                    lane.count, lane.torn_bytes, entry.count
+                );
+                return Err(damaged(&lane.path, reason));
+            }
+            if super::digest::hash_stream(self, stream)? != entry.blake3 {
+                return Err(damaged(&lane.path, "its bytes are not those that were written"));
+            }
+        }
+        if self.digest()? != seal.digest {
+            return Err(damaged(
+                &self.dir.join("index.json"),
+                "it is not the index that was written",
+            ));
+        }
+        Ok(())
+    }
+
+    /// What happened besides the samples, in the order of writing. A torn last line is left out.
+    pub fn events(&self) -> Result<Vec<Event>, ReadError> {
+        let path = self.dir.join("events.jsonl");
+        let text = match read_text(&path) {
+            Err(ReadError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            result => result?,
+        };
+        Event::parse_lines(&text).map_err(|(line, error)| damaged(&path, format!("line {line}: {error}")))
+    }
+}
+
+impl Source for Reader {
+    fn streams(&self) -> &[StreamSpec] {
+        &self.streams
+    }
+
+    fn count(&self, stream: usize) -> u64 {
+        self.lanes[stream].count
+    }
+
+    fn read(&self, stream: usize, first: u64, records: &mut [u8]) -> Result<(), ReadError> {
+        let stride = self.check_range(stream, first, records.len())?;
+        let lane = &self.lanes[stream];
+        lane.file
+            .read_exact_at(records, first * stride as u64)
+            .map_err(|source| ReadError::Io {
+                path: lane.path.clone(),
+                source,
+            })
+    }
+}
+
+fn damaged(path: &Path, reason: impl Into<String>) -> ReadError {
+    ReadError::Damaged {
+        path: path.to_owned(),
+        reason: reason.into(),
+    }
+}
+
+fn read_text(path: &Path) -> Result<Vec<u8>, ReadError> {
+    let io = |source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let file = File::open(path).map_err(io)?;
+    let mut text = Vec::new();
+    // A limit while reading rather than a look at the length: the path may be a pipe or a device.
+    file.take(MAX_TEXT_BYTES + 1).read_to_end(&mut text).map_err(io)?;
+    if text.len() as u64 > MAX_TEXT_BYTES {
+        return Err(damaged(path, format!("it is longer than {MAX_TEXT_BYTES} bytes")));
+    }
+    Ok(text)
+}
+
+fn read_index(path: &Path) -> Result<Vec<StreamSpec>, ReadError> {
+    /// What every version of the format has.
+    #[derive(serde::Deserialize)]
+    struct Head {
+        format: String,
+        version: u32,
+    }
+    let text = read_text(path)?;
+    let not_json = |error: serde_json::Error| damaged(path, error.to_string());
+    let head: Head = serde_json::from_slice(&text).map_err(not_json)?;
+    if head.format != FORMAT_NAME || head.version != FORMAT_VERSION {
+        return Err(ReadError::Format {
+            path: path.to_owned(),
+            format: head.format,
+            version: head.version,
+        });
+    }
+    let index: Index = serde_json::from_slice(&text).map_err(not_json)?;
+    let mut streams = Vec::with_capacity(index.streams.len());
+    for entry in index.streams {
+        // The names are checked below, before any of them becomes part of a path; these two are for other readers, and
+        // a contradiction means that somebody edited the file.
+        if entry.file != entry.spec.file_name() || entry.record_bytes != entry.spec.stride() as u64 {
+            return Err(damaged(
+                path,
+                format!(
+                    "file or record size of stream `{}` contradict the rest",
+                    entry.spec.name()
+                ),
+            ));
+        }
+        streams.push(entry.spec);
+    }
+    validate_all(&streams).map_err(|source| ReadError::Spec {
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok(streams)
+}
+
+fn read_seal(dir: &Path) -> Result<Option<Seal>, ReadError> {
+    let path = dir.join("seal.json");
+    if !fs::exists(&path).unwrap_or(false) {
+        return Ok(None);
+    }
+    let text = read_text(&path)?;
+    serde_json::from_slice(&text)
+        .map(Some)
+        .map_err(|error| damaged(&path, error.to_string()))
+}

@@ -1,0 +1,202 @@
+//! What a stream is, and the file that says it.
+
+use std::collections::HashSet;
+
+use lockstep::port::Descriptor;
+use lockstep::time::Rational;
+use serde::{Deserialize, Serialize};
+
+use super::SpecError;
+
+/// The version of the folder's format that this program writes, and the only one it reads.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// What marks `index.json` as ours.
+pub(crate) const FORMAT_NAME: &str = "escapement-tape";
+
+/// The stamp in front of every payload, bytes.
+pub(crate) const STAMP_BYTES: usize = 8;
+
+/// No run has more output ports than this; an index that claims so is damaged.
+const MAX_STREAMS: usize = 1 << 16;
+
+/// No run takes more steps than this; an index beyond it could overflow when records are counted on top of it.
+const MAX_INDEX: u64 = 1 << 62;
+
+/// One stream of a tape: an output port of a participant and the instants at which it publishes.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StreamSpec {
+    /// The participant that owns the port: letters, digits, `_` and `-`.
+    pub participant: String,
+    /// The port: letters, digits, `_` and `-`.
+    pub port: String,
+    /// The stamp of sample 0.
+    pub offset: Rational,
+    /// The distance of two samples, positive.
+    pub period: Rational,
+    /// The index of the first sample on the tape; above zero when a run starts from a checkpoint.
+    pub first_index: u64,
+    /// The payload.
+    pub descriptor: Descriptor,
+}
+
+impl StreamSpec {
+    /// A stream that starts with sample 0.
+    pub fn new(
+        participant: impl Into<String>,
+        port: impl Into<String>,
+        descriptor: Descriptor,
+        offset: Rational,
+        period: Rational,
+    ) -> StreamSpec {
+        StreamSpec {
+            participant: participant.into(),
+            port: port.into(),
+            offset,
+            period,
+            first_index: 0,
+            descriptor,
+        }
+    }
+
+    /// `participant.port`, the name of the stream everywhere.
+    pub fn name(&self) -> String {
+        format!("{}.{}", self.participant, self.port)
+    }
+
+    /// The name of the stream's file inside the tape.
+    pub fn file_name(&self) -> String {
+        format!("{}.{}.bin", self.participant, self.port)
+    }
+
+    /// The size of a record, stamp and payload, bytes.
+    pub fn stride(&self) -> usize {
+        STAMP_BYTES + self.descriptor.size as usize
+    }
+
+    /// What orders streams wherever an order is needed.
+    pub(crate) fn key(&self) -> (&str, &str) {
+        (&self.participant, &self.port)
+    }
+
+    /// Checks what everything later relies on: names that are safe as file names, a sound descriptor, a positive period.
+    pub fn validate(&self) -> Result<(), SpecError> {
+        let plain = |text: &str| {
+            (1..=96).contains(&text.len())
+                && text
+                    .bytes()
+                    .all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
+        };
+        for (what, text) in [("participant", &self.participant), ("port", &self.port)] {
+            if !plain(text) {
+                return Err(SpecError::Name {
+                    what,
+                    name: text.clone(),
+                });
+            }
+        }
+        let stream = || self.name();
+        if !self.period.is_positive() {
+            return Err(SpecError::Period {
+                stream: stream(),
+                period: self.period,
+            });
+        }
+        if self.first_index > MAX_INDEX {
+            return Err(SpecError::FirstIndex {
+                stream: stream(),
+                index: self.first_index,
+            });
+        }
+        self.descriptor.validate().map_err(|source| SpecError::Descriptor {
+            stream: stream(),
+            source,
+        })?;
+        let fields = &self.descriptor.fields;
+        let texts = fields.iter().flat_map(|f| [&f.name, &f.unit, &f.frame]);
+        for text in texts.chain([&self.descriptor.name]) {
+            // The canonical text of a descriptor separates by these, and two descriptors must never share one text.
+            if text.contains(|c: char| c == '|' || c.is_control()) {
+                return Err(SpecError::Text {
+                    stream: stream(),
+                    text: text.clone(),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Checks all streams of a tape, and that no two have the same name.
+pub(crate) fn validate_all(streams: &[StreamSpec]) -> Result<(), SpecError> {
+    if streams.len() > MAX_STREAMS {
+        return Err(SpecError::TooMany {
+            count: streams.len(),
+            max: MAX_STREAMS,
+        });
+    }
+    let mut seen = HashSet::new();
+    for stream in streams {
+        stream.validate()?;
+        if !seen.insert(stream.key()) {
+            return Err(SpecError::Repeated { stream: stream.name() });
+        }
+    }
+    Ok(())
+}
+
+/// `index.json`.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Index {
+    pub(crate) format: String,
+    pub(crate) version: u32,
+    pub(crate) streams: Vec<IndexEntry>,
+}
+
+/// A stream in `index.json`: the specification, and for other readers what follows from it.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct IndexEntry {
+    pub(crate) file: String,
+    pub(crate) record_bytes: u64,
+    #[serde(flatten)]
+    pub(crate) spec: StreamSpec,
+}
+
+impl Index {
+    /// The index of `streams`, in canonical order so that equal tapes have equal index files.
+    pub(crate) fn of(streams: &[StreamSpec]) -> Index {
+        let mut sorted: Vec<&StreamSpec> = streams.iter().collect();
+        sorted.sort_by(|a, b| a.key().cmp(&b.key()));
+        Index {
+            format: FORMAT_NAME.to_owned(),
+            version: FORMAT_VERSION,
+            streams: sorted
+                .into_iter()
+                .map(|spec| IndexEntry {
+                    file: spec.file_name(),
+                    record_bytes: spec.stride() as u64,
+                    spec: spec.clone(),
+                })
+                .collect(),
+        }
+    }
+}
+
+/// `seal.json`: what the writer knew when it finished.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Seal {
+    pub(crate) digest: super::Digest,
+    pub(crate) streams: Vec<SealEntry>,
+}
+
+/// A stream in `seal.json`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SealEntry {
+    pub(crate) stream: String,
+    pub(crate) count: u64,
+    pub(crate) blake3: super::Digest,
+}

@@ -1,0 +1,78 @@
+//! What the next sample of a stream must be.
+
+use lockstep::time::{SampleTime, Timebase};
+
+use super::{AppendError, SpecError, StreamSpec};
+
+/// Follows one stream sample by sample and refuses whatever does not fit.
+#[derive(Debug)]
+pub(crate) struct Track {
+    spec: StreamSpec,
+    timebase: Timebase,
+    sample_time: SampleTime,
+    next: u64,
+}
+
+impl Track {
+    pub(crate) fn new(spec: StreamSpec) -> Result<Track, SpecError> {
+        let refuse = |source| SpecError::SampleTime {
+            stream: spec.name(),
+            source,
+        };
+        // The stream's own tick: the double nearest to an instant is the same whichever tick it is counted in.
+        let timebase = Timebase::measuring([spec.offset, spec.period]).map_err(refuse)?;
+        let sample_time = SampleTime {
+            offset: timebase.ceil(spec.offset).map_err(refuse)?,
+            period: timebase.ceil(spec.period).map_err(refuse)?,
+        };
+        Ok(Track {
+            next: spec.first_index,
+            spec,
+            timebase,
+            sample_time,
+        })
+    }
+
+    pub(crate) fn spec(&self) -> &StreamSpec {
+        &self.spec
+    }
+
+    /// How many samples were accepted.
+    pub(crate) fn count(&self) -> u64 {
+        self.next - self.spec.first_index
+    }
+
+    /// Checks a sample; [`Track::advance`] must follow once it is stored.
+    pub(crate) fn check(&self, index: u64, stamp_s: f64, payload: &[u8]) -> Result<(), AppendError> {
+        if index != self.next {
+            return Err(AppendError::Index {
+                stream: self.spec.name(),
+                index,
+                expected: self.next,
+            });
+        }
+        let expected = self.spec.descriptor.size as usize;
+        if payload.len() != expected {
+            return Err(AppendError::Size {
+                stream: self.spec.name(),
+                index,
+                size: payload.len(),
+                expected,
+            });
+        }
+        let expected_s = self.timebase.seconds(self.sample_time.instant(index));
+        if stamp_s.to_bits() != expected_s.to_bits() {
+            return Err(AppendError::Stamp {
+                stream: self.spec.name(),
+                index,
+                stamp_s,
+                expected_s,
+            });
+        }
+        Ok(())
+    }
+
+    pub(crate) fn advance(&mut self) {
+        self.next += 1;
+    }
+}

@@ -1,0 +1,109 @@
+//! `orchestrator compare A B`: are two tapes the same bits?
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use recorder::compare::{Comparison, StreamDifference, compare};
+use recorder::tape::Reader;
+
+/// Exit code: the tapes differ.
+const DIFFERENT: i32 = 3;
+/// Exit code: a folder is not a tape, or cannot be read.
+const UNREADABLE: i32 = 2;
+
+/// Say whether two tapes are identical, else where they part first and how far each field differs.
+///
+/// Exit code 0: identical. 3: different. 2: one of the two cannot be read.
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// A run folder, or its `tape` folder
+    pub a: PathBuf,
+    /// Another one
+    pub b: PathBuf,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Compares and prints; gives the exit code.
+pub fn run(args: &CompareArgs) -> anyhow::Result<i32> {
+    let tapes = open(&args.a).and_then(|a| Ok((a, open(&args.b)?)));
+    let comparison = match tapes.and_then(|(a, b)| compare(&a, &b)) {
+        Ok(comparison) => comparison,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return Ok(UNREADABLE);
+        }
+    };
+    let mut out = io::stdout().lock();
+    if args.json {
+        serde_json::to_writer_pretty(&mut out, &comparison)?;
+        writeln!(out)?;
+    } else {
+        print(&mut out, &comparison)?;
+    }
+    Ok(if comparison.identical { 0 } else { DIFFERENT })
+}
+
+fn open(path: &Path) -> Result<Reader, recorder::tape::ReadError> {
+    let reader = Reader::open(path)?;
+    for torn in reader.torn() {
+        eprintln!(
+            "note: {}: stream `{}` ends in {} bytes of an incomplete record after {} complete ones; they are left out",
+            path.display(),
+            torn.stream,
+            torn.bytes,
+            torn.complete
+        );
+    }
+    Ok(reader)
+}
+
+fn print(out: &mut impl Write, comparison: &Comparison) -> io::Result<()> {
+    if comparison.identical {
+        return writeln!(out, "identical: {} samples", comparison.samples);
+    }
+    writeln!(out, "different")?;
+    for difference in &comparison.streams {
+        match difference {
+            StreamDifference::Missing { stream, missing_in } => {
+                writeln!(out, "  stream {stream} is missing in {missing_in}")?;
+            }
+            StreamDifference::Description { stream, detail } => {
+                writeln!(out, "  stream {stream} is described differently: {detail}")?;
+            }
+            StreamDifference::SampleTime { stream, detail } => {
+                writeln!(out, "  stream {stream} has another sample time: {detail}")?;
+            }
+            StreamDifference::Length { stream, a, b } => {
+                writeln!(out, "  stream {stream} has {a} samples in A and {b} in B")?;
+            }
+        }
+    }
+    let Some(first) = &comparison.first else {
+        return writeln!(out, "  the {} samples that both have are equal", comparison.samples);
+    };
+    writeln!(
+        out,
+        "  first at {:?} s: {} sample {}, {}: {} against {} {} (bits {} and {})",
+        first.stamp_s,
+        first.stream,
+        first.index,
+        first.element,
+        first.a.value,
+        first.b.value,
+        first.unit,
+        first.a.bits,
+        first.b.bits
+    )?;
+    let width = comparison.fields.iter().map(|field| field.field.len()).max().unwrap_or(0);
+    for field in &comparison.fields {
+        writeln!(
+            out,
+            "  {:width$}  largest difference {:.3e} {} ({} at {:?} s), {} samples",
+            field.field, field.largest, field.unit, field.element, field.stamp_s, field.samples
+        )?;
+    }
+    Ok(())
+}
