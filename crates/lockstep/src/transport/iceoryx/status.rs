@@ -89,7 +89,9 @@ impl StatusService {
             .max_nodes(readers + 2)
             .create();
         let what = || format!("creating the status of `{participant}`");
-        Ok(StatusService { _service: service.map_err(|error| domain.failed(what(), error))? })
+        Ok(StatusService {
+            _service: service.map_err(|error| domain.failed(what(), error))?,
+        })
     }
 }
 
