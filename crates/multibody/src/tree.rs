@@ -1,6 +1,6 @@
 //! [`Tree`]: a description turned into constants of static size, and the algorithms on it.
 
-use crate::description::{Description, DescriptionError, Merged, Placement};
+use crate::description::{Description, DescriptionError, Inertia, Merged, Placement};
 use crate::kernel::jacobian::FrameConsts;
 use crate::kernel::place::{Placed, place};
 use crate::kernel::{BASE, Link, Model, Rigid, aba, inertia, jacobian, momentum, newton_euler};
@@ -211,6 +211,26 @@ impl<const N: usize, const V: usize> Tree<N, V> {
             joint_names: names,
             gravity: Vector3::zeros(),
         })
+    }
+
+    /// Welds a rigid body to the body that carries `frame`, where `payload` is its pose in the frame: what a gripper
+    /// does in mid-run. Does not allocate; the inertia is taken as it is, unchecked.
+    pub fn attach(&mut self, frame: FrameId, payload: &Placement, inertia: &Inertia) {
+        let frame = &self.frames[frame.0];
+        let at = Placement {
+            p: Vector3::from(frame.p),
+            r: Matrix3::from_columns(&frame.r.map(Vector3::from)),
+        }
+        .then(payload);
+        let rigid = Rigid::new(&Inertia {
+            mass: inertia.mass,
+            com: at.p + at.r * inertia.com,
+            about_com: at.r * inertia.about_com * at.r.transpose(),
+        });
+        match frame.body {
+            BASE => self.base.weld(&rigid),
+            body => self.bodies[body].rigid.weld(&rigid),
+        }
     }
 
     /// The same tree in a uniform gravity field (world axes, m/s²). Without this call there is none. Gravity acts in

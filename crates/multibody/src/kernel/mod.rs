@@ -49,6 +49,15 @@ impl Rigid {
             sigma: upper(&sigma),
         }
     }
+
+    /// Welds `other`, given in the same axes about the same origin, to this body.
+    pub(crate) fn weld(&mut self, other: &Rigid) {
+        let add = |a: &mut [f64], b: &[f64]| a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        self.mass += other.mass;
+        add(&mut self.h, &other.h);
+        add(&mut self.j, &other.j);
+        add(&mut self.sigma, &other.sigma);
+    }
 }
 
 /// The constants of a moving body. Its frame has the joint axis as +z through its origin.
