@@ -76,7 +76,11 @@ fn thrust(force: &Vector3<f64>, torque: &Vector3<f64>, lever_arm: &Vector3<f64>)
     let mut thrust = [0.0; 12];
     for turn in 0..3 {
         let push = thrust_axis(turn);
-        let couple = if lever_arm[turn] > 0.0 { torque[turn] / lever_arm[turn] } else { 0.0 };
+        let couple = if lever_arm[turn] > 0.0 {
+            torque[turn] / lever_arm[turn]
+        } else {
+            0.0
+        };
         let (first, second) = (0.5 * (force[push] + couple), 0.5 * (force[push] - couple));
         thrust[4 * push] = first.max(0.0);
         thrust[4 * push + 1] = second.max(0.0);
@@ -111,7 +115,9 @@ impl AllocationParameters {
             let (most_negative, most_positive) = self.wheel_range(axis, momentum[axis]);
             // a wheel that turns the base forwards loses momentum: dh/dt = −torque
             let shed = self.unload_rate_1_s
-                * (momentum[axis].abs() - self.unload_above_nms).max(0.0).copysign(momentum[axis]);
+                * (momentum[axis].abs() - self.unload_above_nms)
+                    .max(0.0)
+                    .copysign(momentum[axis]);
             let wheel = (torque[axis] + shed).clamp(most_negative, most_positive);
             let thruster = (torque[axis] - wheel).clamp(-spare, spare);
             // what the thrusters cannot take over stays with the wheels
@@ -166,7 +172,10 @@ mod tests {
             let direction = Vector3::ith(push, 1.0);
             // the first of each two stands where it turns forwards
             let side = offset.cross(&direction)[turn].signum();
-            for (index, (along, forwards)) in [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)].into_iter().enumerate() {
+            for (index, (along, forwards)) in [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)]
+                .into_iter()
+                .enumerate()
+            {
                 let f = direction * (along * thrust[4 * push + index]);
                 let at = offset * (side * along * forwards);
                 force += f;

@@ -173,7 +173,11 @@ impl HierarchicalLaw {
         let tracking = self.tracker.step(measured, &virtual_velocity);
         Some(Output {
             force: tracking.force,
-            allocation: Allocation::of(self.parameters.allocation.as_ref(), &tracking.force, &input.wheel_momentum),
+            allocation: Allocation::of(
+                self.parameters.allocation.as_ref(),
+                &tracking.force,
+                &input.wheel_momentum,
+            ),
             telemetry: Telemetry {
                 tracking: set_point.is_some(),
                 end_effector: end_effector.pose,

@@ -14,15 +14,25 @@ fn channels(range: std::ops::Range<f64>) -> impl Strategy<Value = Dof> {
 
 /// Errors that jump, rest and reverse: what drives an integrator into and out of saturation.
 fn errors() -> impl Strategy<Value = Vec<Dof>> {
-    proptest::collection::vec((channels(-1.0..1.0), prop_oneof![Just(0.0), Just(0.01), Just(1.0), Just(30.0)]), 60)
-        .prop_map(|list| list.into_iter().map(|(direction, size)| direction * size).collect())
+    proptest::collection::vec(
+        (
+            channels(-1.0..1.0),
+            prop_oneof![Just(0.0), Just(0.01), Just(1.0), Just(30.0)],
+        ),
+        60,
+    )
+    .prop_map(|list| list.into_iter().map(|(direction, size)| direction * size).collect())
 }
 
 /// A symmetric positive definite matrix: a diagonal plus something smaller beside it.
 fn coupled(diagonal: &Dof, coupling: f64) -> Matrix13 {
     Matrix13::from_fn(|row, column| {
         let mean = (diagonal[row] * diagonal[column]).sqrt();
-        if row == column { mean } else { mean * coupling / (1.0 + row.abs_diff(column) as f64) }
+        if row == column {
+            mean
+        } else {
+            mean * coupling / (1.0 + row.abs_diff(column) as f64)
+        }
     })
 }
 
@@ -142,7 +152,9 @@ fn after_a_long_saturation_the_feedback_reverses_at_once_and_the_pi_law_does_not
         for _ in 0..3000 {
             inner.step(&Dof::repeat(1.0));
         }
-        (0..10_000).take_while(|_| inner.step(&Dof::repeat(-1.0)).force[0] > 0.0).count()
+        (0..10_000)
+            .take_while(|_| inner.step(&Dof::repeat(-1.0)).force[0] > 0.0)
+            .count()
     };
     assert_eq!(recovery(conditional(Bound::Scalar(1.0), Discretisation::Exact)), 0);
     assert!(recovery(FeedbackLaw::ProportionalIntegral) > 2000, "wind-up");
@@ -168,7 +180,9 @@ fn gains_and_bounds_out_of_range_are_refused_with_the_field() {
     };
     let field = |kp: &Dof, ki: &Dof, bound: f64| {
         let law = conditional(Bound::Scalar(bound), Discretisation::Exact);
-        InnerLoop::new(Gains::diagonal(kp, ki), &law, 0.01).map(drop).map_err(|error| error.field)
+        InnerLoop::new(Gains::diagonal(kp, ki), &law, 0.01)
+            .map(drop)
+            .map_err(|error| error.field)
     };
     assert_eq!(field(&with(4, 0.0), &good, 1.0), Err("inner.kp"));
     assert_eq!(field(&with(4, f64::NAN), &good, 1.0), Err("inner.kp"));

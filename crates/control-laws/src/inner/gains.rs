@@ -49,7 +49,11 @@ impl Gains {
         for (field, matrix) in [("inner.kp", &self.kp), ("inner.ki", &self.ki)] {
             if !matrix.iter().all(|value| value.is_finite()) {
                 let channel = matrix.iter().position(|value| !value.is_finite()).unwrap_or(0) % 13;
-                return Err(ParameterError::new(field, matrix.row(channel), "every gain must be finite"));
+                return Err(ParameterError::new(
+                    field,
+                    matrix.row(channel),
+                    "every gain must be finite",
+                ));
             }
         }
         if (self.kp + self.kp.transpose()).cholesky().is_none() {

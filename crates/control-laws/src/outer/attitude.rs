@@ -93,7 +93,11 @@ impl AttitudeState {
     pub fn update(&mut self, law: &AttitudeLaw, q_e: &UnitQuaternion<f64>) -> AttitudeError {
         let mut quaternion = [q_e.w, q_e.i, q_e.j, q_e.k];
         // both signs are the same attitude; h has a meaning only if the sign does not jump by itself
-        let along: f64 = quaternion.iter().zip(&self.quaternion).map(|(new, old)| new * old).sum();
+        let along: f64 = quaternion
+            .iter()
+            .zip(&self.quaternion)
+            .map(|(new, old)| new * old)
+            .sum();
         if self.started && along < 0.0 {
             quaternion = quaternion.map(|value| -value);
         }
@@ -128,11 +132,7 @@ impl AttitudeState {
 
 /// The vector of `½ (R − Rᵀ)`: axis times sine of the angle.
 fn skew_part(R: &Matrix3<f64>) -> Vector3<f64> {
-    Vector3::new(
-        R[(2, 1)] - R[(1, 2)],
-        R[(0, 2)] - R[(2, 0)],
-        R[(1, 0)] - R[(0, 1)],
-    ) * 0.5
+    Vector3::new(R[(2, 1)] - R[(1, 2)], R[(0, 2)] - R[(2, 0)], R[(1, 0)] - R[(0, 1)]) * 0.5
 }
 
 #[cfg(test)]
@@ -154,7 +154,11 @@ mod tests {
             let error = state.update(&HYBRID, &about_z(degrees));
             assert_eq!(error.h, h, "{degrees}");
             // fed back with a minus sign: the error shrinks the short way
-            let short = if degrees.abs() > 180.0 { degrees - 360.0 * degrees.signum() } else { degrees };
+            let short = if degrees.abs() > 180.0 {
+                degrees - 360.0 * degrees.signum()
+            } else {
+                degrees
+            };
             assert!(error.vector.z * short >= 0.0, "{degrees}");
             assert!((error.angle_rad() - short.abs() * PI / 180.0).abs() < 1e-12);
         }
@@ -171,7 +175,11 @@ mod tests {
                 degrees += step;
                 // the raw quaternion comes with either sign: the law must not mind
                 let raw = about_z(f64::from(degrees) + 0.5);
-                let raw = if degrees % 3 == 0 { UnitQuaternion::new_unchecked(-raw.into_inner()) } else { raw };
+                let raw = if degrees % 3 == 0 {
+                    UnitQuaternion::new_unchecked(-raw.into_inner())
+                } else {
+                    raw
+                };
                 if state.update(&HYBRID, &raw).jumped {
                     jumps.push(degrees);
                 }
@@ -217,7 +225,10 @@ mod tests {
         let (travelled, left) = closed_loop(&HYBRID, grown, far);
         assert!((travelled - PI / 3.0).abs() < 0.01 && left < 1e-6, "{travelled} {left}");
         let (travelled, left) = closed_loop(&AttitudeLaw::Quaternion, grown, far);
-        assert!((travelled - 5.0 * PI / 3.0).abs() < 0.01 && left < 1e-6, "{travelled} {left}");
+        assert!(
+            (travelled - 5.0 * PI / 3.0).abs() < 0.01 && left < 1e-6,
+            "{travelled} {left}"
+        );
     }
 
     #[test]

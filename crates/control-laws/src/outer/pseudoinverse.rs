@@ -76,15 +76,17 @@ mod tests {
     }
 
     fn weight() -> impl Strategy<Value = Dof> {
-        (0.1..200.0, proptest::collection::vec(prop_oneof![Just(0.0), 0.01..2.0], 7)).prop_map(
-            |(epsilon, factors): (f64, Vec<f64>)| {
+        (
+            0.1..200.0,
+            proptest::collection::vec(prop_oneof![Just(0.0), 0.01..2.0], 7),
+        )
+            .prop_map(|(epsilon, factors): (f64, Vec<f64>)| {
                 Dof::from_fn(|row, _| match row {
                     0..3 => 1.0,
                     3..6 => 10.0,
                     _ => epsilon * factors[row - 6],
                 })
-            },
-        )
+            })
     }
 
     fn dof() -> impl Strategy<Value = Dof> {

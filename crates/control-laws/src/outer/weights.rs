@@ -180,7 +180,13 @@ mod tests {
             near_weight: 1.0,
             far_weight: 1.0,
         };
-        assert_eq!(field(Weights { arm, ..Weights::default() }), "outer.weights.arm.far_m");
+        assert_eq!(
+            field(Weights {
+                arm,
+                ..Weights::default()
+            }),
+            "outer.weights.arm.far_m"
+        );
         let mut weights = Weights::default();
         weights.joint_factor[6] = f64::NAN;
         assert_eq!(field(weights), "outer.weights.joint_factor");
