@@ -24,6 +24,19 @@ pub struct Parameters {
     pub allocation: Option<AllocationParameters>,
 }
 
+impl Parameters {
+    /// The paper's outer loop, set-points propagated between guidance samples, and nothing beyond the paper.
+    pub fn new(tracker: TrackerParameters) -> Self {
+        Self {
+            outer: OuterParameters::default(),
+            tracker,
+            between: Between::default(),
+            avoidance: None,
+            allocation: None,
+        }
+    }
+}
+
 /// What the law reads at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Input {

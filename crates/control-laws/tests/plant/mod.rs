@@ -4,6 +4,8 @@
 //! delay. Order at an instant: measured state, guidance, controller, then ten steps of the plant.
 #![allow(dead_code)] // each test binary uses its part
 
+pub(crate) mod loops;
+
 use control_laws::{Dof, Measured, ModelOptions};
 use guidance_laws::target::TargetModel;
 use guidance_laws::{Pose, SetPoint, TargetState, so3};
