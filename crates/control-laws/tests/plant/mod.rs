@@ -33,6 +33,15 @@ pub(crate) fn description() -> Description {
     Description::from_urdf(URDF).unwrap()
 }
 
+/// The servicer with the rotor inertia of its joints.
+pub(crate) fn geared() -> Description {
+    let mut description = description();
+    for joint in ModelOptions::default().arm_joints {
+        description.add_motor_inertia(&joint, 0.1).unwrap();
+    }
+    description
+}
+
 pub(crate) fn grasp() -> Pose {
     Pose {
         position: Vector3::new(0.0, 0.0, -0.65),
@@ -57,11 +66,12 @@ pub(crate) struct Plant {
 impl Plant {
     /// At rest at `distance` times the nominal closing position, the target tumbling at `tumble` times its rate.
     pub(crate) fn new(distance: f64, tumble: f64) -> Self {
-        let mut description = description();
-        for joint in ModelOptions::default().arm_joints {
-            description.add_motor_inertia(&joint, 0.1).unwrap();
-        }
-        let tree = Tree::<9, 15>::new(&description).unwrap();
+        Self::of(&geared(), distance, tumble)
+    }
+
+    /// The same with another servicer.
+    pub(crate) fn of(description: &Description, distance: f64, tumble: f64) -> Self {
+        let tree = Tree::<9, 15>::new(description).unwrap();
         let mut state = State::rest();
         state.p_nb = Vector3::from(NOMINAL) * distance;
         for (joint, degrees) in [(1, 40.0), (3, 80.0), (5, 40.0)] {
