@@ -40,6 +40,7 @@ impl<X> List<X> for Vec<X> {
 
 /// Room for `N` elements, of which the first `len` are initialised. Zeroing a few kilobytes of scratch first would
 /// cost a tenth of a forward-dynamics call, which is the only reason why this is not a plain array.
+#[derive(Clone)]
 pub(crate) struct Fixed<X: Copy, const N: usize> {
     items: [MaybeUninit<X>; N],
     len: usize,
@@ -75,5 +76,11 @@ impl<X: Copy, const N: usize> DerefMut for Fixed<X, N> {
     fn deref_mut(&mut self) -> &mut [X] {
         // SAFETY: as in `deref`, and `self` is borrowed mutably for as long as the slice lives.
         unsafe { core::slice::from_raw_parts_mut(self.items.as_mut_ptr().cast(), self.len) }
+    }
+}
+
+impl<X: Copy + core::fmt::Debug, const N: usize> core::fmt::Debug for Fixed<X, N> {
+    fn fmt(&self, f: &mut core::fmt::Formatter) -> core::fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
     }
 }
