@@ -112,9 +112,13 @@ fn bring_to_rest(mut plant: Plant, parameters: Parameters, duration_s: f64) -> R
             wheel_momentum,
         };
         let output = law.step(&input).unwrap();
-        for row in 0..13 {
-            assert!(output.force[row].abs() <= LIMITS[row]);
-        }
+        assert!(
+            output
+                .force
+                .iter()
+                .zip(&LIMITS)
+                .all(|(force, limit)| force.abs() <= *limit)
+        );
         let gripper = output.telemetry.gripper;
         assert!(gripper.fixed_rows::<3>(0).norm() <= parameters.gripper_torque_nm * (1.0 + 1e-9));
         assert!(gripper.fixed_rows::<3>(3).norm() <= parameters.gripper_force_n * (1.0 + 1e-9));

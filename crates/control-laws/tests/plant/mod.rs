@@ -61,6 +61,8 @@ pub(crate) struct Plant {
     pub(crate) state: State<9, 15>,
     pub(crate) target: TargetState,
     target_model: TargetModel,
+    /// What the actuators have.
+    pub(crate) limits: [f64; 13],
 }
 
 impl Plant {
@@ -90,6 +92,7 @@ impl Plant {
                 rate: Vector3::new(0.3, 0.5, 1.0) * (DEGREE * tumble),
             },
             target_model: target_model(),
+            limits: LIMITS,
         }
     }
 
@@ -124,7 +127,7 @@ impl Plant {
     pub(crate) fn step(&mut self, command: &Dof) {
         let mut force = SVector::<f64, 15>::zeros();
         for row in 0..13 {
-            force[row] = command[row].clamp(-LIMITS[row], LIMITS[row]);
+            force[row] = command[row].clamp(-self.limits[row], self.limits[row]);
         }
         let h = PLANT_PERIOD_S;
         let start = self.state;
@@ -218,7 +221,7 @@ pub(crate) fn run(
             figures.largest_error_after_m = figures.largest_error_after_m.max(error_m);
         }
         let command = law(time_s, &plant);
-        let over: [bool; 13] = std::array::from_fn(|row| command[row].abs() > LIMITS[row]);
+        let over: [bool; 13] = std::array::from_fn(|row| command[row].abs() > plant.limits[row]);
         wheels_over += u32::from(over[..3].contains(&true));
         saturated += u32::from(over.contains(&true));
         figures.peak_torque_nm = figures.peak_torque_nm.max(command.rows(0, 3).amax());
