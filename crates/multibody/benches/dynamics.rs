@@ -34,7 +34,8 @@ fn run(tree: &Servicer, cases: &[Case], rounds: usize) {
     let frame = tree.frame("end_effector").expect("the model has it");
     let n = cases.len();
     let zero = Vector::zeros();
-    let mut time = |name: &str, per_call: usize, f: &mut dyn FnMut(usize)| measure(name, n / per_call, per_call, rounds, f);
+    let mut time =
+        |name: &str, per_call: usize, f: &mut dyn FnMut(usize)| measure(name, n / per_call, per_call, rounds, f);
 
     time("aba", 1, &mut |i| {
         let c = &cases[i];
@@ -42,7 +43,11 @@ fn run(tree: &Servicer, cases: &[Case], rounds: usize) {
     });
     time("rnea", 1, &mut |i| {
         let c = &cases[i];
-        black_box(tree.rnea(black_box(&c.state.q), black_box(&c.state.nu), black_box(&c.acceleration)));
+        black_box(tree.rnea(
+            black_box(&c.state.q),
+            black_box(&c.state.nu),
+            black_box(&c.acceleration),
+        ));
     });
     time("crba", 1, &mut |i| {
         black_box(tree.mass_matrix(black_box(&cases[i].state.q)));
@@ -118,19 +123,31 @@ fn case(tree: &Servicer, line: &str) -> Case {
         nu: SVector::from_column_slice(&x[16..31]),
     };
     let tau = SVector::from_column_slice(&x[31..46]);
-    Case { state, tau, acceleration: tree.aba(&state.q, &state.nu, &tau) }
+    Case {
+        state,
+        tau,
+        acceleration: tree.aba(&state.q, &state.nu, &tau),
+    }
 }
 
 /// 64 states from a small generator, for when no file is given.
 fn drawn_states() -> String {
     let mut seed = 7_u64;
     let mut uniform = move || {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         2.0 * ((seed >> 11) as f64 / (1_u64 << 53) as f64) - 1.0
     };
     let mut lines = String::new();
     for _ in 0..64 {
-        let quat = Quaternion { w: uniform(), x: uniform(), y: uniform(), z: uniform() }.normalized();
+        let quat = Quaternion {
+            w: uniform(),
+            x: uniform(),
+            y: uniform(),
+            z: uniform(),
+        }
+        .normalized();
         let mut x: Vec<f64> = quat.to_wxyz().to_vec();
         for (count, scale) in [(3, 2.0), (9, 2.5), (15, 1.0), (15, 5.0)] {
             x.extend((0..count).map(|_| scale * uniform()));

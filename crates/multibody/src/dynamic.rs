@@ -3,7 +3,7 @@
 use crate::description::Description;
 use crate::kernel::jacobian::{frame_at, jacobian};
 use crate::kernel::place::{Placed, Rates, place, rates};
-use crate::kernel::{BASE, Model, aba, inertia, momentum, newton_euler};
+use crate::kernel::{Model, aba, inertia, momentum, newton_euler};
 use crate::num::{Dynamic, V3, sin_cos};
 use crate::rotation::Quaternion;
 use crate::tree::{Constants, FrameId, TreeError, UnknownFrame, matrix, vector};
@@ -151,7 +151,7 @@ impl DynTree {
             motor_inertia: 0.0,
         }];
         for (b, (joint, link)) in c.bodies.iter().zip(&c.body_names) {
-            let above = if b.parent == BASE { 0 } else { b.parent + 1 };
+            let above = b.parent;
             out.push(BodyInfo {
                 link: link.clone(),
                 joint: Some(joint.clone()),
@@ -186,7 +186,14 @@ impl DynTree {
         let dim = self.dim();
         let (mut m, mut c) = (Dense::zeros(dim, dim), Dense::zeros(dim, dim));
         let omega = self.omega(s);
-        inertia::mass_and_coriolis::<Dynamic, f64, true>(self.model(), &placed, &rates, omega, &mut m.data, &mut c.data);
+        inertia::mass_and_coriolis::<Dynamic, f64, true>(
+            self.model(),
+            &placed,
+            &rates,
+            omega,
+            &mut m.data,
+            &mut c.data,
+        );
         (m, c)
     }
 
@@ -216,7 +223,8 @@ impl DynTree {
 
     /// Pose of a frame in the world.
     pub fn placement_in_world(&self, s: &DynState, frame: FrameId) -> Placement {
-        let (r, p) = frame_at(&self.constants.frames[frame.0], &self.placed(s).0);
+        let (placed, rates) = self.placed(s);
+        let (r, p) = frame_at(&self.constants.frames[frame.0], &placed, &rates);
         let base = Placement {
             p: s.p_nb,
             r: s.quat_nb.matrix(),

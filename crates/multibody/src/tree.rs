@@ -67,7 +67,7 @@ impl Constants {
     pub(crate) fn new(d: &Description) -> Result<Self, DescriptionError> {
         let m = Merged::new(d)?;
         let link = |b: &crate::description::Body| Link {
-            parent: b.parent.unwrap_or(BASE),
+            parent: b.parent.map_or(BASE, |p| p + 1),
             coordinate: b.coordinate,
             prismatic: b.prismatic,
             e: columns(&b.placement.r),
@@ -86,7 +86,7 @@ impl Constants {
                 .frames
                 .iter()
                 .map(|f| FrameConsts {
-                    body: f.body.unwrap_or(BASE),
+                    body: f.body.map_or(BASE, |b| b + 1),
                     r: columns(&f.placement.r),
                     p: f.placement.p.into(),
                 })
@@ -268,7 +268,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// Pose of frame E in B: (`p_BE`, `R_BE`).
     #[inline]
     pub fn placement(&self, k: &Kinematics<N, V>, frame: FrameId) -> Placement {
-        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed);
+        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed, &k.rates);
         Placement {
             p: vector(p),
             r: matrix(&r),
@@ -302,7 +302,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
 
     /// Origin and axes of frame E in B over any scalar: (`p_BE`, columns of `R_BE`).
     pub fn placement_in<T: Real>(&self, k: &Kinematics<N, V, T>, frame: FrameId) -> ([T; 3], [[T; 3]; 3]) {
-        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed);
+        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed, &k.rates);
         (p.to_array(), r.c.map(V3::to_array))
     }
 

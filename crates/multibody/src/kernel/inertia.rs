@@ -75,7 +75,8 @@ impl<T: Real> Composite<T> {
     }
 }
 
-/// `M` into `mass` and, with `RATES`, `C` into `coriolis`: both square, column by column.
+/// `M` into `mass` and, with `RATES`, `C` into `coriolis`: both square, column by column, and zero on entry
+/// (elements between branches are not written).
 #[inline(always)]
 pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     model: Model,
@@ -88,31 +89,27 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     let offset = model.offset();
     let n = model.bodies.len();
     let dim = offset + n;
-    let mut base = Composite::rigid::<RATES>(model.base, &Placed::base(), omega_base, false);
-    let mut composites = Z::List::<Composite<T>>::with_capacity(n);
     // without RATES there are none to read, and nothing below uses them
     let none = Rates::base(V3::zero());
-    for (i, (link, at)) in model.bodies.iter().zip(placed).enumerate() {
-        let omega = if RATES { rates[i].omega } else { none.omega };
-        composites.push(Composite::rigid::<RATES>(&link.rigid, at, omega, true));
-    }
-    let zero = T::of(0.0);
-    mass[..dim * dim].fill(zero);
-    if RATES {
-        coriolis[..dim * dim].fill(zero);
+    let rate_of = |at: usize| if RATES { rates[at] } else { none };
+    let mut composites = Z::List::<Composite<T>>::with_capacity(n + 1);
+    composites.push(Composite::rigid::<RATES>(model.base, &placed[BASE], omega_base, false));
+    for (i, link) in model.bodies.iter().enumerate() {
+        composites.push(Composite::rigid::<RATES>(
+            &link.rigid,
+            &placed[i + 1],
+            rate_of(i + 1).omega,
+            true,
+        ));
     }
 
     for i in (0..n).rev() {
         let link = &model.bodies[i];
-        let at = &placed[i];
-        let rate = if RATES { rates[i] } else { none };
-        let own = composites[i];
-        let parent = if link.parent == BASE {
-            &mut base
-        } else {
-            &mut composites[link.parent]
-        };
-        parent.add_shifted::<RATES>(&own, at.d, rate.d);
+        let at = &placed[i + 1];
+        let rate = rate_of(i + 1);
+        let (before, rest) = composites.split_at_mut(i + 1);
+        let own = &rest[0];
+        before[link.parent].add_shifted::<RATES>(own, at.d, rate.d);
 
         let col = offset + link.coordinate;
         let (z, zr) = (at.z(), rate.z);
@@ -134,21 +131,21 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
         if RATES {
             coriolis[col * dim + col] = if link.prismatic { z.dot(cf) } else { z.dot(cn) };
         }
-        let mut from = i;
+        let mut from = i + 1;
         loop {
             let d = placed[from].d;
             n2 = d.cross_add(f2, n2);
             if RATES {
                 cn = d.cross_add(cf, cn);
-                g = rates[from].d.cross_add(f2, g);
+                g = rate_of(from).d.cross_add(f2, g);
             }
-            from = model.bodies[from].parent;
+            from = model.bodies[from - 1].parent;
             if from == BASE {
                 break;
             }
-            let row = offset + model.bodies[from].coordinate;
-            let (z, zr) = (placed[from].z(), if RATES { rates[from].z } else { none.z });
-            let (m, up, down) = if model.bodies[from].prismatic {
+            let row = offset + model.bodies[from - 1].coordinate;
+            let (z, zr) = (placed[from].z(), rate_of(from).z);
+            let (m, up, down) = if model.bodies[from - 1].prismatic {
                 (z.dot(f2), z.dot(cf), zr.dot(f2))
             } else {
                 (z.dot(n2), z.dot(cn), zr.dot_add(n2, z.dot(g)))
@@ -172,7 +169,7 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
         }
     }
     if model.floating {
-        base_blocks::<T, RATES>(&base, omega_base, dim, mass, coriolis);
+        base_blocks::<T, RATES>(&composites[BASE], omega_base, dim, mass, coriolis);
     }
 }
 

@@ -4,7 +4,7 @@ use super::place::{Placed, Rates};
 use super::{BASE, Model};
 use crate::num::{Mat3, Real, V3};
 
-/// A frame E fixed to a body (or to the base, [`BASE`]) at a pose in the body's frame.
+/// A frame E fixed to the body at a place in the lists (the base is at [`BASE`]) at a pose in the body's frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FrameConsts {
     pub body: usize,
@@ -14,12 +14,12 @@ pub(crate) struct FrameConsts {
 
 /// Pose of the frame in base axes: (R_BE, p_BE).
 #[inline(always)]
-pub(crate) fn frame_at<T: Real>(frame: &FrameConsts, placed: &[Placed<T>]) -> (Mat3<T>, V3<T>) {
-    if frame.body == BASE {
-        return (Mat3::of(frame.r), V3::of(frame.p));
-    }
+pub(crate) fn frame_at<T: Real>(frame: &FrameConsts, placed: &[Placed<T>], rates: &[Rates<T>]) -> (Mat3<T>, V3<T>) {
     let on = &placed[frame.body];
-    (on.r.mul_mat(&Mat3::of(frame.r)), on.r.mul_add(V3::of(frame.p), on.p))
+    (
+        on.r.mul_mat(&Mat3::of(frame.r)),
+        on.r.mul_add(V3::of(frame.p), rates[frame.body].p),
+    )
 }
 
 /// Rows [ω; v] in E axes, 6 × dim, column by column. With `RATE` the time derivative of that matrix as E and the base
@@ -36,16 +36,14 @@ pub(crate) fn jacobian<T: Real, const RATE: bool>(
     let offset = model.offset();
     let dim = offset + model.bodies.len();
     out[..6 * dim].fill(T::of(0.0));
-    let (r, p) = frame_at(frame, placed);
+    let (r, p) = frame_at(frame, placed, rates);
     // without RATE nothing below uses these
     let base = Rates::base(omega_base);
-    let (omega, p_rate) = if !RATE {
-        (base.omega, base.p)
-    } else if frame.body == BASE {
-        (omega_base, omega_base.cross(p))
-    } else {
+    let (omega, p_rate) = if RATE {
         let on = &rates[frame.body];
-        (on.omega, on.omega.cross_add(p - placed[frame.body].p, on.p))
+        (on.omega, on.omega.cross_add(p - on.p, on.p_rate))
+    } else {
+        (base.omega, base.p_rate)
     };
     // components of u in E axes, or the rate of those components when u changes at u_rate
     let put = |out: &mut [T], k: usize, u: V3<T>, u_rate: V3<T>| {
@@ -54,15 +52,15 @@ pub(crate) fn jacobian<T: Real, const RATE: bool>(
     };
     let mut body = frame.body;
     while body != BASE {
-        let link = &model.bodies[body];
+        let link = &model.bodies[body - 1];
         let on = &placed[body];
         let k = 6 * (offset + link.coordinate);
-        let rate = if RATE { rates[body] } else { base };
+        let rate = &rates[body];
         let (z, zr) = (on.z(), rate.z);
         if link.prismatic {
             put(out, k + 3, z, zr);
         } else {
-            let (arm, arm_rate) = (p - on.p, p_rate - rate.p);
+            let (arm, arm_rate) = (p - rate.p, p_rate - rate.p_rate);
             put(out, k, z, zr);
             put(out, k + 3, z.cross(arm), z.cross_add(arm_rate, zr.cross(arm)));
         }

@@ -22,7 +22,6 @@ pub(crate) struct Sums<T> {
 /// when it is large.
 #[inline(always)]
 pub(crate) fn sums<T: Real>(model: Model, placed: &[Placed<T>], rates: &[Rates<T>], nu: &[T]) -> Sums<T> {
-    let (omega, _) = model.base_part(nu);
     let half = T::of(0.5);
     let zero = V3::zero();
     let mut out = Sums {
@@ -32,8 +31,8 @@ pub(crate) fn sums<T: Real>(model: Model, placed: &[Placed<T>], rates: &[Rates<T
         l: zero,
         energy: T::of(0.0),
     };
-    out.add(model.base, &Placed::base(), &Rates::base(omega), false);
-    for (link, (at, rate)) in model.bodies.iter().zip(placed.iter().zip(rates)) {
+    out.add(model.base, &placed[0], &rates[0], false);
+    for (link, (at, rate)) in model.bodies.iter().zip(placed[1..].iter().zip(&rates[1..])) {
         out.add(&link.rigid, at, rate, true);
         let rate = nu[model.offset() + link.coordinate];
         out.energy = (T::of(link.motor_inertia) * half).mul_add(rate * rate, out.energy);
@@ -58,13 +57,13 @@ impl<T: Real> Sums<T> {
             (V3::of(rigid.h), sigma.mul(rate.omega))
         };
         let own = rate.omega.cross(h); // momentum relative to the joint origin
-        let p = rate.p.mul_add(mass, own);
-        let l = spin + h.cross(rate.p); // about the joint origin
+        let p = rate.p_rate.mul_add(mass, own);
+        let l = spin + h.cross(rate.p_rate); // about the joint origin
         self.mass = self.mass + mass;
-        self.h = self.h + at.p.mul_add(mass, h);
+        self.h = self.h + rate.p.mul_add(mass, h);
         self.p = self.p + p;
-        self.l = self.l + at.p.cross_add(p, l);
-        let twice = rate.omega.dot_add(spin, rate.p.dot(p + own));
+        self.l = self.l + rate.p.cross_add(p, l);
+        let twice = rate.omega.dot_add(spin, rate.p_rate.dot(p + own));
         self.energy = twice.mul_add(T::of(0.5), self.energy);
     }
 }

@@ -41,14 +41,26 @@ struct Turn<T> {
 impl<T: Real> Turn<T> {
     #[inline(always)]
     fn new(link: &Link, (s, c): (T, T)) -> Self {
-        let (s, c) = if link.prismatic { (T::of(0.0), T::of(1.0)) } else { (s, c) };
-        Self { e: Mat3::of(link.e), s, c }
+        let (s, c) = if link.prismatic {
+            (T::of(0.0), T::of(1.0))
+        } else {
+            (s, c)
+        };
+        Self {
+            e: Mat3::of(link.e),
+            s,
+            c,
+        }
     }
 
     #[inline(always)]
     fn to_child(&self, v: V3<T>) -> V3<T> {
         let t = self.e.tmul(v);
-        V3 { x: self.c.mul_add(t.x, self.s * t.y), y: self.c.mul_add(t.y, -(self.s * t.x)), z: t.z }
+        V3 {
+            x: self.c.mul_add(t.x, self.s * t.y),
+            y: self.c.mul_add(t.y, -(self.s * t.x)),
+            z: t.z,
+        }
     }
 
     #[inline(always)]
@@ -80,16 +92,26 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
         (omega, a_ang, omega.cross_add(v, a_lin - gravity))
     } else {
         let (omega_r, v_r) = model.base_part(nu_r);
-        (omega_r, omega.cross_add(omega_r, a_ang), omega.cross_add(v_r, a_lin - gravity))
+        (
+            omega_r,
+            omega.cross_add(omega_r, a_ang),
+            omega.cross_add(v_r, a_lin - gravity),
+        )
     };
-    let base = Moving { omega, omega_r, alpha, acc };
-    let mut base_wrench = own_wrench::<T, SAME>(model.base, &base);
+    let base = Moving {
+        omega,
+        omega_r,
+        alpha,
+        acc,
+    };
 
     let trig = sines::<Z, T>(model, q);
-    let mut moving = Z::List::<Moving<T>>::with_capacity(n);
-    let mut wrenches = Z::List::<Wrench<T>>::with_capacity(n);
+    let mut moving = Z::List::<Moving<T>>::with_capacity(n + 1);
+    let mut wrenches = Z::List::<Wrench<T>>::with_capacity(n + 1);
+    wrenches.push(own_wrench::<T, SAME>(model.base, &base));
+    moving.push(base);
     for link in model.bodies {
-        let up = if link.parent == BASE { base } else { moving[link.parent] };
+        let up = moving[link.parent];
         let k = offset + link.coordinate;
         let turn = Turn::new(link, trig[link.coordinate]);
         let (rate, rate_r) = (nu[k], if SAME { nu[k] } else { nu_r[k] });
@@ -102,7 +124,12 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
             let acc = up.omega.cross_add(z * rate_r, up.omega_r.cross_add(d_rate, acc));
             let omega = turn.to_child(up.omega);
             let omega_r = if SAME { omega } else { turn.to_child(up.omega_r) };
-            Moving { omega, omega_r, alpha: turn.to_child(up.alpha), acc: turn.to_child(acc) }
+            Moving {
+                omega,
+                omega_r,
+                alpha: turn.to_child(up.alpha),
+                acc: turn.to_child(acc),
+            }
         } else {
             let d = V3::of(link.p);
             let acc = up.omega_r.cross_add(up.omega.cross(d), up.alpha.cross_add(d, up.acc));
@@ -120,7 +147,12 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
                 r.z = r.z + rate_r;
                 r
             };
-            Moving { omega, omega_r, alpha, acc: turn.to_child(acc) }
+            Moving {
+                omega,
+                omega_r,
+                alpha,
+                acc: turn.to_child(acc),
+            }
         };
         wrenches.push(own_wrench::<T, SAME>(&link.rigid, &own));
         moving.push(own);
@@ -129,7 +161,7 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
     for i in (0..n).rev() {
         let link = &model.bodies[i];
         let k = offset + link.coordinate;
-        let Wrench { n, f } = wrenches[i];
+        let Wrench { n, f } = wrenches[i + 1];
         let turn = Turn::new(link, trig[link.coordinate]);
         let along = if link.prismatic { f.z } else { n.z };
         out[k] = T::of(link.motor_inertia).mul_add(a[k], along);
@@ -137,14 +169,14 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
         if link.prismatic {
             d = turn.e.c[2].mul_add(q[link.coordinate], d);
         }
-        let parent = if link.parent == BASE { &mut base_wrench } else { &mut wrenches[link.parent] };
+        let parent = &mut wrenches[link.parent];
         let (n, f) = (turn.to_parent(n), turn.to_parent(f));
         parent.n = d.cross_add(f, parent.n + n);
         parent.f = parent.f + f;
     }
     if model.floating {
-        base_wrench.n.write(out, 0);
-        base_wrench.f.write(out, 3);
+        wrenches[BASE].n.write(out, 0);
+        wrenches[BASE].f.write(out, 3);
     }
 }
 
@@ -155,5 +187,8 @@ fn own_wrench<T: Real, const SAME: bool>(rigid: &Rigid, m: &Moving<T>) -> Wrench
     let omega_r = if SAME { m.omega } else { m.omega_r };
     let n = j.mul_add(m.alpha, -m.omega.cross(sigma.mul(omega_r)));
     let f = omega_r.cross_add(m.omega.cross(h), m.alpha.cross_add(h, m.acc * T::of(rigid.mass)));
-    Wrench { n: h.cross_add(m.acc, n), f }
+    Wrench {
+        n: h.cross_add(m.acc, n),
+        f,
+    }
 }
