@@ -3,13 +3,17 @@
 use control_laws::allocation::AllocationParameters;
 use control_laws::avoidance::{AvoidanceParameters, Elbow};
 use control_laws::model::Payload;
+use control_laws::stabilise;
 use guidance_laws::Pose;
+use interfaces::JOINTS;
 use interfaces::files::{Arm, Target};
 use lockstep::participant::ParameterError;
-use lockstep::units::{Angle, AngularMomentum, AngularRate, Each, Force, Length, PerTime, Quantity, Torque};
+use lockstep::units::{Angle, AngularMomentum, AngularRate, Each, Force, Length, PerTime, Quantity, Speed, Torque};
 use multibody::{Description, Inertia};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
+
+use super::channels;
 
 /// Avoidance of joint ends and of the straight elbow in the null space. The ends are those of the URDF.
 #[derive(Debug, Clone, Deserialize)]
@@ -125,28 +129,69 @@ impl Allocation {
     }
 }
 
-/// Stabilisation of the stack after the grasp: every rate is damped by the inner loop alone, within bounds of its own.
+/// Stabilisation of the stack after the grasp: everything is brought to rest within the limits of wheels, thrusters, joints
+/// and gripper.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Stabilise {
-    /// Factor on the gains: the stack is heavier than the servicer.
-    pub gain_factor: f64,
-    /// Bound of the torque on the base: the wheels'.
-    pub torque_bound: Each<Torque, 3>,
-    /// Bound of the force on the base.
-    pub force_bound: Each<Force, 3>,
-    /// Bound of each joint's torque: what gripper and target may be loaded with.
-    pub joint_bound: Each<Torque, 7>,
+    /// Rate at which the base's rotation dies out where no limit is in the way.
+    pub rotation: Quantity<PerTime>,
+    /// Rate at which the base's translation dies out; zero leaves it.
+    pub translation: Quantity<PerTime>,
+    /// Rate at which the joints come to rest.
+    pub joints: Quantity<PerTime>,
+    /// Limit of the torque on the base.
+    pub torque: Each<Torque, 3>,
+    /// Limit of the force on the base.
+    pub force: Each<Force, 3>,
+    /// Limit of each joint's torque.
+    pub joint_torque: Each<Torque, JOINTS>,
+    /// Limit of the force in the gripper.
+    pub gripper_force: Quantity<Force>,
+    /// Limit of the torque in the gripper.
+    pub gripper_torque: Quantity<Torque>,
+    /// What the wheels can store.
+    pub wheel_momentum: Each<AngularMomentum, 3>,
+    /// Below this an angular rate counts as rest.
+    pub rest_rate: Quantity<AngularRate>,
+    /// Below this a velocity counts as rest.
+    pub rest_speed: Quantity<Speed>,
 }
 
 impl Default for Stabilise {
-    /// Twice the gains; the wheels' torque, half the thrusters' force, 10 N m at every joint.
+    /// A tenth of the rates a second, the limits of the stock actuators, 50 N and 20 N m in the gripper; at rest below
+    /// 0.01 deg/s and 1 mm/s.
     fn default() -> Self {
         Self {
-            gain_factor: 2.0,
-            torque_bound: Each::of([0.2; 3]),
-            force_bound: Each::of([4.5; 3]),
-            joint_bound: Each::of([10.0; 7]),
+            rotation: Quantity::of(0.1),
+            translation: Quantity::of(0.1),
+            joints: Quantity::of(0.1),
+            torque: Each::of([0.2; 3]),
+            force: Each::of([9.0; 3]),
+            joint_torque: Each::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
+            gripper_force: Quantity::of(50.0),
+            gripper_torque: Quantity::of(20.0),
+            wheel_momentum: Each::of([12.0; 3]),
+            rest_rate: Quantity::of(std::f64::consts::PI / 18_000.0),
+            rest_speed: Quantity::of(1e-3),
+        }
+    }
+}
+
+impl Stabilise {
+    /// For the law.
+    pub fn law(&self, allocation: Option<&Allocation>) -> stabilise::Parameters {
+        stabilise::Parameters {
+            rotation_1_s: self.rotation.si(),
+            translation_1_s: self.translation.si(),
+            joints_1_s: self.joints.si(),
+            limits: channels(self.torque.si(), self.force.si(), self.joint_torque.si()),
+            gripper_force_n: self.gripper_force.si(),
+            gripper_torque_nm: self.gripper_torque.si(),
+            wheel_momentum_nms: self.wheel_momentum.si().into(),
+            rest_rate_rad_s: self.rest_rate.si(),
+            rest_speed_m_s: self.rest_speed.si(),
+            allocation: allocation.map(Allocation::law),
         }
     }
 }

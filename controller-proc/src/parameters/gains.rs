@@ -48,19 +48,19 @@ pub struct Ki {
 }
 
 impl GainsFile {
-    /// The gains, all times `factor`.
+    /// The gains.
     ///
     /// # Errors
     /// When neither or both of the forms are given.
-    pub fn gains(&self, factor: f64) -> Result<Gains, ParameterError> {
+    pub fn gains(&self) -> Result<Gains, ParameterError> {
         match (&self.kp, &self.ki, &self.kp_matrix, &self.ki_matrix) {
             (Some(kp), Some(ki), None, None) => {
                 let kp: Dof = channels(kp.base_rotation.si(), kp.base_translation.si(), kp.joints.si());
                 let ki: Dof = channels(ki.base_rotation.si(), ki.base_translation.si(), ki.joints.si());
-                Ok(Gains::diagonal(&(kp * factor), &(ki * factor)))
+                Ok(Gains::diagonal(&kp, &ki))
             }
             (None, None, Some(kp), Some(ki)) => {
-                let matrix = |rows: &[[f64; 13]; 13]| Matrix13::from_fn(|row, column| rows[row][column] * factor);
+                let matrix = |rows: &[[f64; 13]; 13]| Matrix13::from_fn(|row, column| rows[row][column]);
                 Ok(Gains::full(matrix(kp), matrix(ki)))
             }
             _ => Err(ParameterError::new(

@@ -17,7 +17,7 @@ use lockstep::units::{AngularRate, Each, Force, Length, PerTime, Quantity, Torqu
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-pub use beyond::{Allocation, Avoidance, Stabilise};
+pub use beyond::{Allocation, Avoidance, Stabilise, payload};
 pub use gains::GainsFile;
 pub use model::{Model, build};
 
@@ -261,11 +261,11 @@ pub struct Reference {
 }
 
 impl Default for Reference {
-    /// 0.3 1/s and 0.02.
+    /// 0.3 1/s, and a damping of 0.01 that only matters next to a singularity.
     fn default() -> Self {
         Self {
             base_position_gain: Each::of([0.3; 3]),
-            least_squares_damping: 0.02,
+            least_squares_damping: 0.01,
         }
     }
 }
@@ -288,8 +288,8 @@ impl Parameters {
         }
     }
 
-    /// Shaping filter and inner loop, with every gain times `factor`.
-    fn tracker(&self, period_s: f64, factor: f64) -> Result<TrackerParameters, ParameterError> {
+    /// Shaping filter and inner loop.
+    fn tracker(&self, period_s: f64) -> Result<TrackerParameters, ParameterError> {
         let discretisation = match self.inner.discretisation {
             DiscretisationName::Exact => Discretisation::Exact,
             DiscretisationName::Euler => Discretisation::Euler,
@@ -312,7 +312,7 @@ impl Parameters {
                 FollowedName::Raw => Followed::Raw,
                 FollowedName::Filtered => Followed::Filtered,
             },
-            gains: self.gains.gains(factor)?,
+            gains: self.gains.gains()?,
             feedback: match self.inner.feedback {
                 FeedbackName::ConditionalIntegrator => FeedbackLaw::ConditionalIntegrator { bound, discretisation },
                 FeedbackName::ProportionalIntegral => FeedbackLaw::ProportionalIntegral,
@@ -321,8 +321,8 @@ impl Parameters {
         })
     }
 
-    /// For the hierarchical law, with every inner gain times `factor`.
-    pub fn hierarchical(&self, period_s: f64, factor: f64) -> Result<hierarchical::Parameters, ParameterError> {
+    /// For the hierarchical law.
+    pub fn hierarchical(&self, period_s: f64) -> Result<hierarchical::Parameters, ParameterError> {
         let weights = &self.outer.weights;
         let arm = match weights.arm_fixed {
             Some(weight) => ArmWeight::Fixed(weight),
@@ -345,7 +345,7 @@ impl Parameters {
                     joint_factor: weights.joint_factor,
                 },
             },
-            tracker: self.tracker(period_s, factor)?,
+            tracker: self.tracker(period_s)?,
             between: self.between(),
             avoidance: match &self.avoidance {
                 Some(avoidance) => Some(avoidance.law(&self.urdf, &self.servicer.arm)?),
@@ -367,7 +367,7 @@ impl Parameters {
             position_gain: self.outer.position_gain.si().into(),
             base_position_gain: Vector3::from(self.reference.base_position_gain.si()),
             least_squares_damping: self.reference.least_squares_damping,
-            tracker: self.tracker(period_s, 1.0)?,
+            tracker: self.tracker(period_s)?,
             between: self.between(),
             allocation: self.allocation.as_ref().map(Allocation::law),
         })

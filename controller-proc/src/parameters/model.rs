@@ -97,7 +97,7 @@ pub fn build(
     ControlModel::new(&description, &options).map_err(|error| {
         let key = match &error {
             ModelError::EndEffector(_) => "servicer.arm.end_effector",
-            ModelError::JointOrder { .. } => "servicer.arm.joints",
+            ModelError::JointOrder { .. } | ModelError::NoSuchJoint { .. } => "servicer.arm.joints",
             ModelError::Edit(_) | ModelError::Tree(_) | ModelError::MotorInertia { .. } => "model",
         };
         ParameterError::new(key, error)

@@ -71,6 +71,16 @@ lockstep::message! {
         pub feedback_saturated: f64 = "1",
         /// Torque that nobody could be asked for.
         pub missing_torque_B: [f64; 3] = "N m" in "B",
+        /// Stabilisation: part of the wished braking that the limits allow, 0 to 1.
+        pub stabilise_factor: f64 = "1",
+        /// Stabilisation: torque that the gripper puts on the target.
+        pub gripper_torque_E: [f64; 3] = "N m" in "E",
+        /// Stabilisation: force that the gripper puts on the target.
+        pub gripper_force_E: [f64; 3] = "N" in "E",
+        /// Stabilisation: 1 while everything is at rest.
+        pub at_rest: f64 = "1",
+        /// Stabilisation: time from the grasp to the first rest; negative before, zero while it is not stabilised.
+        pub time_to_rest: f64 = "s",
     }
 }
 
