@@ -92,6 +92,13 @@ pub struct Criterion {
     pub met: bool,
 }
 
+impl Summary {
+    /// Whether the run did what its scenario asks for.
+    pub fn met(&self) -> bool {
+        self.captured
+    }
+}
+
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verdict = match (self.captured, &self.incomplete) {
