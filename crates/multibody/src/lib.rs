@@ -71,6 +71,7 @@ pub use description::{
 };
 pub use dynamic::{BodyInfo, Dense, DynState, DynTree};
 pub use integrate::{Flow, Method, Rate, UnknownMethod, dop853, rk4};
+pub use nalgebra;
 pub use num::{F64x4, Real, sin_cos};
 pub use rotation::Quaternion;
 pub use state::State;
