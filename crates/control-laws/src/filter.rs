@@ -4,6 +4,7 @@
 //! inner loop can feed forward (Eq 5). It differentiates, so noise on its input comes out amplified: noise belongs through navigation.
 
 use crate::{Dof, ParameterError};
+use serde::{Deserialize, Serialize};
 
 /// Everything a user chooses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +26,7 @@ impl Default for FilterParameters {
 }
 
 /// All that the filter remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FilterState {
     /// Whether a first input has been seen.
     pub started: bool,

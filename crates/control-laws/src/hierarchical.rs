@@ -8,6 +8,7 @@ use crate::tracker::{Tracker, TrackerParameters, TrackerState};
 use crate::{DOF, Dof, JOINTS, Measured, ParameterError};
 use guidance_laws::{Between, Pose, SetPoint};
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// Everything a user chooses, the control model apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,7 +96,7 @@ pub struct Telemetry {
 }
 
 /// All that the law remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// The attitude error's sign and continuity.
     pub attitude: AttitudeState,

@@ -10,7 +10,7 @@
 //! | [`model`] | the control model: kinematics of the end effector and the feed-forward force |
 //! | [`avoidance`] | joint ends and the straight elbow, in the null space |
 //! | [`allocation`] | the base's torque, shared between wheels and thrusters |
-//! | [`reference`] | the comparison law: base and arm each with a set-point of their own |
+//! | [`mod@reference`] | the comparison law: base and arm each with a set-point of their own |
 //! | [`stabilise`] | after the capture: servicer and target brought to rest within every limit |
 //!
 //! # Conventions

@@ -16,6 +16,7 @@ use crate::tracker::{Tracker, TrackerParameters, TrackerState};
 use crate::{DOF, Dof, JOINTS, Jacobian, Measured, ParameterError, Twist};
 use guidance_laws::{Between, Pose, SetPoint};
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Everything a user chooses, the control model apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,7 +116,7 @@ pub struct Telemetry {
 }
 
 /// All that the law remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// The end effector's attitude error.
     pub end_effector: AttitudeState,

@@ -13,6 +13,7 @@ use crate::allocation::{Allocation, AllocationParameters};
 use crate::model::ControlModel;
 use crate::{DOF, Dof, Measured, ParameterError, Twist};
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// Everything a user chooses, the model of the stack apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,7 +98,7 @@ pub enum HeldBy {
 }
 
 /// All that the law remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Time of the first step with a measurement, s; negative before.
     pub start_s: f64,

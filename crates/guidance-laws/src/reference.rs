@@ -9,6 +9,7 @@ use crate::capture::{self, CaptureGuidance, Schedule};
 use crate::profile::quintic;
 use crate::{ParameterError, Pose, SetPoint, TargetState, so3};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// How the base gets to its closing pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -58,7 +59,7 @@ pub struct Output {
 }
 
 /// All that the guidance remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// State of the end effector's part.
     pub end_effector: capture::State,

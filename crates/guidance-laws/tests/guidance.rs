@@ -225,6 +225,8 @@ fn the_comparison_base_path_is_a_step_or_a_quintic() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
     #[test]
     fn a_restored_law_continues_with_the_same_bits(split in 1_usize..60, x in -1.0..1.0, y in -1.0..1.0, z in -1.0..1.0) {
         let rate = Vector3::new(x, y, z) * 0.1;

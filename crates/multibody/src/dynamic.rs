@@ -3,8 +3,8 @@
 use crate::description::Description;
 use crate::kernel::jacobian::{frame_at, jacobian};
 use crate::kernel::place::{Placed, Rates, place, rates};
-use crate::kernel::{Model, aba, inertia, momentum, newton_euler};
-use crate::num::{Dynamic, V3, sin_cos};
+use crate::kernel::{BASE, Model, aba, inertia, momentum, newton_euler};
+use crate::num::{Dynamic, Real, V3, sin_cos};
 use crate::rotation::Quaternion;
 use crate::tree::{Constants, FrameId, TreeError, UnknownFrame, matrix, vector};
 use crate::{Momentum, Placement};
@@ -172,6 +172,22 @@ impl DynTree {
         &self.constants.frame_names
     }
 
+    /// Names of the links that make up a body: the one it is named after and those fixed to it.
+    pub fn frames_on(&self, body: &BodyInfo) -> Vec<&str> {
+        let c = &self.constants;
+        let place = c
+            .body_names
+            .iter()
+            .position(|b| b.1 == body.link)
+            .map_or(BASE, |i| i + 1);
+        c.frames
+            .iter()
+            .zip(&c.frame_names)
+            .filter(|(f, _)| f.body == place)
+            .map(|(_, name)| name.as_str())
+            .collect()
+    }
+
     /// Finds a frame by the name of its link.
     pub fn frame(&self, name: &str) -> Result<FrameId, UnknownFrame> {
         self.constants.frame(name)
@@ -210,6 +226,49 @@ impl DynTree {
         let zero = V3::zero();
         newton_euler::newton_euler::<Dynamic, f64, true>(self.model(), &s.q, &s.nu, a, &s.nu, zero, &mut out);
         out
+    }
+
+    /// `M a + C(ν) ν_r` in one pass.
+    pub fn mass_coriolis_product(&self, s: &DynState, a: &[f64], nu_r: &[f64]) -> Vec<f64> {
+        self.check(s);
+        assert_eq!(
+            (a.len(), nu_r.len()),
+            (self.dim(), self.dim()),
+            "a and ν_r have the wrong length"
+        );
+        let mut out = vec![0.0; self.dim()];
+        let zero = V3::zero();
+        newton_euler::newton_euler::<Dynamic, f64, false>(self.model(), &s.q, &s.nu, a, nu_r, zero, &mut out);
+        out
+    }
+
+    /// Mass matrix over any scalar, column by column.
+    pub fn mass_matrix_in<T: Real>(&self, q: &[T]) -> Vec<T> {
+        let placed = place::<Dynamic, T>(self.model(), q);
+        let mut m = vec![T::of(0.0); self.dim() * self.dim()];
+        let (model, rest) = (self.model(), V3::zero());
+        inertia::mass_and_coriolis::<Dynamic, T, false>(model, &placed, &[], rest, &mut m, &mut []);
+        m
+    }
+
+    /// Body Jacobian of a frame over any scalar, column by column; it depends on the joints alone.
+    pub fn jacobian_in<T: Real>(&self, q: &[T], frame: FrameId) -> Vec<T> {
+        let placed = place::<Dynamic, T>(self.model(), q);
+        let rest = vec![T::of(0.0); self.dim()];
+        let rates = rates::<Dynamic, T>(self.model(), &placed, &rest);
+        let mut j = vec![T::of(0.0); 6 * self.dim()];
+        let frame = &self.constants.frames[frame.0];
+        jacobian::<T, false>(self.model(), &placed, &rates, V3::zero(), frame, &mut j);
+        j
+    }
+
+    /// Pose of a frame in the base over any scalar: (`p_BE`, columns of `R_BE`).
+    pub fn placement_in<T: Real>(&self, q: &[T], frame: FrameId) -> ([T; 3], [[T; 3]; 3]) {
+        let placed = place::<Dynamic, T>(self.model(), q);
+        let rest = vec![T::of(0.0); self.dim()];
+        let rates = rates::<Dynamic, T>(self.model(), &placed, &rest);
+        let (r, p) = frame_at(&self.constants.frames[frame.0], &placed, &rates);
+        (p.to_array(), r.c.map(V3::to_array))
     }
 
     /// Forward dynamics without gravity, with dampers and springs.

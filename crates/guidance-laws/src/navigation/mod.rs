@@ -18,6 +18,7 @@ use crate::target::TargetModel;
 use crate::{ParameterError, Pose, TargetState, so3};
 use error_state::{Covariance, ErrorState, STATES, transition};
 use nalgebra::{Quaternion, SMatrix, SVector, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A pair of standard deviations or densities, for position and attitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -94,7 +95,7 @@ pub enum Update {
 }
 
 /// All that the filter remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Whether a pose has been taken in; before that the other fields mean nothing.
     pub started: bool,

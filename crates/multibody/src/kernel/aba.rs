@@ -18,6 +18,19 @@ pub(crate) struct Articulated<T> {
 }
 
 impl<T: Real> Articulated<T> {
+    /// Nothing.
+    #[inline(always)]
+    pub(crate) fn zero() -> Self {
+        let (o, v) = (T::of(0.0), V3::zero());
+        Self {
+            a: Sym3::scalar(o),
+            h: Mat3 { c: [v; 3] },
+            m: Sym3::scalar(o),
+            n: v,
+            f: v,
+        }
+    }
+
     /// A rigid body alone, turned by `r` and spinning at `omega`.
     #[inline(always)]
     fn rigid(rigid: &Rigid, r: &Mat3<T>, omega: V3<T>, turned: bool) -> Self {
@@ -37,7 +50,7 @@ impl<T: Real> Articulated<T> {
 
     /// Adds `o`, given about a point at `d` from this one's.
     #[inline(always)]
-    fn add_shifted(&mut self, o: &Self, d: V3<T>) {
+    pub(crate) fn add_shifted(&mut self, o: &Self, d: V3<T>) {
         let m = o.m.columns();
         let h = Mat3 {
             c: [
@@ -90,7 +103,7 @@ struct Inward<T> {
 
 /// Acceleration (`out`, as the generalised velocity's rate) of a tree at `q` moving at `nu` under the generalised
 /// force `tau`, joint dampers and springs included, in a uniform field `gravity` (base axes). `load` is added to the
-/// base's articulated inertia: what an attached mechanism that is not part of the tree contributes.
+/// base's articulated inertia: what an attached mechanism that is not part of the tree contributes, about the base origin.
 #[inline(always)]
 pub(crate) fn aba<Z: Size, T: Real>(
     model: Model,
