@@ -236,6 +236,7 @@ fn drive<T: Real>(link: &super::Link, q: T, rate: T, tau: T) -> T {
 }
 
 /// `[A H; Hᵀ M] [α; a] = [n; f]` by LDLᵀ, translations first (they are the well-conditioned half).
+#[allow(clippy::needless_range_loop)] // the indices are those of the textbook
 #[inline(always)]
 fn solve_base<T: Real>(i: &Articulated<T>, n: V3<T>, f: V3<T>) -> (V3<T>, V3<T>) {
     let m = i.m.columns().map(V3::to_array);
