@@ -111,7 +111,7 @@ fn main() -> std::io::Result<()> {
     std::fs::write(
         format!("{folder}/slosh-energy.svg"),
         plot(
-            "Energy error of RK4 at 1 ms",
+            "RK4 at 1 ms: energy",
             "miss of the pole (rad)",
             "relative error",
             &energy,
@@ -293,7 +293,7 @@ fn plot(title: &str, x_label: &str, y_label: &str, curves: &[Curve], xs: Scale, 
             "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\"/>",
             points.join(" ")
         ));
-        let from = left + width - 340.0 + 190.0 * i as f64;
+        let from = left + width - 300.0 + 190.0 * i as f64;
         line(format!(
             "<line x1=\"{from}\" y1=\"20\" x2=\"{}\" y2=\"20\" stroke=\"{colour}\" stroke-width=\"3\"/>",
             from + 24.0
