@@ -64,7 +64,11 @@ fn no_algorithm_allocates() {
         &tau.data.0[0].map(|x| F64x4::new([x; 4])),
     );
     let energy = tree.kinetic_energy(&k) + tree.potential_energy(&state) + tree.momentum(&k).mass;
-    let start = SloshState { tree: State::rest(), d: -Vector3::z(), w: Vector3::x() * 0.1 };
+    let start = SloshState {
+        tree: State::rest(),
+        d: -Vector3::z(),
+        w: Vector3::x() * 0.1,
+    };
     let slosh = rk4(&sloshing, &start, &SVector::repeat(0.1), 1e-3);
     let after = COUNT.with(Cell::get);
 
