@@ -1,7 +1,8 @@
 //! Times the algorithms on the stock servicer: one JSON line per algorithm with the thread CPU time (ns per call) of
 //! every round. `compare.sh` beside this file runs it alternately with Pinocchio and prints the ratios.
 //!
-//! usage: `dynamics STATES.txt [ROUNDS]`. STATES.txt has one state a line: quaternion wxyz, p, joint positions,
+//! usage: `dynamics STATES.txt [ROUNDS]`, or `dynamics --count ALGORITHM` to run one algorithm once over the states inside
+//! [`counted`], for `instructions.sh`. STATES.txt has one state a line: quaternion wxyz, p, joint positions,
 //! generalised velocity, generalised force. Without arguments (as `cargo bench` calls it) states are drawn here.
 
 use multibody::{Description, F64x4, Method, Quaternion, State, Tree};
@@ -19,29 +20,48 @@ struct Case {
 
 fn main() {
     let mut args = std::env::args().skip(1).filter(|a| a != "--bench");
-    let text = match args.next() {
-        Some(path) => std::fs::read_to_string(&path).expect("the file of states can be read"),
-        None => drawn_states(),
+    let first = args.next();
+    let mode = match first.as_deref() {
+        Some("--count") => Mode::Count(args.next().expect("the name of an algorithm")),
+        _ => Mode::Time(args.next().map_or(201, |r| r.parse().expect("ROUNDS is a number"))),
     };
-    let rounds = args.next().map_or(201, |r| r.parse().expect("ROUNDS is a number"));
+    let text = match (&mode, first) {
+        (Mode::Time(_), Some(path)) => std::fs::read_to_string(&path).expect("the file of states can be read"),
+        _ => drawn_states(),
+    };
     let description = Description::from_urdf(include_str!("../../../models/servicer.urdf")).expect("a valid model");
     let tree = Servicer::new(&description).expect("a valid tree");
     let cases: Vec<Case> = text.lines().map(|l| case(&tree, l)).collect();
-    run(&tree, &cases, rounds);
+    run(&tree, &cases, &mode);
 }
 
-fn run(tree: &Servicer, cases: &[Case], rounds: usize) {
+enum Mode {
+    /// So many rounds of each.
+    Time(usize),
+    /// One pass of this one.
+    Count(String),
+}
+
+/// What callgrind counts: it starts and stops at this function.
+#[inline(never)]
+fn counted(calls: usize, f: &dyn Fn(usize)) {
+    (0..calls).for_each(f);
+}
+
+fn run(tree: &Servicer, cases: &[Case], mode: &Mode) {
     let frame = tree.frame("end_effector").expect("the model has it");
     let n = cases.len();
-    let zero = Vector::zeros();
-    let mut time =
-        |name: &str, per_call: usize, f: &mut dyn FnMut(usize)| measure(name, n / per_call, per_call, rounds, f);
+    let time = |name: &str, per_call: usize, f: &dyn Fn(usize)| match mode {
+        Mode::Time(rounds) => measure(name, n / per_call, per_call, *rounds, f),
+        Mode::Count(wanted) if wanted == name => counted(n / per_call, f),
+        Mode::Count(_) => {}
+    };
 
-    time("aba", 1, &mut |i| {
+    time("aba", 1, &|i| {
         let c = &cases[i];
         black_box(tree.aba(black_box(&c.state.q), black_box(&c.state.nu), black_box(&c.tau)));
     });
-    time("rnea", 1, &mut |i| {
+    time("rnea", 1, &|i| {
         let c = &cases[i];
         black_box(tree.rnea(
             black_box(&c.state.q),
@@ -49,32 +69,28 @@ fn run(tree: &Servicer, cases: &[Case], rounds: usize) {
             black_box(&c.acceleration),
         ));
     });
-    time("crba", 1, &mut |i| {
+    time("crba", 1, &|i| {
         black_box(tree.mass_matrix(black_box(&cases[i].state.q)));
     });
-    time("M+C+J", 1, &mut |i| {
+    time("M+C+J", 1, &|i| {
         let s = &cases[i].state;
         let k = tree.kinematics(black_box(&s.q), black_box(&s.nu));
         black_box(tree.mass_and_coriolis(&k));
         black_box(tree.jacobian(&k, frame));
     });
-    time("M a + C nu_r", 1, &mut |i| {
+    time("M a + C nu_r", 1, &|i| {
         let c = &cases[i];
         let (q, nu) = (black_box(&c.state.q), black_box(&c.state.nu));
         black_box(tree.mass_coriolis_product(q, nu, black_box(&c.acceleration), black_box(&c.tau)));
     });
-    time("rk4 step", 1, &mut |i| {
+    time("rk4 step", 1, &|i| {
         let c = &cases[i];
         black_box(tree.step(Method::Rk4, black_box(&c.state), black_box(&c.tau), black_box(1e-3)));
     });
     let fours: Vec<_> = cases.chunks_exact(4).map(four).collect();
-    time("aba, 4 lanes", 4, &mut |i| {
+    time("aba, 4 lanes", 4, &|i| {
         let (q, nu, tau) = &fours[i];
         black_box(tree.aba_x4(black_box(q), black_box(nu), black_box(tau)));
-    });
-    time("mass_coriolis_product(0)", 1, &mut |i| {
-        let c = &cases[i];
-        black_box(tree.mass_coriolis_product(&c.state.q, &c.state.nu, &zero, &c.state.nu));
     });
 }
 
@@ -88,20 +104,16 @@ fn four(cases: &[Case]) -> ([F64x4; 9], [F64x4; 15], [F64x4; 15]) {
 }
 
 /// Rounds of about 0.2 ms each, so that a shared machine disturbs only some of them.
-fn measure(name: &str, calls: usize, per_call: usize, rounds: usize, f: &mut dyn FnMut(usize)) {
-    let pass = |f: &mut dyn FnMut(usize)| (0..calls).for_each(f);
-    for _ in 0..20 {
-        pass(f);
-    }
+fn measure(name: &str, calls: usize, per_call: usize, rounds: usize, f: &dyn Fn(usize)) {
+    let pass = || (0..calls).for_each(f);
+    (0..20).for_each(|_| pass());
     let start = thread_time_ns();
-    pass(f);
+    pass();
     let repeat = ((2.0e5 / (thread_time_ns() - start).max(1.0)) as usize).max(1);
     let mut samples = Vec::with_capacity(rounds);
     for _ in 0..rounds {
         let start = thread_time_ns();
-        for _ in 0..repeat {
-            pass(f);
-        }
+        (0..repeat).for_each(|_| pass());
         samples.push((thread_time_ns() - start) / (repeat * calls * per_call) as f64);
     }
     let list: Vec<String> = samples.iter().map(|s| format!("{s:.1}")).collect();

@@ -350,7 +350,10 @@ pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeErr
         let order: Vec<usize> = joints.chain((0..offset).rev()).collect();
         for (at, &k) in order.iter().enumerate() {
             let ratio = m[(k, k)] / whole[k];
-            best[k] = best[k].max(if ratio.is_finite() { ratio } else { 0.0 });
+            if ratio.is_nan() || ratio <= VANISHED {
+                continue; // dividing by it would put the blame on everything below
+            }
+            best[k] = best[k].max(ratio);
             for &i in &order[at + 1..] {
                 let factor = m[(i, k)] / m[(k, k)];
                 for &j in &order[at + 1..] {

@@ -36,9 +36,16 @@ pub fn run(urdf: &Path, states: Option<&Path>) -> Result<()> {
 
 /// The tree, one body a line, with what was merged into it.
 fn listing(description: &Description) -> Result<String> {
-    let tree = DynTree::new(description, true)?;
+    // a root without inertia (often called `world`) can only be a fixed base
+    let floating = DynTree::new(description, true);
+    let base = if floating.is_ok() {
+        "floating base"
+    } else {
+        "fixed base"
+    };
+    let tree = floating.or_else(|refusal| DynTree::new(description, false).map_err(|_| refusal))?;
     let mut out = format!(
-        "{}: {} moving joints, {} degrees of freedom with a floating base, {} kg\n",
+        "{}: {} moving joints, {} degrees of freedom with a {base}, {} kg\n",
         description.name,
         tree.joints(),
         tree.dim(),
@@ -51,12 +58,22 @@ fn listing(description: &Description) -> Result<String> {
                 let kind = if body.prismatic { "slides" } else { "turns" };
                 format!("  [{k}] {kind} on {joint}")
             }
-            _ => "  floating base".to_owned(),
+            _ => format!("  {base}"),
         };
-        let extra = |what: &str, x: f64| if x == 0.0 { String::new() } else { format!(", {what} {x}") };
+        let extra = |what: &str, x: f64| {
+            if x == 0.0 {
+                String::new()
+            } else {
+                format!(", {what} {x}")
+            }
+        };
         let merged = tree.frames_on(body);
         let merged: Vec<&str> = merged.into_iter().filter(|name| *name != body.link).collect();
-        let with = if merged.is_empty() { String::new() } else { format!(", with {}", merged.join(", ")) };
+        let with = if merged.is_empty() {
+            String::new()
+        } else {
+            format!(", with {}", merged.join(", "))
+        };
         let name = format!("{}{}", "  ".repeat(body.depth), body.link);
         out += &format!(
             "  {name:<24}{:>12.6} kg{joint}{}{}{with}\n",
@@ -81,15 +98,26 @@ fn evaluate(description: &Description, file: &Value) -> Result<Value> {
     let mut trees: [Option<DynTree>; 2] = [None, None];
     let mut results = Vec::new();
     for (i, entry) in list.iter().enumerate() {
-        let state = if entry.get("state").is_some() { &entry["state"] } else { entry };
+        let state = if entry.get("state").is_some() {
+            &entry["state"]
+        } else {
+            entry
+        };
         let place = || format!("state {i}");
         let v = numbers(state, "v", None).with_context(place)?;
         let floating = match v.len() {
             n if n == dof + 6 => true,
             n if n == dof => false,
-            n => bail!("state {i}: `v` has {n} numbers; the model has {dof} joints, so give {} (or {dof} for a fixed base)", dof + 6),
+            n => bail!(
+                "state {i}: `v` has {n} numbers; the model has {dof} joints, so give {} (or {dof} for a fixed base)",
+                dof + 6
+            ),
         };
-        let tau = if state.get("tau").is_some() { numbers(state, "tau", Some(v.len())) } else { Ok(vec![0.0; v.len()]) };
+        let tau = if state.get("tau").is_some() {
+            numbers(state, "tau", Some(v.len()))
+        } else {
+            Ok(vec![0.0; v.len()])
+        };
         let tau = tau.with_context(place)?;
         let at = read_state(state, dof, v).with_context(place)?;
         let slot = &mut trees[usize::from(floating)];
@@ -110,7 +138,11 @@ fn evaluate(description: &Description, file: &Value) -> Result<Value> {
 
 fn read_state(state: &Value, dof: usize, nu: Vec<f64>) -> Result<DynState> {
     let three = |key: &str| numbers(state, key, Some(3)).map(|x| Vector3::new(x[0], x[1], x[2]));
-    let p_nb = if state.get("p").is_some() { three("p")? } else { Vector3::zeros() };
+    let p_nb = if state.get("p").is_some() {
+        three("p")?
+    } else {
+        Vector3::zeros()
+    };
     let quat_nb = if state.get("quat_wxyz").is_some() {
         let x = numbers(state, "quat_wxyz", Some(4))?;
         let quat = Quaternion::from_wxyz([x[0], x[1], x[2], x[3]]);
@@ -122,7 +154,12 @@ fn read_state(state: &Value, dof: usize, nu: Vec<f64>) -> Result<DynState> {
     } else {
         Quaternion::IDENTITY
     };
-    Ok(DynState { p_nb, quat_nb, q: numbers(state, "qj", Some(dof))?, nu })
+    Ok(DynState {
+        p_nb,
+        quat_nb,
+        q: numbers(state, "qj", Some(dof))?,
+        nu,
+    })
 }
 
 fn numbers(state: &Value, key: &str, length: Option<usize>) -> Result<Vec<f64>> {
@@ -130,7 +167,9 @@ fn numbers(state: &Value, key: &str, length: Option<usize>) -> Result<Vec<f64>> 
         bail!("`{key}` is missing or not a list of numbers");
     };
     let numbers: Option<Vec<f64>> = list.iter().map(Value::as_f64).collect();
-    let Some(numbers) = numbers else { bail!("`{key}` contains something that is not a number") };
+    let Some(numbers) = numbers else {
+        bail!("`{key}` contains something that is not a number")
+    };
     match length {
         Some(n) if n != numbers.len() => bail!("`{key}` has {} numbers, it must have {n}", numbers.len()),
         _ => Ok(numbers),
@@ -182,7 +221,10 @@ mod tests {
     #[test]
     fn lists_the_tree_with_what_was_merged() {
         let text = listing(&Description::from_urdf(URDF).unwrap()).unwrap();
-        assert!(text.starts_with("servicer: 9 moving joints, 15 degrees of freedom"), "{text}");
+        assert!(
+            text.starts_with("servicer: 9 moving joints, 15 degrees of freedom"),
+            "{text}"
+        );
         assert!(text.contains("[6] turns on A7, with tool, end_effector"), "{text}");
         assert!(text.contains("[8] turns on slosh_x, damping 0.0131"), "{text}");
     }
@@ -196,6 +238,11 @@ mod tests {
         assert_eq!(first["M"][3][3].as_f64().unwrap(), 450.2);
         assert_eq!(first["end_effector"], first["frames"]["end_effector"]);
         let short = json!({"qj": [0; 9], "v": [0; 4]});
-        assert!(evaluate(&d, &short).unwrap_err().to_string().contains("`v` has 4 numbers"));
+        assert!(
+            evaluate(&d, &short)
+                .unwrap_err()
+                .to_string()
+                .contains("`v` has 4 numbers")
+        );
     }
 }

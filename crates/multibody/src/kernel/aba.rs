@@ -31,20 +31,17 @@ impl<T: Real> Articulated<T> {
         }
     }
 
-    /// A rigid body alone, turned by `r` and spinning at `omega`.
+    /// A rigid body alone; its bias is the wrench that its velocity-product acceleration asks for.
     #[inline(always)]
-    fn rigid(rigid: &Rigid, r: &Mat3<T>, omega: V3<T>, turned: bool) -> Self {
-        let (h, j) = if turned {
-            (r.mul(V3::of(rigid.h)), Sym3::of(rigid.j).rotated(r))
-        } else {
-            (V3::of(rigid.h), Sym3::of(rigid.j))
-        };
+    fn rigid(rigid: &Rigid, at: &Outward<T>) -> Self {
+        let (h, j) = (at.r.mul(V3::of(rigid.h)), Sym3::of(rigid.j).rotated(&at.r));
+        let Outward { omega, alpha, acc, .. } = *at;
         Self {
             a: j,
             h: Mat3::skew(h),
             m: Sym3::scalar(T::of(rigid.mass)),
-            n: omega.cross(j.mul(omega)),
-            f: omega.cross(omega.cross(h)),
+            n: h.cross_add(acc, j.mul_add(alpha, omega.cross(j.mul(omega)))),
+            f: omega.cross_add(omega.cross(h), alpha.cross_add(h, acc * T::of(rigid.mass))),
         }
     }
 
@@ -87,9 +84,9 @@ struct Outward<T> {
     r: Mat3<T>,
     omega: V3<T>,
     d: V3<T>,
-    /// Velocity-product accelerations of the body and its origin.
-    c_ang: V3<T>,
-    c_lin: V3<T>,
+    /// Acceleration of the body and its origin when neither the base nor any joint accelerates.
+    alpha: V3<T>,
+    acc: V3<T>,
 }
 
 /// A joint on the way in: what it takes to find its acceleration on the way back out.
@@ -118,58 +115,63 @@ pub(crate) fn aba<Z: Size, T: Real>(
     let n = model.bodies.len();
     let (omega_base, v_base) = model.base_part(nu);
     let zero = V3::zero();
+    // Measured: doubles like a body's pose and inertia in one go, lanes (four times the register space) one after the other.
+    let wide = const { size_of::<T>() > size_of::<f64>() };
     let trig = sines::<Z, T>(model, q);
     let mut outward = Z::List::<Outward<T>>::with_capacity(n + 1);
     outward.push(Outward {
         r: Mat3::identity(),
         omega: omega_base,
         d: zero,
-        c_ang: zero,
-        c_lin: zero,
+        alpha: zero,
+        acc: zero,
     });
+    let mut inertias = Z::List::<Articulated<T>>::with_capacity(n + 1);
+    inertias.push(Articulated::rigid(model.base, &outward[BASE]));
+    if let Some(load) = load {
+        inertias[BASE].add_shifted(load, zero);
+    }
     for link in model.bodies {
         let parent = &outward[link.parent];
         let (s, c) = trig[link.coordinate];
         let r = rotate(link, &parent.r, s, c);
         let z_rate = r.c[2] * nu[offset + link.coordinate];
         let mut d = parent.r.mul(V3::of(link.p));
-        let (omega, c_ang, c_lin);
+        let (omega, alpha, spin);
         if link.prismatic {
             d = r.c[2].mul_add(q[link.coordinate], d);
             omega = parent.omega;
-            c_ang = zero;
+            alpha = parent.alpha;
             // ω×(ω×d) + 2 ω×(z q̇)
-            c_lin = omega.cross(omega.cross_add(d, z_rate + z_rate));
+            spin = omega.cross(omega.cross_add(d, z_rate + z_rate));
         } else {
             omega = parent.omega + z_rate;
-            c_ang = parent.omega.cross(z_rate);
-            c_lin = parent.omega.cross(parent.omega.cross(d));
+            alpha = parent.omega.cross_add(z_rate, parent.alpha);
+            spin = parent.omega.cross(parent.omega.cross(d));
         }
-        outward.push(Outward {
+        let acc = parent.alpha.cross_add(d, parent.acc + spin);
+        let own = Outward {
             r,
             omega,
             d,
-            c_ang,
-            c_lin,
-        });
+            alpha,
+            acc,
+        };
+        outward.push(own);
+        if !wide {
+            inertias.push(Articulated::rigid(&link.rigid, &own));
+        }
     }
-    // a loop of its own: nothing here waits for a parent, and less has to stay in registers at a time
-    let mut inertias = Z::List::<Articulated<T>>::with_capacity(n + 1);
-    let mut base = Articulated::rigid(model.base, &outward[BASE].r, omega_base, false);
-    if let Some(load) = load {
-        base.add_shifted(load, zero);
+    if wide {
+        for (link, own) in model.bodies.iter().zip(&outward[1..]) {
+            inertias.push(Articulated::rigid(&link.rigid, own));
+        }
     }
-    inertias.push(base);
-    for (link, own) in model.bodies.iter().zip(&outward[1..]) {
-        inertias.push(Articulated::rigid(&link.rigid, &own.r, own.omega, true));
-    }
-
     // filled from the tip: element n − 1 − i belongs to body i
     let mut inward = Z::List::<Inward<T>>::with_capacity(n);
     for i in (0..n).rev() {
         let link = &model.bodies[i];
-        let Outward { r, d, c_ang, c_lin, .. } = &outward[i + 1];
-        let (d, c_ang, c_lin) = (*d, *c_ang, *c_lin);
+        let Outward { r, d, .. } = &outward[i + 1];
         let (before, rest) = inertias.split_at_mut(i + 1);
         let own = &rest[0];
         let z = r.c[2];
@@ -184,18 +186,17 @@ pub(crate) fn aba<Z: Size, T: Real>(
         let rate = nu[offset + link.coordinate];
         let u = drive(link, q[link.coordinate], rate, tau[offset + link.coordinate]) - resist;
         inward.push(Inward { u_n, u_f, u, inv });
-        // the bias with the joint's own acceleration taken out, then the inertia likewise
-        let along = u_n.dot_add(c_ang, u_f.dot(c_lin));
-        let k = (u - along) * inv;
+        // what is left for the parent once the joint has yielded
+        let k = u * inv;
         let (w_n, w_f) = (u_n * -inv, u_f * -inv);
         let reduced = Articulated {
-            n: own.a.mul_add(c_ang, own.h.mul_add(c_lin, u_n.mul_add(k, own.n))),
-            f: own.h.tmul_add(c_ang, own.m.mul_add(c_lin, u_f.mul_add(k, own.f))),
+            n: u_n.mul_add(k, own.n),
+            f: u_f.mul_add(k, own.f),
             a: own.a.add_outer(u_n, w_n),
             h: own.h.add_outer(u_n, w_f),
             m: own.m.add_outer(u_f, w_f),
         };
-        before[link.parent].add_shifted(&reduced, d);
+        before[link.parent].add_shifted(&reduced, *d);
     }
 
     let (alpha, acc) = if model.floating {
@@ -215,15 +216,14 @@ pub(crate) fn aba<Z: Size, T: Real>(
     for (i, link) in model.bodies.iter().enumerate() {
         let (joint, own) = (&inward[n - 1 - i], &outward[i + 1]);
         let (alpha_p, acc_p) = rates[link.parent];
-        let a_ang = alpha_p + own.c_ang;
-        let a_lin = alpha_p.cross_add(own.d, acc_p + own.c_lin);
-        let qdd = (joint.u - joint.u_n.dot_add(a_ang, joint.u_f.dot(a_lin))) * joint.inv;
+        let a_lin = alpha_p.cross_add(own.d, acc_p);
+        let qdd = (joint.u - joint.u_n.dot_add(alpha_p, joint.u_f.dot(a_lin))) * joint.inv;
         out[offset + link.coordinate] = qdd;
         let z = own.r.c[2];
         rates.push(if link.prismatic {
-            (a_ang, z.mul_add(qdd, a_lin))
+            (alpha_p, z.mul_add(qdd, a_lin))
         } else {
-            (z.mul_add(qdd, a_ang), a_lin)
+            (z.mul_add(qdd, alpha_p), a_lin)
         });
     }
 }
@@ -236,6 +236,7 @@ fn drive<T: Real>(link: &super::Link, q: T, rate: T, tau: T) -> T {
 }
 
 /// `[A H; Hᵀ M] [α; a] = [n; f]` by LDLᵀ, translations first (they are the well-conditioned half).
+#[allow(clippy::needless_range_loop)] // the indices are those of the textbook
 #[inline(always)]
 fn solve_base<T: Real>(i: &Articulated<T>, n: V3<T>, f: V3<T>) -> (V3<T>, V3<T>) {
     let m = i.m.columns().map(V3::to_array);

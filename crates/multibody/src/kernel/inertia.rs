@@ -66,12 +66,12 @@ impl<T: Real> Composite<T> {
     /// `(tr(D) 1 − D) v`: the torque of a turning reference velocity on turning bodies.
     #[inline(always)]
     fn b_times(&self, v: V3<T>) -> V3<T> {
-        v * self.d.trace() - self.d.mul(v)
+        self.d.mul_add(-v, v * self.d.trace())
     }
 
     #[inline(always)]
     fn b_transposed_times(&self, v: V3<T>) -> V3<T> {
-        v * self.d.trace() - self.d.tmul(v)
+        self.d.tmul_add(-v, v * self.d.trace())
     }
 }
 
@@ -176,9 +176,12 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
 /// The six elements of a joint's row in front of the joints.
 #[inline(always)]
 fn write_row<T: Real>(m: &mut [T], dim: usize, row: usize, ang: V3<T>, lin: V3<T>) {
-    for (k, x) in ang.to_array().into_iter().chain(lin.to_array()).enumerate() {
-        m[k * dim + row] = x;
-    }
+    m[row] = ang.x;
+    m[dim + row] = ang.y;
+    m[2 * dim + row] = ang.z;
+    m[3 * dim + row] = lin.x;
+    m[4 * dim + row] = lin.y;
+    m[5 * dim + row] = lin.z;
 }
 
 /// The 6×6 block of the base, column by column: unit reference velocity along each base axis, whose inertial rate is
