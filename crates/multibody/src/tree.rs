@@ -230,7 +230,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         });
         match frame.body {
             BASE => self.base.weld(&rigid),
-            body => self.bodies[body].rigid.weld(&rigid),
+            place => self.bodies[place - 1].rigid.weld(&rigid),
         }
     }
 
