@@ -4,7 +4,6 @@
 //! (`table.rs`) by names of ports and fields. Its size is bounded whatever the length of the run: a curve of more than
 //! 8192 samples is thinned to the least and greatest sample of each of 2048 buckets, and the playback to 3000 instants.
 
-mod model;
 mod motion;
 mod page;
 mod series;
@@ -18,11 +17,11 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::Value;
 
-pub use model::ModelError;
+pub(crate) use page::base64;
 
 use crate::folder::RunFolder;
+use crate::geometry::{Geometry, GeometryError};
 use crate::tape::{Event, ReadError, Reader, Source};
-use model::Model;
 use motion::Motion;
 use series::FigureData;
 
@@ -41,13 +40,8 @@ pub enum ReportError {
         reason: String,
     },
     /// A model cannot be drawn.
-    #[error("{}: {source}", path.display())]
-    Model {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: ModelError,
-    },
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
 }
 
 /// What is drawn into the figures as limits: absolute values in the fields' unit, one per channel or one for all.
@@ -65,8 +59,7 @@ pub(crate) struct Run {
     figures: Vec<FigureData>,
     limits: Limits,
     motion: Option<Motion>,
-    model: Option<Model>,
-    target: Option<Model>,
+    geometry: Geometry,
     summary: Value,
     participants: Vec<ParticipantTime>,
 }
@@ -119,38 +112,12 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
     let plan = fs::read_to_string(folder.plan()).unwrap_or_default();
     let summary = read_json(&folder.summary())?;
     let about = read_json(&folder.run())?;
-    let motion = motion::extract(&reader)?;
     let mut notes: Vec<String> = Vec::new();
     for torn in reader.torn() {
         notes.push(format!(
             "Stream {} ends in an incomplete record after {} complete ones.",
             torn.stream, torn.complete
         ));
-    }
-    let width = |name: &str| {
-        let channels = motion.iter().flat_map(|motion| &motion.channels);
-        channels.filter(|c| c.name == name).map(|c| c.width).next().unwrap_or(0)
-    };
-    let (mut servicer, mut target) = (None, None);
-    for path in if models.is_empty() {
-        models_of(root, &plan)
-    } else {
-        models.to_vec()
-    } {
-        let text = fs::read_to_string(&path).map_err(|error| ReportError::File {
-            path: path.clone(),
-            reason: error.to_string(),
-        })?;
-        let drawn = model::read(&text, width("q"), width("q_slosh")).map_err(|source| ReportError::Model {
-            path: path.clone(),
-            source,
-        })?;
-        let slot = if drawn.bodies.iter().any(|body| body.axis.is_some()) {
-            &mut servicer
-        } else {
-            &mut target
-        };
-        slot.get_or_insert(drawn);
     }
     let name = fs::canonicalize(root).ok();
     let name = name.as_deref().unwrap_or(root).file_name();
@@ -167,9 +134,8 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
         limits: limits_of(&summary),
         participants: participants_of(&about, &summary),
         plan,
-        motion,
-        model: servicer,
-        target,
+        motion: motion::extract(&reader)?,
+        geometry: Geometry::read(&reader, root, models)?,
         summary,
     })
 }
@@ -185,22 +151,6 @@ fn read_json(path: &Path) -> Result<Value, ReportError> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Value::Null),
         Err(error) => Err(file(error.to_string())),
     }
-}
-
-/// Models in the run folder, else those that the plan names.
-fn models_of(root: &Path, plan: &str) -> Vec<PathBuf> {
-    let is_urdf = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "urdf") && path.is_file();
-    let mut found = Vec::new();
-    for folder in [root.to_owned(), root.join("models")] {
-        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-        found.extend(entries.map(|entry| entry.path()).filter(is_urdf));
-    }
-    if found.is_empty() {
-        let quoted = plan.split('"').skip(1).step_by(2);
-        found.extend(quoted.map(PathBuf::from).filter(is_urdf));
-    }
-    found.sort();
-    found
 }
 
 /// `limits` of a summary: numbers or lists of numbers by name.

@@ -91,8 +91,8 @@ fn run(run: &Run) -> Value {
         "figures": figures.collect::<serde_json::Map<_, _>>(),
         "limits": limits(&run.limits),
         "motion": run.motion.as_ref().map(motion),
-        "model": run.model,
-        "target": run.target,
+        "model": run.geometry.servicer,
+        "target": run.geometry.target,
         "participants": run.participants,
     })
 }

@@ -41,7 +41,20 @@ const UNITS: &[(&str, &str)] = &[
 /// Keys with a line of their own elsewhere on the page, or none at all.
 const HIDDEN: &[&str] = &["tape_digest", "criteria", "limits", "participants"];
 
-/// One row per key that any summary has, in the order of the first summary that has it.
+/// What people look for first comes first; the rest follows by name.
+const ORDER: &[&str] = &[
+    "captured",
+    "position_error_at_grasp_m",
+    "attitude_error_at_grasp_deg",
+    "relative_speed_at_grasp_m_s",
+    "peak_base_torque_n_m",
+    "peak_base_force_n",
+    "peak_joint_torque_n_m",
+    "saturated_fraction",
+    "slosh_max_deg",
+];
+
+/// One row per key that any summary has.
 pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
     let mut rows: Vec<Row> = Vec::new();
     for (run, summary) in summaries.iter().enumerate() {
@@ -70,6 +83,7 @@ pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
             }
         }
     }
+    rows.sort_by_key(|row| ORDER.iter().position(|key| *key == row.key).unwrap_or(ORDER.len()));
     rows
 }
 

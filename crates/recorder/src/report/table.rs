@@ -4,6 +4,8 @@
 //! curve whose fields nobody publishes is left out, and a figure without curves too. So the table serves the stock
 //! participants, their variants, and anybody's own participant that uses the same names.
 
+use crate::geometry::{ARM_ANGLES, SLOSH_ANGLES};
+
 /// A figure.
 pub(crate) struct FigureSpec {
     /// Short and stable: names files and anchors.
@@ -217,11 +219,7 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         "slosh",
         "Slosh pendulum",
         ("deg", DEGREES),
-        &[curve(
-            "truth",
-            Each(&["q_slosh", "q_p"]),
-            &["first joint", "second joint"],
-        )],
+        &[curve("truth", Each(SLOSH_ANGLES), &["first joint", "second joint"])],
     ),
     figure(
         MOTION,
@@ -256,7 +254,7 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         "joint-angles",
         "Joint angles",
         ("deg", DEGREES),
-        &[curve("truth", Each(&["q"]), JOINTS)],
+        &[curve("truth", Each(ARM_ANGLES), JOINTS)],
     ),
     figure(
         MOTION,
@@ -318,8 +316,8 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
 pub(crate) const PLAYBACK: &[(&str, &str, Names)] = &[
     ("p_NB", "truth", P_NB),
     ("quat_NB", "truth", QUAT_NB),
-    ("q", "truth", &["q"]),
-    ("q_slosh", "truth", &["q_slosh", "q_p"]),
+    ("q", "truth", ARM_ANGLES),
+    ("q_slosh", "truth", SLOSH_ANGLES),
     ("p_NE", "truth", P_NE),
     ("quat_NE", "truth", QUAT_NE),
     ("p_NG", "truth", P_NG),

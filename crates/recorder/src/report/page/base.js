@@ -7,8 +7,8 @@ function el(tag, attributes = {}, ...children) {
   for (const [name, value] of Object.entries(attributes)) {
     if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
     else if (name === "style") node.style.cssText = value;
-    else if (value === true) node.setAttribute(name, "");
-    else if (value !== false && value != null) node.setAttribute(name, value);
+    else if (value === true && !name.startsWith("aria-")) node.setAttribute(name, "");
+    else if ((value !== false || name.startsWith("aria-")) && value != null) node.setAttribute(name, value);
   }
   node.append(...children.filter((child) => child != null));
   return node;

@@ -193,8 +193,9 @@ class Chart {
       pen.fillRect(this.drag.from, top, this.drag.to - this.drag.from, bottom - top);
       pen.globalAlpha = 1;
     }
-    pen.lineWidth = 1.4; pen.strokeStyle = cssVar("--accent");
+    pen.lineWidth = 1; pen.strokeStyle = cssVar("--accent"); pen.globalAlpha = 0.65;
     line(this.toX(clock.t));
+    pen.globalAlpha = 1;
     if (this.hover === null) { this.tip.hidden = true; return; }
     pen.lineWidth = 1; pen.strokeStyle = cssVar("--soft"); pen.setLineDash([3, 3]);
     line(this.toX(this.hover)); pen.setLineDash([]);

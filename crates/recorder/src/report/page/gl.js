@@ -149,6 +149,8 @@ class Renderer {
     if (!gl) throw new Error("this browser offers no WebGL");
     this.gl = gl; this.meshes = new Map();
     this.solid = this.program(SOLID); this.ribbon = this.program(RIBBON); this.star = this.program(STARS);
+    // Edges lie in their faces: the faces are drawn a little further away.
+    gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     // A fixed sky: the same generator with the same seed on every page.
     let seed = 7; const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
@@ -196,13 +198,15 @@ class Renderer {
   }
 
   /** A polyline as ribbons; the numbers along it are what `now` and `dash` of the drawing refer to. */
-  line(points, along) {
+  line(points, along) { return this.buffer(this.segments(points, along)); }
+
+  segments(points, along) {
     const out = [];
     for (let i = 0; i + 1 < points.length; i++) {
       const [a, b, s, t] = [points[i], points[i + 1], along[i], along[i + 1]];
       for (const [end, side] of [[0, -1], [1, -1], [1, 1], [0, -1], [1, 1], [0, 1]]) out.push(...a, ...b, end, side, end ? t : s);
     }
-    return this.buffer(out);
+    return out;
   }
 
   begin(camera, dark) {
@@ -228,8 +232,24 @@ class Renderer {
     gl.uniform4fv(u.colour, colour); gl.uniform3fv(u.eye, this.eye); gl.uniform3fv(u.sun, V.unit([0.62, 0.66, -0.42]));
     gl.uniform1f(u.gloss, gloss); gl.uniform1f(u.light, this.dark ? 1 : 1.5);
     gl.depthMask(colour[3] >= 1);
+    gl.polygonOffset(1, 2);
     gl.drawArrays(gl.TRIANGLES, 0, mesh.numbers / 6);
+    gl.polygonOffset(0, 0);
     gl.depthMask(true);
+  }
+
+  /** The twelve edges of a unit box under `model`. */
+  drawEdges(model, colour) {
+    const at = (p) => [0, 1, 2].map((r) => model[r] * p[0] + model[4 + r] * p[1] + model[8 + r] * p[2] + model[12 + r]);
+    const points = [];
+    for (let axis = 0; axis < 3; axis++) for (const u of [-0.5, 0.5]) for (const v of [-0.5, 0.5]) {
+      const end = (w) => { const p = [0, 0, 0]; p[axis] = w; p[(axis + 1) % 3] = u; p[(axis + 2) % 3] = v; return at(p); };
+      points.push([end(-0.5), end(0.5)]);
+    }
+    const { gl } = this, numbers = points.flatMap((pair) => this.segments(pair, [0, 0]));
+    if (!this.edges) this.edges = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.edges); gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(numbers), gl.DYNAMIC_DRAW);
+    this.drawLine({ buffer: this.edges, numbers: numbers.length }, 1.3, [...colour, 0.8]);
   }
 
   drawLine(line, width, colour, { rest = colour, now = 1e30, dash = 0 } = {}) {

@@ -1,5 +1,5 @@
 // The 3-D playback: camera, layers, labels, read-off.
-const SHOWS = [["frames", "Frames", true], ["paths", "Paths", true], ["arrows", "Thrust and torque", true], ["labels", "Labels", true]];
+const SHOWS = [["inside", "Tank and slosh", true], ["frames", "Frames", true], ["paths", "Paths", true], ["arrows", "Thrust and torque", true], ["labels", "Labels", true]];
 const ARROWS = { force: [0.98, 0.62, 0.16, 1], torque: [0.74, 0.42, 0.96, 1] };
 
 class Player {
@@ -54,13 +54,13 @@ class Player {
   /** Cameras look at a point that moves with the scene; only angles and distance are set by hand. */
   preset(name) {
     const s = this.state(), span = Math.max(2.4, ...[0, 1, 2].map((i) => this.hi[i] - this.lo[i]));
-    const middle = () => { const now = this.state(); return V.scale(V.add(now.p_NB || [0, 0, 0], now.p_NT || now.p_NE || [0, 0, 0]), 0.5); };
     const grasp = () => { const now = this.state(); return now.p_NG || now.p_NE || now.p_NB || [0, 0, 0]; };
-    const start = middle(), all = V.add(start, [0, 0, 0]);
+    // The whole motion fits: the sphere around it, and a metre for the bodies themselves.
+    const all = V.scale(V.add(this.lo, this.hi), 0.5), fit = (0.5 * V.norm(V.sub(this.hi, this.lo)) + 1) / Math.sin(0.31);
     const presets = {
-      overview: { follow: () => all, yaw: 0.5, pitch: 0.34, distance: 1.42 * span + 1 },
-      side: { follow: () => all, yaw: 0, pitch: 0, distance: 1.3 * span + 1 },
-      top: { follow: () => all, yaw: 0, pitch: 1.45, distance: 1.4 * span + 1 },
+      overview: { follow: () => all, yaw: 0.5, pitch: 0.34, distance: 0.84 * fit },
+      side: { follow: () => all, yaw: 0, pitch: 0, distance: 0.84 * fit },
+      top: { follow: () => all, yaw: 0, pitch: 1.45, distance: 0.84 * fit },
       approach: { follow: () => (s.p_NT ? this.state().p_NT : grasp()), yaw: 1.32, pitch: 0.3, distance: 1.5 * span + 0.8 },
       grasp: { follow: grasp, yaw: 0.62, pitch: 0.22, distance: 1.5 },
       tool: { tool: true, follow: grasp, yaw: 0, pitch: 0, distance: 1 },
@@ -118,7 +118,7 @@ class Player {
       if (!this.visible[i]) return;
       const s = scene.state(clock.t), first = i === this.visible.indexOf(true);
       const tint = first ? null : hexColour(colour(scene.slot));
-      scene.bodies(s, tint, later);
+      scene.bodies(s, tint, later, this.on.inside);
       if (this.on.paths) this.paths(scene, dark);
       if (this.on.arrows) this.arrows(scene, s);
       if (this.on.frames && first) this.axes(scene, s, tags);

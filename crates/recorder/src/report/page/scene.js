@@ -92,12 +92,18 @@ class Scene {
     return s;
   }
 
-  shape(shape, [p, q], ghost) {
+  /** Draws one solid; `ghost` is the colour of a run laid over another one, `thin` an opacity that shows what is inside. */
+  shape(shape, [p, q], ghost, thin = 1) {
     const { gl } = this, place = V.add(p, Q.rotate(q, shape.xyz)), turn = Q.times(q, Q.rpy(shape.rpy)), size = shape.size;
     let colour = shape.rgba || ROLES[shape.role] || ROLES.visual;
     if (ghost) colour = [...ghost, 0.34 * colour[3]];
+    else if (thin < 1) colour = [...colour.slice(0, 3), thin];
     const metal = shape.role === "bus" || shape.role === "ring" ? 0.75 : 0.35;
-    if (shape.kind === "box") gl.draw(gl.mesh("box", Mesh.box), M.pose(place, turn, size), colour, metal);
+    if (shape.kind === "box") {
+      const pose = M.pose(place, turn, size);
+      gl.draw(gl.mesh("box", Mesh.box), pose, colour, metal);
+      if (!ghost) gl.drawEdges(pose, colour.slice(0, 3).map((x) => 0.45 * x));
+    }
     else if (shape.kind === "sphere") gl.draw(gl.mesh("sphere", Mesh.sphere), M.pose(place, turn, [size[0], size[0], size[0]]), colour, 0.6);
     else {
       const [r0, r1, length] = size, big = Math.max(r0, r1) || 1;
@@ -106,22 +112,35 @@ class Scene {
     }
   }
 
-  bodies(s, ghost, later) {
-    const draw = (shape, pose) => {
+  bodies(s, ghost, later, inside) {
+    const draw = (shape, pose, thin = 1) => {
       // What can be seen through is drawn after everything else.
-      const through = ghost || (shape.rgba ? shape.rgba[3] : (ROLES[shape.role] || [0, 0, 0, 1])[3]) < 1;
-      if (through) later.push(() => this.shape(shape, pose, ghost)); else this.shape(shape, pose, ghost);
+      const through = ghost || thin < 1 || (shape.rgba ? shape.rgba[3] : (ROLES[shape.role] || [0, 0, 0, 1])[3]) < 1;
+      if (through) later.push(() => this.shape(shape, pose, ghost, thin)); else this.shape(shape, pose, ghost);
     };
     if (this.model && s.p_NB) {
       const poses = kinematics(this.model, s.p_NB, s.quat_NB || [1, 0, 0, 0], s);
-      this.model.bodies.forEach((body, i) => { for (const shape of body.shapes) draw(shape, poses[i]); });
+      this.model.bodies.forEach((body, i) => {
+        for (const shape of body.shapes) draw(shape, poses[i], inside && i === 0 && this.hidesTank(shape) ? 0.3 : 1);
+      });
     } else if (s.p_NB) {
       draw({ kind: "box", size: [1, 1, 1], xyz: [0, 0, 0], rpy: [0, 0, 0], role: "bus" }, [s.p_NB, s.quat_NB || [1, 0, 0, 0]]);
     }
-    if (this.target && s.p_NT && !(ghost && this.slot > 0)) for (const body of this.target.bodies) {
+    // One target is enough: runs that are compared usually have the same one.
+    if (this.target && s.p_NT && !ghost) {
       const poses = kinematics(this.target, s.p_NT, s.quat_NT || [1, 0, 0, 0], {});
-      for (const shape of body.shapes) draw(shape, poses[this.target.bodies.indexOf(body)]);
+      this.target.bodies.forEach((body, i) => { for (const shape of body.shapes) draw(shape, poses[i]); });
     }
+  }
+
+  /** True for a solid of the root that a slosh joint lies inside. */
+  hidesTank(shape) {
+    const slosh = this.model.bodies.find((body) => body.channel && body.channel[0] === "q_slosh");
+    if (!slosh || shape.kind === "sphere") return false;
+    let p = slosh.xyz;
+    for (let at = slosh.parent; at !== null; at = this.model.bodies[at].parent) p = V.add(this.model.bodies[at].xyz, p);
+    const reach = shape.kind === "box" ? shape.size.map((x) => x / 2) : [shape.size[0], shape.size[0], shape.size[2] / 2];
+    return V.sub(p, shape.xyz).every((x, i) => Math.abs(x) < reach[i]);
   }
 
   arrow(from, vector, colour, heads = 1) {

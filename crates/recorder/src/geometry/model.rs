@@ -52,6 +52,21 @@ pub(crate) struct Shape {
     pub(crate) role: &'static str,
 }
 
+impl Shape {
+    /// Red, green, blue, opacity from 0 to 1.
+    pub(crate) fn color(&self) -> [f64; 4] {
+        self.rgba.unwrap_or(match self.role {
+            "bus" => [0.80, 0.66, 0.36, 1.0],
+            "arm" => [0.90, 0.91, 0.93, 1.0],
+            "joint" => [0.93, 0.52, 0.20, 1.0],
+            "tool" => [0.36, 0.40, 0.47, 1.0],
+            "tank" => [0.55, 0.75, 0.95, 0.16],
+            "bob" => [0.20, 0.55, 0.95, 1.0],
+            _ => [0.75, 0.77, 0.80, 1.0],
+        })
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Kind {
