@@ -11,6 +11,7 @@
 
 pub mod compare;
 pub mod export;
+mod figures;
 pub mod folder;
 pub mod geometry;
 pub mod report;

@@ -22,6 +22,9 @@ pub struct ReportArgs {
     /// Where to write the page [default: `report.html` in the first run folder]
     #[arg(long, short)]
     pub out: Option<PathBuf>,
+    /// Also write every figure as SVG and PNG into this folder
+    #[arg(long, value_name = "DIR")]
+    pub figures: Option<PathBuf>,
     /// A URDF for the playback, of the servicer or of the target [default: those that the run names]
     #[arg(long)]
     pub model: Vec<PathBuf>,
@@ -40,6 +43,10 @@ pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
     let page = args.out.clone().unwrap_or_else(|| args.runs[0].join("report.html"));
     let html = report.html();
     fs::write(&page, &html).with_context(|| format!("{}: cannot write the page", page.display()))?;
+    if let Some(dir) = &args.figures {
+        let count = report.write_figures(dir)?;
+        println!("{} ({count} figures)", dir.display());
+    }
     println!(
         "{} ({:.1} MB, {:.2} s)",
         page.display(),

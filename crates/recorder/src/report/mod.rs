@@ -17,8 +17,10 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::Value;
 
-pub(crate) use page::base64;
+pub(crate) use page::{base64, escape};
+pub(crate) use series::Series;
 
+use crate::figures::{self, Panel};
 use crate::folder::RunFolder;
 use crate::geometry::{Geometry, GeometryError};
 use crate::tape::{Event, ReadError, Reader, Source};
@@ -47,6 +49,9 @@ pub enum ReportError {
 /// What is drawn into the figures as limits: absolute values in the fields' unit, one per channel or one for all.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Limits(BTreeMap<String, Vec<f64>>);
+
+/// Pixels per point of the figures' PNG files: sharp on a slide.
+const PIXELS_PER_POINT: f32 = 2.5;
 
 /// Everything the page says of one run.
 pub(crate) struct Run {
@@ -96,6 +101,72 @@ impl Report {
             }
         }
         Ok(Report { runs })
+    }
+
+    /// Writes every figure of the page as `<id>.svg` and `<id>.png` into the folder `dir`, which is made where it is
+    /// missing. Gives how many figures there are.
+    pub fn write_figures(&self, dir: &Path) -> Result<usize, ReportError> {
+        let failed = |path: &Path| {
+            let path = path.to_owned();
+            move |error: std::io::Error| ReportError::File {
+                path,
+                reason: error.to_string(),
+            }
+        };
+        fs::create_dir_all(dir).map_err(failed(dir))?;
+        let mut count = 0;
+        for spec in table::FIGURES {
+            let Some(drawing) = self.draw(spec) else { continue };
+            let path = dir.join(format!("{}.svg", spec.id));
+            fs::write(&path, figures::svg(&drawing)).map_err(failed(&path))?;
+            if let Some(png) = figures::png(&drawing, PIXELS_PER_POINT) {
+                let path = dir.join(format!("{}.png", spec.id));
+                fs::write(&path, png).map_err(failed(&path))?;
+            }
+            count += 1;
+        }
+        Ok(count)
+    }
+
+    /// One panel for all runs, or one for each where several curves of several runs would be a thicket.
+    fn draw(&self, spec: &table::FigureSpec) -> Option<figures::Drawing> {
+        let series = |run: &'_ Run| run.figures.iter().position(|figure| figure.id == spec.id);
+        let lists: Vec<(&Run, &[Series])> = self
+            .runs
+            .iter()
+            .filter_map(|run| Some((run, &*run.figures[series(run)?].series)))
+            .collect();
+        let several = lists.len() > 1;
+        let apart = several && lists.iter().any(|(_, list)| list.len() > 1);
+        let panels: Vec<Panel<'_>> = if apart {
+            lists
+                .iter()
+                .map(|(run, list)| Panel {
+                    name: run.name.clone(),
+                    series: list
+                        .iter()
+                        .enumerate()
+                        .map(|(i, s)| (s, s.label.clone(), i, false))
+                        .collect(),
+                })
+                .collect()
+        } else {
+            let all = lists.iter().enumerate().flat_map(|(at, (run, list))| {
+                list.iter().enumerate().map(move |(i, s)| {
+                    let label = if several { run.name.clone() } else { s.label.clone() };
+                    (s, label, at + i, at > 0)
+                })
+            });
+            vec![Panel {
+                name: String::new(),
+                series: all.collect(),
+            }]
+        };
+        let limits = spec
+            .limits
+            .and_then(|key| self.runs.iter().find_map(|run| run.limits.0.get(key)));
+        let scaled: Vec<f64> = limits.into_iter().flatten().map(|limit| limit * spec.scale).collect();
+        (!lists.is_empty()).then(|| figures::layout(spec.title, spec.unit, &panels, &scaled))
     }
 
     /// The page.
