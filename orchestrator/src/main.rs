@@ -1,2 +1,46 @@
-//! The orchestrator.
-fn main() {}
+//! Escapement's program: scenario, plan, launch, clock, record, report.
+
+#[cfg(target_arch = "x86_64")]
+mod processor;
+
+mod assessment;
+mod builtin;
+mod cli;
+mod commands;
+mod run;
+mod scenario;
+mod scope;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use cli::{Cli, Command};
+
+fn main() -> ExitCode {
+    #[cfg(target_arch = "x86_64")]
+    if let Err(missing) = processor::check() {
+        eprintln!("error: {missing}");
+        return ExitCode::from(1);
+    }
+    let cli = Cli::parse();
+    // A participant is its own program that happens to live in this file: it reports as one.
+    if let Command::Participant(args) = &cli.command {
+        return commands::participant::run(args);
+    }
+    let result = match &cli.command {
+        Command::Run(args) => commands::run::run(args),
+        Command::Check(args) => commands::check::run(args),
+        Command::Graph(args) => commands::graph::run(args),
+        Command::Compare(args) => commands::compare::run(args),
+        Command::Doctor(args) => commands::doctor::run(args),
+        Command::Participant(_) => Ok(0),
+    };
+    match result {
+        Ok(code) => ExitCode::from(code as u8),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(1)
+        }
+    }
+}

@@ -1,1 +1,7 @@
-//! Work in progress.
+//! What the end-to-end tests share: messages, small healthy participants, and a way to start the program as a user does.
+
+pub mod faulty;
+pub mod machine;
+pub mod parts;
+pub mod program;
+pub mod world;

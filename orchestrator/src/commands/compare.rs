@@ -97,7 +97,12 @@ fn print(out: &mut impl Write, comparison: &Comparison) -> io::Result<()> {
         first.a.bits,
         first.b.bits
     )?;
-    let width = comparison.fields.iter().map(|field| field.field.len()).max().unwrap_or(0);
+    let width = comparison
+        .fields
+        .iter()
+        .map(|field| field.field.len())
+        .max()
+        .unwrap_or(0);
     for field in &comparison.fields {
         writeln!(
             out,

@@ -177,10 +177,14 @@ impl Plan {
             }
             Initial::Value(_) => {}
         }
-        let visibility = Visibility::new(&spec.timing, from.sample_time, &self.timebase, self.seed, &spec.name)
-            .map_err(|source| PlanError::Timing {
-                link: spec.name.clone(),
-                source,
+        // An input has one source, so its name names the link: the draws stay when a connection is renamed or gets more readers.
+        let draws = format!("{}.{}", spec.to.0, spec.to.1);
+        let visibility =
+            Visibility::new(&spec.timing, from.sample_time, &self.timebase, self.seed, &draws).map_err(|source| {
+                PlanError::Timing {
+                    link: spec.name.clone(),
+                    source,
+                }
             })?;
         let capacity = capacity::capacity(&spec.name, &visibility, to.sample_time)?;
         Ok(Link {

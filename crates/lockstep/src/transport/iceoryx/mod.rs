@@ -27,6 +27,9 @@ pub use wake::{Bell, Sleeper, WakeService, Waker};
 
 use iceoryx2::prelude::*;
 
+/// The version of iceoryx2 that this transport is built on; participants in other languages need the same.
+pub const VERSION: &str = "0.10.0";
+
 /// One kind of service for the whole run: every port belongs to one thread.
 type Ipc = ipc::Service;
 

@@ -1,0 +1,150 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+use lockstep::time::Rational;
+
+use crate::commands::compare::CompareArgs;
+use crate::run::Wait;
+
+/// Co-simulation in lockstep over shared memory.
+///
+/// Exit codes: 0 success criteria met; 1 the run failed or was stopped; 2 the scenario or the command line is wrong; 3 the run
+/// ended but a criterion was not met.
+#[derive(Debug, Parser)]
+#[command(name = "orchestrator", version, max_term_width = 110)]
+pub struct Cli {
+    /// What to do
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a scenario
+    Run(RunArgs),
+    /// Everything but the launch: read, plan, and say what would run
+    Check(CheckArgs),
+    /// Draw participants, rates, delays and order
+    Graph(GraphArgs),
+    /// Say whether two tapes are identical, else where they differ
+    Compare(CompareArgs),
+    /// Look at this machine, and at what dead runs left behind
+    Doctor(DoctorArgs),
+    /// Be a participant of a run (started by the orchestrator itself)
+    #[command(hide = true)]
+    Participant(ParticipantArgs),
+}
+
+/// A scenario with changes.
+#[derive(Debug, Args)]
+pub struct ScenarioArgs {
+    /// The scenario file
+    pub scenario: PathBuf,
+    /// Change a key of the scenario, such as connections.measured.delay=10ms (may be given more than once)
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// The seed of every random stream, in place of the scenario's
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// How long to simulate, in place of the scenario's, such as 5s
+    #[arg(long)]
+    pub duration: Option<Rational>,
+}
+
+impl ScenarioArgs {
+    /// All changes in the form of `--set`.
+    pub fn overrides(&self) -> Vec<String> {
+        let mut all = self.set.clone();
+        all.extend(self.seed.map(|seed| format!("seed={seed}")));
+        all.extend(self.duration.map(|duration| format!("duration={duration}")));
+        all
+    }
+}
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The scenario
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
+    /// All participants in this process, in one loop: the same tape to the last bit
+    #[arg(long)]
+    pub in_process: bool,
+    /// The run folder; a new one under runs/ when not given
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// Print the summary as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// No progress line and no verdict
+    #[arg(long)]
+    pub quiet: bool,
+    /// Keep pace with the wall clock, or with a multiple of it
+    #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", require_equals = true)]
+    pub real_time: Option<f64>,
+    /// Come to rest at this simulated time and wait for Enter (may be given more than once)
+    #[arg(long, value_name = "TIME")]
+    pub pause_at: Vec<Rational>,
+    /// How participants wait for each other; the result does not depend on it
+    #[arg(long, value_enum, default_value_t)]
+    pub wait: Wait,
+    /// Leave the choice of cores to the operating system
+    #[arg(long)]
+    pub no_placement: bool,
+    /// Give the run up when nothing has moved for this long
+    #[arg(long, value_name = "TIME", default_value = "60 s")]
+    pub patience: Rational,
+}
+
+/// Arguments of `check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// The scenario
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `graph`.
+#[derive(Debug, Args)]
+pub struct GraphArgs {
+    /// The scenario
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
+    /// The language of the drawing
+    #[arg(long, value_enum, default_value_t)]
+    pub format: GraphFormat,
+}
+
+/// A drawing's language.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum GraphFormat {
+    /// Mermaid, for Markdown pages
+    #[default]
+    Mermaid,
+    /// DOT, for Graphviz
+    Dot,
+}
+
+/// Arguments of `doctor`.
+#[derive(Debug, Args)]
+pub struct DoctorArgs {
+    /// Remove what dead runs left behind
+    #[arg(long)]
+    pub remove: bool,
+    /// Print the findings as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `participant`.
+#[derive(Debug, Args)]
+pub struct ParticipantArgs {
+    /// Which one
+    pub name: String,
+}

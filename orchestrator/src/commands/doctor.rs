@@ -1,0 +1,51 @@
+//! `orchestrator doctor`: this machine, and what dead runs left behind.
+
+use serde_json::json;
+
+use crate::cli::DoctorArgs;
+use crate::scope;
+
+/// Looks, says, and removes if asked to.
+pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
+    let leftovers = scope::leftovers();
+    let cores = rustix::thread::sched_getaffinity(None)
+        .map(|set| set.count())
+        .unwrap_or(0);
+    let shared = rustix::fs::statvfs("/dev/shm").ok();
+    let free_mib = shared.map(|about| about.f_bavail * about.f_frsize / (1 << 20));
+    if args.json {
+        let found: Vec<_> = leftovers
+            .iter()
+            .map(|left| json!({ "folder": left.folder, "objects": left.objects, "bytes": left.bytes }))
+            .collect();
+        let report =
+            json!({ "cores": cores, "shared_memory_free_mib": free_mib, "leftovers": found, "removed": args.remove });
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        println!("cores this program may use: {cores}");
+        match free_mib {
+            Some(free) => println!("shared memory free: {free} MiB in /dev/shm"),
+            None => {
+                println!("shared memory: /dev/shm cannot be read; runs with processes will fail, --in-process works")
+            }
+        }
+        println!("runs keep their files under {}", scope::base().display());
+        for left in &leftovers {
+            println!(
+                "a dead run left {} objects ({} KiB) in shared memory, and {}",
+                left.objects.len(),
+                left.bytes >> 10,
+                left.folder.display()
+            );
+        }
+        match (leftovers.is_empty(), args.remove) {
+            (true, _) => println!("no dead run left anything behind"),
+            (false, true) => println!("all of it is removed"),
+            (false, false) => println!("`orchestrator doctor --remove` removes it, and so does the next run"),
+        }
+    }
+    if args.remove {
+        leftovers.iter().for_each(scope::Leftover::remove);
+    }
+    Ok(0)
+}

@@ -1,0 +1,21 @@
+//! `orchestrator participant NAME`: a participant that this program contains, in a process of its own.
+
+use std::process::ExitCode;
+
+use crate::builtin;
+use crate::cli::ParticipantArgs;
+
+/// Takes its place in the run that the environment names.
+pub fn run(args: &ParticipantArgs) -> ExitCode {
+    match builtin::factory(&args.name) {
+        Some(factory) => lockstep::host::run(factory, &format!("{} {}", args.name, env!("CARGO_PKG_VERSION"))),
+        None => {
+            eprintln!(
+                "error: there is no builtin participant `{}`; there is {}",
+                args.name,
+                builtin::NAMES.join(", ")
+            );
+            ExitCode::from(2)
+        }
+    }
+}

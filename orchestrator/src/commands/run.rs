@@ -1,0 +1,90 @@
+//! `orchestrator run SCENARIO`
+
+use recorder::folder::RunFolder;
+use serde_json::{Map, Value, json};
+
+use crate::cli::RunArgs;
+use crate::run::{Ending, Options, Outcome, run as run_scenario};
+use crate::scenario::Scenario;
+
+/// Runs and reports.
+pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
+    if args.real_time.is_some_and(|pace| !(pace.is_finite() && pace > 0.0)) {
+        eprintln!("error: --real-time takes a factor above zero");
+        return Ok(2);
+    }
+    let scenario = match Scenario::read(&args.scenario.scenario, &args.scenario.overrides()) {
+        Ok(scenario) => scenario,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return Ok(2);
+        }
+    };
+    let options = Options {
+        in_process: args.in_process,
+        out: args.out.clone(),
+        quiet: args.quiet,
+        pace: args.real_time,
+        pause_at: args.pause_at.clone(),
+        wait: args.wait,
+        no_placement: args.no_placement,
+        patience_s: args.patience.seconds(),
+    };
+    let outcome = match run_scenario(&scenario, &options) {
+        Ok(outcome) => outcome,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            return Ok(failure.exit_code());
+        }
+    };
+    let summary = summary(&outcome);
+    let folder = RunFolder::open(&outcome.folder);
+    folder.write_json(&folder.summary(), &summary)?;
+    match &outcome.ending {
+        Ending::Complete => {}
+        Ending::Stopped { reason } => eprintln!("{reason}"),
+        Ending::Failed { participant, reason } => eprintln!("error: participant `{participant}` {reason}"),
+    }
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&summary)?);
+    } else if !args.quiet {
+        print(&scenario, &outcome);
+    }
+    Ok(outcome.exit_code())
+}
+
+/// Figures of merit, how the run ended, and what it cost.
+fn summary(outcome: &Outcome) -> Value {
+    let mut all = Map::new();
+    if let Some(figures) = &outcome.figures
+        && let Ok(Value::Object(figures)) = serde_json::to_value(figures)
+    {
+        all.extend(figures);
+    }
+    all.insert("ending".into(), json!(outcome.ending));
+    all.insert("simulated_time_s".into(), json!(outcome.simulated_s));
+    all.insert("wall_time_s".into(), json!(outcome.wall_s));
+    all.insert("real_time_factor".into(), json!(outcome.real_time_factor()));
+    all.insert("tape_digest".into(), json!(outcome.digest.to_string()));
+    all.insert("run_folder".into(), json!(outcome.folder.display().to_string()));
+    all.insert("placement".into(), json!(outcome.placement));
+    all.insert("timing".into(), json!(outcome.timing));
+    Value::Object(all)
+}
+
+fn print(scenario: &Scenario, outcome: &Outcome) {
+    if !scenario.title.is_empty() {
+        println!("{}", scenario.title);
+    }
+    if let Some(figures) = &outcome.figures {
+        println!("{figures}");
+    }
+    println!(
+        "{:.3} s simulated in {:.3} s: {:.0} times real time ({})",
+        outcome.simulated_s,
+        outcome.wall_s,
+        outcome.real_time_factor(),
+        outcome.placement
+    );
+    println!("run folder: {}", outcome.folder.display());
+}

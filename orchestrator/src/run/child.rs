@@ -1,0 +1,165 @@
+//! Participants' processes: started, watched, and always brought down.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open};
+
+use crate::scenario::{Entry, Program};
+
+/// A participant that writes more than this to its standard error is stopped.
+pub const LOG_MAX: u64 = 64 << 20;
+
+/// A participant's process.
+pub struct Participant {
+    /// Its name in the scenario.
+    pub name: String,
+    child: Child,
+    pidfd: OwnedFd,
+    log: PathBuf,
+    status: Option<ExitStatus>,
+}
+
+impl Participant {
+    /// Starts the program of `entry` with its place in the run in the environment.
+    ///
+    /// The kernel kills the child when the thread that starts it dies, so this must be called from the main thread.
+    pub fn start(entry: &Entry, address: &str, log: &Path) -> io::Result<Participant> {
+        let name = entry.setup.name.clone();
+        let mut command = match &entry.program {
+            Program::Builtin(builtin) => {
+                let mut command = Command::new(std::env::current_exe()?);
+                command.arg("participant").arg(builtin);
+                command
+            }
+            Program::External { exe, args } => {
+                let mut command = Command::new(exe);
+                command.args(args);
+                command
+            }
+        };
+        let output = File::create(log)?;
+        command
+            .env(lockstep::host::ADDRESS, address)
+            .env(lockstep::host::PARTICIPANT, &name)
+            .stdin(Stdio::null())
+            .stdout(output.try_clone()?)
+            .stderr(output)
+            // Ctrl-C in a terminal goes to its foreground group: the orchestrator alone decides how a run ends.
+            .process_group(0);
+        let parent = rustix::process::getpid();
+        // SAFETY: between fork and exec only two system calls are made; neither allocates nor takes a lock.
+        unsafe {
+            command.pre_exec(move || {
+                rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
+                // The orchestrator may have died before the line above.
+                if rustix::process::getppid() != Some(parent) {
+                    return Err(io::Error::from(io::ErrorKind::BrokenPipe));
+                }
+                Ok(())
+            });
+        }
+        let mut child = command.spawn()?;
+        let pid = Pid::from_child(&child);
+        match pidfd_open(pid, PidfdFlags::empty()) {
+            Ok(pidfd) => Ok(Participant {
+                name,
+                child,
+                pidfd,
+                log: log.to_owned(),
+                status: None,
+            }),
+            Err(error) => {
+                let _ = child.kill();
+                let _ = child.wait();
+                Err(error.into())
+            }
+        }
+    }
+
+    /// The process number.
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Becomes readable when the process ends.
+    pub fn descriptor(&self) -> BorrowedFd<'_> {
+        self.pidfd.as_fd()
+    }
+
+    /// How the process ended, if it has.
+    pub fn ended(&mut self) -> Option<ExitStatus> {
+        if self.status.is_none() {
+            self.status = self.child.try_wait().ok().flatten();
+        }
+        self.status
+    }
+
+    /// How it ended in words: exit status or signal.
+    pub fn ending(status: ExitStatus) -> String {
+        match (status.code(), status.signal()) {
+            (Some(code), _) => format!("exited with status {code}"),
+            (None, Some(signal)) => {
+                let name = match signal {
+                    4 => " (illegal instruction)",
+                    6 => " (abort)",
+                    7 => " (bus error)",
+                    8 => " (arithmetic)",
+                    9 => " (killed)",
+                    11 => " (segmentation fault)",
+                    15 => " (terminated)",
+                    _ => "",
+                };
+                format!("was ended by signal {signal}{name}")
+            }
+            (None, None) => "ended".to_owned(),
+        }
+    }
+
+    /// True when it has written more to its log than anybody will read.
+    pub fn floods(&self) -> bool {
+        std::fs::metadata(&self.log).is_ok_and(|about| about.len() > LOG_MAX)
+    }
+
+    /// The last lines that it wrote.
+    pub fn last_words(&self) -> Vec<String> {
+        const TAIL: u64 = 4096;
+        let read = || -> io::Result<Vec<u8>> {
+            let mut file = File::open(&self.log)?;
+            let length = file.metadata()?.len();
+            file.seek(SeekFrom::Start(length.saturating_sub(TAIL)))?;
+            let mut tail = Vec::new();
+            file.take(TAIL).read_to_end(&mut tail)?;
+            Ok(tail)
+        };
+        let text = String::from_utf8_lossy(&read().unwrap_or_default()).into_owned();
+        let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
+        lines[lines.len().saturating_sub(5)..]
+            .iter()
+            .map(|line| (*line).to_owned())
+            .collect()
+    }
+
+    /// Waits up to `grace` for it to end by itself, then kills it.
+    pub fn bring_down(&mut self, grace: Duration) {
+        let started = Instant::now();
+        while self.ended().is_none() && started.elapsed() < grace {
+            std::thread::sleep(Duration::from_micros(300));
+        }
+        if self.ended().is_none() {
+            let _ = self.child.kill();
+            self.status = self.child.wait().ok();
+        }
+    }
+}
+
+impl Drop for Participant {
+    fn drop(&mut self) {
+        self.bring_down(Duration::ZERO);
+    }
+}

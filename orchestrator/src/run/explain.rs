@@ -1,0 +1,95 @@
+//! Who owes what to whom, in words.
+
+use std::process::ExitStatus;
+
+use lockstep::plan::Plan;
+use lockstep::transport::iceoryx::{Activity, Status};
+
+use super::child::Participant;
+use super::crew::Member;
+
+/// The last lines that a process wrote, ready to be put behind a message.
+pub(super) fn words(process: &Participant) -> String {
+    let lines = process.last_words();
+    if lines.is_empty() {
+        "; it wrote nothing".into()
+    } else {
+        format!("; its last lines:\n  {}", lines.join("\n  "))
+    }
+}
+
+/// What participant number `number` does.
+fn doing(plan: &Plan, number: usize, status: Status) -> String {
+    let own = &plan.participants[number];
+    match status.activity {
+        Activity::Starting => "getting ready".into(),
+        Activity::Computing => format!("computing activation {}", status.next),
+        Activity::Input { input, index } => {
+            let link = own
+                .inputs
+                .get(input as usize)
+                .copied()
+                .flatten()
+                .map(|link| &plan.links[link]);
+            match link {
+                Some(link) => format!("waiting for sample #{index} of {}", plan.output_name(link.from)),
+                None => format!("waiting for input {input}"),
+            }
+        }
+        Activity::Room { output, consumer } => {
+            let readers = plan.links.iter().filter(|link| link.from == (number, output as usize));
+            match readers.clone().nth(consumer as usize) {
+                Some(link) => format!("waiting until {} has read", plan.input_name(link.to)),
+                None => "waiting for a reader".into(),
+            }
+        }
+        Activity::Recorder => "waiting for the recorder".into(),
+        Activity::Rest => "at rest at the horizon".into(),
+        Activity::Finished => "finished".into(),
+    }
+}
+
+fn instant(plan: &Plan, number: usize, status: Status) -> f64 {
+    plan.timebase
+        .seconds(plan.participants[number].sample_time.instant(status.next))
+}
+
+/// A participant's process ended before it was done.
+pub(super) fn death(plan: &Plan, number: usize, member: &Member, status: ExitStatus) -> String {
+    let last = member.status.get();
+    format!(
+        "(pid {}) {} at t = {} s (activation {}) while {}{}",
+        member.process.pid(),
+        Participant::ending(status),
+        instant(plan, number, last),
+        last.next,
+        doing(plan, number, last),
+        words(&member.process)
+    )
+}
+
+/// Nothing moves: the participant to blame, and what everybody does.
+pub(super) fn standstill(plan: &Plan, crew: &[Member], seconds: f64) -> (String, String) {
+    let mut lines = Vec::new();
+    let mut culprit = None;
+    for (number, member) in crew.iter().enumerate() {
+        let status = member.status.get();
+        lines.push(format!(
+            "  {} (pid {}) at t = {} s: {}",
+            member.process.name,
+            member.process.pid(),
+            instant(plan, number, status),
+            doing(plan, number, status)
+        ));
+        // Whoever computes, or has not even started, owes something; those who wait do not.
+        if matches!(status.activity, Activity::Computing | Activity::Starting) && culprit.is_none() {
+            culprit = Some(member.process.name.clone());
+        }
+    }
+    let culprit = culprit.unwrap_or_else(|| "orchestrator".into());
+    let text = format!(
+        "nothing has moved for {seconds:.1} s; `{culprit}` owes the next sample:\n{}",
+        lines.join("\n")
+    );
+    (culprit, text)
+}

@@ -1,0 +1,81 @@
+//! One run, from a scenario to a verdict.
+
+mod child;
+mod conduct;
+pub(crate) mod crew;
+mod explain;
+mod in_process;
+mod outcome;
+pub(crate) mod prepare;
+mod progress;
+mod recording;
+mod signals;
+
+use std::path::PathBuf;
+
+use lockstep::control::Waiting;
+use lockstep::time::Rational;
+
+pub use outcome::{Ending, Outcome, RunFailure};
+pub use prepare::check;
+
+use crate::scenario::Scenario;
+
+/// How participants wait, as the user chooses it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Wait {
+    /// As the placement recommends.
+    #[default]
+    Auto,
+    /// Spin: fastest with a core for everybody.
+    Spin,
+    /// Let others run.
+    Yield,
+    /// Sleep until woken.
+    Sleep,
+}
+
+impl Wait {
+    /// The strategy for a participant that may spin or not.
+    pub fn strategy(self, may_spin: bool) -> Waiting {
+        match self {
+            Wait::Auto if may_spin => Waiting::SPIN,
+            Wait::Auto | Wait::Yield => Waiting::YIELD,
+            Wait::Spin => Waiting::SPIN,
+            Wait::Sleep => Waiting::SLEEP,
+        }
+    }
+}
+
+/// What the command line says about a run besides the scenario.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// All participants in this process.
+    pub in_process: bool,
+    /// The run folder; chosen under `runs` when not given.
+    pub out: Option<PathBuf>,
+    /// No progress line.
+    pub quiet: bool,
+    /// Simulated seconds per second of wall time; as fast as possible when not given.
+    pub pace: Option<f64>,
+    /// Come to rest here and wait for the user.
+    pub pause_at: Vec<Rational>,
+    /// How participants wait.
+    pub wait: Wait,
+    /// Leave the choice of cores to the operating system.
+    pub no_placement: bool,
+    /// How long a participant may compute without progress before the run is given up, s.
+    pub patience_s: f64,
+}
+
+/// Runs `scenario`.
+///
+/// # Errors
+/// What stopped the run before there was anything to record; what went wrong later is in the [`Outcome`].
+pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
+    if options.in_process {
+        in_process::run(scenario, options)
+    } else {
+        conduct::run(scenario, options)
+    }
+}

@@ -1,0 +1,121 @@
+//! How a run ended.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use lockstep::control::Timing;
+use recorder::folder::FolderError;
+use recorder::tape::{AppendError, CreateError, Digest};
+use serde::Serialize;
+
+use crate::scenario::ScenarioError;
+use crate::scope::ScopeError;
+
+/// Why a run cannot be started, or cannot be recorded.
+#[derive(Debug, thiserror::Error)]
+pub enum RunFailure {
+    /// The scenario is wrong.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The run folder cannot be made.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The tape cannot be made.
+    #[error(transparent)]
+    Tape(#[from] CreateError),
+    /// The tape cannot be written.
+    #[error("the run cannot be recorded: {0}")]
+    Append(#[from] AppendError),
+    /// The run's part of the machine cannot be made.
+    #[error(transparent)]
+    Scope(#[from] ScopeError),
+    /// Shared memory cannot be set up.
+    #[error(transparent)]
+    Domain(#[from] lockstep::transport::iceoryx::DomainError),
+    /// A participant cannot be started or does not answer.
+    #[error("participant `{participant}`: {reason}")]
+    Participant {
+        /// Who.
+        participant: String,
+        /// Why.
+        reason: String,
+    },
+    /// Somebody asked for an end before the run began.
+    #[error("interrupted before the run began")]
+    Interrupted,
+    /// Something else.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl RunFailure {
+    /// The exit code of the program: 2 when the user must change something, else 1.
+    pub fn exit_code(&self) -> i32 {
+        match self {
+            RunFailure::Scenario(_)
+            | RunFailure::Folder(FolderError::NotEmpty { .. } | FolderError::NotAFolder { .. }) => 2,
+            _ => 1,
+        }
+    }
+}
+
+/// How a run that was recorded ended.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(tag = "status", rename_all = "kebab-case")]
+pub enum Ending {
+    /// All activations are complete.
+    Complete,
+    /// The user ended it.
+    Stopped {
+        /// At which simulated time, and by what.
+        reason: String,
+    },
+    /// A participant failed.
+    Failed {
+        /// Who.
+        participant: String,
+        /// When, why, and its last words.
+        reason: String,
+    },
+}
+
+/// A run that was recorded.
+pub struct Outcome {
+    /// The run folder.
+    pub folder: PathBuf,
+    /// How it ended.
+    pub ending: Ending,
+    /// Simulated time reached, s.
+    pub simulated_s: f64,
+    /// Wall time between the first activation and the last sample on the tape, s.
+    pub wall_s: f64,
+    /// The tape.
+    pub digest: Digest,
+    /// The figures of merit.
+    pub figures: Option<crate::assessment::Summary>,
+    /// Where everybody's wall time went.
+    pub timing: BTreeMap<String, Timing>,
+    /// The choice of cores in words.
+    pub placement: String,
+}
+
+impl Outcome {
+    /// Simulated time over wall time.
+    pub fn real_time_factor(&self) -> f64 {
+        if self.wall_s > 0.0 {
+            self.simulated_s / self.wall_s
+        } else {
+            0.0
+        }
+    }
+
+    /// 0 criteria met; 1 the run failed or was stopped by a signal; 3 a criterion is not met.
+    pub fn exit_code(&self) -> i32 {
+        match (&self.ending, &self.figures) {
+            (Ending::Failed { .. }, _) => 1,
+            (Ending::Stopped { .. }, _) => 1,
+            (Ending::Complete, Some(figures)) if !figures.met() => 3,
+            (Ending::Complete, _) => 0,
+        }
+    }
+}

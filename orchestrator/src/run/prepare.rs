@@ -1,0 +1,163 @@
+//! What both ways of running have in common: the run folder, the recorder, stops and pacing.
+
+use std::io::{BufRead, stdin};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant, SystemTime};
+
+use lockstep::participant::Interface;
+use lockstep::plan::Plan;
+use lockstep::time::Ticks;
+use recorder::folder::{RunFolder, utc_text};
+use recorder::tape::{StreamSpec, Writer};
+use serde::Serialize;
+
+use super::Options;
+use super::outcome::RunFailure;
+use super::progress::Progress;
+use super::recording::{Recorder, streams};
+use super::signals::Interrupt;
+use crate::assessment::{self, Assessment};
+use crate::scenario::{Scenario, ScenarioError};
+
+/// What is known of a scenario before anything starts.
+pub struct Known {
+    /// The ports of each participant that this program contains.
+    pub interfaces: Vec<Option<Interface>>,
+    /// The plan; where the ports of external programs are not known, they are assumed to be what they are connected to.
+    pub plan: Plan,
+}
+
+/// Makes the participants that this program contains, plans, and looks at the assessment: everything but launch.
+pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
+    let interfaces: Vec<Option<Interface>> = scenario
+        .make()?
+        .iter()
+        .map(|participant| participant.as_ref().map(|participant| participant.interface()))
+        .collect();
+    let plan = scenario.sketch(&interfaces)?;
+    if interfaces.iter().all(Option::is_some) {
+        assess(scenario, &streams(&plan))?;
+    }
+    Ok(Known { interfaces, plan })
+}
+
+fn assess(scenario: &Scenario, streams: &[StreamSpec]) -> Result<Option<Box<dyn Assessment>>, ScenarioError> {
+    let table = scenario.assessment.as_ref();
+    let made = table.map(|table| assessment::from_table(table, streams)).transpose();
+    made.map_err(|error| scenario.assessment_refusal(&error.key, &error.reason))
+}
+
+/// What made a run, for whoever looks at it later.
+#[derive(Serialize)]
+struct Provenance<'a> {
+    scenario: &'a str,
+    title: &'a str,
+    started: String,
+    command: Vec<String>,
+    version: &'a str,
+    iceoryx2: &'a str,
+    host: Host,
+    files: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Host {
+    name: String,
+    kernel: String,
+    processor: String,
+    cores: usize,
+}
+
+impl Host {
+    fn here() -> Host {
+        let system = rustix::system::uname();
+        let text = |part: &std::ffi::CStr| part.to_string_lossy().into_owned();
+        let about = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = about.lines().find_map(|line| {
+            line.strip_prefix("model name")?
+                .split_once(':')
+                .map(|(_, m)| m.trim().to_owned())
+        });
+        Host {
+            name: text(system.nodename()),
+            kernel: format!("{} {}", text(system.sysname()), text(system.release())),
+            processor: model.unwrap_or_else(|| text(system.machine())),
+            cores: std::thread::available_parallelism().map_or(1, usize::from),
+        }
+    }
+}
+
+/// Makes the run folder, with the resolved scenario and what made it.
+pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<RunFolder, RunFailure> {
+    let folder = match &options.out {
+        Some(out) => RunFolder::create(out)?,
+        None => RunFolder::create_default(std::path::Path::new("runs"), &scenario.name)?,
+    };
+    let resolved = toml::to_string_pretty(scenario.resolved()).map_err(|error| RunFailure::Other(error.to_string()))?;
+    folder.write(&folder.plan(), &resolved)?;
+    let provenance = Provenance {
+        scenario: &scenario.name,
+        title: &scenario.title,
+        started: utc_text(SystemTime::now()),
+        command: std::env::args().collect(),
+        version: env!("CARGO_PKG_VERSION"),
+        iceoryx2: lockstep::transport::iceoryx::VERSION,
+        host: Host::here(),
+        files: scenario.files().iter().map(|file| file.display().to_string()).collect(),
+    };
+    folder.write_json(&folder.run(), &provenance)?;
+    Ok(folder)
+}
+
+/// Opens the tape.
+pub(super) fn recorder(scenario: &Scenario, plan: &Plan, folder: &RunFolder) -> Result<Recorder, RunFailure> {
+    let streams = streams(plan);
+    let assessment = assess(scenario, &streams)?;
+    let writer = Writer::create(&folder.tape(), streams)?;
+    Ok(Recorder::new(plan.clone(), writer, assessment))
+}
+
+/// The instants at which the run comes to rest before its end.
+pub(super) fn stops(plan: &Plan, options: &Options) -> Result<Vec<Ticks>, RunFailure> {
+    let mut stops = Vec::new();
+    for &time in &options.pause_at {
+        stops.push(
+            plan.timebase
+                .ceil(time)
+                .map_err(|error| RunFailure::Other(error.to_string()))?,
+        );
+    }
+    stops.retain(|stop| (0..plan.end).contains(stop));
+    stops.sort_unstable();
+    stops.dedup();
+    Ok(stops)
+}
+
+/// How far simulated time may have come, `pace` simulated seconds per second.
+pub(super) fn paced(plan: &Plan, pace: f64, started: Instant) -> Ticks {
+    let seconds = started.elapsed().as_secs_f64() * pace;
+    let tick = plan.timebase.tick();
+    ((seconds * tick.denominator() as f64 / tick.numerator() as f64) as Ticks).clamp(0, plan.end)
+}
+
+/// Waits at rest for the user: Enter goes on, `q` or the end of the input ends the run.
+pub(super) fn pause(plan: &Plan, at: Ticks, progress: &mut Progress, interrupt: &Interrupt) -> bool {
+    progress.say(&format!(
+        "paused at t = {} s: Enter goes on, q and Enter ends the run",
+        plan.timebase.seconds(at)
+    ));
+    let (sender, receiver) = mpsc::channel();
+    // A thread, so that Ctrl-C is seen while nobody types; it ends with the line or with the program.
+    std::thread::spawn(move || {
+        let mut line = String::new();
+        let read = stdin().lock().read_line(&mut line).unwrap_or(0);
+        let _ = sender.send(read > 0 && line.trim() != "q");
+    });
+    loop {
+        match receiver.recv_timeout(Duration::from_millis(20)) {
+            Ok(go_on) => return go_on,
+            Err(RecvTimeoutError::Timeout) if !interrupt.asked() => {}
+            Err(_) => return false,
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! The part of the machine that belongs to one run, and what dead runs left behind.
+//!
+//! A run owns a folder that only the user can enter, named by 80 random bits, and every object in shared memory whose name
+//! starts with the same bits. A lock on a file in the folder says that the run is alive; the kernel lifts it when the
+//! orchestrator dies, however that happens. So everything under the bits of an unlocked folder is nobody's and can go.
+
+use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::io;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use lockstep::transport::iceoryx::Address;
+use rustix::fs::{FlockOperation, flock};
+
+const SHARED_MEMORY: &str = "/dev/shm";
+const MARK: &str = "esc_";
+const LOCK: &str = "lock";
+/// Letters in the name of a run, five random bits each.
+const ID: usize = 16;
+
+/// Why a run's place cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ScopeError {
+    /// The operating system refused.
+    #[error("`{}`: {what}: {source}", .path.display())]
+    Io {
+        /// Where.
+        path: PathBuf,
+        /// What was tried.
+        what: &'static str,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The common folder is not the user's own.
+    #[error("`{}` belongs to somebody else or can be entered by others: remove it, or set TMPDIR to a folder of your own", .0.display())]
+    Untrusted(PathBuf),
+}
+
+fn io_error(path: &Path, what: &'static str) -> impl FnOnce(io::Error) -> ScopeError {
+    let path = path.to_owned();
+    move |source| ScopeError::Io { path, what, source }
+}
+
+/// The longest name of the common folder: sockets in the folders below must stay within the kernel's 107 bytes.
+const BASE_MAX: usize = 32;
+
+/// The folder in which the folders of all of this user's runs stand: under TMPDIR where that is short enough, else /tmp.
+pub fn base() -> PathBuf {
+    let name = format!("esc-{}", rustix::process::getuid().as_raw());
+    let base = std::env::temp_dir().join(&name);
+    if base.as_os_str().len() <= BASE_MAX { base } else { Path::new("/tmp").join(name) }
+}
+
+fn trusted_base() -> Result<PathBuf, ScopeError> {
+    let base = base();
+    match DirBuilder::new().mode(0o700).create(&base) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
+            return Err(io_error(&base, "cannot be made")(error));
+        }
+        _ => {}
+    }
+    let about = fs::symlink_metadata(&base).map_err(io_error(&base, "cannot be read"))?;
+    let own = about.uid() == rustix::process::getuid().as_raw();
+    if !about.is_dir() || !own || about.mode() & 0o077 != 0 {
+        return Err(ScopeError::Untrusted(base));
+    }
+    Ok(base)
+}
+
+/// A run's part of the machine. Everything in it is removed when this is dropped.
+pub struct Scope {
+    address: Address,
+    _lock: File,
+}
+
+impl Scope {
+    /// Makes a new one, with a name that nobody can guess and that is never used again.
+    pub fn create() -> Result<Scope, ScopeError> {
+        let base = trusted_base()?;
+        let mut bits = [0_u8; ID];
+        File::open("/dev/urandom")
+            .and_then(|mut random| io::Read::read_exact(&mut random, &mut bits))
+            .map_err(io_error(Path::new("/dev/urandom"), "cannot be read"))?;
+        let id: String = bits.iter().map(|byte| char::from(b"abcdefghijklmnopqrstuvwxyz234567"[usize::from(byte % 32)])).collect();
+        let folder = base.join(&id);
+        DirBuilder::new()
+            .mode(0o700)
+            .create(&folder)
+            .map_err(io_error(&folder, "cannot be made"))?;
+        let lock = folder.join(LOCK);
+        let file = OpenOptions::new().create_new(true).write(true).mode(0o600).open(&lock);
+        let file = file.map_err(io_error(&lock, "cannot be made"))?;
+        flock(&file, FlockOperation::NonBlockingLockExclusive)
+            .map_err(|error| io_error(&lock, "cannot be locked")(error.into()))?;
+        Ok(Scope {
+            address: Address {
+                prefix: format!("{MARK}{id}_"),
+                folder,
+            },
+            _lock: file,
+        })
+    }
+
+    /// Where participants find the run.
+    pub fn address(&self) -> &Address {
+        &self.address
+    }
+}
+
+impl Drop for Scope {
+    fn drop(&mut self) {
+        remove(&self.address.prefix, &self.address.folder);
+    }
+}
+
+fn remove(prefix: &str, folder: &Path) {
+    for object in objects(prefix) {
+        let _ = fs::remove_file(object);
+    }
+    let _ = fs::remove_dir_all(folder);
+}
+
+/// The objects in shared memory whose names start with `prefix`.
+fn objects(prefix: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    let named = entries.filter(|entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()));
+    named.map(|entry| entry.path()).collect()
+}
+
+/// What a dead run left.
+#[derive(Debug)]
+pub struct Leftover {
+    prefix: String,
+    /// The run's folder; it may be gone already.
+    pub folder: PathBuf,
+    /// Its objects in shared memory.
+    pub objects: Vec<PathBuf>,
+    /// Their size, bytes.
+    pub bytes: u64,
+}
+
+impl Leftover {
+    /// Removes all of it.
+    pub fn remove(&self) {
+        remove(&self.prefix, &self.folder);
+    }
+}
+
+/// Everything that dead runs of this user left behind.
+pub fn leftovers() -> Vec<Leftover> {
+    let Ok(base) = trusted_base() else { return Vec::new() };
+    let mut ids: Vec<String> = fs::read_dir(&base)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|entry| entry.file_name().into_string().ok())
+        .collect();
+    // Objects whose folder is gone: the folder is made before any object, so these are nobody's.
+    let own = rustix::process::getuid().as_raw();
+    for object in objects(MARK) {
+        let name = object.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let id = name[MARK.len()..].split('_').next().unwrap_or_default();
+        let mine = fs::symlink_metadata(&object).is_ok_and(|about| about.uid() == own);
+        if mine && id.len() == ID && !ids.iter().any(|known| known == id) {
+            ids.push(id.to_owned());
+        }
+    }
+    ids.into_iter()
+        .filter(|id| id.len() == ID && dead(&base.join(id)))
+        .map(|id| leftover(&base, &id))
+        .collect()
+}
+
+fn leftover(base: &Path, id: &str) -> Leftover {
+    let prefix = format!("{MARK}{id}_");
+    let objects = objects(&prefix);
+    let bytes = objects
+        .iter()
+        .filter_map(|object| fs::metadata(object).ok())
+        .map(|about| about.len())
+        .sum();
+    Leftover {
+        prefix,
+        folder: base.join(id),
+        objects,
+        bytes,
+    }
+}
+
+/// Whether nobody holds the lock of a run's folder.
+fn dead(folder: &Path) -> bool {
+    match File::open(folder.join(LOCK)) {
+        Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok(),
+        // Without a lock file the run may be just about to make it.
+        Err(_) => {
+            let made = fs::metadata(folder).and_then(|about| about.modified());
+            made.map_or(true, |made| {
+                SystemTime::now()
+                    .duration_since(made)
+                    .is_ok_and(|age| age > Duration::from_secs(10))
+            })
+        }
+    }
+}

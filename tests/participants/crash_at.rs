@@ -1,0 +1,13 @@
+//! Aborts the process in the middle of the run.
+
+use std::process::ExitCode;
+
+use escapement_tests::faulty;
+
+fn main() -> ExitCode {
+    faulty::damper("crash_at", |step| {
+        if step.t >= 2.0 {
+            std::process::abort();
+        }
+    })
+}

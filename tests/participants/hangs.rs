@@ -1,0 +1,13 @@
+//! Never comes back from a step.
+
+use std::process::ExitCode;
+
+use escapement_tests::faulty;
+
+fn main() -> ExitCode {
+    faulty::damper("hangs", |step| {
+        while step.t >= 2.0 {
+            std::thread::sleep(std::time::Duration::from_secs(1));
+        }
+    })
+}

@@ -1,0 +1,9 @@
+//! A healthy plant.
+
+use std::process::ExitCode;
+
+use escapement_tests::parts::Oscillator;
+
+fn main() -> ExitCode {
+    lockstep::host::run(Oscillator::factory, "oscillator")
+}

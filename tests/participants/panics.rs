@@ -1,0 +1,11 @@
+//! Panics in the middle of the run.
+
+use std::process::ExitCode;
+
+use escapement_tests::faulty;
+
+fn main() -> ExitCode {
+    faulty::damper("panics", |step| {
+        assert!(step.t < 2.0, "the valve is stuck at t = {} s", step.t)
+    })
+}

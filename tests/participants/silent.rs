@@ -1,0 +1,10 @@
+//! Enters the run and then says nothing.
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+fn main() -> ExitCode {
+    loop {
+        std::thread::sleep(Duration::from_secs(60));
+    }
+}

@@ -1,0 +1,50 @@
+//! What the faulty participants share: the healthy damper, and a place to go wrong.
+
+use std::process::ExitCode;
+use std::sync::OnceLock;
+
+use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
+
+use crate::parts::Damper;
+
+type Fault = fn(&Step, &mut Outputs);
+
+static FAULT: OnceLock<Fault> = OnceLock::new();
+static BEFORE: OnceLock<fn(&Step)> = OnceLock::new();
+
+struct Faulty(Box<dyn Participant>);
+
+impl Participant for Faulty {
+    fn interface(&self) -> Interface {
+        self.0.interface()
+    }
+    fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        self.0.initialise(t, outputs)
+    }
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        if let Some(before) = BEFORE.get() {
+            before(step);
+        }
+        self.0.step(step, inputs, outputs)?;
+        if let Some(fault) = FAULT.get() {
+            fault(step, outputs);
+        }
+        Ok(())
+    }
+}
+
+fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+    Ok(Box::new(Faulty(Damper::factory(setup)?)))
+}
+
+/// The damper, with `before` called in front of every step.
+pub fn damper(name: &str, before: fn(&Step)) -> ExitCode {
+    let _ = BEFORE.set(before);
+    lockstep::host::run(make, name)
+}
+
+/// The damper, with `after` let loose on its outputs.
+pub fn altered(name: &str, after: Fault) -> ExitCode {
+    let _ = FAULT.set(after);
+    lockstep::host::run(make, name)
+}

@@ -1,0 +1,26 @@
+//! What a run must not leave on the machine.
+
+use std::fs;
+
+/// Everything of runs that are not alive any more: objects in shared memory and folders.
+///
+/// Tests run side by side, so what belongs to a living run is somebody else's and is left out.
+pub fn leftovers() -> Vec<String> {
+    let said = crate::program::orchestrate(&["doctor", "--json"]).json();
+    let found = said["leftovers"].as_array().cloned().unwrap_or_default();
+    found.iter().map(ToString::to_string).collect()
+}
+
+/// The processes whose command line or environment names `folder`.
+pub fn processes_of(folder: &std::path::Path) -> Vec<String> {
+    let name = folder.as_os_str().as_encoded_bytes();
+    let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    numbers
+        .filter_map(|pid| {
+            let line = fs::read(format!("/proc/{pid}/cmdline")).ok()?;
+            let found = pid != std::process::id() && line.windows(name.len()).any(|part| part == name);
+            found.then(|| format!("{pid}: {}", String::from_utf8_lossy(&line).replace('\0', " ")))
+        })
+        .collect()
+}

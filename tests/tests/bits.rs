@@ -1,0 +1,139 @@
+//! The tape is the same to the last bit, whatever the processes, the cores, the load and the way of waiting.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use escapement_tests::program::{Folder, finish, orchestrate, orchestrator, root};
+use escapement_tests::world::oscillator;
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("paths of tests are text")
+}
+
+fn digest(scenario: &Path, out: &Path, more: &[&str]) -> String {
+    let mut arguments = vec!["run", text(scenario), "--out", text(out), "--json"];
+    arguments.extend(more);
+    let said = orchestrate(&arguments);
+    assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+    said.json()["tape_digest"].as_str().expect("a digest").to_owned()
+}
+
+fn with<'a>(common: &[&'a str], more: &[&'a str]) -> Vec<&'a str> {
+    [common, more].concat()
+}
+
+fn variants(scenario: &Path, folder: &Folder, common: &[&str], also_in_process: bool) {
+    let out = |name: &str| folder.path().join(name);
+    let first = digest(scenario, &out("first"), common);
+    let mut variants: Vec<(&str, Vec<&str>)> = vec![
+        ("again", with(common, &[])),
+        ("spin", with(common, &["--wait", "spin"])),
+        ("yield", with(common, &["--wait", "yield"])),
+        ("sleep", with(common, &["--wait", "sleep"])),
+        ("free", with(common, &["--no-placement"])),
+    ];
+    if also_in_process {
+        variants.push(("in-process", with(common, &["--in-process"])));
+    }
+    for (name, arguments) in variants {
+        // Spinning without a core for everybody is slow: a shorter run tells as much.
+        assert_eq!(digest(scenario, &out(name), &arguments), first, "{name}");
+    }
+    assert_eq!(on_one_core(scenario, &out("one"), common), first, "one core");
+    let mut busy = burn();
+    assert_eq!(digest(scenario, &out("loaded"), common), first, "a loaded machine");
+    for child in &mut busy {
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+}
+
+fn on_one_core(scenario: &Path, out: &Path, common: &[&str]) -> String {
+    let mut command = Command::new("taskset");
+    command
+        .args(["-c", "0"])
+        .arg(orchestrator())
+        .args(["run", text(scenario), "--out", text(out), "--json"])
+        .args(common);
+    command
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let said = finish(command.spawn().expect("taskset is there"));
+    said.json()["tape_digest"].as_str().expect("a digest").to_owned()
+}
+
+/// Something that wants every core.
+fn burn() -> Vec<std::process::Child> {
+    let spin = || {
+        Command::new("sh")
+            .args(["-c", "while :; do :; done"])
+            .spawn()
+            .expect("a shell")
+    };
+    vec![spin(), spin(), spin()]
+}
+
+#[test]
+fn a_small_loop_of_programs() {
+    let folder = Folder::new("bits");
+    let scenario = oscillator(&folder, "damper");
+    variants(&scenario, &folder, &["--duration", "300 ms"], false);
+}
+
+#[test]
+fn delays_jitter_and_drops_too() {
+    let folder = Folder::new("jitter");
+    let scenario = oscillator(&folder, "damper");
+    let common = [
+        "--duration",
+        "300 ms",
+        "--set",
+        "connections.motion.delay=7.3 ms",
+        "--set",
+        "connections.motion.jitter=5 ms",
+        "--set",
+        "connections.push.drop=0.2",
+        "--set",
+        "connections.push.delay=1/300 s",
+        "--set",
+        "connections.push.hold=initial",
+        "--seed",
+        "7",
+    ];
+    variants(&scenario, &folder, &common, false);
+}
+
+fn stock(name: &str) -> PathBuf {
+    root().join("scenarios").join(name)
+}
+
+#[test]
+fn the_close_capture() {
+    variants(
+        &stock("close.toml"),
+        &Folder::new("close"),
+        &["--duration", "2 s"],
+        true,
+    );
+}
+
+#[test]
+fn the_whole_close_capture_in_processes_and_in_one() {
+    let folder = Folder::new("whole");
+    let processes = digest(&stock("close.toml"), &folder.path().join("processes"), &[]);
+    let one = digest(&stock("close.toml"), &folder.path().join("one"), &["--in-process"]);
+    assert_eq!(processes, one);
+    let said = orchestrate(&[
+        "compare",
+        text(&folder.path().join("processes")),
+        text(&folder.path().join("one")),
+    ]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+}
+
+#[test]
+fn the_far_capture() {
+    variants(&stock("far.toml"), &Folder::new("far"), &["--duration", "1 s"], true);
+}

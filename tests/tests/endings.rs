@@ -1,0 +1,334 @@
+//! However a run ends: the right exit code, a message that names the culprit, no process, nothing in shared memory, and a tape
+//! that is a prefix of the undisturbed one.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use escapement_tests::machine::{leftovers, processes_of};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, start};
+use escapement_tests::world::oscillator;
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("paths of tests are text")
+}
+
+/// Runs the oscillator with `damper` and looks at what is left.
+fn ended(damper: &str, more: &[&str]) -> (Folder, Said) {
+    let folder = Folder::new(damper);
+    let scenario = oscillator(&folder, damper);
+    let out = folder.path().join("run");
+    let mut arguments = vec!["run", text(&scenario), "--out", text(&out)];
+    arguments.extend(more);
+    let said = orchestrate(&arguments);
+    clean(&folder);
+    (folder, said)
+}
+
+fn clean(folder: &Folder) {
+    assert_eq!(processes_of(folder.path()), Vec::<String>::new(), "processes are left");
+}
+
+/// The tape in `folder` begins as the undisturbed one does.
+fn is_prefix(folder: &Folder) -> u64 {
+    let undisturbed = Folder::new("undisturbed");
+    let scenario = oscillator(&undisturbed, "damper");
+    let out = undisturbed.path().join("run");
+    assert_eq!(
+        orchestrate(&["run", text(&scenario), "--out", text(&out), "--quiet"]).code,
+        Some(0)
+    );
+    let mut shortest = u64::MAX;
+    for stream in ["plant.motion.bin", "damper.push.bin"] {
+        let whole = std::fs::read(out.join("tape").join(stream)).unwrap();
+        let part = std::fs::read(folder.path().join("run/tape").join(stream)).unwrap();
+        assert!(whole.starts_with(&part), "{stream} is not a prefix");
+        assert_eq!(part.len() % 24, 0, "{stream} ends in the middle of a sample");
+        shortest = shortest.min(part.len() as u64 / 24);
+    }
+    shortest
+}
+
+#[test]
+fn a_healthy_run_leaves_nothing_but_its_folder() {
+    let (folder, said) = ended("damper", &["--json"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(said.json()["simulated_time_s"], 10.0);
+    assert_eq!(is_prefix(&folder), 1000);
+    for file in [
+        "plan.toml",
+        "run.json",
+        "summary.json",
+        "tape/index.json",
+        "log/plant.stderr",
+    ] {
+        assert!(folder.path().join("run").join(file).exists(), "{file}");
+    }
+}
+
+#[test]
+fn an_abort_is_named_with_its_signal_and_time() {
+    let (folder, said) = ended("crash_at", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("`damper`") && said.err.contains("signal 6") && said.err.contains("t = 2 s"),
+        "{said:?}"
+    );
+    assert_eq!(is_prefix(&folder), 200);
+}
+
+#[test]
+fn an_early_end_is_not_taken_for_success() {
+    let (folder, said) = ended("exit_at", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("`damper`") && said.err.contains("exited with status 0"),
+        "{said:?}"
+    );
+    assert_eq!(is_prefix(&folder), 200);
+}
+
+#[test]
+fn a_panic_comes_with_its_message() {
+    let (folder, said) = ended("panics", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("`damper`") && said.err.contains("the valve is stuck at t = 2 s"),
+        "{said:?}"
+    );
+    assert_eq!(is_prefix(&folder), 200);
+}
+
+#[test]
+fn a_nan_names_port_and_field() {
+    let (folder, said) = ended("nan", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("`push`") && said.err.contains("force = NaN") && said.err.contains("t = 2 s"),
+        "{said:?}"
+    );
+    assert_eq!(is_prefix(&folder), 200);
+}
+
+#[test]
+fn a_hang_is_explained_and_ended() {
+    let (folder, said) = ended("hangs", &["--patience", "3 s"]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("`damper` owes the next sample"), "{said:?}");
+    assert!(said.err.contains("waiting for sample #200 of damper.push"), "{said:?}");
+    assert_eq!(is_prefix(&folder), 200);
+}
+
+#[test]
+fn who_ignores_the_end_is_ended() {
+    let folder = Folder::new("ignores_terminate");
+    let scenario = oscillator(&folder, "ignores_terminate");
+    let out = folder.path().join("run");
+    let child = start(&["run", text(&scenario), "--out", text(&out)]);
+    wait_for(&out.join("tape/index.json"));
+    std::thread::sleep(Duration::from_millis(300));
+    signal(child.id(), rustix::process::Signal::TERM);
+    let said = finish(child);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("interrupted at t = 0.5"), "{said:?}");
+    clean(&folder);
+    assert_eq!(is_prefix(&folder), 50);
+}
+
+#[test]
+fn a_slow_participant_is_not_thrown_out() {
+    let (folder, said) = ended("slow", &["--duration", "2 s", "--patience", "1 s", "--json"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(is_prefix(&folder), 200);
+}
+
+#[test]
+fn a_flood_of_words_is_dammed() {
+    let (_, said) = ended("floods", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("`damper`") && said.err.contains("standard error"),
+        "{}",
+        &said.err[..200]
+    );
+}
+
+#[test]
+fn who_never_arrives_is_reported_with_its_last_words() {
+    let (_, said) = ended("early_exit", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("exited with status 7"), "{said:?}");
+    assert!(said.err.contains("the licence server does not answer"), "{said:?}");
+}
+
+#[test]
+fn a_port_in_other_units_is_refused_with_the_difference() {
+    let (_, said) = ended("wrong_descriptor", &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err.contains("in kN") && said.err.contains("in N") && said.err.contains("connections.push"),
+        "{said:?}"
+    );
+}
+
+fn signal(pid: u32, signal: rustix::process::Signal) {
+    let pid = rustix::process::Pid::from_raw(pid as i32).expect("a process has a number");
+    rustix::process::kill_process(pid, signal).expect("the process is there");
+}
+
+fn wait_for(path: &Path) {
+    let started = Instant::now();
+    while !path.exists() {
+        assert!(
+            started.elapsed() < Duration::from_secs(60),
+            "{} does not appear",
+            path.display()
+        );
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// A run that takes long enough to be disturbed: paced to the wall clock.
+fn disturbed(name: &str) -> (Folder, std::process::Child) {
+    let folder = Folder::new(name);
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    let child = start(&["run", text(&scenario), "--out", text(&out), "--real-time=2"]);
+    wait_for(&out.join("tape/index.json"));
+    std::thread::sleep(Duration::from_millis(300));
+    (folder, child)
+}
+
+fn pid_of(folder: &Folder, participant: &str) -> u32 {
+    let processes = std::fs::read_dir("/proc").unwrap().flatten();
+    let numbers = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    let log = folder.path().join("run/log").join(format!("{participant}.stderr"));
+    let mut found =
+        numbers.filter(|pid| std::fs::read_link(format!("/proc/{pid}/fd/2")).is_ok_and(|target| target == log));
+    found.next().expect("the participant runs")
+}
+
+#[test]
+fn interrupts_end_a_run_in_order() {
+    for which in [
+        rustix::process::Signal::INT,
+        rustix::process::Signal::TERM,
+        rustix::process::Signal::HUP,
+    ] {
+        let (folder, child) = disturbed("interrupted");
+        signal(child.id(), which);
+        let said = finish(child);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(said.err.contains("interrupted at t = "), "{said:?}");
+        clean(&folder);
+        assert!(is_prefix(&folder) > 10);
+    }
+}
+
+#[test]
+fn a_killed_participant_is_seen() {
+    for who in ["plant", "damper"] {
+        let (folder, child) = disturbed("killed");
+        signal(pid_of(&folder, who), rustix::process::Signal::KILL);
+        let said = finish(child);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(
+            said.err.contains(&format!("`{who}`")) && said.err.contains("signal 9"),
+            "{said:?}"
+        );
+        clean(&folder);
+        assert!(is_prefix(&folder) > 10);
+    }
+}
+
+#[test]
+fn a_killed_orchestrator_takes_its_children_along_and_leaves_nothing_for_good() {
+    let (folder, child) = disturbed("beheaded");
+    let children = [pid_of(&folder, "plant"), pid_of(&folder, "damper")];
+    signal(child.id(), rustix::process::Signal::KILL);
+    let said = finish(child);
+    assert_eq!(said.code, None, "{said:?}");
+    let started = Instant::now();
+    while children.iter().any(|pid| alive(*pid)) {
+        assert!(
+            started.elapsed() < Duration::from_secs(20),
+            "the children outlive the orchestrator"
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(is_prefix(&folder) > 10);
+    assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
+    assert_eq!(leftovers(), Vec::<String>::new());
+}
+
+/// Whether the process exists and is not only waiting to be reaped by its new parent.
+fn alive(pid: u32) -> bool {
+    std::fs::read_to_string(format!("/proc/{pid}/stat")).is_ok_and(|stat| {
+        !stat
+            .rsplit(')')
+            .next()
+            .unwrap_or_default()
+            .trim_start()
+            .starts_with('Z')
+    })
+}
+
+#[test]
+fn two_runs_side_by_side_never_meet() {
+    let folder = Folder::new("twins");
+    let scenario = oscillator(&folder, "damper");
+    let outs = ["one", "two", "three"].map(|name| folder.path().join(name));
+    let children = outs
+        .clone()
+        .map(|out| start(&["run", text(&scenario), "--out", text(&out), "--quiet"]));
+    for child in children {
+        let said = finish(child);
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
+    for other in &outs[1..] {
+        assert_eq!(orchestrate(&["compare", text(&outs[0]), text(other)]).code, Some(0));
+    }
+    clean(&folder);
+}
+
+#[test]
+fn a_full_disk_ends_the_run_and_names_the_file() {
+    let folder = Folder::new("full");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    // A limit on the size of files is as good as a full disk, and needs no rights. 32 MiB are enough for shared memory and
+    // too little for 2,000,000 samples of 24 bytes.
+    let shell = format!(
+        "ulimit -f 32768; trap '' XFSZ; exec '{}' run '{}' --out '{}' --duration '2000 s'",
+        orchestrator().display(),
+        scenario.display(),
+        out.display()
+    );
+    let mut command = Command::new("bash");
+    command
+        .args(["-c", &shell])
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let said = finish(command.spawn().unwrap());
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("plant.motion.bin"), "{said:?}");
+    clean(&folder);
+    let sound = recorder::tape::Reader::open(&out.join("tape"));
+    assert!(sound.is_ok(), "{:?}", sound.err());
+}
+
+#[test]
+fn a_pause_stops_everybody_before_the_instant() {
+    let folder = Folder::new("pause");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    // The end of the input ends the run at the pause.
+    let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--pause-at", "1.2345 s"]);
+    assert!(said.err.contains("paused at t = 1.235 s"), "{said:?}");
+    let samples = |stream: &str| std::fs::metadata(out.join("tape").join(stream)).unwrap().len() / 24;
+    // Steps at 0 … 1.234 s: 1235 of the plant and one initial sample; 124 of the damper.
+    assert_eq!((samples("plant.motion.bin"), samples("damper.push.bin")), (1236, 124));
+    is_prefix(&folder);
+}
