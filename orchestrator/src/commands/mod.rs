@@ -3,6 +3,8 @@
 pub mod check;
 pub mod compare;
 pub mod doctor;
+pub mod export;
 pub mod graph;
 pub mod participant;
+pub mod report;
 pub mod run;
