@@ -6,6 +6,8 @@ use clap::{Args, Parser, Subcommand};
 use lockstep::time::Rational;
 
 use crate::commands::compare::CompareArgs;
+use crate::commands::export::ExportArgs;
+use crate::commands::report::ReportArgs;
 use crate::run::Wait;
 
 /// Co-simulation in lockstep over shared memory.
@@ -31,6 +33,10 @@ pub enum Command {
     Graph(GraphArgs),
     /// Say whether two tapes are identical, else where they differ
     Compare(CompareArgs),
+    /// Write a page with figures, summary and 3-D playback of one run or several side by side
+    Report(ReportArgs),
+    /// Write the tape of a run as CSV, Parquet or MCAP
+    Export(ExportArgs),
     /// Look at this machine, and at what dead runs left behind
     Doctor(DoctorArgs),
     /// Measure what lockstep costs on this machine

@@ -4,6 +4,8 @@ pub mod bench;
 pub mod check;
 pub mod compare;
 pub mod doctor;
+pub mod export;
 pub mod graph;
 pub mod participant;
+pub mod report;
 pub mod run;
