@@ -4,6 +4,7 @@
 mod processor;
 
 mod assessment;
+mod bench;
 mod builtin;
 mod cli;
 mod commands;
@@ -33,6 +34,7 @@ fn main() -> ExitCode {
         Command::Check(args) => commands::check::run(args),
         Command::Graph(args) => commands::graph::run(args),
         Command::Compare(args) => commands::compare::run(args),
+        Command::Bench(args) => commands::bench::run(args),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::Participant(_) => Ok(0),
     };

@@ -2,8 +2,8 @@
 
 use crate::description::Description;
 use crate::kernel::jacobian::{frame_at, jacobian};
-use crate::kernel::place::{Placed, place};
-use crate::kernel::{BASE, Model, aba, inertia, momentum, newton_euler};
+use crate::kernel::place::{Placed, Rates, place, rates};
+use crate::kernel::{Model, aba, inertia, momentum, newton_euler};
 use crate::num::{Dynamic, V3, sin_cos};
 use crate::rotation::Quaternion;
 use crate::tree::{Constants, FrameId, TreeError, UnknownFrame, matrix, vector};
@@ -110,9 +110,11 @@ impl DynTree {
         }
     }
 
-    fn placed(&self, s: &DynState) -> Vec<Placed<f64>> {
+    fn placed(&self, s: &DynState) -> (Vec<Placed<f64>>, Vec<Rates<f64>>) {
         self.check(s);
-        place::<Dynamic, f64>(self.model(), &s.q, &s.nu)
+        let placed = place::<Dynamic, f64>(self.model(), &s.q);
+        let rates = rates::<Dynamic, f64>(self.model(), &placed, &s.nu);
+        (placed, rates)
     }
 
     fn check(&self, s: &DynState) {
@@ -149,7 +151,7 @@ impl DynTree {
             motor_inertia: 0.0,
         }];
         for (b, (joint, link)) in c.bodies.iter().zip(&c.body_names) {
-            let above = if b.parent == BASE { 0 } else { b.parent + 1 };
+            let above = b.parent;
             out.push(BodyInfo {
                 link: link.clone(),
                 joint: Some(joint.clone()),
@@ -180,11 +182,18 @@ impl DynTree {
     /// # Panics
     /// Here and below: if the state has the wrong number of coordinates.
     pub fn mass_and_coriolis(&self, s: &DynState) -> (Dense, Dense) {
-        let placed = self.placed(s);
+        let (placed, rates) = self.placed(s);
         let dim = self.dim();
         let (mut m, mut c) = (Dense::zeros(dim, dim), Dense::zeros(dim, dim));
         let omega = self.omega(s);
-        inertia::mass_and_coriolis::<Dynamic, f64, true>(self.model(), &placed, omega, &mut m.data, &mut c.data);
+        inertia::mass_and_coriolis::<Dynamic, f64, true>(
+            self.model(),
+            &placed,
+            &rates,
+            omega,
+            &mut m.data,
+            &mut c.data,
+        );
         (m, c)
     }
 
@@ -214,40 +223,42 @@ impl DynTree {
 
     /// Pose of a frame in the world.
     pub fn placement_in_world(&self, s: &DynState, frame: FrameId) -> Placement {
-        let at = frame_at(&self.constants.frames[frame.0], &self.placed(s), self.omega(s));
+        let (placed, rates) = self.placed(s);
+        let (r, p) = frame_at(&self.constants.frames[frame.0], &placed, &rates);
         let base = Placement {
             p: s.p_nb,
             r: s.quat_nb.matrix(),
         };
         base.then(&Placement {
-            p: vector(at.p),
-            r: matrix(&at.r),
+            p: vector(p),
+            r: matrix(&r),
         })
     }
 
     /// Body Jacobian of a frame (rows [ω; v] in its axes) and its time derivative.
     pub fn jacobian_and_rate(&self, s: &DynState, frame: FrameId) -> (Dense, Dense) {
-        let placed = self.placed(s);
+        let (placed, rates) = self.placed(s);
         let (mut j, mut rate) = (Dense::zeros(6, self.dim()), Dense::zeros(6, self.dim()));
         let frame = &self.constants.frames[frame.0];
         let omega = self.omega(s);
-        jacobian::<f64, false>(self.model(), &placed, omega, frame, &mut j.data);
-        jacobian::<f64, true>(self.model(), &placed, omega, frame, &mut rate.data);
+        jacobian::<f64, false>(self.model(), &placed, &rates, omega, frame, &mut j.data);
+        jacobian::<f64, true>(self.model(), &placed, &rates, omega, frame, &mut rate.data);
         (j, rate)
     }
 
     /// Mass, centre of mass and momentum in B axes.
     pub fn momentum(&self, s: &DynState) -> Momentum {
-        Momentum::of(
-            &momentum::sums(self.model(), &self.placed(s), &s.nu),
-            self.model().base_part(&s.nu).1,
-        )
+        Momentum::of(&self.sums(s), self.model().base_part(&s.nu).1)
     }
 
     /// Kinetic energy (J).
     pub fn kinetic_energy(&self, s: &DynState) -> f64 {
-        let sums = momentum::sums(self.model(), &self.placed(s), &s.nu);
-        sums.energy_at(self.model().base_part(&s.nu).1)
+        self.sums(s).energy_at(self.model().base_part(&s.nu).1)
+    }
+
+    fn sums(&self, s: &DynState) -> momentum::Sums<f64> {
+        let (placed, rates) = self.placed(s);
+        momentum::sums(self.model(), &placed, &rates, &s.nu)
     }
 }
 

@@ -1,10 +1,10 @@
 //! [`Tree`]: a description turned into constants of static size, and the algorithms on it.
 
-use crate::description::{Description, DescriptionError, Merged, Placement};
+use crate::description::{Description, DescriptionError, Inertia, Merged, Placement};
 use crate::kernel::jacobian::FrameConsts;
-use crate::kernel::place::{Placed, place};
+use crate::kernel::place::{Placed, Rates, place, rates};
 use crate::kernel::{BASE, Link, Model, Rigid, aba, inertia, jacobian, momentum, newton_euler};
-use crate::num::{F64x4, Real, Static, V3};
+use crate::num::{F64x4, Fixed, Real, Static, V3};
 use crate::state::State;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -67,7 +67,7 @@ impl Constants {
     pub(crate) fn new(d: &Description) -> Result<Self, DescriptionError> {
         let m = Merged::new(d)?;
         let link = |b: &crate::description::Body| Link {
-            parent: b.parent.unwrap_or(BASE),
+            parent: b.parent.map_or(BASE, |p| p + 1),
             coordinate: b.coordinate,
             prismatic: b.prismatic,
             e: columns(&b.placement.r),
@@ -86,7 +86,7 @@ impl Constants {
                 .frames
                 .iter()
                 .map(|f| FrameConsts {
-                    body: f.body.unwrap_or(BASE),
+                    body: f.body.map_or(BASE, |b| b + 1),
                     r: columns(&f.placement.r),
                     p: f.placement.p.into(),
                 })
@@ -134,7 +134,8 @@ pub struct Tree<const N: usize, const V: usize> {
 /// Poses and rates of every body at one state, shared by the algorithms that need them. Base axes, no base pose.
 #[derive(Clone, Debug)]
 pub struct Kinematics<const N: usize, const V: usize, T: Real = f64> {
-    placed: [Placed<T>; N],
+    placed: Fixed<Placed<T>, N>,
+    rates: Fixed<Rates<T>, N>,
     nu: [T; V],
 }
 
@@ -213,6 +214,26 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         })
     }
 
+    /// Welds a rigid body to the body that carries `frame`, where `payload` is its pose in the frame: what a gripper
+    /// does in mid-run. Does not allocate; the inertia is taken as it is, unchecked.
+    pub fn attach(&mut self, frame: FrameId, payload: &Placement, inertia: &Inertia) {
+        let frame = &self.frames[frame.0];
+        let at = Placement {
+            p: Vector3::from(frame.p),
+            r: Matrix3::from_columns(&frame.r.map(Vector3::from)),
+        }
+        .then(payload);
+        let rigid = Rigid::new(&Inertia {
+            mass: inertia.mass,
+            com: at.p + at.r * inertia.com,
+            about_com: at.r * inertia.about_com * at.r.transpose(),
+        });
+        match frame.body {
+            BASE => self.base.weld(&rigid),
+            body => self.bodies[body].rigid.weld(&rigid),
+        }
+    }
+
     /// The same tree in a uniform gravity field (world axes, m/s²). Without this call there is none. Gravity acts in
     /// the methods that take a [`State`] and in no other.
     pub fn with_gravity(mut self, g_n: Vector3<f64>) -> Self {
@@ -259,20 +280,18 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// [`kinematics`](Self::kinematics) over any scalar.
     #[inline]
     pub fn kinematics_in<T: Real>(&self, q: &[T; N], nu: &[T; V]) -> Kinematics<N, V, T> {
-        let list = place::<Static<N>, T>(self.model(), q, nu);
-        Kinematics {
-            placed: core::array::from_fn(|i| list[i]),
-            nu: *nu,
-        }
+        let placed = place::<Static<N>, T>(self.model(), q);
+        let rates = rates::<Static<N>, T>(self.model(), &placed, nu);
+        Kinematics { placed, rates, nu: *nu }
     }
 
     /// Pose of frame E in B: (`p_BE`, `R_BE`).
     #[inline]
     pub fn placement(&self, k: &Kinematics<N, V>, frame: FrameId) -> Placement {
-        let at = jacobian::frame_at(&self.frames[frame.0], &k.placed, k.omega());
+        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed, &k.rates);
         Placement {
-            p: vector(at.p),
-            r: matrix(&at.r),
+            p: vector(p),
+            r: matrix(&r),
         }
     }
 
@@ -288,7 +307,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     pub fn jacobian(&self, k: &Kinematics<N, V>, frame: FrameId) -> SMatrix<f64, 6, V> {
         let mut out = SMatrix::<f64, 6, V>::zeros();
         let frame = &self.frames[frame.0];
-        jacobian::jacobian::<f64, false>(self.model(), &k.placed, k.omega(), frame, out.as_mut_slice());
+        jacobian::jacobian::<f64, false>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
         out
     }
 
@@ -297,14 +316,14 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     pub fn jacobian_rate(&self, k: &Kinematics<N, V>, frame: FrameId) -> SMatrix<f64, 6, V> {
         let mut out = SMatrix::<f64, 6, V>::zeros();
         let frame = &self.frames[frame.0];
-        jacobian::jacobian::<f64, true>(self.model(), &k.placed, k.omega(), frame, out.as_mut_slice());
+        jacobian::jacobian::<f64, true>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
         out
     }
 
     /// Origin and axes of frame E in B over any scalar: (`p_BE`, columns of `R_BE`).
     pub fn placement_in<T: Real>(&self, k: &Kinematics<N, V, T>, frame: FrameId) -> ([T; 3], [[T; 3]; 3]) {
-        let at = jacobian::frame_at(&self.frames[frame.0], &k.placed, k.omega());
-        (at.p.to_array(), at.r.c.map(V3::to_array))
+        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed, &k.rates);
+        (p.to_array(), r.c.map(V3::to_array))
     }
 
     // ---- inertia ----------------------------------------------------------------------------------------------
@@ -312,11 +331,12 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// Mass matrix M(q), motor inertia included (composite-rigid-body algorithm).
     #[inline]
     pub fn mass_matrix(&self, q: &SVector<f64, N>) -> SMatrix<f64, V, V> {
-        let k = self.kinematics(q, &SVector::zeros());
+        let placed = place::<Static<N>, f64>(self.model(), &q.data.0[0]);
         let mut m = SMatrix::<f64, V, V>::zeros();
         inertia::mass_and_coriolis::<Static<N>, f64, false>(
             self.model(),
-            &k.placed,
+            &placed,
+            &[],
             V3::zero(),
             m.as_mut_slice(),
             &mut [],
@@ -332,6 +352,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         inertia::mass_and_coriolis::<Static<N>, f64, true>(
             self.model(),
             &k.placed,
+            &k.rates,
             k.omega(),
             m.as_mut_slice(),
             c.as_mut_slice(),
@@ -341,12 +362,13 @@ impl<const N: usize, const V: usize> Tree<N, V> {
 
     /// M over any scalar, column by column.
     pub fn mass_matrix_in<T: Real>(&self, q: &[T; N]) -> [[T; V]; V] {
-        let k = self.kinematics_in(q, &[T::of(0.0); V]);
+        let placed = place::<Static<N>, T>(self.model(), q);
         let mut m = [[T::of(0.0); V]; V];
         let omega = V3::zero();
         inertia::mass_and_coriolis::<Static<N>, T, false>(
             self.model(),
-            &k.placed,
+            &placed,
+            &[],
             omega,
             m.as_flattened_mut(),
             &mut [],
@@ -479,7 +501,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// Mass, centre of mass and momentum, in B axes. On a fixed base B does not move.
     pub fn momentum(&self, k: &Kinematics<N, V>) -> Momentum {
         Momentum::of(
-            &momentum::sums(self.model(), &k.placed, &k.nu),
+            &momentum::sums(self.model(), &k.placed, &k.rates, &k.nu),
             self.model().base_part(&k.nu).1,
         )
     }
@@ -492,7 +514,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
 
     /// Kinetic energy ½ νᵀ M ν, motors included (J).
     pub fn kinetic_energy(&self, k: &Kinematics<N, V>) -> f64 {
-        momentum::sums(self.model(), &k.placed, &k.nu).energy_at(self.model().base_part(&k.nu).1)
+        momentum::sums(self.model(), &k.placed, &k.rates, &k.nu).energy_at(self.model().base_part(&k.nu).1)
     }
 
     /// Energy of the joint springs and of the gravity field, zero with all masses at the world's origin (J).

@@ -37,7 +37,8 @@ pub struct Parameters {
     pub drift_sigma: PositionAttitude,
     /// Time constant of the slow errors, s.
     pub drift_time_s: f64,
-    /// Standard deviation of the camera's white errors, m and rad about each axis; above zero.
+    /// Standard deviation of the camera's white errors, m and rad about each axis; above zero. Give more than the camera has to make the
+    /// estimate smoother: against slow errors it costs hardly any accuracy, and a controller feels every step of the estimate.
     pub white_sigma: PositionAttitude,
     /// Density of the accelerations the model does not know, m/s² and rad/s² per √Hz. Keeps the filter awake.
     pub acceleration_density: PositionAttitude,

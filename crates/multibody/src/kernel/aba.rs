@@ -46,19 +46,21 @@ impl<T: Real> Articulated<T> {
                 d.cross_add(m[2], o.h.c[2]),
             ],
         };
-        // A' = A + [d] Hᵀ − H' [d]; column k of [d]Hᵀ is d × (row k of H), row i of H'[d] is (row i of H') × d
+        // A' = A + [d] Hᵀ − H' [d]: element (i, k) is A_ik + (d × row k of H)_i − (row i of H' × d)_k
         let (h0, h1, h2) = (o.h.row(0), o.h.row(1), o.h.row(2));
         let (g0, g1, g2) = (h.row(0), h.row(1), h.row(2));
-        let plus =
-            |s: T, i: usize, row: V3<T>, g: V3<T>, k: usize| s + cross_component(d, row, i) - cross_component(g, d, k);
-        self.a = self.a.add(&Sym3 {
-            xx: plus(o.a.xx, 0, h0, g0, 0),
-            xy: plus(o.a.xy, 0, h1, g0, 1),
-            xz: plus(o.a.xz, 0, h2, g0, 2),
-            yy: plus(o.a.yy, 1, h1, g1, 1),
-            yz: plus(o.a.yz, 1, h2, g1, 2),
-            zz: plus(o.a.zz, 2, h2, g2, 2),
-        });
+        let (x, y, z) = (d.x, d.y, d.z);
+        let four = |s: T, a: (T, T), b: (T, T), c: (T, T), d: (T, T)| {
+            a.0.mul_add(a.1, b.0.mul_add(b.1, c.0.mul_add(c.1, d.0.mul_add(d.1, s))))
+        };
+        self.a = Sym3 {
+            xx: y.mul_add(h0.z + g0.z, (-z).mul_add(h0.y + g0.y, self.a.xx + o.a.xx)),
+            xy: four(self.a.xy + o.a.xy, (y, h1.z), (-z, h1.y), (-x, g0.z), (z, g0.x)),
+            xz: four(self.a.xz + o.a.xz, (y, h2.z), (-z, h2.y), (-y, g0.x), (x, g0.y)),
+            yy: z.mul_add(h1.x + g1.x, (-x).mul_add(h1.z + g1.z, self.a.yy + o.a.yy)),
+            yz: four(self.a.yz + o.a.yz, (z, h2.x), (-x, h2.z), (-y, g1.x), (x, g1.y)),
+            zz: x.mul_add(h2.y + g2.y, (-y).mul_add(h2.x + g2.x, self.a.zz + o.a.zz)),
+        };
         self.h = self.h.add(&h);
         self.m = self.m.add(&o.m);
         self.n = self.n + d.cross_add(o.f, o.n);
@@ -66,25 +68,20 @@ impl<T: Real> Articulated<T> {
     }
 }
 
-/// Component `i` of `a × b`.
-#[inline(always)]
-fn cross_component<T: Real>(a: V3<T>, b: V3<T>, i: usize) -> T {
-    match i {
-        0 => a.y.mul_add(b.z, -(a.z * b.y)),
-        1 => a.z.mul_add(b.x, -(a.x * b.z)),
-        _ => a.x.mul_add(b.y, -(a.y * b.x)),
-    }
-}
-
-/// What the way out needs of a joint.
+/// A body on the way out: pose and velocity products.
 #[derive(Clone, Copy)]
-struct Joint<T> {
+struct Outward<T> {
     r: Mat3<T>,
     omega: V3<T>,
     d: V3<T>,
-    /// Velocity-product accelerations of the origin and the body.
+    /// Velocity-product accelerations of the body and its origin.
     c_ang: V3<T>,
     c_lin: V3<T>,
+}
+
+/// A joint on the way in: what it takes to find its acceleration on the way back out.
+#[derive(Clone, Copy)]
+struct Inward<T> {
     u_n: V3<T>,
     u_f: V3<T>,
     u: T,
@@ -107,63 +104,62 @@ pub(crate) fn aba<Z: Size, T: Real>(
     let offset = model.offset();
     let n = model.bodies.len();
     let (omega_base, v_base) = model.base_part(nu);
-    let identity = Mat3::identity();
-    let mut base = Articulated::rigid(model.base, &identity, omega_base, false);
-    if let Some(load) = load {
-        base.add_shifted(load, V3::zero());
-    }
-
+    let zero = V3::zero();
     let trig = sines::<Z, T>(model, q);
-    let mut joints = Z::List::<Joint<T>>::with_capacity(n);
-    let mut inertias = Z::List::<Articulated<T>>::with_capacity(n);
+    let mut outward = Z::List::<Outward<T>>::with_capacity(n + 1);
+    outward.push(Outward {
+        r: Mat3::identity(),
+        omega: omega_base,
+        d: zero,
+        c_ang: zero,
+        c_lin: zero,
+    });
     for link in model.bodies {
-        let on_base = link.parent == BASE;
-        let (parent_r, parent_omega) = if on_base {
-            (identity, omega_base)
-        } else {
-            (joints[link.parent].r, joints[link.parent].omega)
-        };
+        let parent = &outward[link.parent];
         let (s, c) = trig[link.coordinate];
-        let r = rotate(link, &parent_r, on_base, s, c);
+        let r = rotate(link, &parent.r, s, c);
         let z_rate = r.c[2] * nu[offset + link.coordinate];
-        let mut d = if on_base {
-            V3::of(link.p)
-        } else {
-            parent_r.mul(V3::of(link.p))
-        };
+        let mut d = parent.r.mul(V3::of(link.p));
         let (omega, c_ang, c_lin);
         if link.prismatic {
             d = r.c[2].mul_add(q[link.coordinate], d);
-            omega = parent_omega;
-            c_ang = V3::zero();
+            omega = parent.omega;
+            c_ang = zero;
             // ω×(ω×d) + 2 ω×(z q̇)
-            c_lin = parent_omega.cross(parent_omega.cross_add(d, z_rate + z_rate));
+            c_lin = omega.cross(omega.cross_add(d, z_rate + z_rate));
         } else {
-            omega = parent_omega + z_rate;
-            c_ang = parent_omega.cross(z_rate);
-            c_lin = parent_omega.cross(parent_omega.cross(d));
+            omega = parent.omega + z_rate;
+            c_ang = parent.omega.cross(z_rate);
+            c_lin = parent.omega.cross(parent.omega.cross(d));
         }
-        inertias.push(Articulated::rigid(&link.rigid, &r, omega, true));
-        let zero = V3::zero();
-        let o = T::of(0.0);
-        joints.push(Joint {
+        outward.push(Outward {
             r,
             omega,
             d,
             c_ang,
             c_lin,
-            u_n: zero,
-            u_f: zero,
-            u: o,
-            inv: o,
         });
     }
+    // a loop of its own: nothing here waits for a parent, and less has to stay in registers at a time
+    let mut inertias = Z::List::<Articulated<T>>::with_capacity(n + 1);
+    let mut base = Articulated::rigid(model.base, &outward[BASE].r, omega_base, false);
+    if let Some(load) = load {
+        base.add_shifted(load, zero);
+    }
+    inertias.push(base);
+    for (link, own) in model.bodies.iter().zip(&outward[1..]) {
+        inertias.push(Articulated::rigid(&link.rigid, &own.r, own.omega, true));
+    }
 
+    // filled from the tip: element n − 1 − i belongs to body i
+    let mut inward = Z::List::<Inward<T>>::with_capacity(n);
     for i in (0..n).rev() {
         let link = &model.bodies[i];
-        let joint = &mut joints[i];
-        let mut own = inertias[i];
-        let z = joint.r.c[2];
+        let Outward { r, d, c_ang, c_lin, .. } = &outward[i + 1];
+        let (d, c_ang, c_lin) = (*d, *c_ang, *c_lin);
+        let (before, rest) = inertias.split_at_mut(i + 1);
+        let own = &rest[0];
+        let z = r.c[2];
         let (u_n, u_f, pivot, resist) = if link.prismatic {
             let (u_n, u_f) = (own.h.mul(z), own.m.mul(z));
             (u_n, u_f, z.dot(u_f), z.dot(own.f))
@@ -173,37 +169,26 @@ pub(crate) fn aba<Z: Size, T: Real>(
         };
         let inv = (pivot + T::of(link.motor_inertia)).recip();
         let rate = nu[offset + link.coordinate];
-        let drive = drive(link, q[link.coordinate], rate, tau[offset + link.coordinate]);
-        let u = drive - resist;
-        joint.u_n = u_n;
-        joint.u_f = u_f;
-        joint.u = u;
-        joint.inv = inv;
+        let u = drive(link, q[link.coordinate], rate, tau[offset + link.coordinate]) - resist;
+        inward.push(Inward { u_n, u_f, u, inv });
         // the bias with the joint's own acceleration taken out, then the inertia likewise
-        let along = u_n.dot_add(joint.c_ang, u_f.dot(joint.c_lin));
+        let along = u_n.dot_add(c_ang, u_f.dot(c_lin));
         let k = (u - along) * inv;
-        own.n = own
-            .a
-            .mul_add(joint.c_ang, own.h.mul_add(joint.c_lin, u_n.mul_add(k, own.n)));
-        own.f = own
-            .h
-            .tmul_add(joint.c_ang, own.m.mul_add(joint.c_lin, u_f.mul_add(k, own.f)));
         let (w_n, w_f) = (u_n * -inv, u_f * -inv);
-        own.a = own.a.add_outer(u_n, w_n);
-        own.h = own.h.add_outer(u_n, w_f);
-        own.m = own.m.add_outer(u_f, w_f);
-        let d = joint.d;
-        let parent = if link.parent == BASE {
-            &mut base
-        } else {
-            &mut inertias[link.parent]
+        let reduced = Articulated {
+            n: own.a.mul_add(c_ang, own.h.mul_add(c_lin, u_n.mul_add(k, own.n))),
+            f: own.h.tmul_add(c_ang, own.m.mul_add(c_lin, u_f.mul_add(k, own.f))),
+            a: own.a.add_outer(u_n, w_n),
+            h: own.h.add_outer(u_n, w_f),
+            m: own.m.add_outer(u_f, w_f),
         };
-        parent.add_shifted(&own, d);
+        before[link.parent].add_shifted(&reduced, d);
     }
 
     let (alpha, acc) = if model.floating {
         let (torque, force) = model.base_part(tau);
-        solve_base(&base, torque - base.n, force - base.f)
+        let base = &inertias[BASE];
+        solve_base(base, torque - base.n, force - base.f)
     } else {
         (V3::zero(), -gravity)
     };
@@ -212,19 +197,16 @@ pub(crate) fn aba<Z: Size, T: Real>(
         // classical acceleration relative to free fall, back to the rate of the body-axes velocity
         (acc + gravity - omega_base.cross(v_base)).write(out, 3);
     }
-    // from here on `inertias` is done with; the way out keeps (α, a) per body
-    let mut rates = Z::List::<(V3<T>, V3<T>)>::with_capacity(n);
-    for (link, joint) in model.bodies.iter().zip(joints.iter()) {
-        let (alpha_p, acc_p) = if link.parent == BASE {
-            (alpha, acc)
-        } else {
-            rates[link.parent]
-        };
-        let a_ang = alpha_p + joint.c_ang;
-        let a_lin = alpha_p.cross_add(joint.d, acc_p + joint.c_lin);
+    let mut rates = Z::List::<(V3<T>, V3<T>)>::with_capacity(n + 1);
+    rates.push((alpha, acc));
+    for (i, link) in model.bodies.iter().enumerate() {
+        let (joint, own) = (&inward[n - 1 - i], &outward[i + 1]);
+        let (alpha_p, acc_p) = rates[link.parent];
+        let a_ang = alpha_p + own.c_ang;
+        let a_lin = alpha_p.cross_add(own.d, acc_p + own.c_lin);
         let qdd = (joint.u - joint.u_n.dot_add(a_ang, joint.u_f.dot(a_lin))) * joint.inv;
         out[offset + link.coordinate] = qdd;
-        let z = joint.r.c[2];
+        let z = own.r.c[2];
         rates.push(if link.prismatic {
             (a_ang, z.mul_add(qdd, a_lin))
         } else {
