@@ -95,8 +95,20 @@ struct Line {
     whole: String,
     /// Without what stands behind `//`.
     code: String,
-    /// Below `#[cfg(test)]`.
+    /// Part of what `#[cfg(test)]` is about.
     test: bool,
+}
+
+/// Where a line stands.
+#[derive(Clone, Copy, PartialEq)]
+enum Part {
+    Shipped,
+    /// The line `#[cfg(test)]`, or another attribute below it.
+    Marked,
+    /// In a module or function of tests.
+    Test,
+    /// The one line, or the last line, that belongs to the tests.
+    Single,
 }
 
 /// The files with the given ending below `folder`, build products left out.
@@ -123,9 +135,18 @@ fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
 fn lines(path: &Path) -> Vec<Line> {
     let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     let shown = path.strip_prefix(root()).unwrap_or(path).display().to_string();
-    let mut test = false;
+    let mut part = Part::Shipped;
     let numbered = text.lines().enumerate().map(|(number, whole)| {
-        test |= whole.trim() == "#[cfg(test)]";
+        part = match part {
+            Part::Shipped | Part::Single if whole == "#[cfg(test)]" => Part::Marked,
+            Part::Marked if whole.starts_with('#') => Part::Marked,
+            Part::Marked if whole.ends_with('{') => Part::Test,
+            Part::Marked => Part::Single,
+            Part::Test if whole == "}" => Part::Single,
+            Part::Single => Part::Shipped,
+            other => other,
+        };
+        let test = part != Part::Shipped;
         // Two slashes behind a colon are an address, not a comment.
         let comment = whole.match_indices("//").find(|&(at, _)| !whole[..at].ends_with(':'));
         Line {
