@@ -56,7 +56,7 @@ pub fn hinf_norm(g: &StateSpace, tolerance: f64) -> Result<HinfNorm, NormError> 
     }
     let mut start = vec![0.0, f64::INFINITY];
     start.extend(peak_guesses(&poles));
-    climb(&g, tolerance, &start)
+    Ok(climb(&g, tolerance, &start)?)
 }
 
 /// Frequencies at which a system with these poles may peak, sorted and thinned.
@@ -78,7 +78,7 @@ pub(crate) fn peak_guesses(poles: &[c64]) -> Vec<f64> {
 }
 
 /// The level-set iteration on a stable, balanced system from a set of starting frequencies.
-pub(crate) fn climb(g: &StateSpace, tolerance: f64, start: &[f64]) -> Result<HinfNorm, NormError> {
+pub(crate) fn climb(g: &StateSpace, tolerance: f64, start: &[f64]) -> Result<HinfNorm, LinalgError> {
     let mut best = HinfNorm { gain: 0.0, omega: 0.0, upper: 0.0 };
     for &omega in start {
         raise(g, omega, &mut best)?;
