@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             continue;
         }
         let clock = Instant::now();
-        let options = Options { starts, scatter: 1.0, ..Options::default() };
+        let options = Options { starts, ..Options::default() };
         let tuned = plant.static_output_feedback().map_err(|e| e.to_string()).and_then(|p| tune(&p, &options, &|_| Flow::Continue).map_err(|e| e.to_string()));
         let seconds = clock.elapsed().as_secs_f64();
         match tuned {

@@ -5,6 +5,7 @@ pub mod delay;
 pub mod interconnect;
 pub mod linalg;
 pub mod matrices;
+pub mod mu;
 pub mod norm;
 pub mod reduce;
 mod rng;

@@ -243,10 +243,12 @@ fn scattered(checked: &Checked, options: &Options, index: usize) -> Vec<f64> {
         return vec![0.0; checked.parameters()];
     }
     let mut rng = Rng::new(options.seed, index as u64);
-    // Relative parameters stay nearer to their start than entries about which nothing is known.
+    // Relative parameters stay near their start. Of the others even the order of magnitude is unknown, so every third start
+    // looks three times and every third one nine times as far.
+    let reach = 3f64.powi((index as i32 - 1) % 3);
     let mut x = Vec::new();
     for g in &checked.gains {
-        let spread = if g.relative() { 0.5 * options.scatter } else { options.scatter };
+        let spread = if g.relative() { 0.5 * options.scatter } else { reach * options.scatter };
         x.extend((0..g.block.kind.parameters()).map(|_| spread * rng.normal()));
     }
     x
