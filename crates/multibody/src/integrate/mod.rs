@@ -1,0 +1,153 @@
+//! Integrators, by name.
+//!
+//! A step takes the *value* of the generalised force and holds it: the plant's inputs are held over a step, and a
+//! controller sampled inside the stages would reduce every method to first order.
+//!
+//! | name | method | order |
+//! |---|---|---|
+//! | `rk4` | classical Runge-Kutta on (p, quaternion, q, ν), quaternion renormalised after the step; the baseline | 4 |
+//! | `rkmk4` | Runge-Kutta-Munthe-Kaas on SE(3) × joints: the pose moves by exponentials and stays on the group | 4 |
+//! | `dop853` | Dormand and Prince, 12 stages, fixed step; the truth in convergence tests | 8 |
+
+mod dop853;
+mod rk4;
+mod rkmk4;
+
+use crate::rotation::Quaternion;
+use crate::state::State;
+use crate::tree::Tree;
+use nalgebra::{SVector, Vector3};
+
+/// A first-order differential equation in coordinates, with a held input.
+pub trait Flow {
+    /// A point of the state space.
+    type State: Copy;
+    /// Rates of the coordinates of a point.
+    type Rate: Copy;
+    /// The input, held over a step.
+    type Force;
+
+    /// Rates at `state` under `force`.
+    fn rate(&self, state: &Self::State, force: &Self::Force) -> Self::Rate;
+
+    /// `state + Σ kᵢ rateᵢ`, coordinate by coordinate.
+    fn moved(&self, state: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State;
+
+    /// Back onto the constraints the coordinates carry (unit quaternions, unit vectors), after a step.
+    fn restored(&self, state: Self::State) -> Self::State {
+        state
+    }
+}
+
+/// An integration method, by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Classical Runge-Kutta, order 4.
+    #[default]
+    Rk4,
+    /// Runge-Kutta-Munthe-Kaas on SE(3), order 4.
+    Rkmk4,
+    /// Dormand-Prince 8(5,3) with a fixed step, order 8.
+    Dop853,
+}
+
+/// No method of that name.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("there is no integrator `{0}`; the integrators are rk4, rkmk4 and dop853")]
+pub struct UnknownMethod(pub String);
+
+impl core::str::FromStr for Method {
+    type Err = UnknownMethod;
+    fn from_str(s: &str) -> Result<Self, UnknownMethod> {
+        match s {
+            "rk4" => Ok(Self::Rk4),
+            "rkmk4" => Ok(Self::Rkmk4),
+            "dop853" => Ok(Self::Dop853),
+            other => Err(UnknownMethod(other.to_owned())),
+        }
+    }
+}
+
+impl core::fmt::Display for Method {
+    fn fmt(&self, f: &mut core::fmt::Formatter) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Rk4 => "rk4",
+            Self::Rkmk4 => "rkmk4",
+            Self::Dop853 => "dop853",
+        })
+    }
+}
+
+/// One step of `h` seconds of classical Runge-Kutta on any [`Flow`].
+pub fn rk4<F: Flow>(flow: &F, state: &F::State, force: &F::Force, h: f64) -> F::State {
+    rk4::step(flow, state, force, h)
+}
+
+/// One step of `h` seconds of Dormand and Prince's eighth-order method on any [`Flow`].
+pub fn dop853<F: Flow>(flow: &F, state: &F::State, force: &F::Force, h: f64) -> F::State {
+    dop853::step(flow, state, force, h)
+}
+
+/// Rates of the coordinates of a [`State`].
+#[derive(Clone, Copy, Debug)]
+pub struct Rate<const N: usize, const V: usize> {
+    /// ṗ_NB (N axes, m/s).
+    pub p_nb: Vector3<f64>,
+    /// Rate of the quaternion.
+    pub quat_nb: Quaternion,
+    /// Joint rates.
+    pub q: SVector<f64, N>,
+    /// ν̇.
+    pub nu: SVector<f64, V>,
+}
+
+impl<const N: usize, const V: usize> Flow for Tree<N, V> {
+    type State = State<N, V>;
+    type Rate = Rate<N, V>;
+    type Force = SVector<f64, V>;
+
+    #[inline(always)]
+    fn rate(&self, s: &State<N, V>, tau: &SVector<f64, V>) -> Rate<N, V> {
+        Rate {
+            p_nb: s.quat_nb.rotate(&s.velocity()),
+            quat_nb: s.quat_nb.rate(&s.omega()),
+            q: SVector::from_fn(|i, _| s.nu[V - N + i]),
+            nu: self.forward_dynamics(s, tau),
+        }
+    }
+
+    #[inline(always)]
+    fn moved(&self, s: &State<N, V>, by: &[(f64, &Rate<N, V>)]) -> State<N, V> {
+        let mut out = *s;
+        for (k, rate) in by {
+            for i in 0..3 {
+                out.p_nb[i] = k.mul_add(rate.p_nb[i], out.p_nb[i]);
+            }
+            out.quat_nb = out.quat_nb.plus(*k, rate.quat_nb);
+            for i in 0..N {
+                out.q[i] = k.mul_add(rate.q[i], out.q[i]);
+            }
+            for i in 0..V {
+                out.nu[i] = k.mul_add(rate.nu[i], out.nu[i]);
+            }
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn restored(&self, mut s: State<N, V>) -> State<N, V> {
+        s.quat_nb = s.quat_nb.normalized();
+        s
+    }
+}
+
+impl<const N: usize, const V: usize> Tree<N, V> {
+    /// One step of `h` seconds (negative goes back) with the generalised force `tau` held.
+    pub fn step(&self, method: Method, state: &State<N, V>, tau: &SVector<f64, V>, h: f64) -> State<N, V> {
+        match method {
+            Method::Rk4 => rk4::step(self, state, tau, h),
+            Method::Rkmk4 => rkmk4::step(self, state, tau, h),
+            Method::Dop853 => dop853::step(self, state, tau, h),
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! Mass matrix and Coriolis matrix by composite bodies.
+//!
+//! The mass matrix is the composite-rigid-body algorithm (Featherstone 2008, §6.2). The Coriolis matrix is the
+//! factorisation of Echeandia and Wensing (*Numerical Methods to Compute the Coriolis Matrix and Christoffel Symbols for
+//! Rigid-Body Systems*, J. Comput. Nonlinear Dyn. 16, 2021, Algorithm 1), whose Ṁ − 2C is skew and whose elements are
+//! the Christoffel symbols' own. For point masses that factorisation is Σ m Jᵀ J̇; summing over the points of a rigid body
+//! turns their 6×6 matrix B(I, v) into nine numbers, `D = ∫ ẋ xᵀ dm`, which shift from joint to joint as
+//! `D' = D + ḣ dᵀ + ḋ h'ᵀ`. A composite is (m, h, Σ, ḣ, D) about its joint's origin.
+
+use super::place::Placed;
+use super::{BASE, Model, Rigid, inertia_times};
+use crate::num::{List, Mat3, Real, Size, Sym3, V3};
+
+#[derive(Clone, Copy)]
+struct Composite<T> {
+    mass: T,
+    h: V3<T>,
+    /// ∫ x xᵀ dm.
+    sigma: Sym3<T>,
+    h_rate: V3<T>,
+    /// ∫ ẋ xᵀ dm, x from the joint's origin, rates inertial, axes of the base.
+    d: Mat3<T>,
+}
+
+impl<T: Real> Composite<T> {
+    #[inline(always)]
+    fn rigid<const RATES: bool>(rigid: &Rigid, at: &Placed<T>, turned: bool) -> Self {
+        let (h, sigma) = if turned {
+            (at.r.mul(V3::of(rigid.h)), Sym3::of(rigid.sigma).rotated(&at.r))
+        } else {
+            (V3::of(rigid.h), Sym3::of(rigid.sigma))
+        };
+        let (h_rate, d) = if RATES {
+            (
+                at.omega.cross(h),
+                Mat3 {
+                    c: sigma.columns().map(|c| at.omega.cross(c)),
+                },
+            )
+        } else {
+            (V3::zero(), Mat3 { c: [V3::zero(); 3] })
+        };
+        Self {
+            mass: T::of(rigid.mass),
+            h,
+            sigma,
+            h_rate,
+            d,
+        }
+    }
+
+    /// Adds `o`, whose origin is at `d` from this one's and moves at `d_rate` relative to it.
+    #[inline(always)]
+    fn add_shifted<const RATES: bool>(&mut self, o: &Self, d: V3<T>, d_rate: V3<T>) {
+        let h = d.mul_add(o.mass, o.h);
+        // Σ' = Σ + h dᵀ + d h'ᵀ
+        self.sigma = self.sigma.add(&o.sigma.add_outer(o.h, d).add_outer(d, h));
+        if RATES {
+            self.d = self.d.add(&o.d.add_outer(o.h_rate, d).add_outer(d_rate, h));
+            self.h_rate = self.h_rate + d_rate.mul_add(o.mass, o.h_rate);
+        }
+        self.h = self.h + h;
+        self.mass = self.mass + o.mass;
+    }
+
+    /// `(tr(D) 1 − D) v`: the torque of a turning reference velocity on turning bodies.
+    #[inline(always)]
+    fn b_times(&self, v: V3<T>) -> V3<T> {
+        v * self.d.trace() - self.d.mul(v)
+    }
+
+    #[inline(always)]
+    fn b_transposed_times(&self, v: V3<T>) -> V3<T> {
+        v * self.d.trace() - self.d.tmul(v)
+    }
+}
+
+/// `M` into `mass` and, with `RATES`, `C` into `coriolis`: both square, column by column.
+#[inline(always)]
+pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
+    model: Model,
+    placed: &[Placed<T>],
+    omega_base: V3<T>,
+    mass: &mut [T],
+    coriolis: &mut [T],
+) {
+    let offset = model.offset();
+    let n = model.bodies.len();
+    let dim = offset + n;
+    let mut base = Composite::rigid::<RATES>(model.base, &Placed::base(omega_base), false);
+    let mut composites = Z::List::<Composite<T>>::with_capacity(n);
+    for (link, at) in model.bodies.iter().zip(placed) {
+        composites.push(Composite::rigid::<RATES>(&link.rigid, at, true));
+    }
+    let zero = T::of(0.0);
+    mass[..dim * dim].fill(zero);
+    if RATES {
+        coriolis[..dim * dim].fill(zero);
+    }
+
+    for i in (0..n).rev() {
+        let link = &model.bodies[i];
+        let at = &placed[i];
+        let own = composites[i];
+        let parent = if link.parent == BASE {
+            &mut base
+        } else {
+            &mut composites[link.parent]
+        };
+        parent.add_shifted::<RATES>(&own, at.d, at.d_rate);
+
+        let col = offset + link.coordinate;
+        let (z, zr) = (at.z(), at.z_rate);
+        // Wrench that unit acceleration of this joint asks of the composite, (n, f); what unit reference velocity asks,
+        // (cn, cf), by the axis' own rate and by the bodies' motion; and the transposed action, g.
+        let (mut n2, f2, mut cn, cf, mut g);
+        if link.prismatic {
+            (n2, f2) = (own.h.cross(z), z * own.mass);
+            (cn, cf) = (own.h.cross(zr), zr * own.mass);
+            g = own.h_rate.cross(z);
+        } else {
+            (n2, f2) = (inertia_times(&own.sigma, z), z.cross(own.h));
+            cn = own.b_times(z) + inertia_times(&own.sigma, zr);
+            cf = z.cross_add(own.h_rate, zr.cross(own.h));
+            g = own.b_transposed_times(z);
+        }
+        let diagonal = if link.prismatic { z.dot(f2) } else { z.dot(n2) };
+        mass[col * dim + col] = diagonal + T::of(link.motor_inertia);
+        if RATES {
+            coriolis[col * dim + col] = if link.prismatic { z.dot(cf) } else { z.dot(cn) };
+        }
+        let mut from = i;
+        loop {
+            let (d, d_rate) = (placed[from].d, placed[from].d_rate);
+            n2 = d.cross_add(f2, n2);
+            if RATES {
+                cn = d.cross_add(cf, cn);
+                g = d_rate.cross_add(f2, g);
+            }
+            from = model.bodies[from].parent;
+            if from == BASE {
+                break;
+            }
+            let row = offset + model.bodies[from].coordinate;
+            let (z, zr) = (placed[from].z(), placed[from].z_rate);
+            let (m, up, down) = if model.bodies[from].prismatic {
+                (z.dot(f2), z.dot(cf), zr.dot(f2))
+            } else {
+                (z.dot(n2), z.dot(cn), zr.dot_add(n2, z.dot(g)))
+            };
+            mass[col * dim + row] = m;
+            mass[row * dim + col] = m;
+            if RATES {
+                coriolis[col * dim + row] = up;
+                coriolis[row * dim + col] = down;
+            }
+        }
+        if model.floating {
+            n2.write(mass, col * dim);
+            f2.write(mass, col * dim + 3);
+            write_row(mass, dim, col, n2, f2);
+            if RATES {
+                cn.write(coriolis, col * dim);
+                cf.write(coriolis, col * dim + 3);
+                write_row(coriolis, dim, col, n2.cross_add(omega_base, g), f2.cross(omega_base));
+            }
+        }
+    }
+    if model.floating {
+        base_blocks::<T, RATES>(&base, omega_base, dim, mass, coriolis);
+    }
+}
+
+/// The six elements of a joint's row in front of the joints.
+#[inline(always)]
+fn write_row<T: Real>(m: &mut [T], dim: usize, row: usize, ang: V3<T>, lin: V3<T>) {
+    for (k, x) in ang.to_array().into_iter().chain(lin.to_array()).enumerate() {
+        m[k * dim + row] = x;
+    }
+}
+
+/// The 6×6 block of the base, column by column: unit reference velocity along each base axis, whose inertial rate is
+/// ω × that axis.
+#[inline(always)]
+fn base_blocks<T: Real, const RATES: bool>(
+    own: &Composite<T>,
+    omega: V3<T>,
+    dim: usize,
+    mass: &mut [T],
+    coriolis: &mut [T],
+) {
+    let turn = Mat3::skew(omega);
+    let axes = Mat3::<T>::identity();
+    for k in 0..3 {
+        let (e, er) = (axes.c[k], turn.c[k]);
+        inertia_times(&own.sigma, e).write(mass, k * dim);
+        e.cross(own.h).write(mass, k * dim + 3);
+        own.h.cross(e).write(mass, (3 + k) * dim);
+        (e * own.mass).write(mass, (3 + k) * dim + 3);
+        if RATES {
+            (own.b_times(e) + inertia_times(&own.sigma, er)).write(coriolis, k * dim);
+            e.cross_add(own.h_rate, er.cross(own.h)).write(coriolis, k * dim + 3);
+            own.h.cross(er).write(coriolis, (3 + k) * dim);
+            (er * own.mass).write(coriolis, (3 + k) * dim + 3);
+        }
+    }
+}

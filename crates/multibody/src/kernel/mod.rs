@@ -1,0 +1,121 @@
+//! The recursions, written once over the scalar (`f64`, lanes, dual numbers) and over the kind of scratch space
+//! (stack or heap).
+//!
+//! # How they differ from the textbook
+//!
+//! All vectors are in **base axes**, every body's wrench and acceleration is taken about that body's own joint origin,
+//! and accelerations are the *classical* accelerations of material points, not spatial ones. Two things follow.
+//!
+//! * No 6×6 rotation of an articulated inertia is needed on the way to the base, only a translation of its 21 numbers;
+//!   what is rotated is each body's constant rigid inertia, once.
+//! * By Galilean invariance no linear velocity appears anywhere: a body's bias depends on ω alone,
+//!   `n = J α + h×a − ω×(Σ ω)`, `f = m a + α×h + ω×(ω×h)`, with h = m c, J the inertia and Σ = ½ tr(J) 1 − J the
+//!   second moment of mass, both about the joint origin. A base that flies at 7.5 km/s, 7,000 km from the origin of the
+//!   world, loses no digit: neither number enters.
+//!
+//! The base row turns the classical acceleration back into the rate of the body-axes velocity, `v̇ = a − ω×v`.
+
+pub(crate) mod aba;
+pub(crate) mod inertia;
+pub(crate) mod jacobian;
+pub(crate) mod momentum;
+pub(crate) mod newton_euler;
+pub(crate) mod place;
+
+use crate::description::{Inertia, merge_steiner};
+use crate::num::{Mat3, Real, Sym3, V3};
+
+/// Rigid inertia of a body about its own origin, body axes.
+#[derive(Clone, Debug)]
+pub(crate) struct Rigid {
+    pub mass: f64,
+    /// First moment m c (kg m).
+    pub h: [f64; 3],
+    /// Inertia about the origin: xx, xy, xz, yy, yz, zz (kg m²).
+    pub j: [f64; 6],
+    /// Second moment Σ = ½ tr(J) 1 − J = ∫ x xᵀ dm (kg m²).
+    pub sigma: [f64; 6],
+}
+
+impl Rigid {
+    pub(crate) fn new(i: &Inertia) -> Self {
+        let j = i.about_com + merge_steiner(i.mass, &i.com);
+        let sigma = nalgebra::Matrix3::identity() * (0.5 * j.trace()) - j;
+        let upper = |m: &nalgebra::Matrix3<f64>| [m.m11, m.m12, m.m13, m.m22, m.m23, m.m33];
+        Self {
+            mass: i.mass,
+            h: (i.com * i.mass).into(),
+            j: upper(&j),
+            sigma: upper(&sigma),
+        }
+    }
+}
+
+/// The constants of a moving body. Its frame has the joint axis as +z through its origin.
+#[derive(Clone, Debug)]
+pub(crate) struct Link {
+    /// Index of the parent body, or [`BASE`].
+    pub parent: usize,
+    /// Index of the joint coordinate.
+    pub coordinate: usize,
+    pub prismatic: bool,
+    /// Rotation to the parent's frame at position zero, by columns.
+    pub e: [[f64; 3]; 3],
+    /// Origin in the parent's frame at position zero (m).
+    pub p: [f64; 3],
+    pub rigid: Rigid,
+    pub motor_inertia: f64,
+    pub damping: f64,
+    pub stiffness: f64,
+    pub rest: f64,
+}
+
+/// `Link::parent` of a body on the base.
+pub(crate) const BASE: usize = usize::MAX;
+
+/// What a recursion reads. With static sizes `bodies` has a length known to the compiler and `floating` is a constant,
+/// once the recursion is inlined into its caller.
+#[derive(Clone, Copy)]
+pub(crate) struct Model<'a> {
+    pub base: &'a Rigid,
+    pub bodies: &'a [Link],
+    pub floating: bool,
+}
+
+impl Model<'_> {
+    /// Number of velocity coordinates in front of the joints: 6 or 0.
+    #[inline(always)]
+    pub(crate) fn offset(&self) -> usize {
+        if self.floating { 6 } else { 0 }
+    }
+
+    /// Base rates (ω, v) from a generalised velocity or acceleration.
+    #[inline(always)]
+    pub(crate) fn base_part<T: Real>(&self, x: &[T]) -> (V3<T>, V3<T>) {
+        if self.floating {
+            (V3::read(x, 0), V3::read(x, 3))
+        } else {
+            (V3::zero(), V3::zero())
+        }
+    }
+}
+
+/// `R_BL` of a body from its parent's and the sine and cosine of its joint angle.
+#[inline(always)]
+pub(crate) fn rotate<T: Real>(link: &Link, parent: &Mat3<T>, on_base: bool, s: T, c: T) -> Mat3<T> {
+    let e = Mat3::of(link.e);
+    let t = if on_base { e } else { parent.mul_mat(&e) };
+    if link.prismatic {
+        return t;
+    }
+    let [x, y, z] = t.c;
+    Mat3 {
+        c: [x.mul_add(c, y * s), y.mul_add(c, -(x * s)), z],
+    }
+}
+
+/// A symmetric matrix times a vector, `(tr(Σ) 1 − Σ) v`: the inertia from the second moment.
+#[inline(always)]
+pub(crate) fn inertia_times<T: Real>(sigma: &Sym3<T>, v: V3<T>) -> V3<T> {
+    v * sigma.trace() - sigma.mul(v)
+}

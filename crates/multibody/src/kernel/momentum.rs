@@ -1,0 +1,70 @@
+//! Momentum, centre of mass and kinetic energy, by summing over the bodies.
+
+use super::place::Placed;
+use super::{Model, Rigid};
+use crate::num::{Real, Sym3, V3};
+
+/// Sums over all bodies, base axes, about the base origin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sums<T> {
+    pub mass: T,
+    /// First moment (kg m).
+    pub h: V3<T>,
+    /// Momentum relative to the velocity of the base origin (kg m/s).
+    pub p: V3<T>,
+    /// Angular momentum about the base origin of the motion relative to the velocity of that origin (kg m²/s).
+    pub l: V3<T>,
+    /// Kinetic energy of that relative motion, motors included (J).
+    pub energy: T,
+}
+
+/// The sums at `placed`, joint rates from `nu`. The velocity of the base origin is kept out, so that nothing cancels
+/// when it is large.
+#[inline(always)]
+pub(crate) fn sums<T: Real>(model: Model, placed: &[Placed<T>], nu: &[T]) -> Sums<T> {
+    let (omega, _) = model.base_part(nu);
+    let half = T::of(0.5);
+    let zero = V3::zero();
+    let mut out = Sums {
+        mass: T::of(0.0),
+        h: zero,
+        p: zero,
+        l: zero,
+        energy: T::of(0.0),
+    };
+    out.add(model.base, &Placed::base(omega), false);
+    for (link, at) in model.bodies.iter().zip(placed) {
+        out.add(&link.rigid, at, true);
+        let rate = nu[model.offset() + link.coordinate];
+        out.energy = (T::of(link.motor_inertia) * half).mul_add(rate * rate, out.energy);
+    }
+    out
+}
+
+impl<T: Real> Sums<T> {
+    /// Kinetic energy with the base origin moving at `v` (J).
+    #[inline(always)]
+    pub(crate) fn energy_at(&self, v: V3<T>) -> T {
+        v.dot_add(self.p, (self.mass * T::of(0.5)).mul_add(v.dot(v), self.energy))
+    }
+
+    #[inline(always)]
+    fn add(&mut self, rigid: &Rigid, at: &Placed<T>, turned: bool) {
+        let mass = T::of(rigid.mass);
+        let sigma = Sym3::of(rigid.j);
+        let (h, spin) = if turned {
+            (at.r.mul(V3::of(rigid.h)), at.r.mul(sigma.mul(at.r.tmul(at.omega))))
+        } else {
+            (V3::of(rigid.h), sigma.mul(at.omega))
+        };
+        let own = at.omega.cross(h); // momentum relative to the joint origin
+        let p = at.p_rate.mul_add(mass, own);
+        let l = spin + h.cross(at.p_rate); // about the joint origin
+        self.mass = self.mass + mass;
+        self.h = self.h + at.p.mul_add(mass, h);
+        self.p = self.p + p;
+        self.l = self.l + at.p.cross_add(p, l);
+        let twice = at.omega.dot_add(spin, at.p_rate.dot(p + own));
+        self.energy = twice.mul_add(T::of(0.5), self.energy);
+    }
+}

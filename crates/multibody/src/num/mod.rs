@@ -1,0 +1,17 @@
+//! Numbers: the scalar trait the kernels are written over, four-lane vectors, sines and cosines, 3-vectors.
+//!
+//! Everything here is deterministic: additions, products, square roots and fused multiply-adds are correctly rounded
+//! by IEEE 754, and nothing else is used. No function of the C library is called, so no result depends on the
+//! processor a process happens to run on.
+
+mod lanes;
+mod list;
+mod real;
+mod space;
+mod trig;
+
+pub use lanes::F64x4;
+pub(crate) use list::{Dynamic, List, Size, Static};
+pub use real::Real;
+pub(crate) use space::{Mat3, Sym3, V3};
+pub use trig::sin_cos;

@@ -1,0 +1,159 @@
+//! Rotations: unit quaternions (Hamilton, scalar first) and the few constructions of rotation matrices we need.
+
+use crate::num::sin_cos;
+use nalgebra::{Matrix3, Vector3};
+
+/// A quaternion `w + x i + y j + z k` (Hamilton). As an attitude, `quat_AB` turns components in B axes into
+/// components in A axes, and a body rate ω (B axes) moves it by `½ q ⊗ [0, ω]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quaternion {
+    /// Scalar part.
+    pub w: f64,
+    /// Vector part.
+    pub x: f64,
+    /// Vector part.
+    pub y: f64,
+    /// Vector part.
+    pub z: f64,
+}
+
+impl Quaternion {
+    /// No rotation.
+    pub const IDENTITY: Self = Self {
+        w: 1.0,
+        x: 0.0,
+        y: 0.0,
+        z: 0.0,
+    };
+
+    /// From `[w, x, y, z]`.
+    pub fn from_wxyz([w, x, y, z]: [f64; 4]) -> Self {
+        Self { w, x, y, z }
+    }
+
+    /// As `[w, x, y, z]`.
+    pub fn to_wxyz(self) -> [f64; 4] {
+        [self.w, self.x, self.y, self.z]
+    }
+
+    /// exp(½ [0, θ]): the rotation by the vector `theta` (rad).
+    pub fn exp(theta: &Vector3<f64>) -> Self {
+        let angle2 = theta.norm_squared();
+        // below 1e-4 rad the series is exact to the last bit and has no 0/0
+        let (w, k) = if angle2 < 1.0e-8 {
+            (1.0 - angle2 / 8.0, 0.5 - angle2 / 48.0)
+        } else {
+            let angle = angle2.sqrt();
+            let (s, c) = sin_cos(0.5 * angle);
+            (c, s / angle)
+        };
+        Self {
+            w,
+            x: k * theta.x,
+            y: k * theta.y,
+            z: k * theta.z,
+        }
+    }
+
+    /// Product `self ⊗ o`.
+    pub fn times(self, o: Self) -> Self {
+        let (a, b) = (self, o);
+        Self {
+            w: a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
+            x: a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+            y: a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+            z: a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+        }
+    }
+
+    /// The inverse of a unit quaternion.
+    pub fn conjugate(self) -> Self {
+        Self {
+            w: self.w,
+            x: -self.x,
+            y: -self.y,
+            z: -self.z,
+        }
+    }
+
+    /// `½ self ⊗ [0, ω]`, the rate of an attitude turning at `omega` (rad/s, body axes).
+    pub fn rate(self, omega: &Vector3<f64>) -> Self {
+        self.times(Self {
+            w: 0.0,
+            x: 0.5 * omega.x,
+            y: 0.5 * omega.y,
+            z: 0.5 * omega.z,
+        })
+    }
+
+    /// `self + k · o`, component by component.
+    pub fn plus(self, k: f64, o: Self) -> Self {
+        Self {
+            w: k.mul_add(o.w, self.w),
+            x: k.mul_add(o.x, self.x),
+            y: k.mul_add(o.y, self.y),
+            z: k.mul_add(o.z, self.z),
+        }
+    }
+
+    /// Squared length.
+    pub fn norm_squared(self) -> f64 {
+        self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z
+    }
+
+    /// Scaled to unit length.
+    pub fn normalized(self) -> Self {
+        let k = 1.0 / self.norm_squared().sqrt();
+        Self {
+            w: k * self.w,
+            x: k * self.x,
+            y: k * self.y,
+            z: k * self.z,
+        }
+    }
+
+    /// The vector `v` (B axes) in A axes. Exact to first order for a quaternion slightly off unit length, because the
+    /// length is divided out.
+    pub fn rotate(self, v: &Vector3<f64>) -> Vector3<f64> {
+        let u = Vector3::new(self.x, self.y, self.z);
+        let t = u.cross(v) * (2.0 / self.norm_squared());
+        v + t * self.w + u.cross(&t)
+    }
+
+    /// The vector `v` (A axes) in B axes.
+    pub fn rotate_back(self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.conjugate().rotate(v)
+    }
+
+    /// `R_AB`. The length is divided out.
+    pub fn matrix(self) -> Matrix3<f64> {
+        Matrix3::from_columns(&[
+            self.rotate(&Vector3::x()),
+            self.rotate(&Vector3::y()),
+            self.rotate(&Vector3::z()),
+        ])
+    }
+}
+
+/// R = Rz(yaw) Ry(pitch) Rx(roll), angles in rad.
+pub fn roll_pitch_yaw(roll: f64, pitch: f64, yaw: f64) -> Matrix3<f64> {
+    let ((sr, cr), (sp, cp), (sy, cy)) = (sin_cos(roll), sin_cos(pitch), sin_cos(yaw));
+    Matrix3::new(
+        cy * cp,
+        cy * sp * sr - sy * cr,
+        cy * sp * cr + sy * sr,
+        sy * cp,
+        sy * sp * sr + cy * cr,
+        sy * sp * cr - cy * sr,
+        -sp,
+        cp * sr,
+        cp * cr,
+    )
+}
+
+/// Rotation by `angle` (rad) about the unit vector `axis` (Rodrigues).
+pub fn axis_angle(axis: &Vector3<f64>, angle: f64) -> Matrix3<f64> {
+    let (s, c) = sin_cos(angle);
+    let k = axis.cross_matrix();
+    Matrix3::identity() + k * s + k * k * (1.0 - c)
+}
