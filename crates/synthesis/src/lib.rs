@@ -9,5 +9,6 @@ pub mod mu;
 pub mod norm;
 pub mod reduce;
 mod rng;
+pub mod robot;
 pub mod state_space;
 pub mod tuner;

@@ -79,11 +79,18 @@ pub fn margin(m: &StateSpace, structure: &Structure, options: &MarginOptions) ->
     let mut grid = vec![0.0, f64::INFINITY];
     grid.extend(frequency_grid(&poles));
     let mut curve = Vec::new();
+    // With many free scalings the whole curve would cost minutes. What counts is the peak: elsewhere any proof below the
+    // largest value so far will do, and the curve then shows that proof.
+    let large = structure.scalings() > 100;
+    let mut highest = f64::NEG_INFINITY;
     for &omega in &grid {
-        curve.push((omega, bound_until(&m.at(omega), structure, 1e-3, f64::NEG_INFINITY, None)?.value));
+        let enough = if large { 0.98 * highest } else { f64::NEG_INFINITY };
+        let value = bound_until(&m.at(omega), structure, 1e-3, enough, None)?.value;
+        highest = highest.max(value);
+        curve.push((omega, value));
     }
     curve.sort_by(|a, b| a.0.total_cmp(&b.0));
-    refine_peak(&m, structure, &mut curve)?;
+    refine_peak(&m, structure, &mut curve, if large { 3 } else { 16 })?;
     let (mut critical, peak) = top(&curve);
     let (target, intervals) = cover(&m, structure, options, peak, &mut critical)?;
     let perturbation = destabilise(&m, structure, options, critical, target)?;
@@ -114,8 +121,8 @@ fn frequency_grid(poles: &[c64]) -> Vec<f64> {
 }
 
 /// A few golden-section steps around the largest point.
-fn refine_peak(m: &StateSpace, structure: &Structure, curve: &mut Vec<(f64, f64)>) -> Result<(), MuError> {
-    for _ in 0..16 {
+fn refine_peak(m: &StateSpace, structure: &Structure, curve: &mut Vec<(f64, f64)>, rounds: usize) -> Result<(), MuError> {
+    for _ in 0..rounds {
         let Some(at) = (0..curve.len()).max_by(|&i, &j| curve[i].1.total_cmp(&curve[j].1)) else { return Ok(()) };
         let mut added = false;
         let between = |a: f64, b: f64| if a > 0.0 { (a * b).sqrt() } else { 0.5 * b };
@@ -129,7 +136,7 @@ fn refine_peak(m: &StateSpace, structure: &Structure, curve: &mut Vec<(f64, f64)
             }
         }
         for omega in fresh {
-            curve.push((omega, bound_until(&m.at(omega), structure, 1e-5, f64::NEG_INFINITY, None)?.value));
+            curve.push((omega, bound_until(&m.at(omega), structure, 1e-4, f64::NEG_INFINITY, None)?.value));
             added = true;
         }
         curve.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -161,40 +161,31 @@ impl<'a> Centres<'a> {
             let f = CMatrix::from_fn(image.nrows(), image.ncols(), |i, j| s.d_right[(i, j)] * level - image[(i, j)]);
             let small = self.small(x);
             let size = f.nrows();
-            let f_inverse = linalg::solve_complex(&f, &CMatrix::identity(size, size));
-            let d_inverse: Vec<CMatrix> =
-                small.iter().map(|(d, _)| linalg::solve_complex(d, &CMatrix::identity(d.nrows(), d.nrows()))).collect();
-            let mut big = Vec::with_capacity(n);
-            let mut little = Vec::with_capacity(n);
+            // In the congruence that makes F (and every D) the identity, the derivative of the potential along a parameter is a
+            // trace and its Hessian a Gram matrix of real vectors: one real product does the bulk of the work.
+            let Some(whiten) = inverse_factor(&f) else { return Ok(()) };
+            let little: Option<Vec<CMatrix>> = small.iter().map(|(d, _)| inverse_factor(d)).collect();
+            let Some(little) = little else { return Ok(()) };
+            let offsets: Vec<usize> = self.sizes.iter().scan(size * size, |at, n| { let here = *at; *at += n * n; Some(here) }).collect();
+            let width = size * size + self.sizes.iter().map(|n| n * n).sum::<usize>();
+            let mut rows = crate::linalg::Matrix::zeros(width, n);
+            let mut gradient = vec![0.0; n];
+            let mut unit = vec![0.0; n];
             for k in 0..n {
-                let mut unit = vec![0.0; n];
                 unit[k] = 1.0;
                 let e = self.scalings(&unit);
                 let image = self.image(&e);
                 let slope = CMatrix::from_fn(size, size, |i, j| e.d_right[(i, j)] * level - image[(i, j)]);
-                big.push(&f_inverse * slope);
+                gradient[k] -= store(&(&whiten * slope * linalg::adjoint(&whiten)), &mut rows, 0, k);
                 let p = &self.parameters[k];
-                little.push(if p.is_g { None } else { Some((p.block, &d_inverse[p.block] * &self.small(&unit)[p.block].0)) });
-            }
-            let gradient: Vec<f64> = (0..n)
-                .map(|k| {
-                    let own = little[k].as_ref().map_or(0.0, |(_, m)| (0..m.nrows()).map(|i| m[(i, i)].re).sum());
-                    -(0..size).map(|i| big[k][(i, i)].re).sum::<f64>() - own
-                })
-                .collect();
-            let mut hessian = crate::linalg::Matrix::zeros(n, n);
-            for k in 0..n {
-                for l in 0..=k {
-                    let mut sum = trace_product(&big[k], &big[l]);
-                    if let (Some((a, p)), Some((b, q))) = (&little[k], &little[l])
-                        && a == b
-                    {
-                        sum += trace_product(p, q);
-                    }
-                    hessian[(k, l)] = sum;
-                    hessian[(l, k)] = sum;
+                if !p.is_g {
+                    let w = &little[p.block];
+                    let own = w * &self.small(&unit)[p.block].0 * linalg::adjoint(w);
+                    gradient[k] -= store(&own, &mut rows, offsets[p.block], k);
                 }
+                unit[k] = 0.0;
             }
+            let mut hessian = rows.transpose() * &rows;
             // Every G for which G M is Hermitian changes nothing (one always exists); a little ridge pins those directions.
             let ridge = 1e-10 * (0..n).map(|k| hessian[(k, k)]).sum::<f64>() / n as f64;
             (0..n).for_each(|k| hessian[(k, k)] += ridge);
@@ -235,15 +226,30 @@ fn log_det(m: &CMatrix) -> Option<f64> {
     sum.is_finite().then_some(sum)
 }
 
-/// `Re tr(a b)`.
-fn trace_product(a: &CMatrix, b: &CMatrix) -> f64 {
-    let mut sum = 0.0;
-    for i in 0..a.nrows() {
-        for j in 0..a.ncols() {
-            sum += (a[(i, j)] * b[(j, i)]).re;
+/// `L⁻¹` for `m = L Lᴴ`.
+fn inverse_factor(m: &CMatrix) -> Option<CMatrix> {
+    let lower = m.llt(faer::Side::Lower).ok()?.L().to_owned();
+    Some(linalg::solve_complex(&lower, &CMatrix::identity(m.nrows(), m.nrows())))
+}
+
+/// Writes a Hermitian matrix as a real vector of the same inner product into column k, from row `at` on; returns its trace.
+fn store(h: &CMatrix, rows: &mut crate::linalg::Matrix, at: usize, k: usize) -> f64 {
+    let mut row = at;
+    let mut trace = 0.0;
+    for j in 0..h.nrows() {
+        for i in 0..h.nrows() {
+            rows[(row, k)] = if i == j {
+                trace += h[(i, i)].re;
+                h[(i, i)].re
+            } else if i < j {
+                std::f64::consts::SQRT_2 * h[(i, j)].re
+            } else {
+                std::f64::consts::SQRT_2 * h[(i, j)].im
+            };
+            row += 1;
         }
     }
-    sum
+    trace
 }
 
 /// Upper bound of μ at one matrix, to the relative accuracy `tolerance` of the convex problem (1e-6 is comfortable).

@@ -123,6 +123,16 @@ impl Structure {
         })
     }
 
+    /// Number of free real numbers in the scalings D and G.
+    pub(crate) fn scalings(&self) -> usize {
+        let count = |b: &Block| match *b {
+            Block::Real(n) => 2 * n * n,
+            Block::Complex(n) => n * n,
+            Block::Full { .. } => 1,
+        };
+        self.blocks.iter().map(count).sum()
+    }
+
     /// Whether every block is real.
     pub(crate) fn all_real(&self) -> bool {
         self.blocks.iter().all(|b| matches!(b, Block::Real(_)))

@@ -1,0 +1,17 @@
+//! The velocity loop of a free-flying robot: from a URDF file and a specification to a tuning problem, margins and a
+//! verification of the sampled loop.
+
+mod body;
+mod margins;
+mod plant;
+mod sampled;
+mod spec;
+
+pub use body::{Body, Robot, RobotError};
+pub use margins::{MarginError, StatedMargin, margins, multiplicative_loop, parametric_loop};
+pub use plant::{Gains, generalised_plant, problem, tracking_weights};
+pub use sampled::{Sampled, sampled};
+pub use spec::{
+    GainSpec, GainStructure, LoadSpec, ModelSpec, Payload, RobotSpec, SamplingSpec, ScaleSpec, SearchSpec, Spec,
+    UncertaintySpec, ValidationSpec, WeightSpec,
+};
