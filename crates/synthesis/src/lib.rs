@@ -2,12 +2,14 @@
 
 pub mod balance;
 pub mod delay;
+pub mod full_order;
 pub mod interconnect;
 pub mod linalg;
 pub mod matrices;
 pub mod mu;
 pub mod norm;
 pub mod reduce;
+pub mod plot;
 mod rng;
 pub mod robot;
 pub mod state_space;

@@ -208,6 +208,12 @@ impl Robot {
         if !model.velocity.is_empty() && model.velocity.len() != self.channels() {
             return Err(RobotError::Length { what: "velocity", found: model.velocity.len(), expected: self.channels() });
         }
+        if !model.error_sizes.is_empty() && model.error_sizes.len() != self.channels() {
+            return Err(RobotError::Length { what: "error_sizes", found: model.error_sizes.len(), expected: self.channels() });
+        }
+        if let Some(&value) = model.error_sizes.iter().find(|x| !(x.is_finite() && **x > 0.0)) {
+            return Err(RobotError::Value { what: "error_sizes".into(), value, reason: "must be positive" });
+        }
         for (what, value) in [
             ("base_mass", model.base_mass),
             ("base_inertia", model.base_inertia),
@@ -261,6 +267,7 @@ impl ModelSpec {
             fill: 1.0,
             extra_delay_s: 0.0,
             payload: None,
+            error_sizes: Vec::new(),
             slosh: false,
             velocity: Vec::new(),
         }

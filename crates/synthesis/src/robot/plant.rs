@@ -82,7 +82,8 @@ pub fn generalised_plant(spec: &Spec, body: &Body, model: &ModelSpec, order: usi
     let n = body.channels;
     let nv = body.a.nrows();
     let inverse = |x: &[f64]| x.iter().map(|v| 1.0 / v).collect::<Vec<_>>();
-    let (v, v_inv) = (diagonal(&spec.scales.velocity), inverse(&spec.scales.velocity));
+    let sizes = if model.error_sizes.is_empty() { &spec.scales.velocity } else { &model.error_sizes };
+    let (v, v_inv) = (diagonal(sizes), inverse(sizes));
     let d = diagonal(&spec.scales.disturbance);
     let act = actuation(spec, model, n, order)?;
     let ones = vec![1.0; n];

@@ -117,11 +117,25 @@ fn ticks(time: f64, period: f64) -> usize {
     (time / period - 1e-9).ceil().max(0.0) as usize
 }
 
-/// The exact stability of the sampled loop in one situation.
-///
-/// # Errors
-/// Periods that are not multiples of each other, an impossible situation.
-pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<Sampled, RobotError> {
+/// Everything about the sampled loop but the factor on the gains and the extra delay.
+struct Setup {
+    tick: Tick,
+    kp: Matrix,
+    ki: Vec<f64>,
+    period: usize,
+    sensor: usize,
+    actuator: usize,
+}
+
+impl Setup {
+    fn radius(&self, factor: f64, extra: usize) -> Result<f64, RobotError> {
+        let scaled: Vec<f64> = self.ki.iter().map(|k| k * factor).collect();
+        let kp = &self.kp * faer::Scale(factor);
+        radius(&monodromy(&self.tick, &kp, &scaled, self.period, self.sensor, self.actuator + extra))
+    }
+}
+
+fn setup(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<Setup, RobotError> {
     let s = &spec.sampling;
     let ratio = s.controller_period_s / s.plant_period_s;
     if !ratio.is_finite() || ratio < 1.0 || (ratio - ratio.round()).abs() > 1e-9 * ratio {
@@ -135,10 +149,26 @@ pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> 
     let ki: Vec<f64> = gains.ki.iter().map(|k| k * s.plant_period_s).collect();
     let sensor = ticks(s.sensor_delay_s, s.plant_period_s);
     let actuator = ticks(s.computing_s + s.actuator_delay_s + model.extra_delay_s, s.plant_period_s);
-    let at = |factor: f64, extra: usize| {
-        let scaled: Vec<f64> = ki.iter().map(|k| k * factor).collect();
-        radius(&monodromy(&tick, &(&kp * faer::Scale(factor)), &scaled, period, sensor, actuator + extra))
-    };
+    Ok(Setup { tick, kp, ki, period, sensor, actuator })
+}
+
+/// The spectral radius alone.
+///
+/// # Errors
+/// As [`sampled`].
+pub fn spectral_radius(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<f64, RobotError> {
+    setup(spec, robot, model, gains)?.radius(1.0, 0)
+}
+
+/// The exact stability of the sampled loop in one situation.
+///
+/// # Errors
+/// Periods that are not multiples of each other, an impossible situation.
+pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<Sampled, RobotError> {
+    let s = &spec.sampling;
+    let setup = setup(spec, robot, model, gains)?;
+    let period = setup.period;
+    let at = |factor: f64, extra: usize| setup.radius(factor, extra);
     let spectral_radius = at(1.0, 0)?;
     // Slosh is free to drift and the samples in transit are nilpotent; a marginal mode of the uncontrolled part is not one
     // of the loop. One is allowed to the accuracy of the eigenvalues.

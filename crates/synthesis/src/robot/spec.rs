@@ -176,6 +176,10 @@ pub struct ModelSpec {
     /// A rigid body held by the end effector.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub payload: Option<Payload>,
+    /// Sizes of velocity errors in this situation, in place of `scales.velocity`: a held payload turns the same error into
+    /// another momentum.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub error_sizes: Vec<f64>,
     /// Whether the propellant is free to slosh (the joints frozen in the controller's model move, unactuated).
     #[serde(default)]
     pub slosh: bool,

@@ -283,16 +283,21 @@ fn one_start(
     for _ in 0..options.rounds.max(1) {
         let before = best;
         let descend = |x: &[f64], ceiling: f64| -> descent::Evaluation<LinalgError> {
-            let (value, gradient) = objective.norm(x, ceiling.exp())?;
-            Ok((value.gamma.ln(), gradient.iter().map(|g| g / value.gamma).collect()))
+            // A trial point far out may overflow; it is simply not taken.
+            Ok(match objective.norm(x, ceiling.exp()) {
+                Ok((value, gradient)) => (value.gamma.ln(), gradient.iter().map(|g| g / value.gamma).collect()),
+                Err(_) => (f64::INFINITY, Vec::new()),
+            })
         };
         descent::bfgs(&mut x, best, gradient, limits, descend, watch(Phase::Descend))?;
         if !go.get() {
             break;
         }
         let mut in_logs = |x: &[f64]| -> bundle::Pieces<LinalgError> {
-            let (value, pieces) = objective.pieces(x, 0.9)?;
-            Ok((value.gamma.ln(), pieces.into_iter().map(|p| log_piece(&p)).collect()))
+            Ok(match objective.pieces(x, 0.9) {
+                Ok((value, pieces)) => (value.gamma.ln(), pieces.into_iter().map(|p| log_piece(&p)).collect()),
+                Err(_) => (f64::INFINITY, Vec::new()),
+            })
         };
         let (value, pieces) = in_logs(&x)?;
         let gain = 0.1 * options.tolerance;
@@ -323,7 +328,7 @@ fn stabilise(
     let size = objective.problem.models.iter().map(|m| crate::linalg::max_abs(&m.plant.a)).fold(1.0, f64::max);
     let enough = -1e-6 * size.min(1e3);
     let evaluate = |x: &[f64], _: f64| -> descent::Evaluation<LinalgError> {
-        Ok(objective.abscissa(x)?.unwrap_or((f64::INFINITY, Vec::new())))
+        Ok(objective.abscissa(x).ok().flatten().unwrap_or((f64::INFINITY, Vec::new())))
     };
     let limits = Limits { iterations: 150, gain: 1e-9 * size.min(1e3), window: 25 };
     let mut abscissa = f64::INFINITY;
