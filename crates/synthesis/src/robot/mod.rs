@@ -2,6 +2,7 @@
 //! verification of the sampled loop.
 
 mod body;
+mod design;
 mod file;
 mod margins;
 mod plant;
@@ -10,6 +11,7 @@ mod spec;
 mod validate;
 
 pub use body::{Body, Robot, RobotError};
+pub use design::{Design, OptimumError, Step, design, options, report, tracking_optimum};
 pub use file::{
     ChannelEntry, ExportedProblem, GainTable, GainsFile, MarginEntry, Provenance, SampledEntry, ValidationEntry, export,
 };
