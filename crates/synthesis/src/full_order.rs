@@ -6,7 +6,7 @@
 //! bisection does the rest.
 
 use crate::balance;
-use crate::linalg::{self, CMatrix, LinalgError, Matrix, blocks, c64};
+use crate::linalg::{self, LinalgError, Matrix, blocks};
 use crate::state_space::StateSpace;
 
 /// Why the optimum cannot be computed.
@@ -29,7 +29,18 @@ pub enum FullOrderError {
 /// # Errors
 /// A singular problem, a plant that cannot be stabilised.
 pub fn full_order_optimum(plant: &StateSpace, controls: usize, measurements: usize, tolerance: f64) -> Result<(f64, f64), FullOrderError> {
-    let p = balance::balanced_system(plant);
+    // Control and measurement units are free: make every column of D12 and every row of D21 of size one.
+    let (first_u, first_y) = (plant.inputs() - controls, plant.outputs() - measurements);
+    let size = |x: f64| if x > 0.0 { 1.0 / x.sqrt() } else { 1.0 };
+    let mut right = vec![1.0; plant.inputs()];
+    let mut left = vec![1.0; plant.outputs()];
+    for j in first_u..plant.inputs() {
+        right[j] = size((0..first_y).map(|i| plant.d[(i, j)].powi(2)).sum());
+    }
+    for i in first_y..plant.outputs() {
+        left[i] = size((0..first_u).map(|j| plant.d[(i, j)].powi(2)).sum());
+    }
+    let p = balance::balanced_system(&plant.scaled(&left, &right));
     let n = p.states();
     let (nw, nz) = (p.inputs() - controls, p.outputs() - measurements);
     let parts = Parts {
@@ -114,22 +125,70 @@ fn riccati(a: &Matrix, b: &Matrix, c1: &Matrix, d1: &Matrix, worst: usize, level
     let q = c1.transpose() * c1 * faer::Scale(-1.0);
     let minus_at = a.transpose().to_owned() * faer::Scale(-1.0);
     let h = blocks(&[&[a, &Matrix::zeros(n, n)], &[&q, &minus_at]]) - left * right;
-    let (values, vectors) = linalg::eigen(&h)?;
-    let size = linalg::max_abs(&h);
-    let mut stable: Vec<usize> = (0..2 * n).filter(|&i| values[i].re < 0.0).collect();
-    if stable.len() != n || values.iter().any(|l| l.re.abs() <= 1e-13 * size) {
+    // On the stable invariant subspace [I; X] the matrix sign of H is −1. The sign needs no eigenvectors, which are useless
+    // here: banks of equal weights and delays give eigenvalues of high multiplicity.
+    let (h, scale) = balance_hamiltonian(h);
+    let Some(sign) = matrix_sign(&h) else { return Ok(None) };
+    let lhs = blocks(&[&[&linalg::sub(&sign, 0, n, n, n)], &[&(linalg::sub(&sign, n, n, n, n) + Matrix::identity(n, n))]]);
+    let rhs = blocks(&[&[&(linalg::sub(&sign, 0, 0, n, n) + Matrix::identity(n, n))], &[&linalg::sub(&sign, n, 0, n, n)]]);
+    let scaled = linalg::least_squares(&lhs, &(rhs * faer::Scale(-1.0)));
+    if linalg::check_finite(&scaled).is_err() {
         return Ok(None);
     }
-    stable.sort_by(|&i, &j| values[i].re.total_cmp(&values[j].re).then(values[i].im.total_cmp(&values[j].im)));
-    let top = CMatrix::from_fn(n, n, |i, j| vectors[(i, stable[j])]);
-    let bottom = CMatrix::from_fn(n, n, |i, j| vectors[(n + i, stable[j])]);
-    // X = bottom top⁻¹
-    let x = linalg::solve_complex(&top.transpose().to_owned(), &bottom.transpose().to_owned());
-    let x = Matrix::from_fn(n, n, |i, j| { let v: c64 = x[(j, i)]; v.re });
-    if linalg::check_finite(&x).is_err() {
+    // Trust nothing: it must span an invariant subspace, and a stable one.
+    let closed = linalg::sub(&h, 0, 0, n, n) + linalg::sub(&h, 0, n, n, n) * &scaled;
+    let residual = linalg::sub(&h, n, 0, n, n) + linalg::sub(&h, n, n, n, n) * &scaled - &scaled * &closed;
+    if frobenius(&residual) > 1e-6 * frobenius(&h) * (1.0 + frobenius(&scaled)) {
         return Ok(None);
     }
+    if linalg::eigenvalues(&balance::balanced(&closed))?.iter().any(|l| l.re >= 0.0) {
+        return Ok(None);
+    }
+    let x = Matrix::from_fn(n, n, |i, j| scaled[(i, j)] * scale);
     let x = linalg::symmetric_part(&x);
     let least = linalg::symmetric_eigen(&x)?.0[0];
     Ok(if least >= -1e-7 * linalg::max_abs(&x).max(f64::MIN_POSITIVE) { Some(x) } else { None })
+}
+
+/// Scales the two halves against each other so that the off-diagonal blocks are of like size: X becomes X / scale.
+fn balance_hamiltonian(mut h: Matrix) -> (Matrix, f64) {
+    let n = h.nrows() / 2;
+    let (upper, lower) = (linalg::max_abs(&linalg::sub(&h, 0, n, n, n)), linalg::max_abs(&linalg::sub(&h, n, 0, n, n)));
+    let scale = if upper > 0.0 && lower > 0.0 { (lower / upper).sqrt() } else { 1.0 };
+    for i in 0..n {
+        for j in 0..n {
+            h[(i, n + j)] *= scale;
+            h[(n + i, j)] /= scale;
+        }
+    }
+    (h, scale)
+}
+
+/// The matrix sign by Newton's iteration with norm scaling (Roberts 1980; Byers 1987); `None` when it does not converge,
+/// which is the sign of eigenvalues on the imaginary axis.
+fn matrix_sign(h: &Matrix) -> Option<Matrix> {
+    let mut z = h.clone();
+    for step in 0..60 {
+        let inverse = linalg::inverse(&z).ok()?;
+        let factor = if step < 40 { (frobenius(&inverse) / frobenius(&z)).sqrt() } else { 1.0 };
+        let next = &z * faer::Scale(0.5 * factor) + inverse * faer::Scale(0.5 / factor);
+        let change = frobenius(&(&next - &z));
+        z = next;
+        if change <= 1e-12 * frobenius(&z) {
+            break;
+        }
+    }
+    // Rounding can keep the last digits moving; what squares to the identity is a sign. The caller checks its consequences.
+    let defect = frobenius(&(&z * &z - Matrix::identity(z.nrows(), z.nrows())));
+    (defect <= 1e-6 * frobenius(&z).max(1.0)).then_some(z)
+}
+
+fn frobenius(m: &Matrix) -> f64 {
+    let mut sum = 0.0;
+    for j in 0..m.ncols() {
+        for i in 0..m.nrows() {
+            sum += m[(i, j)] * m[(i, j)];
+        }
+    }
+    sum.sqrt()
 }

@@ -260,6 +260,12 @@ pub fn solve_complex(a: &CMatrix, b: &CMatrix) -> CMatrix {
     a.partial_piv_lu().solve(b)
 }
 
+/// The least-squares solution of `a x = b`, a with at least as many rows as columns, by a QR factorisation.
+pub fn least_squares(a: &Matrix, b: &Matrix) -> Matrix {
+    use faer::linalg::solvers::SolveLstsq;
+    a.qr().solve_lstsq(b)
+}
+
 /// Reciprocal condition number (2-norm) of a real square matrix; 1 for an empty one.
 pub fn reciprocal_condition(a: &Matrix) -> Result<f64, LinalgError> {
     if a.nrows() == 0 {
