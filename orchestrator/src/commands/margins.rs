@@ -35,6 +35,9 @@ pub struct MarginsArgs {
     /// The specification, in place of the one the file names
     #[arg(long, value_name = "FILE")]
     pub spec: Option<PathBuf>,
+    /// Only the first so many models of the specification (a margin takes up to a minute)
+    #[arg(long, value_name = "COUNT")]
+    pub models: Option<usize>,
     /// Print one table line per margin, for a page
     #[arg(long)]
     pub table: bool,
@@ -90,7 +93,7 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
             });
         }
     }
-    file.margins = stated_margins(&spec, &robot, &gains)?;
+    file.margins = stated_margins(&spec, &robot, &gains, args.models.unwrap_or(usize::MAX))?;
     if let Some(folder) = &args.plots {
         for (name, svg) in figures(&spec, &robot, &problem, &gains, true)? {
             write(&folder.join(name), &svg)?;
