@@ -7,7 +7,12 @@ use crate::state_space::StateSpace;
 /// `off(i, j)` is |M(i, j)|, `row(i)` and `column(i)` what is attached to state i outside M.
 ///
 /// Source: Parlett and Reinsch 1969; the variant with input and output matrices is Varga's (SLICOT TB01ID describes it).
-fn scalings(n: usize, off: impl Fn(usize, usize) -> f64, row: impl Fn(usize) -> f64, column: impl Fn(usize) -> f64) -> Vec<f64> {
+fn scalings(
+    n: usize,
+    off: impl Fn(usize, usize) -> f64,
+    row: impl Fn(usize) -> f64,
+    column: impl Fn(usize) -> f64,
+) -> Vec<f64> {
     let mut t = vec![1.0f64; n];
     // Each pass lowers the norm by at least 5 % somewhere, so the loop ends on its own; the bound guards degenerate input.
     for _ in 0..100 {

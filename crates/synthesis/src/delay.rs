@@ -41,8 +41,12 @@ pub fn pade(delay: f64, order: usize) -> Result<StateSpace, DelayError> {
     }
     // Realise in the normalised variable, then put the time scale back: well scaled for any delay.
     let denominator: Vec<f64> = rising.iter().rev().copied().collect();
-    let numerator: Vec<f64> =
-        rising.iter().enumerate().rev().map(|(k, x)| if k % 2 == 0 { *x } else { -x }).collect();
+    let numerator: Vec<f64> = rising
+        .iter()
+        .enumerate()
+        .rev()
+        .map(|(k, x)| if k % 2 == 0 { *x } else { -x })
+        .collect();
     let mut g = StateSpace::transfer_function(&numerator, &denominator)?;
     let per_second = 1.0 / delay;
     g.a = &g.a * faer::Scale(per_second);

@@ -16,7 +16,9 @@ pub enum FullOrderError {
     #[error("{0} has not full rank: add a small effort weight or a small measurement noise")]
     Rank(&'static str),
     /// No level up to the largest tried can be reached.
-    #[error("no controller reaches gamma = {0:.3e}: the plant cannot be stabilised, or has zeros on the imaginary axis")]
+    #[error(
+        "no controller reaches gamma = {0:.3e}: the plant cannot be stabilised, or has zeros on the imaginary axis"
+    )]
     Infeasible(f64),
     /// A matrix computation failed.
     #[error(transparent)]
@@ -28,7 +30,12 @@ pub enum FullOrderError {
 ///
 /// # Errors
 /// A singular problem, a plant that cannot be stabilised.
-pub fn full_order_optimum(plant: &StateSpace, controls: usize, measurements: usize, tolerance: f64) -> Result<(f64, f64), FullOrderError> {
+pub fn full_order_optimum(
+    plant: &StateSpace,
+    controls: usize,
+    measurements: usize,
+    tolerance: f64,
+) -> Result<(f64, f64), FullOrderError> {
     // Control and measurement units are free: make every column of D12 and every row of D21 of size one.
     let (first_u, first_y) = (plant.inputs() - controls, plant.outputs() - measurements);
     let size = |x: f64| if x > 0.0 { 1.0 / x.sqrt() } else { 1.0 };
@@ -54,8 +61,11 @@ pub fn full_order_optimum(plant: &StateSpace, controls: usize, measurements: usi
         plant: p,
     };
     // Least level from the feedthrough alone (Parrott): what no controller can move at infinite frequency.
-    let floor = linalg::norm2(&project_out(&parts.d12, &parts.d11, "D12")?)?
-        .max(linalg::norm2(&project_out(&parts.d21.transpose().to_owned(), &parts.d11.transpose().to_owned(), "D21")?)?);
+    let floor = linalg::norm2(&project_out(&parts.d12, &parts.d11, "D12")?)?.max(linalg::norm2(&project_out(
+        &parts.d21.transpose().to_owned(),
+        &parts.d11.transpose().to_owned(),
+        "D21",
+    )?)?);
     let mut high = floor.max(1e-6) * 1.01;
     let mut low = floor;
     let most = 1e9 * high.max(1.0);
@@ -68,7 +78,11 @@ pub fn full_order_optimum(plant: &StateSpace, controls: usize, measurements: usi
     }
     while high - low > tolerance * high {
         let middle = 0.5 * (low + high);
-        if parts.reachable(middle)? { high = middle } else { low = middle }
+        if parts.reachable(middle)? {
+            high = middle
+        } else {
+            low = middle
+        }
     }
     Ok((low, high))
 }
@@ -99,19 +113,33 @@ impl Parts {
         let p = &self.plant;
         // Control: D1• = [D11 D12], all inputs.
         let d1 = blocks(&[&[&self.d11, &self.d12]]);
-        let Some(x) = riccati(&p.a, &p.b, &self.c1, &d1, self.nw, level)? else { return Ok(false) };
+        let Some(x) = riccati(&p.a, &p.b, &self.c1, &d1, self.nw, level)? else {
+            return Ok(false);
+        };
         // Filtering: the same for the transposed plant.
         let t = |m: &Matrix| m.transpose().to_owned();
         let d1t = blocks(&[&[&t(&self.d11), &t(&self.d21)]]);
-        let Some(y) = riccati(&t(&p.a), &t(&p.c), &t(&self.b1), &d1t, self.nz, level)? else { return Ok(false) };
-        let coupling = linalg::eigenvalues(&(&x * &y))?.iter().map(|l| l.norm()).fold(0.0, f64::max);
+        let Some(y) = riccati(&t(&p.a), &t(&p.c), &t(&self.b1), &d1t, self.nz, level)? else {
+            return Ok(false);
+        };
+        let coupling = linalg::eigenvalues(&(&x * &y))?
+            .iter()
+            .map(|l| l.norm())
+            .fold(0.0, f64::max);
         Ok(coupling < level * level)
     }
 }
 
 /// The stabilising, positive semidefinite solution of the indefinite Riccati equation of the state-feedback problem with the
 /// first `worst` inputs belonging to the adversary; `None` when there is none.
-fn riccati(a: &Matrix, b: &Matrix, c1: &Matrix, d1: &Matrix, worst: usize, level: f64) -> Result<Option<Matrix>, LinalgError> {
+fn riccati(
+    a: &Matrix,
+    b: &Matrix,
+    c1: &Matrix,
+    d1: &Matrix,
+    worst: usize,
+    level: f64,
+) -> Result<Option<Matrix>, LinalgError> {
     let n = a.nrows();
     let mut r = d1.transpose() * d1;
     for i in 0..worst {
@@ -129,8 +157,14 @@ fn riccati(a: &Matrix, b: &Matrix, c1: &Matrix, d1: &Matrix, worst: usize, level
     // here: banks of equal weights and delays give eigenvalues of high multiplicity.
     let (h, scale) = balance_hamiltonian(h);
     let Some(sign) = matrix_sign(&h) else { return Ok(None) };
-    let lhs = blocks(&[&[&linalg::sub(&sign, 0, n, n, n)], &[&(linalg::sub(&sign, n, n, n, n) + Matrix::identity(n, n))]]);
-    let rhs = blocks(&[&[&(linalg::sub(&sign, 0, 0, n, n) + Matrix::identity(n, n))], &[&linalg::sub(&sign, n, 0, n, n)]]);
+    let lhs = blocks(&[
+        &[&linalg::sub(&sign, 0, n, n, n)],
+        &[&(linalg::sub(&sign, n, n, n, n) + Matrix::identity(n, n))],
+    ]);
+    let rhs = blocks(&[
+        &[&(linalg::sub(&sign, 0, 0, n, n) + Matrix::identity(n, n))],
+        &[&linalg::sub(&sign, n, 0, n, n)],
+    ]);
     let scaled = linalg::least_squares(&lhs, &(rhs * faer::Scale(-1.0)));
     if linalg::check_finite(&scaled).is_err() {
         return Ok(None);
@@ -141,20 +175,34 @@ fn riccati(a: &Matrix, b: &Matrix, c1: &Matrix, d1: &Matrix, worst: usize, level
     if frobenius(&residual) > 1e-6 * frobenius(&h) * (1.0 + frobenius(&scaled)) {
         return Ok(None);
     }
-    if linalg::eigenvalues(&balance::balanced(&closed))?.iter().any(|l| l.re >= 0.0) {
+    if linalg::eigenvalues(&balance::balanced(&closed))?
+        .iter()
+        .any(|l| l.re >= 0.0)
+    {
         return Ok(None);
     }
     let x = Matrix::from_fn(n, n, |i, j| scaled[(i, j)] * scale);
     let x = linalg::symmetric_part(&x);
     let least = linalg::symmetric_eigen(&x)?.0[0];
-    Ok(if least >= -1e-7 * linalg::max_abs(&x).max(f64::MIN_POSITIVE) { Some(x) } else { None })
+    Ok(if least >= -1e-7 * linalg::max_abs(&x).max(f64::MIN_POSITIVE) {
+        Some(x)
+    } else {
+        None
+    })
 }
 
 /// Scales the two halves against each other so that the off-diagonal blocks are of like size: X becomes X / scale.
 fn balance_hamiltonian(mut h: Matrix) -> (Matrix, f64) {
     let n = h.nrows() / 2;
-    let (upper, lower) = (linalg::max_abs(&linalg::sub(&h, 0, n, n, n)), linalg::max_abs(&linalg::sub(&h, n, 0, n, n)));
-    let scale = if upper > 0.0 && lower > 0.0 { (lower / upper).sqrt() } else { 1.0 };
+    let (upper, lower) = (
+        linalg::max_abs(&linalg::sub(&h, 0, n, n, n)),
+        linalg::max_abs(&linalg::sub(&h, n, 0, n, n)),
+    );
+    let scale = if upper > 0.0 && lower > 0.0 {
+        (lower / upper).sqrt()
+    } else {
+        1.0
+    };
     for i in 0..n {
         for j in 0..n {
             h[(i, n + j)] *= scale;
@@ -170,7 +218,11 @@ fn matrix_sign(h: &Matrix) -> Option<Matrix> {
     let mut z = h.clone();
     for step in 0..60 {
         let inverse = linalg::inverse(&z).ok()?;
-        let factor = if step < 40 { (frobenius(&inverse) / frobenius(&z)).sqrt() } else { 1.0 };
+        let factor = if step < 40 {
+            (frobenius(&inverse) / frobenius(&z)).sqrt()
+        } else {
+            1.0
+        };
         let next = &z * faer::Scale(0.5 * factor) + inverse * faer::Scale(0.5 / factor);
         let change = frobenius(&(&next - &z));
         z = next;

@@ -22,7 +22,11 @@ pub enum InterconnectError {
 }
 
 fn width(what: &'static str, found: usize, expected: usize) -> Result<(), InterconnectError> {
-    if found == expected { Ok(()) } else { Err(InterconnectError::Width { what, found, expected }) }
+    if found == expected {
+        Ok(())
+    } else {
+        Err(InterconnectError::Width { what, found, expected })
+    }
 }
 
 /// `second · first`: the output of `first` drives `second`.
@@ -49,7 +53,10 @@ pub fn parallel(first: &StateSpace, second: &StateSpace) -> Result<StateSpace, I
     width("parallel outputs", first.outputs(), second.outputs())?;
     let (n1, n2) = (first.states(), second.states());
     Ok(StateSpace {
-        a: blocks(&[&[&first.a, &Matrix::zeros(n1, n2)], &[&Matrix::zeros(n2, n1), &second.a]]),
+        a: blocks(&[
+            &[&first.a, &Matrix::zeros(n1, n2)],
+            &[&Matrix::zeros(n2, n1), &second.a],
+        ]),
         b: blocks(&[&[&first.b], &[&second.b]]),
         c: blocks(&[&[&first.c, &second.c]]),
         d: &first.d + &second.d,
@@ -107,10 +114,18 @@ pub fn feedback(g: &StateSpace, h: &StateSpace) -> Result<StateSpace, Interconne
 pub fn lft_lower(p: &StateSpace, k: &StateSpace) -> Result<StateSpace, InterconnectError> {
     let (ny, nu) = (k.inputs(), k.outputs());
     if ny > p.outputs() {
-        return Err(InterconnectError::Width { what: "inputs of K", found: ny, expected: p.outputs() });
+        return Err(InterconnectError::Width {
+            what: "inputs of K",
+            found: ny,
+            expected: p.outputs(),
+        });
     }
     if nu > p.inputs() {
-        return Err(InterconnectError::Width { what: "outputs of K", found: nu, expected: p.inputs() });
+        return Err(InterconnectError::Width {
+            what: "outputs of K",
+            found: nu,
+            expected: p.inputs(),
+        });
     }
     let (nz, nw) = (p.outputs() - ny, p.inputs() - nu);
     let p11 = p.select(0..nz, 0..nw);

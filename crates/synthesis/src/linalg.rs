@@ -67,7 +67,11 @@ pub fn from_rows(rows: &[Vec<f64>]) -> Result<Matrix, LinalgError> {
     let width = rows.first().map_or(0, Vec::len);
     for (row, entries) in rows.iter().enumerate() {
         if entries.len() != width {
-            return Err(LinalgError::Ragged { row, found: entries.len(), expected: width });
+            return Err(LinalgError::Ragged {
+                row,
+                found: entries.len(),
+                expected: width,
+            });
         }
     }
     let m = Mat::from_fn(rows.len(), width, |i, j| rows[i][j]);
@@ -77,7 +81,9 @@ pub fn from_rows(rows: &[Vec<f64>]) -> Result<Matrix, LinalgError> {
 
 /// The rows of a matrix.
 pub fn to_rows(m: &Matrix) -> Vec<Vec<f64>> {
-    (0..m.nrows()).map(|i| (0..m.ncols()).map(|j| m[(i, j)]).collect()).collect()
+    (0..m.nrows())
+        .map(|i| (0..m.ncols()).map(|j| m[(i, j)]).collect())
+        .collect()
 }
 
 /// Refuses NaN and infinity.
@@ -110,7 +116,10 @@ pub fn blocks(grid: &[&[&Matrix]]) -> Matrix {
     for (r, line) in grid.iter().enumerate() {
         let mut column = 0;
         for (c, block) in line.iter().enumerate() {
-            assert!(block.nrows() == heights[r] && block.ncols() == widths[c], "blocks do not fit");
+            assert!(
+                block.nrows() == heights[r] && block.ncols() == widths[c],
+                "blocks do not fit"
+            );
             put(&mut out, row, column, block.as_ref());
             column += widths[c];
         }
@@ -166,7 +175,10 @@ pub fn eigenvalues(m: &Matrix) -> Result<Vec<c64>, LinalgError> {
     }
     let size = m.nrows();
     check_finite(m)?;
-    m.eigenvalues().map_err(|_| LinalgError::NoConvergence { what: "eigenvalue", size })
+    m.eigenvalues().map_err(|_| LinalgError::NoConvergence {
+        what: "eigenvalue",
+        size,
+    })
 }
 
 /// Eigenvalues of a complex square matrix.
@@ -175,14 +187,20 @@ pub fn eigenvalues_complex(m: &CMatrix) -> Result<Vec<c64>, LinalgError> {
         return Ok(Vec::new());
     }
     let size = m.nrows();
-    m.eigenvalues().map_err(|_| LinalgError::NoConvergence { what: "eigenvalue", size })
+    m.eigenvalues().map_err(|_| LinalgError::NoConvergence {
+        what: "eigenvalue",
+        size,
+    })
 }
 
 /// Right eigenvectors (columns, not normalised) and eigenvalues of a real square matrix.
 pub fn eigen(m: &Matrix) -> Result<(Vec<c64>, CMatrix), LinalgError> {
     let size = m.nrows();
     check_finite(m)?;
-    let e = m.eigen().map_err(|_| LinalgError::NoConvergence { what: "eigenvalue", size })?;
+    let e = m.eigen().map_err(|_| LinalgError::NoConvergence {
+        what: "eigenvalue",
+        size,
+    })?;
     let values = (0..size).map(|i| e.S()[i]).collect();
     Ok((values, e.U().to_owned()))
 }
@@ -190,7 +208,10 @@ pub fn eigen(m: &Matrix) -> Result<(Vec<c64>, CMatrix), LinalgError> {
 /// Right eigenvectors and eigenvalues of a complex square matrix.
 pub fn eigen_complex(m: &CMatrix) -> Result<(Vec<c64>, CMatrix), LinalgError> {
     let size = m.nrows();
-    let e = m.eigen().map_err(|_| LinalgError::NoConvergence { what: "eigenvalue", size })?;
+    let e = m.eigen().map_err(|_| LinalgError::NoConvergence {
+        what: "eigenvalue",
+        size,
+    })?;
     let values = (0..size).map(|i| e.S()[i]).collect();
     Ok((values, e.U().to_owned()))
 }
@@ -199,14 +220,24 @@ pub fn eigen_complex(m: &CMatrix) -> Result<(Vec<c64>, CMatrix), LinalgError> {
 pub fn symmetric_eigen(m: &Matrix) -> Result<(Vec<f64>, Matrix), LinalgError> {
     let size = m.nrows();
     check_finite(m)?;
-    let e = m.self_adjoint_eigen(Side::Lower).map_err(|_| LinalgError::NoConvergence { what: "eigenvalue", size })?;
+    let e = m
+        .self_adjoint_eigen(Side::Lower)
+        .map_err(|_| LinalgError::NoConvergence {
+            what: "eigenvalue",
+            size,
+        })?;
     Ok(((0..size).map(|i| e.S()[i]).collect(), e.U().to_owned()))
 }
 
 /// Eigenvalues (ascending) and orthonormal eigenvectors of a Hermitian matrix; only the lower triangle is read.
 pub fn hermitian_eigen(m: &CMatrix) -> Result<(Vec<f64>, CMatrix), LinalgError> {
     let size = m.nrows();
-    let e = m.self_adjoint_eigen(Side::Lower).map_err(|_| LinalgError::NoConvergence { what: "eigenvalue", size })?;
+    let e = m
+        .self_adjoint_eigen(Side::Lower)
+        .map_err(|_| LinalgError::NoConvergence {
+            what: "eigenvalue",
+            size,
+        })?;
     Ok(((0..size).map(|i| e.S()[i].re).collect(), e.U().to_owned()))
 }
 
@@ -216,7 +247,10 @@ pub fn singular_values(m: &CMatrix) -> Result<Vec<f64>, LinalgError> {
         return Ok(vec![0.0]);
     }
     let size = m.nrows().max(m.ncols());
-    m.singular_values().map_err(|_| LinalgError::NoConvergence { what: "singular-value", size })
+    m.singular_values().map_err(|_| LinalgError::NoConvergence {
+        what: "singular-value",
+        size,
+    })
 }
 
 /// The largest singular value of a real matrix.
@@ -225,14 +259,20 @@ pub fn norm2(m: &Matrix) -> Result<f64, LinalgError> {
         return Ok(0.0);
     }
     let size = m.nrows().max(m.ncols());
-    let s = m.singular_values().map_err(|_| LinalgError::NoConvergence { what: "singular-value", size })?;
+    let s = m.singular_values().map_err(|_| LinalgError::NoConvergence {
+        what: "singular-value",
+        size,
+    })?;
     Ok(s[0])
 }
 
 /// Thin singular value decomposition `m = U diag(s) Vᴴ`, largest first.
 pub fn svd(m: &CMatrix) -> Result<(CMatrix, Vec<f64>, CMatrix), LinalgError> {
     let size = m.nrows().max(m.ncols());
-    let d = m.thin_svd().map_err(|_| LinalgError::NoConvergence { what: "singular-value", size })?;
+    let d = m.thin_svd().map_err(|_| LinalgError::NoConvergence {
+        what: "singular-value",
+        size,
+    })?;
     let s = (0..m.nrows().min(m.ncols())).map(|i| d.S()[i].re).collect();
     Ok((d.U().to_owned(), s, d.V().to_owned()))
 }
@@ -271,7 +311,10 @@ pub fn reciprocal_condition(a: &Matrix) -> Result<f64, LinalgError> {
     if a.nrows() == 0 {
         return Ok(1.0);
     }
-    let s = a.singular_values().map_err(|_| LinalgError::NoConvergence { what: "singular-value", size: a.nrows() })?;
+    let s = a.singular_values().map_err(|_| LinalgError::NoConvergence {
+        what: "singular-value",
+        size: a.nrows(),
+    })?;
     Ok(if s[0] > 0.0 { s[s.len() - 1] / s[0] } else { 0.0 })
 }
 
@@ -301,21 +344,41 @@ pub fn cholesky(m: &Matrix) -> Result<Matrix, LinalgError> {
 /// Matrix exponential by scaling and squaring with the [13/13] Padé approximant (Higham 2005, Algorithm 2.3).
 pub fn expm(a: &Matrix) -> Result<Matrix, LinalgError> {
     const B: [f64; 14] = [
-        64764752532480000.0, 32382376266240000.0, 7771770303897600.0, 1187353796428800.0, 129060195264000.0,
-        10559470521600.0, 670442572800.0, 33522128640.0, 1323241920.0, 40840800.0, 960960.0, 16380.0, 182.0, 1.0,
+        64764752532480000.0,
+        32382376266240000.0,
+        7771770303897600.0,
+        1187353796428800.0,
+        129060195264000.0,
+        10559470521600.0,
+        670442572800.0,
+        33522128640.0,
+        1323241920.0,
+        40840800.0,
+        960960.0,
+        16380.0,
+        182.0,
+        1.0,
     ];
     // Largest 1-norm for which the unscaled approximant is accurate to double precision (same source, Table 2.3).
     const THETA_13: f64 = 5.371920351148152;
     check_finite(a)?;
     let n = a.nrows();
-    let norm1 = (0..n).map(|j| (0..n).map(|i| a[(i, j)].abs()).sum::<f64>()).fold(0.0, f64::max);
-    let squarings = if norm1 > THETA_13 { (norm1 / THETA_13).log2().ceil() as i32 } else { 0 };
+    let norm1 = (0..n)
+        .map(|j| (0..n).map(|i| a[(i, j)].abs()).sum::<f64>())
+        .fold(0.0, f64::max);
+    let squarings = if norm1 > THETA_13 {
+        (norm1 / THETA_13).log2().ceil() as i32
+    } else {
+        0
+    };
     let a = a * faer::Scale(0.5f64.powi(squarings));
     let eye = Matrix::identity(n, n);
     let a2 = &a * &a;
     let a4 = &a2 * &a2;
     let a6 = &a4 * &a2;
-    let sum = |c: [f64; 4]| &a6 * faer::Scale(c[3]) + &a4 * faer::Scale(c[2]) + &a2 * faer::Scale(c[1]) + &eye * faer::Scale(c[0]);
+    let sum = |c: [f64; 4]| {
+        &a6 * faer::Scale(c[3]) + &a4 * faer::Scale(c[2]) + &a2 * faer::Scale(c[1]) + &eye * faer::Scale(c[0])
+    };
     let u = &a * (&a6 * sum([0.0, B[9], B[11], B[13]]) + sum([B[1], B[3], B[5], B[7]]));
     let v = &a6 * sum([0.0, B[8], B[10], B[12]]) + sum([B[0], B[2], B[4], B[6]]);
     let mut x = solve(&(&v - &u), &(&v + &u))?;

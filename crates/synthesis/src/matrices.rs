@@ -53,7 +53,13 @@ impl PlantMatrices {
                 return Ok(());
             }
             let (found_rows, found_columns) = (m.nrows(), m.ncols());
-            Err(ModelError::Shape { name, rows: found_rows, columns: found_columns, expected_rows: rows, expected_columns: columns })
+            Err(ModelError::Shape {
+                name,
+                rows: found_rows,
+                columns: found_columns,
+                expected_rows: rows,
+                expected_columns: columns,
+            })
         };
         let (nw, nu, nz, ny) = (b1.ncols(), b.ncols(), c1.nrows(), c.nrows());
         expect("A", &a, n, n)?;
@@ -73,7 +79,12 @@ impl PlantMatrices {
         let d12 = feedthrough("D12", &self.d12, nz, nu)?;
         let d21 = feedthrough("D21", &self.d21, ny, nw)?;
         let d22 = feedthrough("D22", &self.d22, ny, nu)?;
-        StateSpace::new(a, blocks(&[&[&b1, &b]]), blocks(&[&[&c1], &[&c]]), blocks(&[&[&d11, &d12], &[&d21, &d22]]))
+        StateSpace::new(
+            a,
+            blocks(&[&[&b1, &b]]),
+            blocks(&[&[&c1], &[&c]]),
+            blocks(&[&[&d11, &d12], &[&d21, &d22]]),
+        )
     }
 
     /// Static output feedback on this plant: one model, one channel, every entry of K free.
@@ -90,12 +101,33 @@ impl PlantMatrices {
         };
         if (start.nrows(), start.ncols()) != (nu, ny) {
             let (rows, columns) = (start.nrows(), start.ncols());
-            return Err(ModelError::Shape { name: "K", rows, columns, expected_rows: nu, expected_columns: ny });
+            return Err(ModelError::Shape {
+                name: "K",
+                rows,
+                columns,
+                expected_rows: nu,
+                expected_columns: ny,
+            });
         }
-        let channel = Channel { name: "w to z".into(), outputs: 0..nz, inputs: 0..nw };
-        let name = if self.name.is_empty() { "plant".to_string() } else { self.name.clone() };
+        let channel = Channel {
+            name: "w to z".into(),
+            outputs: 0..nz,
+            inputs: 0..nw,
+        };
+        let name = if self.name.is_empty() {
+            "plant".to_string()
+        } else {
+            self.name.clone()
+        };
         Ok(Problem {
-            models: vec![Model { name, plant, controls: nu, measurements: ny, channels: vec![channel], transforms: vec![None] }],
+            models: vec![Model {
+                name,
+                plant,
+                controls: nu,
+                measurements: ny,
+                channels: vec![channel],
+                transforms: vec![None],
+            }],
             gains: vec![GainBlock {
                 name: "K".into(),
                 kind: GainKind::Full { rows: nu, columns: ny },

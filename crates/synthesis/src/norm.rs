@@ -79,7 +79,11 @@ pub(crate) fn peak_guesses(poles: &[c64]) -> Vec<f64> {
 
 /// The level-set iteration on a stable, balanced system from a set of starting frequencies.
 pub(crate) fn climb(g: &StateSpace, tolerance: f64, start: &[f64]) -> Result<HinfNorm, LinalgError> {
-    let mut best = HinfNorm { gain: 0.0, omega: 0.0, upper: 0.0 };
+    let mut best = HinfNorm {
+        gain: 0.0,
+        omega: 0.0,
+        upper: 0.0,
+    };
     for &omega in start {
         raise(g, omega, &mut best)?;
     }

@@ -13,7 +13,9 @@ pub struct Curve {
     pub dashed: bool,
 }
 
-const COLOURS: [&str; 8] = ["#1b6ca8", "#c8553d", "#3a7d44", "#8e5572", "#b8860b", "#4b4e6d", "#00798c", "#d1495b"];
+const COLOURS: [&str; 8] = [
+    "#1b6ca8", "#c8553d", "#3a7d44", "#8e5572", "#b8860b", "#4b4e6d", "#00798c", "#d1495b",
+];
 const WIDTH: f64 = 760.0;
 const HEIGHT: f64 = 460.0;
 const MARGIN: f64 = 60.0;
@@ -21,10 +23,20 @@ const MARGIN: f64 = 60.0;
 /// A figure with a title and named axes.
 pub fn figure(title: &str, x_name: &str, y_name: &str, curves: &[Curve]) -> String {
     let usable = |p: &&(f64, f64)| p.0 > 0.0 && p.0.is_finite() && p.1 > 0.0 && p.1.is_finite();
-    let all: Vec<(f64, f64)> = curves.iter().flat_map(|c| c.points.iter().filter(usable).copied()).collect();
+    let all: Vec<(f64, f64)> = curves
+        .iter()
+        .flat_map(|c| c.points.iter().filter(usable).copied())
+        .collect();
     let span = |pick: fn(&(f64, f64)) -> f64| {
-        let (low, high) = all.iter().map(pick).fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
-        if low < high { (low.log10().floor(), high.log10().ceil()) } else { (-1.0, 1.0) }
+        let (low, high) = all
+            .iter()
+            .map(pick)
+            .fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
+        if low < high {
+            (low.log10().floor(), high.log10().ceil())
+        } else {
+            (-1.0, 1.0)
+        }
     };
     let ((x0, x1), (mut y0, y1)) = (span(|p| p.0), span(|p| p.1));
     // Curves that fall to nothing would flatten everything else.

@@ -8,8 +8,16 @@ use crate::state_space::StateSpace;
 /// and the Hamiltonian of that channel shrinks by twice its order.
 pub fn on_path(g: &StateSpace) -> StateSpace {
     let n = g.states();
-    let reached = spread(n, |i| (0..g.inputs()).any(|j| g.b[(i, j)] != 0.0), |from, to| g.a[(to, from)] != 0.0);
-    let seen = spread(n, |i| (0..g.outputs()).any(|j| g.c[(j, i)] != 0.0), |from, to| g.a[(from, to)] != 0.0);
+    let reached = spread(
+        n,
+        |i| (0..g.inputs()).any(|j| g.b[(i, j)] != 0.0),
+        |from, to| g.a[(to, from)] != 0.0,
+    );
+    let seen = spread(
+        n,
+        |i| (0..g.outputs()).any(|j| g.c[(j, i)] != 0.0),
+        |from, to| g.a[(from, to)] != 0.0,
+    );
     let keep: Vec<usize> = (0..n).filter(|&i| reached[i] && seen[i]).collect();
     if keep.len() == n {
         return g.clone();

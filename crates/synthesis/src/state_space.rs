@@ -81,7 +81,12 @@ impl StateSpace {
     /// A static gain.
     pub fn gain(d: Matrix) -> Self {
         let (p, m) = (d.nrows(), d.ncols());
-        Self { a: Matrix::zeros(0, 0), b: Matrix::zeros(0, m), c: Matrix::zeros(p, 0), d }
+        Self {
+            a: Matrix::zeros(0, 0),
+            b: Matrix::zeros(0, m),
+            c: Matrix::zeros(p, 0),
+            d,
+        }
     }
 
     /// A scalar transfer function, coefficients in falling powers of s, in controllable canonical form.
@@ -104,7 +109,13 @@ impl StateSpace {
         let mut num = vec![0.0; n + 1 - numerator.len()];
         num.extend(numerator.iter().map(|x| x / lead));
         let d = num[0];
-        let a = Matrix::from_fn(n, n, |i, j| if i == 0 { -den[j] } else { f64::from(u8::from(i == j + 1)) });
+        let a = Matrix::from_fn(n, n, |i, j| {
+            if i == 0 {
+                -den[j]
+            } else {
+                f64::from(u8::from(i == j + 1))
+            }
+        });
         let b = Matrix::from_fn(n, 1, |i, _| f64::from(u8::from(i == 0)));
         let c = Matrix::from_fn(1, n, |_, j| num[j + 1] - d * den[j]);
         Self::new(a, b, c, Matrix::from_fn(1, 1, |_, _| d))
@@ -149,7 +160,11 @@ impl StateSpace {
 
     /// `G(jω)`, ω in rad per unit of time; an infinite ω gives D.
     pub fn at(&self, omega: f64) -> CMatrix {
-        if omega.is_infinite() { linalg::to_complex(&self.d) } else { self.evaluate(c64::new(0.0, omega)) }
+        if omega.is_infinite() {
+            linalg::to_complex(&self.d)
+        } else {
+            self.evaluate(c64::new(0.0, omega))
+        }
     }
 
     /// The rows `outputs` and columns `inputs` of the transfer matrix, with the same states.
@@ -170,14 +185,21 @@ impl StateSpace {
             a: self.a.clone(),
             b: Matrix::from_fn(n, self.inputs(), |i, j| self.b[(i, j)] * right[j]),
             c: Matrix::from_fn(self.outputs(), n, |i, j| left[i] * self.c[(i, j)]),
-            d: Matrix::from_fn(self.outputs(), self.inputs(), |i, j| left[i] * self.d[(i, j)] * right[j]),
+            d: Matrix::from_fn(self.outputs(), self.inputs(), |i, j| {
+                left[i] * self.d[(i, j)] * right[j]
+            }),
         }
     }
 
     /// The transposed system, with transfer matrix `G(s)ᵀ`.
     pub fn dual(&self) -> Self {
         let t = |m: &Matrix| m.transpose().to_owned();
-        Self { a: t(&self.a), b: t(&self.c), c: t(&self.b), d: t(&self.d) }
+        Self {
+            a: t(&self.a),
+            b: t(&self.c),
+            c: t(&self.b),
+            d: t(&self.d),
+        }
     }
 
     /// The modes that no input can move (`left = true`) or no output can see (`left = false`) and that are not in the
@@ -188,7 +210,9 @@ impl StateSpace {
     pub fn fixed_unstable_modes(&self, left: bool) -> Result<Vec<c64>, LinalgError> {
         let n = self.states();
         let system = if left { self.clone() } else { self.dual() };
-        let scale = linalg::max_abs(&system.a).max(linalg::max_abs(&system.b)).max(f64::MIN_POSITIVE);
+        let scale = linalg::max_abs(&system.a)
+            .max(linalg::max_abs(&system.b))
+            .max(f64::MIN_POSITIVE);
         let mut fixed = Vec::new();
         for pole in system.poles()? {
             if pole.re < 0.0 || pole.im < 0.0 {

@@ -30,7 +30,10 @@ fn scalar_problem_in_closed_form() {
             if feasible(middle) { high = middle } else { low = middle }
         }
         let (below, above) = full_order_optimum(&plant, 1, 1, 1e-6).unwrap();
-        assert!(below <= high * (1.0 + 1e-5) && above >= high * (1.0 - 1e-5), "a = {a}: {below}..{above}, closed form {high}");
+        assert!(
+            below <= high * (1.0 + 1e-5) && above >= high * (1.0 - 1e-5),
+            "a = {a}: {below}..{above}, closed form {high}"
+        );
     }
 }
 
@@ -46,6 +49,12 @@ fn impossible_problems_are_refused() {
         )
         .unwrap()
     };
-    assert!(matches!(full_order_optimum(&plant(0.0, 1.0), 1, 1, 1e-3), Err(FullOrderError::Infeasible(_))));
-    assert_eq!(full_order_optimum(&plant(1.0, 0.0), 1, 1, 1e-3).unwrap_err(), FullOrderError::Rank("D12"));
+    assert!(matches!(
+        full_order_optimum(&plant(0.0, 1.0), 1, 1, 1e-3),
+        Err(FullOrderError::Infeasible(_))
+    ));
+    assert_eq!(
+        full_order_optimum(&plant(1.0, 0.0), 1, 1, 1e-3).unwrap_err(),
+        FullOrderError::Rank("D12")
+    );
 }

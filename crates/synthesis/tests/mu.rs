@@ -8,7 +8,10 @@ use synthesis::mu::{Block, Margin, MarginOptions, MuError, Structure, lower_boun
 use synthesis::state_space::StateSpace;
 
 fn close(found: f64, expected: f64, relative: f64) {
-    assert!((found - expected).abs() <= relative * expected.abs(), "found {found:.10}, expected {expected:.10}");
+    assert!(
+        (found - expected).abs() <= relative * expected.abs(),
+        "found {found:.10}, expected {expected:.10}"
+    );
 }
 
 fn structure(blocks: &[Block]) -> Structure {
@@ -16,7 +19,9 @@ fn structure(blocks: &[Block]) -> Structure {
 }
 
 fn complex(entries: &[&[(f64, f64)]]) -> CMatrix {
-    CMatrix::from_fn(entries.len(), entries[0].len(), |i, j| c64::new(entries[i][j].0, entries[i][j].1))
+    CMatrix::from_fn(entries.len(), entries[0].len(), |i, j| {
+        c64::new(entries[i][j].0, entries[i][j].1)
+    })
 }
 
 /// Both bounds, with the checks that hold for every matrix: order, structure, and singularity of the perturbation.
@@ -54,7 +59,11 @@ fn single_blocks_have_closed_forms() {
     let (lower, upper) = bounds(&m, &[Block::Complex(3)]);
     close(upper, radius, 1e-4);
     close(lower, radius, 1e-6);
-    let real = eigenvalues.iter().filter(|l| l.im.abs() < 1e-12).map(|l| l.re.abs()).fold(0.0, f64::max);
+    let real = eigenvalues
+        .iter()
+        .filter(|l| l.im.abs() < 1e-12)
+        .map(|l| l.re.abs())
+        .fold(0.0, f64::max);
     let (lower, upper) = bounds(&m, &[Block::Real(3)]);
     close(upper, real, 1e-3);
     close(lower, real, 1e-9);
@@ -65,14 +74,18 @@ fn single_blocks_have_closed_forms() {
 /// largest diagonal entry, however large the corner.
 #[test]
 fn rank_one_and_triangular_matrices() {
-    let (u, v) = ([(1.0, 0.5), (-2.0, 0.0), (0.3, 0.3)], [(0.2, 0.0), (0.0, 1.0), (-4.0, 1.0)]);
+    let (u, v) = (
+        [(1.0, 0.5), (-2.0, 0.0), (0.3, 0.3)],
+        [(0.2, 0.0), (0.0, 1.0), (-4.0, 1.0)],
+    );
     let at = |x: (f64, f64)| c64::new(x.0, x.1);
     let m = CMatrix::from_fn(3, 3, |i, j| at(u[i]) * at(v[j]));
     let expected: f64 = (0..3).map(|i| (at(u[i]) * at(v[i])).norm()).sum();
     let (lower, upper) = bounds(&m, &[Block::Complex(1); 3]);
     close(lower, expected, 1e-6);
     close(upper, expected, 1e-5);
-    let triangular = to_complex(&from_rows(&[vec![0.5, 10.0, 100.0], vec![0.0, -0.7, 10.0], vec![0.0, 0.0, 0.6]]).unwrap());
+    let triangular =
+        to_complex(&from_rows(&[vec![0.5, 10.0, 100.0], vec![0.0, -0.7, 10.0], vec![0.0, 0.0, 0.6]]).unwrap());
     let (lower, upper) = bounds(&triangular, &[Block::Complex(1); 3]);
     close(lower, 0.7, 1e-5);
     assert!(upper < 0.75 && upper >= 0.7, "{upper}");
@@ -92,7 +105,12 @@ fn morton_and_doyle_gap_of_four_blocks() {
     let e = |x: f64| c64::new(0.0, x).exp();
     let r = |x: f64| c64::new(x, 0.0);
     let u = [[r(a), r(0.0)], [r(b), r(b)], [r(c), c64::new(0.0, c)], [r(d), f]];
-    let v = [[r(0.0), r(a)], [r(b), r(-b)], [r(c), c64::new(0.0, -c)], [f * e(psi1), r(d) * e(psi2)]];
+    let v = [
+        [r(0.0), r(a)],
+        [r(b), r(-b)],
+        [r(c), c64::new(0.0, -c)],
+        [f * e(psi1), r(d) * e(psi2)],
+    ];
     let m = CMatrix::from_fn(4, 4, |i, j| u[i][0] * v[j][0].conj() + u[i][1] * v[j][1].conj());
     let (lower, upper) = bounds(&m, &[Block::Complex(1); 4]);
     close(upper, 1.0, 1e-5);
@@ -105,14 +123,47 @@ fn mixed_blocks_of_the_slicot_example() {
     let top = [(-1.0, 6.0), (2.0, -3.0), (3.0, 8.0)];
     let rows: [&[(f64, f64)]; 6] = [
         &[top[0], top[1], top[2], (3.0, 8.0), (-5.0, -9.0), (-6.0, 2.0)],
-        &[(4.0, 2.0), (-2.0, 5.0), (-6.0, -7.0), (-4.0, 11.0), (8.0, -7.0), (12.0, -1.0)],
-        &[(5.0, -4.0), (-4.0, -8.0), (1.0, -3.0), (-6.0, 14.0), (2.0, -5.0), (4.0, 16.0)],
+        &[
+            (4.0, 2.0),
+            (-2.0, 5.0),
+            (-6.0, -7.0),
+            (-4.0, 11.0),
+            (8.0, -7.0),
+            (12.0, -1.0),
+        ],
+        &[
+            (5.0, -4.0),
+            (-4.0, -8.0),
+            (1.0, -3.0),
+            (-6.0, 14.0),
+            (2.0, -5.0),
+            (4.0, 16.0),
+        ],
         &[top[0], top[1], top[2], (3.0, 8.0), (-5.0, -9.0), (-6.0, 2.0)],
-        &[(4.0, 2.0), (-2.0, 5.0), (-6.0, -7.0), (-4.0, 11.0), (8.0, -7.0), (12.0, -1.0)],
-        &[(5.0, -4.0), (-4.0, -8.0), (1.0, -3.0), (-6.0, 14.0), (2.0, -5.0), (4.0, 16.0)],
+        &[
+            (4.0, 2.0),
+            (-2.0, 5.0),
+            (-6.0, -7.0),
+            (-4.0, 11.0),
+            (8.0, -7.0),
+            (12.0, -1.0),
+        ],
+        &[
+            (5.0, -4.0),
+            (-4.0, -8.0),
+            (1.0, -3.0),
+            (-6.0, 14.0),
+            (2.0, -5.0),
+            (4.0, 16.0),
+        ],
     ];
-    let blocks =
-        [Block::Real(1), Block::Real(1), Block::Full { rows: 2, columns: 2 }, Block::Complex(1), Block::Complex(1)];
+    let blocks = [
+        Block::Real(1),
+        Block::Real(1),
+        Block::Full { rows: 2, columns: 2 },
+        Block::Complex(1),
+        Block::Complex(1),
+    ];
     let (lower, upper) = bounds(&complex(&rows), &blocks);
     close(upper, 41.74753408, 1e-5);
     assert!(lower > 0.5 * upper, "{lower}");
@@ -120,7 +171,12 @@ fn mixed_blocks_of_the_slicot_example() {
 
 fn checked_margin(m: &StateSpace, s: &Structure, options: &MarginOptions) -> Margin {
     let found = margin(m, s, options).unwrap();
-    assert!(found.guaranteed <= found.destabilising * (1.0 + 1e-9), "{} {}", found.guaranteed, found.destabilising);
+    assert!(
+        found.guaranteed <= found.destabilising * (1.0 + 1e-9),
+        "{} {}",
+        found.guaranteed,
+        found.destabilising
+    );
     if let Some(p) = &found.perturbation {
         assert!(s.contains(&p.delta, 1e-9));
         close(s.norm(&p.delta).unwrap(), p.size, 1e-9);
@@ -130,8 +186,15 @@ fn checked_margin(m: &StateSpace, s: &Structure, options: &MarginOptions) -> Mar
             assert!(m.d.norm_max() == 0.0);
             eigenvalues_complex(&(to_complex(&m.a) + to_complex(&m.b) * scaled * to_complex(&m.c))).unwrap()
         };
-        let nearest = closed(1.0).into_iter().map(|l| (l.re.hypot(l.im.abs() - p.omega), l.re)).fold((f64::INFINITY, 0.0), |a, b| if b.0 < a.0 { b } else { a });
-        assert!(nearest.0 < 1e-6 * (1.0 + p.omega), "no eigenvalue at {} rad/s: {nearest:?}", p.omega);
+        let nearest = closed(1.0)
+            .into_iter()
+            .map(|l| (l.re.hypot(l.im.abs() - p.omega), l.re))
+            .fold((f64::INFINITY, 0.0), |a, b| if b.0 < a.0 { b } else { a });
+        assert!(
+            nearest.0 < 1e-6 * (1.0 + p.omega),
+            "no eigenvalue at {} rad/s: {nearest:?}",
+            p.omega
+        );
         // Anything a little smaller than the guarantee is harmless along this direction.
         assert!(closed(0.999 * found.guaranteed / p.size).iter().all(|l| l.re < 0.0));
     }
@@ -153,7 +216,14 @@ fn spinning_body_tolerates_a_tenth_at_both_inputs() {
     .unwrap();
     let exact = 1.0 / 101f64.sqrt();
     for blocks in [[Block::Complex(1); 2], [Block::Real(1); 2]] {
-        let found = checked_margin(&m, &structure(&blocks), &MarginOptions { slack: 1e-4, ..MarginOptions::default() });
+        let found = checked_margin(
+            &m,
+            &structure(&blocks),
+            &MarginOptions {
+                slack: 1e-4,
+                ..MarginOptions::default()
+            },
+        );
         close(found.guaranteed, exact, 1e-3);
         close(found.destabilising, exact, 1e-6);
         assert!(found.guaranteed <= exact);
@@ -179,7 +249,14 @@ fn documented_robust_stability_example() {
     let controller = StateSpace::transfer_function(&[-0.3823, -2.303, -3.0], &[0.001, 1.0, 0.0]).unwrap();
     let m = synthesis::interconnect::lft_lower(&plant, &controller).unwrap();
     let s = structure(&[Block::Real(1), Block::Complex(1)]);
-    let found = checked_margin(&m, &s, &MarginOptions { slack: 1e-4, ..MarginOptions::default() });
+    let found = checked_margin(
+        &m,
+        &s,
+        &MarginOptions {
+            slack: 1e-4,
+            ..MarginOptions::default()
+        },
+    );
     assert!(found.guaranteed >= 1.5960, "guaranteed {}", found.guaranteed);
     close(found.destabilising, 1.5993, 2e-4);
     close(found.critical, 4.88, 0.02);
@@ -188,7 +265,10 @@ fn documented_robust_stability_example() {
 #[test]
 fn bad_input_is_refused_with_the_reason() {
     let m = to_complex(&Matrix::identity(3, 3));
-    assert!(matches!(upper_bound(&m, &structure(&[Block::Real(2)]), 1e-6), Err(MuError::Misfit { .. })));
+    assert!(matches!(
+        upper_bound(&m, &structure(&[Block::Real(2)]), 1e-6),
+        Err(MuError::Misfit { .. })
+    ));
     assert_eq!(Structure::new(vec![]).unwrap_err(), MuError::Empty);
     assert_eq!(Structure::new(vec![Block::Complex(0)]).unwrap_err(), MuError::Empty);
     let unstable = feedback(

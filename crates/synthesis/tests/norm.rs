@@ -7,7 +7,10 @@ use synthesis::norm::{NormError, hinf_norm};
 use synthesis::state_space::{ModelError, StateSpace};
 
 fn close(found: f64, expected: f64, relative: f64) {
-    assert!((found - expected).abs() <= relative * expected.abs(), "found {found:.12e}, expected {expected:.12e}");
+    assert!(
+        (found - expected).abs() <= relative * expected.abs(),
+        "found {found:.12e}, expected {expected:.12e}"
+    );
 }
 
 fn tf(num: &[f64], den: &[f64]) -> StateSpace {
@@ -36,8 +39,15 @@ fn peaks_at_the_ends_of_the_axis() {
     close(n.gain, 5.0, 1e-9);
     assert!(n.omega.is_infinite());
     let both = append(&[tf(&[2.0, 0.0], &[1.0, 1.0]), tf(&[1.0], &[1.0, 0.02, 1.0])]);
-    close(hinf_norm(&both, 1e-9).unwrap().gain, 50.0 / (1.0f64 - 1e-4).sqrt(), 1e-8);
-    assert_eq!(hinf_norm(&StateSpace::gain(diagonal(&[1.0, -4.0])), 1e-8).unwrap().gain, 4.0);
+    close(
+        hinf_norm(&both, 1e-9).unwrap().gain,
+        50.0 / (1.0f64 - 1e-4).sqrt(),
+        1e-8,
+    );
+    assert_eq!(
+        hinf_norm(&StateSpace::gain(diagonal(&[1.0, -4.0])), 1e-8).unwrap().gain,
+        4.0
+    );
     assert_eq!(hinf_norm(&tf(&[0.0], &[1.0, 1.0]), 1e-8).unwrap().gain, 0.0);
 }
 
@@ -113,7 +123,13 @@ fn interconnections_agree_with_transfer_function_algebra() {
     };
     let closed = lft_lower(&p, &StateSpace::gain(diagonal(&[-1.0]))).unwrap();
     assert!((value(&closed) - one / (one + gv)).norm() < 1e-14);
-    assert!(lft_lower(&StateSpace::gain(Matrix::from_fn(2, 2, |_, _| 1.0)), &StateSpace::gain(diagonal(&[1.0]))).is_err());
+    assert!(
+        lft_lower(
+            &StateSpace::gain(Matrix::from_fn(2, 2, |_, _| 1.0)),
+            &StateSpace::gain(diagonal(&[1.0]))
+        )
+        .is_err()
+    );
     assert!(series(&append(&[g.clone(), h]), &g).is_err());
 }
 
@@ -121,11 +137,27 @@ fn interconnections_agree_with_transfer_function_algebra() {
 fn bad_input_is_refused_with_the_reason() {
     assert_eq!(
         StateSpace::transfer_function(&[1.0, 0.0, 0.0], &[1.0, 1.0]).unwrap_err(),
-        ModelError::Improper { numerator: 2, denominator: 1 }
+        ModelError::Improper {
+            numerator: 2,
+            denominator: 1
+        }
     );
-    assert!(matches!(hinf_norm(&tf(&[1.0], &[1.0, -1.0]), 1e-6), Err(NormError::Unstable(a)) if (a - 1.0).abs() < 1e-12));
-    assert!(matches!(hinf_norm(&tf(&[1.0], &[1.0, 0.0]), 1e-6), Err(NormError::Unstable(0.0))));
-    assert!(StateSpace::new(Matrix::zeros(2, 2), Matrix::zeros(3, 1), Matrix::zeros(1, 2), Matrix::zeros(1, 1)).is_err());
+    assert!(
+        matches!(hinf_norm(&tf(&[1.0], &[1.0, -1.0]), 1e-6), Err(NormError::Unstable(a)) if (a - 1.0).abs() < 1e-12)
+    );
+    assert!(matches!(
+        hinf_norm(&tf(&[1.0], &[1.0, 0.0]), 1e-6),
+        Err(NormError::Unstable(0.0))
+    ));
+    assert!(
+        StateSpace::new(
+            Matrix::zeros(2, 2),
+            Matrix::zeros(3, 1),
+            Matrix::zeros(1, 2),
+            Matrix::zeros(1, 1)
+        )
+        .is_err()
+    );
     assert!(from_rows(&[vec![1.0], vec![f64::NAN]]).is_err());
 }
 

@@ -3,14 +3,17 @@
 use synthesis::linalg::{Matrix, diagonal, inverse, max_abs, norm2};
 use synthesis::mu::{MarginOptions, margin};
 use synthesis::robot::{
-    Gains, GainStructure, GainsFile, ModelSpec, Robot, RobotError, Spec, multiplicative_loop, problem, report, sampled,
+    GainStructure, Gains, GainsFile, ModelSpec, Robot, RobotError, Spec, multiplicative_loop, problem, report, sampled,
 };
 
 const URDF: &str = include_str!("../../../models/servicer.urdf");
 const PI: &str = include_str!("../../../gains/pi-diagonal.spec.toml");
 
 fn close(found: f64, expected: f64, relative: f64) {
-    assert!((found - expected).abs() <= relative * expected.abs(), "found {found:.10}, expected {expected:.10}");
+    assert!(
+        (found - expected).abs() <= relative * expected.abs(),
+        "found {found:.10}, expected {expected:.10}"
+    );
 }
 
 fn stock() -> (Spec, Robot) {
@@ -29,7 +32,11 @@ fn linearisation_at_rest_and_in_motion() {
     let rest = robot.body(&capture()).unwrap();
     assert_eq!((robot.channels(), rest.a.nrows(), rest.b.ncols()), (13, 13, 13));
     assert_eq!(max_abs(&rest.a), 0.0, "at rest the Coriolis matrix vanishes");
-    close(norm2(&(inverse(&rest.mass).unwrap() - &rest.b)).unwrap() + 1.0, 1.0, 1e-12);
+    close(
+        norm2(&(inverse(&rest.mass).unwrap() - &rest.b)).unwrap() + 1.0,
+        1.0,
+        1e-12,
+    );
     // The total mass of the description is on the diagonal of the translations.
     close(rest.mass[(3, 3)], 450.2, 1e-6);
     // In motion: d(C ν)/dν ν = 2 C ν, because the bias is quadratic in ν.
@@ -62,7 +69,11 @@ fn synthesis_scale(x: f64) -> Matrix {
 fn sampled_loop_in_closed_form() {
     let (mut spec, robot) = stock();
     let omega = 5.0;
-    let gains = Gains { structure: GainStructure::Scheduled, kp: diagonal(&[omega; 13]), ki: Vec::new() };
+    let gains = Gains {
+        structure: GainStructure::Scheduled,
+        kp: diagonal(&[omega; 13]),
+        ki: Vec::new(),
+    };
     for (sensor, actuator) in [(0.0, 0.0), (0.01, 0.0), (0.01, 0.01), (0.03, 0.01), (0.004, 0.006)] {
         spec.sampling.sensor_delay_s = sensor;
         spec.sampling.actuator_delay_s = actuator;
@@ -70,7 +81,10 @@ fn sampled_loop_in_closed_form() {
         let step = omega * spec.sampling.controller_period_s;
         if (sensor, actuator) == (0.004, 0.006) {
             // Fractions of a period that add up to one: less than a whole period in effect, more than none.
-            assert!(found.gain_margin_up > 1.0 / step && found.gain_margin_up < 2.0 / step, "{found:?}");
+            assert!(
+                found.gain_margin_up > 1.0 / step && found.gain_margin_up < 2.0 / step,
+                "{found:?}"
+            );
             continue;
         }
         let d = ((sensor + actuator) / 0.01_f64).round() as i32;
@@ -84,7 +98,10 @@ fn sampled_loop_in_closed_form() {
         close(found.spectral_radius, z, 1e-9);
     }
     spec.sampling.controller_period_s = 0.0105;
-    assert!(matches!(sampled(&spec, &robot, &capture(), &gains), Err(RobotError::Value { .. })));
+    assert!(matches!(
+        sampled(&spec, &robot, &capture(), &gains),
+        Err(RobotError::Value { .. })
+    ));
 }
 
 /// With K_P = ω M the actuators' forces mix through M, but in the coordinates of the channel errors the loop is scalar: a
@@ -96,9 +113,21 @@ fn multiplicative_margin_of_the_decoupled_loop() {
     let mut small = spec.clone();
     small.uncertainty.multiplicative_low = 0.5;
     small.uncertainty.multiplicative_high = 0.5 + 1e-9;
-    let gains = Gains { structure: GainStructure::Scheduled, kp: diagonal(&[omega; 13]), ki: Vec::new() };
+    let gains = Gains {
+        structure: GainStructure::Scheduled,
+        kp: diagonal(&[omega; 13]),
+        ki: Vec::new(),
+    };
     let (system, structure) = multiplicative_loop(&small, &robot, &capture(), &gains).unwrap();
-    let found = margin(&system, &structure, &MarginOptions { starts: 3, ..MarginOptions::default() }).unwrap();
+    let found = margin(
+        &system,
+        &structure,
+        &MarginOptions {
+            starts: 3,
+            ..MarginOptions::default()
+        },
+    )
+    .unwrap();
     let delay = spec.sampling.total_delay_s();
     let peak = (0..4000)
         .map(|i| {
@@ -118,7 +147,10 @@ fn multiplicative_margin_of_the_decoupled_loop() {
 fn shipped_gains_reproduce_their_gamma() {
     for (spec, file) in [
         (PI, include_str!("../../../gains/pi-diagonal.toml")),
-        (include_str!("../../../gains/p-diagonal.spec.toml"), include_str!("../../../gains/p-diagonal.toml")),
+        (
+            include_str!("../../../gains/p-diagonal.spec.toml"),
+            include_str!("../../../gains/p-diagonal.toml"),
+        ),
     ] {
         let spec: Spec = toml::from_str(spec).unwrap();
         let robot = Robot::new(URDF, &spec.robot).unwrap();
@@ -128,7 +160,10 @@ fn shipped_gains_reproduce_their_gamma() {
         close(evaluation.gamma, file.provenance.gamma_reported, 1e-6);
         assert!(file.provenance.full_order[0] <= evaluation.gamma);
         for m in &file.margins {
-            assert!(m.guaranteed <= m.destabilising && m.destabilising <= 1.03 * m.guaranteed, "{m:?}");
+            assert!(
+                m.guaranteed <= m.destabilising && m.destabilising <= 1.03 * m.guaranteed,
+                "{m:?}"
+            );
         }
         let s = sampled(&spec, &robot, &spec.models[0], &gains).unwrap();
         assert!(s.spectral_radius < 1.0 && s.gain_margin_up > 1.5, "{s:?}");
@@ -153,5 +188,10 @@ fn bad_input_is_refused_with_the_reason() {
     let mut wrong = spec.robot.clone();
     wrong.arm_links.push("elbow".into());
     assert!(Robot::new(URDF, &wrong).unwrap_err().to_string().contains("elbow"));
-    assert!(toml::from_str::<Spec>(&PI.replace("peak = 2.0", "peek = 2.0")).unwrap_err().to_string().contains("peek"));
+    assert!(
+        toml::from_str::<Spec>(&PI.replace("peak = 2.0", "peek = 2.0"))
+            .unwrap_err()
+            .to_string()
+            .contains("peek")
+    );
 }

@@ -13,7 +13,7 @@ use synthesis::linalg::to_rows;
 use synthesis::matrices::PlantMatrices;
 use synthesis::mu::MarginOptions;
 use synthesis::robot::{
-    ChannelEntry, Design, GainTable, GainsFile, Gains, MarginEntry, Provenance, Robot, SampledEntry, Spec, Step,
+    ChannelEntry, Design, GainTable, Gains, GainsFile, MarginEntry, Provenance, Robot, SampledEntry, Spec, Step,
     ValidationEntry, design, export, margins, sampled_models, tracking_optimum,
 };
 use synthesis::tuner::{Evaluation, Flow, Options, Phase, Progress, TuneError, tune};
@@ -100,7 +100,11 @@ impl Reporter<'_> {
             *last = Some(Instant::now());
             eprintln!("{}", line());
         }
-        if self.stop.load(Ordering::Relaxed) { Flow::Stop } else { Flow::Continue }
+        if self.stop.load(Ordering::Relaxed) {
+            Flow::Stop
+        } else {
+            Flow::Continue
+        }
     }
 }
 
@@ -131,8 +135,15 @@ fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Resu
             return Ok(REFUSED);
         }
     };
-    let options = Options { starts: args.starts.unwrap_or(8), seed: args.seed.unwrap_or(1), ..Options::default() };
-    let reporter = Reporter { stop, last: Mutex::new(None) };
+    let options = Options {
+        starts: args.starts.unwrap_or(8),
+        seed: args.seed.unwrap_or(1),
+        ..Options::default()
+    };
+    let reporter = Reporter {
+        stop,
+        last: Mutex::new(None),
+    };
     let tuned = match tune(&problem, &options, &|p| reporter.say(|| progress_line(p))) {
         Ok(tuned) => tuned,
         Err(error) => {
@@ -142,7 +153,13 @@ fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Resu
     };
     let k = to_rows(&tuned.controllers[0]);
     if let Some(path) = &args.export_problem {
-        let exported = export(&problem, &tuned.gains, &tuned.controllers, &tuned.evaluation, Some(&tuned.certificate));
+        let exported = export(
+            &problem,
+            &tuned.gains,
+            &tuned.controllers,
+            &tuned.evaluation,
+            Some(&tuned.certificate),
+        );
         write(path, &serde_json::to_string_pretty(&exported)?)?;
     }
     let peak = tuned.evaluation.channels.first().map_or(0.0, |c| c.omega);
@@ -165,14 +182,23 @@ fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Resu
         writeln!(out, "{}", serde_json::to_string_pretty(&result)?)?;
         return Ok(0);
     }
-    writeln!(out, "gamma              {:.8} at {peak:.6} rad/s", tuned.evaluation.gamma)?;
+    writeln!(
+        out,
+        "gamma              {:.8} at {peak:.6} rad/s",
+        tuned.evaluation.gamma
+    )?;
     writeln!(out, "spectral abscissa  {:.6e}", tuned.evaluation.abscissa)?;
     writeln!(
         out,
         "certificate        {:.2e} (least convex combination of {} gradients of ln gamma within {:.0e}; the steepest is {:.2e})",
         tuned.certificate.length, tuned.certificate.gradients, tuned.certificate.radius, tuned.certificate.steepest
     )?;
-    writeln!(out, "starts             {}{}", starts.join(" "), if tuned.stopped { " (stopped)" } else { "" })?;
+    writeln!(
+        out,
+        "starts             {}{}",
+        starts.join(" "),
+        if tuned.stopped { " (stopped)" } else { "" }
+    )?;
     for row in &k {
         let row: Vec<String> = row.iter().map(|x| format!("{x:14.8}")).collect();
         writeln!(out, "K                  {}", row.join(" "))?;
@@ -190,7 +216,10 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
     };
     spec.search.starts = args.starts.unwrap_or(spec.search.starts);
     spec.search.seed = args.seed.unwrap_or(spec.search.seed);
-    let reporter = Reporter { stop, last: Mutex::new(None) };
+    let reporter = Reporter {
+        stop,
+        last: Mutex::new(None),
+    };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let clock = Instant::now();
     let design = match design(&spec, &robot, threads, &|step| {
@@ -212,7 +241,13 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
     let tuning = clock.elapsed().as_secs_f64();
     if let Some(path) = &args.export_problem {
         let d = &design;
-        let exported = export(&d.problem, &d.tuned.gains, &d.tuned.controllers, &d.tuned.evaluation, Some(&d.tuned.certificate));
+        let exported = export(
+            &d.problem,
+            &d.tuned.gains,
+            &d.tuned.controllers,
+            &d.tuned.evaluation,
+            Some(&d.tuned.certificate),
+        );
         write(path, &serde_json::to_string(&exported)?)?;
     }
     let (mut file, mut complaints) = verify(args, &spec, &robot, &design)?;
@@ -249,7 +284,10 @@ fn verify(args: &TuneArgs, spec: &Spec, robot: &Robot, design: &Design) -> anyho
         for (model, s) in list {
             if s.spectral_radius >= 1.0 {
                 let with = if slosh { ", propellant sloshing" } else { "" };
-                complaints.push(format!("{model}{with}: the sampled loop is unstable (spectral radius {:.6})", s.spectral_radius));
+                complaints.push(format!(
+                    "{model}{with}: the sampled loop is unstable (spectral radius {:.6})",
+                    s.spectral_radius
+                ));
             }
             file.sampled.push(SampledEntry {
                 model: model.clone(),
@@ -276,9 +314,18 @@ fn verify(args: &TuneArgs, spec: &Spec, robot: &Robot, design: &Design) -> anyho
         file.margins = all;
     }
     if let Some(v) = &design.validation {
-        let worst = v.samples.iter().filter(|s| s.stable()).map(|s| s.gamma).fold(0.0, f64::max);
-        file.validation =
-            Some(ValidationEntry { samples: v.samples.len(), unstable: v.unstable(), worst_gamma: worst, histogram: v.histogram() });
+        let worst = v
+            .samples
+            .iter()
+            .filter(|s| s.stable())
+            .map(|s| s.gamma)
+            .fold(0.0, f64::max);
+        file.validation = Some(ValidationEntry {
+            samples: v.samples.len(),
+            unstable: v.unstable(),
+            worst_gamma: worst,
+            histogram: v.histogram(),
+        });
         if !v.passed() {
             complaints.push(format!(
                 "validation: {} of {} situations unstable, worst gamma {worst:.3} against {}",
@@ -323,7 +370,12 @@ fn gains_file(spec: &Spec, design: &Design, full_order: Vec<f64>) -> GainsFile {
 }
 
 /// Both margins of the first `count` models of the specification.
-pub(super) fn stated_margins(spec: &Spec, robot: &Robot, gains: &Gains, count: usize) -> anyhow::Result<Vec<MarginEntry>> {
+pub(super) fn stated_margins(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    count: usize,
+) -> anyhow::Result<Vec<MarginEntry>> {
     let mut all = Vec::new();
     for model in spec.models.iter().take(count) {
         eprintln!("margins of {}", model.name);
@@ -360,24 +412,61 @@ fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64) -> anyhow
     let p = &file.provenance;
     if args.table {
         let optimum = p.full_order.last().map_or("-".into(), |x| format!("{x:.3}"));
-        let margins: Vec<String> = file.margins.iter().map(|m| format!("{:.3}..{:.3}", m.guaranteed, m.destabilising)).collect();
-        writeln!(out, "| {} | {:.4} | {:.4} | {optimum} | {} | {seconds:.1} |", spec.title, p.gamma, p.gamma_reported, margins.join(", "))?;
+        let margins: Vec<String> = file
+            .margins
+            .iter()
+            .map(|m| format!("{:.3}..{:.3}", m.guaranteed, m.destabilising))
+            .collect();
+        writeln!(
+            out,
+            "| {} | {:.4} | {:.4} | {optimum} | {} | {seconds:.1} |",
+            spec.title,
+            p.gamma,
+            p.gamma_reported,
+            margins.join(", ")
+        )?;
         return Ok(());
     }
     writeln!(out, "{}\n", spec.title)?;
-    writeln!(out, "gamma {:.5} (delays to order {}: {:.5}), tuned in {seconds:.1} s", p.gamma, spec.sampling.pade_order_reporting, p.gamma_reported)?;
-    writeln!(out, "starts {}; certificate {:.1e} within {:.0e}", p.starts.join(" "), p.certificate, p.certificate_radius)?;
+    writeln!(
+        out,
+        "gamma {:.5} (delays to order {}: {:.5}), tuned in {seconds:.1} s",
+        p.gamma, spec.sampling.pade_order_reporting, p.gamma_reported
+    )?;
+    writeln!(
+        out,
+        "starts {}; certificate {:.1e} within {:.0e}",
+        p.starts.join(" "),
+        p.certificate,
+        p.certificate_radius
+    )?;
     if let [low, high] = p.full_order[..] {
-        writeln!(out, "full-order optimum of the tracking channel, {}: between {low:.4} and {high:.4}", spec.models[0].name)?;
+        writeln!(
+            out,
+            "full-order optimum of the tracking channel, {}: between {low:.4} and {high:.4}",
+            spec.models[0].name
+        )?;
     }
-    writeln!(out, "\n{:16} {:10} {:>9} {:>12}", "model", "channel", "norm", "peak rad/s")?;
+    writeln!(
+        out,
+        "\n{:16} {:10} {:>9} {:>12}",
+        "model", "channel", "norm", "peak rad/s"
+    )?;
     for c in &file.channels {
-        writeln!(out, "{:16} {:10} {:9.4} {:12.4}", c.model, c.channel, c.norm, c.omega_rad_s)?;
+        writeln!(
+            out,
+            "{:16} {:10} {:9.4} {:12.4}",
+            c.model, c.channel, c.norm, c.omega_rad_s
+        )?;
     }
     print_sampled(&mut out, &file.sampled)?;
     print_margins(&mut out, &file.margins)?;
     if let Some(v) = &file.validation {
-        writeln!(out, "\nvalidation: {} situations, {} unstable, worst gamma {:.3}", v.samples, v.unstable, v.worst_gamma)?;
+        writeln!(
+            out,
+            "\nvalidation: {} situations, {} unstable, worst gamma {:.3}",
+            v.samples, v.unstable, v.worst_gamma
+        )?;
         for (edge, count) in &v.histogram {
             writeln!(out, "  from {edge:5.2} {count:4} {}", "#".repeat(*count))?;
         }
@@ -390,9 +479,16 @@ fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64) -> anyhow
 pub(super) fn load(path: &Path, text: &str) -> anyhow::Result<(Spec, Robot, String)> {
     let spec: Spec = toml::from_str(text)?;
     let here = path.parent().unwrap_or(Path::new("."));
-    let candidates = [PathBuf::from(&spec.robot.urdf), here.join(&spec.robot.urdf), here.join("..").join(&spec.robot.urdf)];
+    let candidates = [
+        PathBuf::from(&spec.robot.urdf),
+        here.join(&spec.robot.urdf),
+        here.join("..").join(&spec.robot.urdf),
+    ];
     let Some(found) = candidates.iter().find(|p| p.is_file()) else {
-        bail!("robot.urdf = {:?}: no such file here, beside the specification, or above it", spec.robot.urdf)
+        bail!(
+            "robot.urdf = {:?}: no such file here, beside the specification, or above it",
+            spec.robot.urdf
+        )
     };
     let urdf = std::fs::read_to_string(found).with_context(|| found.display().to_string())?;
     let robot = Robot::new(&urdf, &spec.robot)?;
@@ -402,7 +498,10 @@ pub(super) fn load(path: &Path, text: &str) -> anyhow::Result<(Spec, Robot, Stri
 
 /// `x.spec.toml` becomes `x.toml`; anything else gets `.gains.toml`, so that a specification is never overwritten.
 fn gains_path(spec: &Path) -> PathBuf {
-    let name = spec.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = spec
+        .file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .unwrap_or_default();
     match name.strip_suffix(".spec.toml") {
         Some(stem) => spec.with_file_name(format!("{stem}.toml")),
         None => spec.with_extension("gains.toml"),
@@ -411,7 +510,9 @@ fn gains_path(spec: &Path) -> PathBuf {
 
 /// Digest of a text, to notice a change: 64-bit FNV-1a.
 pub(super) fn digest(text: &str) -> String {
-    let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
+    let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
+        (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
+    });
     format!("fnv1a64:{hash:016x}")
 }
 

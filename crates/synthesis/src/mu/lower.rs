@@ -27,7 +27,9 @@ pub fn lower_bound(m: &CMatrix, structure: &Structure, starts: usize, seed: u64)
     for index in 0..starts.max(1) {
         let mut rng = Rng::new(seed, index as u64);
         let mut delta = random_delta(structure, &mut rng, index);
-        let Some((mut value, mut step)) = rise(m, structure, &delta)? else { continue };
+        let Some((mut value, mut step)) = rise(m, structure, &delta)? else {
+            continue;
+        };
         for _ in 0..100 {
             let mut moved = false;
             for t in [1.0, 0.5, 0.2, 0.05, 0.01] {
@@ -60,7 +62,15 @@ pub(crate) fn mix(a: &CMatrix, b: &CMatrix, t: f64) -> CMatrix {
 pub(crate) fn random_delta(structure: &Structure, rng: &mut Rng, index: usize) -> CMatrix {
     let sign = if index == 1 { -1.0 } else { 1.0 };
     let mut draw = |n: usize| -> Vec<c64> {
-        (0..n).map(|_| if index < 2 { c64::new(sign, 0.0) } else { c64::new(rng.normal(), rng.normal()) }).collect()
+        (0..n)
+            .map(|_| {
+                if index < 2 {
+                    c64::new(sign, 0.0)
+                } else {
+                    c64::new(rng.normal(), rng.normal())
+                }
+            })
+            .collect()
     };
     let (row, column) = (draw(structure.rows()), draw(structure.columns()));
     let mut delta = structure.aligned(&row, &column);
@@ -79,13 +89,21 @@ fn rise(m: &CMatrix, structure: &Structure, delta: &CMatrix) -> Result<Option<(f
     let product = m * delta;
     let n = product.nrows();
     let (values, right) = linalg::eigen_complex(&product)?;
-    let Some(at) = (0..n).max_by(|&i, &j| values[i].re.total_cmp(&values[j].re)) else { return Ok(None) };
+    let Some(at) = (0..n).max_by(|&i, &j| values[i].re.total_cmp(&values[j].re)) else {
+        return Ok(None);
+    };
     let unit = CMatrix::from_fn(n, 1, |i, _| c64::new(f64::from(u8::from(i == at)), 0.0));
     let left = linalg::solve_complex(&right.transpose().to_owned(), &unit);
     // dλ = yᵀ M dΔ x with yᵀ x = 1.
-    let row: Vec<c64> = (0..m.ncols()).map(|j| (0..n).map(|i| left[(i, 0)] * m[(i, j)]).sum()).collect();
+    let row: Vec<c64> = (0..m.ncols())
+        .map(|j| (0..n).map(|i| left[(i, 0)] * m[(i, j)]).sum())
+        .collect();
     let column: Vec<c64> = (0..n).map(|i| right[(i, at)]).collect();
-    if row.iter().chain(&column).any(|x| !x.re.is_finite() || !x.im.is_finite()) {
+    if row
+        .iter()
+        .chain(&column)
+        .any(|x| !x.re.is_finite() || !x.im.is_finite())
+    {
         return Ok(None);
     }
     Ok(Some((values[at].re, structure.aligned(&row, &column))))
@@ -110,7 +128,10 @@ fn make_singular(m: &CMatrix, structure: &Structure, delta: &CMatrix) -> Result<
                 let again = linalg::eigenvalues_complex(&(m * &candidate))?;
                 let turned = eigenvalue * c64::new(0.0, -eigenvalue.arg()).exp();
                 let near = |x: &c64| (x - turned).norm();
-                eigenvalue = again.into_iter().min_by(|a, b| near(a).total_cmp(&near(b))).unwrap_or(eigenvalue);
+                eigenvalue = again
+                    .into_iter()
+                    .min_by(|a, b| near(a).total_cmp(&near(b)))
+                    .unwrap_or(eigenvalue);
             }
         }
         if eigenvalue.re <= 0.0 || eigenvalue.im.abs() > 1e-10 * eigenvalue.re {

@@ -32,7 +32,12 @@ pub struct MarginOptions {
 
 impl Default for MarginOptions {
     fn default() -> Self {
-        Self { slack: 1e-3, intervals: 3000, starts: 12, seed: 1 }
+        Self {
+            slack: 1e-3,
+            intervals: 3000,
+            starts: 12,
+            seed: 1,
+        }
     }
 }
 
@@ -85,7 +90,10 @@ pub fn margin(m: &StateSpace, structure: &Structure, options: &MarginOptions) ->
     let mut highest = f64::NEG_INFINITY;
     if large {
         // Where the plain gain is largest the peak is likely, and everything after it is quick.
-        let mut order = grid.iter().map(|&w| Ok((norm::gain_at(&m, w)?, w))).collect::<Result<Vec<_>, LinalgError>>()?;
+        let mut order = grid
+            .iter()
+            .map(|&w| Ok((norm::gain_at(&m, w)?, w)))
+            .collect::<Result<Vec<_>, LinalgError>>()?;
         order.sort_by(|a, b| b.0.total_cmp(&a.0));
         grid = order.into_iter().map(|x| x.1).collect();
     }
@@ -111,15 +119,23 @@ pub fn margin(m: &StateSpace, structure: &Structure, options: &MarginOptions) ->
 }
 
 fn top(curve: &[(f64, f64)]) -> (f64, f64) {
-    curve.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0))
+    curve
+        .iter()
+        .copied()
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .unwrap_or((0.0, 0.0))
 }
 
 /// Logarithmic points over the span of the poles with the poles' own frequencies among them.
 fn frequency_grid(poles: &[c64], points: u32) -> Vec<f64> {
     let guesses = norm::peak_guesses(poles);
-    let (Some(&low), Some(&high)) = (guesses.first(), guesses.last()) else { return vec![1.0] };
+    let (Some(&low), Some(&high)) = (guesses.first(), guesses.last()) else {
+        return vec![1.0];
+    };
     let (low, high) = (low.max(1e-6 * high) / 10.0, high * 10.0);
-    let mut grid: Vec<f64> = (0..points).map(|i| low * (high / low).powf(f64::from(i) / f64::from(points - 1))).collect();
+    let mut grid: Vec<f64> = (0..points)
+        .map(|i| low * (high / low).powf(f64::from(i) / f64::from(points - 1)))
+        .collect();
     // With few points asked for, equal weights of many poles need not be visited one by one either.
     let stride = if points < 40 { 1 + guesses.len() / 12 } else { 1 };
     grid.extend(guesses.into_iter().step_by(stride));
@@ -129,9 +145,16 @@ fn frequency_grid(poles: &[c64], points: u32) -> Vec<f64> {
 }
 
 /// A few golden-section steps around the largest point.
-fn refine_peak(m: &StateSpace, structure: &Structure, curve: &mut Vec<(f64, f64)>, rounds: usize) -> Result<(), MuError> {
+fn refine_peak(
+    m: &StateSpace,
+    structure: &Structure,
+    curve: &mut Vec<(f64, f64)>,
+    rounds: usize,
+) -> Result<(), MuError> {
     for _ in 0..rounds {
-        let Some(at) = (0..curve.len()).max_by(|&i, &j| curve[i].1.total_cmp(&curve[j].1)) else { return Ok(()) };
+        let Some(at) = (0..curve.len()).max_by(|&i, &j| curve[i].1.total_cmp(&curve[j].1)) else {
+            return Ok(());
+        };
         let mut added = false;
         let between = |a: f64, b: f64| if a > 0.0 { (a * b).sqrt() } else { 0.5 * b };
         let mut fresh = Vec::new();
@@ -144,7 +167,10 @@ fn refine_peak(m: &StateSpace, structure: &Structure, curve: &mut Vec<(f64, f64)
             }
         }
         for omega in fresh {
-            curve.push((omega, bound_until(&m.at(omega), structure, 1e-4, f64::NEG_INFINITY, None)?.value));
+            curve.push((
+                omega,
+                bound_until(&m.at(omega), structure, 1e-4, f64::NEG_INFINITY, None)?.value,
+            ));
             added = true;
         }
         curve.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -165,17 +191,29 @@ fn cover(
 ) -> Result<(f64, usize), MuError> {
     let size = norm::climb(m, 1e-3, &[0.0, f64::INFINITY])?.gain;
     // A loop that no perturbation can destabilise still needs some positive level to certify.
-    let mut target = (peak * (1.0 + options.slack)).max(1e-6 * size).max(f64::MIN_POSITIVE.sqrt());
+    let mut target = (peak * (1.0 + options.slack))
+        .max(1e-6 * size)
+        .max(f64::MIN_POSITIVE.sqrt());
     // Gaps still open, as pairs; the ends of the axis and the peak come first because they decide the level.
     let mut open = vec![(0.0, f64::INFINITY)];
     let mut first = vec![f64::INFINITY, 0.0, *critical];
     let mut used = 0;
     while let Some(&(a, b)) = open.last() {
         if used >= options.intervals {
-            return Err(MuError::NotCovered { steps: used, from: a, to: b });
+            return Err(MuError::NotCovered {
+                steps: used,
+                from: a,
+                to: b,
+            });
         }
         let omega = first.pop().unwrap_or_else(|| {
-            if b.is_infinite() { if a > 0.0 { 4.0 * a } else { 1.0 } } else if a > 0.0 { (a * b).sqrt() } else { 0.5 * b }
+            if b.is_infinite() {
+                if a > 0.0 { 4.0 * a } else { 1.0 }
+            } else if a > 0.0 {
+                (a * b).sqrt()
+            } else {
+                0.5 * b
+            }
         });
         used += 1;
         let bound = bound_until(&m.at(omega), structure, 0.05 * options.slack, target, None)?;
@@ -188,7 +226,10 @@ fn cover(
         let (low, high) = valid_interval(m, &bound.scalings, target, omega)?;
         // The certificate is strict inside; overlap by a hair so that no end point is left open.
         let shrink = 1e-9;
-        let (low, high) = (if low > 0.0 { low * (1.0 + shrink) } else { -1.0 }, high * (1.0 - shrink));
+        let (low, high) = (
+            if low > 0.0 { low * (1.0 + shrink) } else { -1.0 },
+            high * (1.0 - shrink),
+        );
         if high <= low || !(low < omega || omega == 0.0) || (omega.is_finite() && high <= omega) {
             // Too thin to help: the peak itself. A slightly higher level opens it.
             target *= 1.0 + options.slack;
@@ -230,7 +271,9 @@ fn valid_interval(m: &StateSpace, s: &Scalings, level: f64, omega: f64) -> Resul
     // With X = (jω − A)⁻¹ B the certificate is −(Xᴴ Q X + Xᴴ S + Sᴴ X + R), S = Cᴴ D_l D − j (G C)ᴴ.
     let cross = linalg::adjoint(&c) * &dd + times(&linalg::adjoint(&(&s.g * &c)), -j);
     let gd = &s.g * &d;
-    let r = linalg::adjoint(&d) * &dd + times(&gd, j) + times(&linalg::adjoint(&gd), -j)
+    let r = linalg::adjoint(&d) * &dd
+        + times(&gd, j)
+        + times(&linalg::adjoint(&gd), -j)
         + times(&s.d_right, c64::new(-level * level, 0.0));
     let r_cross = linalg::solve_complex(&r, &linalg::adjoint(&cross));
     let r_b = linalg::solve_complex(&r, &linalg::adjoint(&b));
@@ -245,7 +288,9 @@ fn valid_interval(m: &StateSpace, s: &Scalings, level: f64, omega: f64) -> Resul
         (false, false) => lower_right[(i - n, k - n)],
     });
     let h = balance::balanced_complex(&h);
-    let size = (0..2 * n).flat_map(|i| (0..2 * n).map(move |k| (i, k))).fold(0.0f64, |x, (i, k)| x.max(h[(i, k)].norm()));
+    let size = (0..2 * n)
+        .flat_map(|i| (0..2 * n).map(move |k| (i, k)))
+        .fold(0.0f64, |x, (i, k)| x.max(h[(i, k)].norm()));
     let (mut low, mut high) = (0.0f64, f64::INFINITY);
     for l in linalg::eigenvalues_complex(&h)? {
         if l.re.abs() > 1e-6 * l.im.abs() + 1e-9 * size {
@@ -264,11 +309,18 @@ fn valid_interval(m: &StateSpace, s: &Scalings, level: f64, omega: f64) -> Resul
 /// The closed loop's state matrix with `w = Δ z`, and what gradients need.
 fn closed(m: &StateSpace, delta: &CMatrix, k: f64) -> (CMatrix, CMatrix, CMatrix) {
     let scaled = CMatrix::from_fn(delta.nrows(), delta.ncols(), |i, j| delta[(i, j)] * k);
-    let (b, c, d) = (linalg::to_complex(&m.b), linalg::to_complex(&m.c), linalg::to_complex(&m.d));
+    let (b, c, d) = (
+        linalg::to_complex(&m.b),
+        linalg::to_complex(&m.c),
+        linalg::to_complex(&m.d),
+    );
     let eye = |n: usize| CMatrix::identity(n, n);
     // A + B Δ (I − D Δ)⁻¹ C
     let left = linalg::solve_complex(&(eye(m.outputs()) - &d * &scaled), &c);
-    let right = linalg::solve_complex(&(eye(m.inputs()) - &scaled * &d).transpose().to_owned(), &b.transpose().to_owned());
+    let right = linalg::solve_complex(
+        &(eye(m.inputs()) - &scaled * &d).transpose().to_owned(),
+        &b.transpose().to_owned(),
+    );
     let a = linalg::to_complex(&m.a) + &b * (&scaled * &left);
     (a, right.transpose().to_owned(), left)
 }
@@ -276,7 +328,10 @@ fn closed(m: &StateSpace, delta: &CMatrix, k: f64) -> (CMatrix, CMatrix, CMatrix
 fn rightmost(m: &StateSpace, delta: &CMatrix, k: f64) -> Result<c64, LinalgError> {
     let (a, _, _) = closed(m, delta, k);
     let values = linalg::eigenvalues_complex(&balance::balanced_complex(&a))?;
-    Ok(values.into_iter().max_by(|a, b| a.re.total_cmp(&b.re)).unwrap_or(c64::new(f64::NEG_INFINITY, 0.0)))
+    Ok(values
+        .into_iter()
+        .max_by(|a, b| a.re.total_cmp(&b.re))
+        .unwrap_or(c64::new(f64::NEG_INFINITY, 0.0)))
 }
 
 /// The smallest multiple k in [low, high] at which the loop with kΔ loses stability, by steps and then by bisection.
@@ -292,7 +347,11 @@ fn crossing(m: &StateSpace, delta: &CMatrix, low: f64, high: f64) -> Result<Opti
                 if middle <= below || middle >= above {
                     break;
                 }
-                if rightmost(m, delta, middle)?.re >= 0.0 { above = middle } else { below = middle }
+                if rightmost(m, delta, middle)?.re >= 0.0 {
+                    above = middle
+                } else {
+                    below = middle
+                }
             }
             return Ok(Some((above, rightmost(m, delta, above)?.im.abs())));
         }
@@ -317,9 +376,15 @@ fn destabilise(
             continue;
         }
         if let Some(found) = lower_bound(&m.at(omega), structure, options.starts, options.seed)? {
-            seeds.push(CMatrix::from_fn(found.delta.nrows(), found.delta.ncols(), |i, j| found.delta[(i, j)] / found.size));
+            seeds.push(CMatrix::from_fn(found.delta.nrows(), found.delta.ncols(), |i, j| {
+                found.delta[(i, j)] / found.size
+            }));
             if best.as_ref().is_none_or(|b| found.size < b.size) {
-                best = Some(Destabilising { delta: found.delta, size: found.size, omega });
+                best = Some(Destabilising {
+                    delta: found.delta,
+                    size: found.size,
+                    omega,
+                });
             }
         }
     }
@@ -327,7 +392,11 @@ fn destabilise(
         return Ok(best);
     }
     for index in 0..options.starts {
-        seeds.push(random_delta(structure, &mut Rng::new(options.seed, 1000 + index as u64), index));
+        seeds.push(random_delta(
+            structure,
+            &mut Rng::new(options.seed, 1000 + index as u64),
+            index,
+        ));
     }
     // No perturbation smaller than this destabilises: the search along a ray can begin here.
     let low = if bound > 0.0 { 0.999 / bound } else { 1.0 };
@@ -339,11 +408,17 @@ fn destabilise(
             let size = structure.norm(&delta)?;
             let unit = CMatrix::from_fn(delta.nrows(), delta.ncols(), |i, j| delta[(i, j)] / size);
             let limit = best.as_ref().map_or(reach, |b| b.size.min(reach));
-            let Some((found, omega)) = crossing(m, &unit, low, limit.max(low * 1.0001))? else { break };
+            let Some((found, omega)) = crossing(m, &unit, low, limit.max(low * 1.0001))? else {
+                break;
+            };
             let improved = best.as_ref().is_none_or(|b| found < b.size * (1.0 - 1e-9));
             if improved {
                 let scaled = CMatrix::from_fn(unit.nrows(), unit.ncols(), |i, j| unit[(i, j)] * found);
-                best = Some(Destabilising { delta: scaled, size: found, omega });
+                best = Some(Destabilising {
+                    delta: scaled,
+                    size: found,
+                    omega,
+                });
             }
             if !improved || (k - found).abs() < 1e-6 * found {
                 break;
@@ -361,12 +436,22 @@ fn climb_abscissa(m: &StateSpace, structure: &Structure, delta: &mut CMatrix, k:
         let (a, b, c) = closed(m, delta, k);
         let n = a.nrows();
         let (values, right) = linalg::eigen_complex(&a)?;
-        let Some(at) = (0..n).max_by(|&i, &j| values[i].re.total_cmp(&values[j].re)) else { return Ok(()) };
+        let Some(at) = (0..n).max_by(|&i, &j| values[i].re.total_cmp(&values[j].re)) else {
+            return Ok(());
+        };
         let unit = CMatrix::from_fn(n, 1, |i, _| c64::new(f64::from(u8::from(i == at)), 0.0));
         let left = linalg::solve_complex(&right.transpose().to_owned(), &unit);
-        let row: Vec<c64> = (0..b.ncols()).map(|j| (0..n).map(|i| left[(i, 0)] * b[(i, j)]).sum()).collect();
-        let column: Vec<c64> = (0..c.nrows()).map(|i| (0..n).map(|j| c[(i, j)] * right[(j, at)]).sum()).collect();
-        if row.iter().chain(&column).any(|x| !x.re.is_finite() || !x.im.is_finite()) {
+        let row: Vec<c64> = (0..b.ncols())
+            .map(|j| (0..n).map(|i| left[(i, 0)] * b[(i, j)]).sum())
+            .collect();
+        let column: Vec<c64> = (0..c.nrows())
+            .map(|i| (0..n).map(|j| c[(i, j)] * right[(j, at)]).sum())
+            .collect();
+        if row
+            .iter()
+            .chain(&column)
+            .any(|x| !x.re.is_finite() || !x.im.is_finite())
+        {
             return Ok(());
         }
         let towards = structure.aligned(&row, &column);

@@ -62,28 +62,60 @@ impl<'a> Centres<'a> {
                 }
                 for row in 0..n {
                     for column in 0..=row {
-                        parameters.push(Parameter { block, real_part: true, row, column, is_g });
+                        parameters.push(Parameter {
+                            block,
+                            real_part: true,
+                            row,
+                            column,
+                            is_g,
+                        });
                         if row != column {
-                            parameters.push(Parameter { block, real_part: false, row, column, is_g });
+                            parameters.push(Parameter {
+                                block,
+                                real_part: false,
+                                row,
+                                column,
+                                is_g,
+                            });
                         }
                     }
                 }
             }
         }
-        Self { structure, m, parameters, sizes }
+        Self {
+            structure,
+            m,
+            parameters,
+            sizes,
+        }
     }
 
     /// D = I, G = 0.
     pub(crate) fn neutral(&self) -> Vec<f64> {
-        self.parameters.iter().map(|p| f64::from(u8::from(!p.is_g && p.row == p.column))).collect()
+        self.parameters
+            .iter()
+            .map(|p| f64::from(u8::from(!p.is_g && p.row == p.column)))
+            .collect()
     }
 
     /// The small Hermitian matrices (D, G) of every block.
     fn small(&self, x: &[f64]) -> Vec<(CMatrix, CMatrix)> {
-        let mut out: Vec<_> = self.sizes.iter().map(|&n| (CMatrix::zeros(n, n), CMatrix::zeros(n, n))).collect();
+        let mut out: Vec<_> = self
+            .sizes
+            .iter()
+            .map(|&n| (CMatrix::zeros(n, n), CMatrix::zeros(n, n)))
+            .collect();
         for (p, &value) in self.parameters.iter().zip(x) {
-            let target = if p.is_g { &mut out[p.block].1 } else { &mut out[p.block].0 };
-            let unit = if p.real_part { c64::new(value, 0.0) } else { c64::new(0.0, value) };
+            let target = if p.is_g {
+                &mut out[p.block].1
+            } else {
+                &mut out[p.block].0
+            };
+            let unit = if p.real_part {
+                c64::new(value, 0.0)
+            } else {
+                c64::new(0.0, value)
+            };
             target[(p.row, p.column)] += unit;
             if p.row != p.column {
                 target[(p.column, p.row)] += unit.conj();
@@ -123,7 +155,9 @@ impl<'a> Centres<'a> {
     fn image(&self, s: &Scalings) -> CMatrix {
         let gm = &s.g * self.m;
         let dm = linalg::adjoint(self.m) * (&s.d_left * self.m);
-        CMatrix::from_fn(dm.nrows(), dm.ncols(), |i, j| dm[(i, j)] + c64::new(0.0, 1.0) * (gm[(i, j)] - gm[(j, i)].conj()))
+        CMatrix::from_fn(dm.nrows(), dm.ncols(), |i, j| {
+            dm[(i, j)] + c64::new(0.0, 1.0) * (gm[(i, j)] - gm[(j, i)].conj())
+        })
     }
 
     /// The least β² that the scalings at `x` prove; may be negative, and then no Δ of any size is singular here.
@@ -131,7 +165,13 @@ impl<'a> Centres<'a> {
         let s = self.scalings(x);
         let image = self.image(&s);
         // Generalised eigenvalue: with D = L Lᴴ, the largest eigenvalue of L⁻¹ image L⁻ᴴ.
-        let l = s.d_right.llt(faer::Side::Lower).map_err(|_| LinalgError::NotPositiveDefinite { size: image.nrows(), least: 0.0 })?;
+        let l = s
+            .d_right
+            .llt(faer::Side::Lower)
+            .map_err(|_| LinalgError::NotPositiveDefinite {
+                size: image.nrows(),
+                least: 0.0,
+            })?;
         let lower = l.L().to_owned();
         let half = linalg::solve_complex(&lower, &image);
         let both = linalg::solve_complex(&lower, &linalg::adjoint(&half));
@@ -142,7 +182,9 @@ impl<'a> Centres<'a> {
     fn potential(&self, x: &[f64], level: f64) -> Option<f64> {
         let s = self.scalings(x);
         let image = self.image(&s);
-        let f = CMatrix::from_fn(image.nrows(), image.ncols(), |i, j| s.d_right[(i, j)] * level - image[(i, j)]);
+        let f = CMatrix::from_fn(image.nrows(), image.ncols(), |i, j| {
+            s.d_right[(i, j)] * level - image[(i, j)]
+        });
         let mut sum = log_det(&f)?;
         for (d, _) in self.small(x) {
             sum += log_det(&d)?;
@@ -155,18 +197,32 @@ impl<'a> Centres<'a> {
         let n = self.parameters.len();
         let trace: Vec<f64> = self.neutral();
         for _ in 0..newton_steps {
-            let Some(here) = self.potential(x, level) else { return Ok(()) };
+            let Some(here) = self.potential(x, level) else {
+                return Ok(());
+            };
             let s = self.scalings(x);
             let image = self.image(&s);
-            let f = CMatrix::from_fn(image.nrows(), image.ncols(), |i, j| s.d_right[(i, j)] * level - image[(i, j)]);
+            let f = CMatrix::from_fn(image.nrows(), image.ncols(), |i, j| {
+                s.d_right[(i, j)] * level - image[(i, j)]
+            });
             let small = self.small(x);
             let size = f.nrows();
             // In the congruence that makes F (and every D) the identity, the derivative of the potential along a parameter is a
             // trace and its Hessian a Gram matrix of real vectors: one real product does the bulk of the work.
-            let Some(whiten) = inverse_factor(&f) else { return Ok(()) };
+            let Some(whiten) = inverse_factor(&f) else {
+                return Ok(());
+            };
             let little: Option<Vec<CMatrix>> = small.iter().map(|(d, _)| inverse_factor(d)).collect();
             let Some(little) = little else { return Ok(()) };
-            let offsets: Vec<usize> = self.sizes.iter().scan(size * size, |at, n| { let here = *at; *at += n * n; Some(here) }).collect();
+            let offsets: Vec<usize> = self
+                .sizes
+                .iter()
+                .scan(size * size, |at, n| {
+                    let here = *at;
+                    *at += n * n;
+                    Some(here)
+                })
+                .collect();
             let width = size * size + self.sizes.iter().map(|n| n * n).sum::<usize>();
             let mut rows = crate::linalg::Matrix::zeros(width, n);
             let mut gradient = vec![0.0; n];
@@ -197,7 +253,9 @@ impl<'a> Centres<'a> {
                 (false, false) => 0.0,
             });
             let rhs = crate::linalg::Matrix::from_fn(n + 1, 1, |i, _| if i < n { -gradient[i] } else { 0.0 });
-            let Ok(step) = linalg::solve(&kkt, &rhs) else { return Ok(()) };
+            let Ok(step) = linalg::solve(&kkt, &rhs) else {
+                return Ok(());
+            };
             let decrement: f64 = -(0..n).map(|i| gradient[i] * step[(i, 0)]).sum::<f64>();
             if decrement.is_nan() || decrement < 1e-6 {
                 return Ok(());
@@ -205,7 +263,10 @@ impl<'a> Centres<'a> {
             let mut t = 1.0;
             loop {
                 let trial: Vec<f64> = (0..n).map(|i| x[i] + t * step[(i, 0)]).collect();
-                if self.potential(&trial, level).is_some_and(|p| p <= here - 0.1 * t * decrement) {
+                if self
+                    .potential(&trial, level)
+                    .is_some_and(|p| p <= here - 0.1 * t * decrement)
+                {
                     *x = trial;
                     break;
                 }
@@ -276,12 +337,19 @@ pub(crate) fn bound_until(
     let centres = Centres::new(structure, m);
     let mut x = start.map_or_else(|| centres.neutral(), <[f64]>::to_vec);
     if size == 0.0 {
-        return Ok(UpperBound { value: 0.0, scalings: centres.scalings(&x) });
+        return Ok(UpperBound {
+            value: 0.0,
+            scalings: centres.scalings(&x),
+        });
     }
     let floor = (1e-9 * size).powi(2);
     let mut best = (centres.proved(&x)?, x.clone());
     let mut level = best.0.max(floor) * 1.5;
-    let target = if enough > 0.0 { enough * enough } else { f64::NEG_INFINITY };
+    let target = if enough > 0.0 {
+        enough * enough
+    } else {
+        f64::NEG_INFINITY
+    };
     // What a centre proves falls by a constant factor of the distance to the optimum; a stall ends the loop.
     let mut stalled = 0;
     for _ in 0..80 {
@@ -308,12 +376,19 @@ pub(crate) fn bound_until(
         if gap <= tolerance * best.0.abs() {
             break;
         }
-        stalled = if before - best.0 <= 0.01 * tolerance * before.abs() { stalled + 1 } else { 0 };
+        stalled = if before - best.0 <= 0.01 * tolerance * before.abs() {
+            stalled + 1
+        } else {
+            0
+        };
         if stalled >= 6 {
             break;
         }
         level = best.0 + 0.2 * gap;
     }
     let value = if best.0 <= floor { 0.0 } else { best.0.sqrt() };
-    Ok(UpperBound { value, scalings: centres.scalings(&best.1) })
+    Ok(UpperBound {
+        value,
+        scalings: centres.scalings(&best.1),
+    })
 }

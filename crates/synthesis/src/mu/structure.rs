@@ -40,7 +40,9 @@ impl Block {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum MuError {
     /// The blocks do not fit the matrix.
-    #[error("the blocks are {block_rows} x {block_columns} together, which needs a {block_columns} x {block_rows} matrix; this one is {rows} x {columns}")]
+    #[error(
+        "the blocks are {block_rows} x {block_columns} together, which needs a {block_columns} x {block_rows} matrix; this one is {rows} x {columns}"
+    )]
     Misfit {
         /// Rows of Δ.
         block_rows: usize,
@@ -58,7 +60,9 @@ pub enum MuError {
     #[error("the nominal system is not stable (spectral abscissa {0:.6e})")]
     Unstable(f64),
     /// The frequency axis could not be covered within the limit.
-    #[error("the frequency axis could not be covered in {steps} steps: nothing is guaranteed between {from:.6e} and {to:.6e} rad/s")]
+    #[error(
+        "the frequency axis could not be covered in {steps} steps: nothing is guaranteed between {from:.6e} and {to:.6e} rad/s"
+    )]
     NotCovered {
         /// Steps taken.
         steps: usize,
@@ -109,7 +113,12 @@ impl Structure {
         if rows == self.columns() && columns == self.rows() {
             return Ok(());
         }
-        Err(MuError::Misfit { block_rows: self.rows(), block_columns: self.columns(), rows, columns })
+        Err(MuError::Misfit {
+            block_rows: self.rows(),
+            block_columns: self.columns(),
+            rows,
+            columns,
+        })
     }
 
     /// Every block with the first row and column it occupies in Δ.
@@ -204,6 +213,8 @@ impl Structure {
         }
         let scale = self.norm(delta).unwrap_or(f64::INFINITY);
         let entries = (0..delta.nrows()).flat_map(|i| (0..delta.ncols()).map(move |j| (i, j)));
-        entries.into_iter().all(|(i, j)| (delta[(i, j)] - inside[(i, j)]).norm() <= tolerance * scale)
+        entries
+            .into_iter()
+            .all(|(i, j)| (delta[(i, j)] - inside[(i, j)]).norm() <= tolerance * scale)
     }
 }

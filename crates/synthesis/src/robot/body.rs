@@ -71,12 +71,21 @@ impl Robot {
     pub fn new(urdf: &str, spec: &RobotSpec) -> Result<Self, RobotError> {
         let refused = |e: &dyn std::fmt::Display| RobotError::Description(e.to_string());
         let mut description = Description::from_urdf(urdf).map_err(|e| refused(&e))?;
-        let actuated: Vec<String> =
-            description.moving_joints().map(|j| j.name.clone()).filter(|n| !spec.frozen.contains_key(n)).collect();
+        let actuated: Vec<String> = description
+            .moving_joints()
+            .map(|j| j.name.clone())
+            .filter(|n| !spec.frozen.contains_key(n))
+            .collect();
         for joint in &actuated {
-            description.add_motor_inertia(joint, spec.motor_inertia_kg_m2).map_err(|e| refused(&e))?;
+            description
+                .add_motor_inertia(joint, spec.motor_inertia_kg_m2)
+                .map_err(|e| refused(&e))?;
         }
-        let robot = Self { description, spec: spec.clone(), joints: actuated.len() };
+        let robot = Self {
+            description,
+            spec: spec.clone(),
+            joints: actuated.len(),
+        };
         // Unknown link and joint names surface now, not in the middle of a search.
         robot.tree(&ModelSpec::nominal(vec![0.0; robot.joints]), true)?;
         Ok(robot)
@@ -93,7 +102,8 @@ impl Robot {
         let base = &self.spec.base_link;
         // `scale_mass` scales the inertia along; the second factor leaves the wanted one.
         d.scale_mass(base, model.base_mass).map_err(|e| refused(&e))?;
-        d.scale_inertia(base, model.base_inertia / model.base_mass).map_err(|e| refused(&e))?;
+        d.scale_inertia(base, model.base_inertia / model.base_mass)
+            .map_err(|e| refused(&e))?;
         for link in &self.spec.arm_links {
             d.scale_mass(link, model.arm_inertia).map_err(|e| refused(&e))?;
         }
@@ -113,7 +123,9 @@ impl Robot {
         let (m, _) = tree.mass_and_coriolis(state);
         let mut mass = Matrix::from_fn(m.rows, m.cols, |i, j| m[(i, j)]);
         if let Some(p) = &model.payload {
-            let frame = tree.frame(&self.spec.end_effector).map_err(|e| RobotError::Description(e.to_string()))?;
+            let frame = tree
+                .frame(&self.spec.end_effector)
+                .map_err(|e| RobotError::Description(e.to_string()))?;
             let (j, _) = tree.jacobian_and_rate(state, frame);
             let jacobian = Matrix::from_fn(6, m.cols, |r, c| j[(r, c)]);
             mass += jacobian.transpose() * spatial_inertia(p) * &jacobian;
@@ -161,7 +173,12 @@ impl Robot {
         let pick = |m: &Matrix| Matrix::from_fn(nv, nv, |i, j| m[(order[i], order[j])]);
         let a = pick(&(&inverse * &slope));
         let b = linalg::sub(&pick(&inverse), 0, 0, nv, n);
-        Ok(Body { channels: n, mass, a, b })
+        Ok(Body {
+            channels: n,
+            mass,
+            a,
+            b,
+        })
     }
 
     /// Velocity coordinates with the actuated ones first.
@@ -175,7 +192,11 @@ impl Robot {
             .collect();
         joints.sort_unstable();
         for (c, is_free) in joints {
-            if is_free { free.push(6 + c) } else { actuated.push(6 + c) }
+            if is_free {
+                free.push(6 + c)
+            } else {
+                actuated.push(6 + c)
+            }
         }
         actuated.extend(free);
         actuated
@@ -198,21 +219,42 @@ impl Robot {
         for (k, v) in model.velocity.iter().enumerate() {
             nu[order[k]] = *v;
         }
-        Ok(DynState { p_nb: Default::default(), quat_nb: Quaternion::from_wxyz([1.0, 0.0, 0.0, 0.0]), q, nu })
+        Ok(DynState {
+            p_nb: Default::default(),
+            quat_nb: Quaternion::from_wxyz([1.0, 0.0, 0.0, 0.0]),
+            q,
+            nu,
+        })
     }
 
     fn check(&self, model: &ModelSpec) -> Result<(), RobotError> {
         if model.joints_deg.len() != self.joints {
-            return Err(RobotError::Length { what: "joints_deg", found: model.joints_deg.len(), expected: self.joints });
+            return Err(RobotError::Length {
+                what: "joints_deg",
+                found: model.joints_deg.len(),
+                expected: self.joints,
+            });
         }
         if !model.velocity.is_empty() && model.velocity.len() != self.channels() {
-            return Err(RobotError::Length { what: "velocity", found: model.velocity.len(), expected: self.channels() });
+            return Err(RobotError::Length {
+                what: "velocity",
+                found: model.velocity.len(),
+                expected: self.channels(),
+            });
         }
         if !model.error_sizes.is_empty() && model.error_sizes.len() != self.channels() {
-            return Err(RobotError::Length { what: "error_sizes", found: model.error_sizes.len(), expected: self.channels() });
+            return Err(RobotError::Length {
+                what: "error_sizes",
+                found: model.error_sizes.len(),
+                expected: self.channels(),
+            });
         }
         if let Some(&value) = model.error_sizes.iter().find(|x| !(x.is_finite() && **x > 0.0)) {
-            return Err(RobotError::Value { what: "error_sizes".into(), value, reason: "must be positive" });
+            return Err(RobotError::Value {
+                what: "error_sizes".into(),
+                value,
+                reason: "must be positive",
+            });
         }
         for (what, value) in [
             ("base_mass", model.base_mass),
@@ -220,12 +262,20 @@ impl Robot {
             ("arm_inertia", model.arm_inertia),
         ] {
             if value.is_nan() || value <= 0.0 {
-                return Err(RobotError::Value { what: what.into(), value, reason: "a factor on a mass must be positive" });
+                return Err(RobotError::Value {
+                    what: what.into(),
+                    value,
+                    reason: "a factor on a mass must be positive",
+                });
             }
         }
         if model.payload.is_some() && model.velocity.iter().any(|v| *v != 0.0) {
             let reason = "a payload is supported at rest only (its Coriolis forces are not modelled)";
-            return Err(RobotError::Value { what: "velocity".into(), value: model.velocity[0], reason });
+            return Err(RobotError::Value {
+                what: "velocity".into(),
+                value: model.velocity[0],
+                reason,
+            });
         }
         Ok(())
     }
@@ -293,11 +343,22 @@ impl Spec {
         }
         for (what, list) in checked {
             if list.len() != n {
-                return Err(RobotError::Length { what, found: list.len(), expected: n });
+                return Err(RobotError::Length {
+                    what,
+                    found: list.len(),
+                    expected: n,
+                });
             }
             // Start gains have their own message, from the tuner, because they are matrices there.
-            if let Some(&value) = list.iter().find(|x| !(x.is_finite() && **x > 0.0) && !what.starts_with("gains")) {
-                return Err(RobotError::Value { what: what.into(), value, reason: "must be positive" });
+            if let Some(&value) = list
+                .iter()
+                .find(|x| !(x.is_finite() && **x > 0.0) && !what.starts_with("gains"))
+            {
+                return Err(RobotError::Value {
+                    what: what.into(),
+                    value,
+                    reason: "must be positive",
+                });
             }
         }
         let s = &self.sampling;
@@ -309,17 +370,33 @@ impl Spec {
             ("sampling.actuator_lag_s", s.actuator_lag_s),
         ] {
             if !value.is_finite() || value < 0.0 {
-                return Err(RobotError::Value { what: what.into(), value, reason: "a time must be zero or positive" });
+                return Err(RobotError::Value {
+                    what: what.into(),
+                    value,
+                    reason: "a time must be zero or positive",
+                });
             }
         }
         let w = &self.weights;
-        for (what, value) in [("weights.peak", w.peak), ("weights.floor", w.floor), ("weights.effort", w.effort)] {
+        for (what, value) in [
+            ("weights.peak", w.peak),
+            ("weights.floor", w.floor),
+            ("weights.effort", w.effort),
+        ] {
             if !value.is_finite() || value <= 0.0 {
-                return Err(RobotError::Value { what: what.into(), value, reason: "must be positive" });
+                return Err(RobotError::Value {
+                    what: what.into(),
+                    value,
+                    reason: "must be positive",
+                });
             }
         }
         if self.models.is_empty() {
-            return Err(RobotError::Value { what: "models".into(), value: 0.0, reason: "at least one model is needed" });
+            return Err(RobotError::Value {
+                what: "models".into(),
+                value: 0.0,
+                reason: "at least one model is needed",
+            });
         }
         Ok(())
     }

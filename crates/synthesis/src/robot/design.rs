@@ -54,15 +54,26 @@ pub fn options(spec: &Spec, threads: usize) -> Options {
 }
 
 fn to_gains(spec: &Spec, blocks: &[Matrix]) -> Gains {
-    let ki = blocks.get(1).map_or_else(Vec::new, |k| (0..k.nrows()).map(|i| k[(i, i)]).collect());
-    Gains { structure: spec.gains.structure, kp: blocks[0].clone(), ki }
+    let ki = blocks
+        .get(1)
+        .map_or_else(Vec::new, |k| (0..k.nrows()).map(|i| k[(i, i)]).collect());
+    Gains {
+        structure: spec.gains.structure,
+        kp: blocks[0].clone(),
+        ki,
+    }
 }
 
 /// Runs the procedure. `watch` may stop it; the best gains so far are then returned without another round.
 ///
 /// # Errors
 /// A specification that does not fit, a plant that cannot be stabilised, no stabilising gain found.
-pub fn design(spec: &Spec, robot: &Robot, threads: usize, watch: &(dyn Fn(Step) -> Flow + Sync)) -> Result<Design, ValidateError> {
+pub fn design(
+    spec: &Spec,
+    robot: &Robot,
+    threads: usize,
+    watch: &(dyn Fn(Step) -> Flow + Sync),
+) -> Result<Design, ValidateError> {
     let mut adversary: Vec<ModelSpec> = Vec::new();
     let mut options = options(spec, threads);
     let mut start: Option<Gains> = None;
@@ -77,7 +88,9 @@ pub fn design(spec: &Spec, robot: &Robot, threads: usize, watch: &(dyn Fn(Step) 
         } else {
             None
         };
-        let again = validation.as_ref().filter(|v| !v.passed() && adversary.len() < spec.validation.rounds);
+        let again = validation
+            .as_ref()
+            .filter(|v| !v.passed() && adversary.len() < spec.validation.rounds);
         if let Some(worst) = again.and_then(|v| v.samples.first()) {
             let mut found = worsen(spec, robot, &gains, worst, 15)?;
             found.model.name = format!("adversary {}", adversary.len() + 1);
@@ -88,9 +101,23 @@ pub fn design(spec: &Spec, robot: &Robot, threads: usize, watch: &(dyn Fn(Step) 
             options.scatter *= 0.5;
             continue;
         }
-        let reported_problem = problem(spec, robot, &adversary, spec.sampling.pade_order_reporting, Some(&gains))?;
+        let reported_problem = problem(
+            spec,
+            robot,
+            &adversary,
+            spec.sampling.pade_order_reporting,
+            Some(&gains),
+        )?;
         let reported = evaluate(&reported_problem)?;
-        return Ok(Design { gains, problem: problem_now, tuned, reported_problem, reported, validation, adversary });
+        return Ok(Design {
+            gains,
+            problem: problem_now,
+            tuned,
+            reported_problem,
+            reported,
+            validation,
+            adversary,
+        });
     }
 }
 

@@ -83,7 +83,13 @@ pub struct GainTable {
 impl GainTable {
     /// The table of some gains.
     pub fn new(gains: &Gains) -> Self {
-        let mut table = Self { structure: gains.structure, kp: Vec::new(), kp_matrix: Vec::new(), x: Vec::new(), ki: gains.ki.clone() };
+        let mut table = Self {
+            structure: gains.structure,
+            kp: Vec::new(),
+            kp_matrix: Vec::new(),
+            x: Vec::new(),
+            ki: gains.ki.clone(),
+        };
         match gains.structure {
             GainStructure::Diagonal => table.kp = (0..gains.kp.nrows()).map(|i| gains.kp[(i, i)]).collect(),
             GainStructure::Block | GainStructure::Full => table.kp_matrix = linalg::to_rows(&gains.kp),
@@ -102,7 +108,11 @@ impl GainTable {
             GainStructure::Block | GainStructure::Full => linalg::from_rows(&self.kp_matrix)?,
             GainStructure::Scheduled => linalg::from_rows(&self.x)?,
         };
-        Ok(Gains { structure: self.structure, kp, ki: self.ki.clone() })
+        Ok(Gains {
+            structure: self.structure,
+            kp,
+            ki: self.ki.clone(),
+        })
     }
 }
 

@@ -82,7 +82,10 @@ fn close(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
     linalg::put(&mut b, 0, 0, body.b.as_ref());
     let c = linalg::blocks(&[&[&acceleration], &[&force]]);
     let d = linalg::blocks(&[&[&body.b], &[&Matrix::zeros(n, n)]]);
-    Ok(Loop { system: StateSpace { a, b, c, d }, accelerations: nv })
+    Ok(Loop {
+        system: StateSpace { a, b, c, d },
+        accelerations: nv,
+    })
 }
 
 /// Multiplicative errors at every actuator, one complex number each: `f_i (1 + w(s) δ_i)` with |w| rising from the low to
@@ -90,20 +93,40 @@ fn close(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
 ///
 /// # Errors
 /// An unstable loop, impossible numbers.
-pub fn multiplicative_loop(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<(StateSpace, Structure), MarginError> {
+pub fn multiplicative_loop(
+    spec: &Spec,
+    robot: &Robot,
+    model: &ModelSpec,
+    gains: &Gains,
+) -> Result<(StateSpace, Structure), MarginError> {
     let closed = close(spec, robot, model, gains)?;
     let n = robot.channels();
     let x = &spec.uncertainty;
-    let (low, high, corner) = (x.multiplicative_low, x.multiplicative_high, x.multiplicative_cutoff_rad_s);
-    for (what, value) in [("multiplicative_low", low), ("multiplicative_high", high), ("multiplicative_cutoff_rad_s", corner)] {
+    let (low, high, corner) = (
+        x.multiplicative_low,
+        x.multiplicative_high,
+        x.multiplicative_cutoff_rad_s,
+    );
+    for (what, value) in [
+        ("multiplicative_low", low),
+        ("multiplicative_high", high),
+        ("multiplicative_cutoff_rad_s", corner),
+    ] {
         if !value.is_finite() || value <= 0.0 {
             let what = format!("uncertainty.{what}");
-            return Err(RobotError::Value { what, value, reason: "must be positive" }.into());
+            return Err(RobotError::Value {
+                what,
+                value,
+                reason: "must be positive",
+            }
+            .into());
         }
     }
     let one = StateSpace::transfer_function(&[high, corner * low], &[1.0, corner]).map_err(RobotError::from)?;
     let weights = append(&vec![one; n]);
-    let forces = closed.system.select(closed.accelerations..closed.accelerations + n, 0..n);
+    let forces = closed
+        .system
+        .select(closed.accelerations..closed.accelerations + n, 0..n);
     let system = crate::interconnect::series(&forces, &weights).unwrap_or(forces);
     Ok((system, Structure::new(vec![Block::Complex(1); n])?))
 }
@@ -113,7 +136,12 @@ pub fn multiplicative_loop(spec: &Spec, robot: &Robot, model: &ModelSpec, gains:
 ///
 /// # Errors
 /// As above; a situation away from rest.
-pub fn parametric_loop(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<(StateSpace, Structure), MarginError> {
+pub fn parametric_loop(
+    spec: &Spec,
+    robot: &Robot,
+    model: &ModelSpec,
+    gains: &Gains,
+) -> Result<(StateSpace, Structure), MarginError> {
     if model.slosh || model.velocity.iter().any(|v| *v != 0.0) {
         return Err(MarginError::NotAtRest(model.name.clone()));
     }
@@ -123,10 +151,13 @@ pub fn parametric_loop(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Ga
     let mut blocks = Vec::new();
     for slope in robot.mass_slopes(model)? {
         // (M + Σ δ_k S_k) v̇ = f with S_k = E Eᵀ of low rank: w = −δ z, z = Eᵀ v̇, v̇ = M⁻¹ (f + E w).
-        let (values, vectors) = linalg::symmetric_eigen(&(slope * faer::Scale(spec.uncertainty.parametric))).map_err(RobotError::from)?;
+        let (values, vectors) =
+            linalg::symmetric_eigen(&(slope * faer::Scale(spec.uncertainty.parametric))).map_err(RobotError::from)?;
         let largest = values.iter().fold(0.0f64, |x, v| x.max(v.abs()));
         let kept: Vec<usize> = (0..n).filter(|&i| values[i] > 1e-9 * largest).collect();
-        factors.push(Matrix::from_fn(n, kept.len(), |i, j| vectors[(i, kept[j])] * values[kept[j]].sqrt()));
+        factors.push(Matrix::from_fn(n, kept.len(), |i, j| {
+            vectors[(i, kept[j])] * values[kept[j]].sqrt()
+        }));
         blocks.push(Block::Real(kept.len()));
     }
     let e = linalg::blocks(&[&factors.iter().collect::<Vec<_>>()]);
@@ -167,7 +198,10 @@ pub fn margins(
     if !model.slosh && model.velocity.iter().all(|v| *v == 0.0) {
         let (system, structure) = parametric_loop(spec, robot, model, gains)?;
         out.push(StatedMargin {
-            set: format!("real, base mass, base inertia and arm inertia, each ±{} %, independent", 100.0 * x.parametric),
+            set: format!(
+                "real, base mass, base inertia and arm inertia, each ±{} %, independent",
+                100.0 * x.parametric
+            ),
             model: model.name.clone(),
             margin: margin(&system, &structure, options)?,
         });

@@ -69,7 +69,10 @@ pub fn tracking_weights(spec: &Spec) -> Result<StateSpace, RobotError> {
     let w = &spec.weights;
     bank(w.cutoff_rad_s.len(), |i| {
         let omega = w.cutoff_rad_s[i];
-        Ok(StateSpace::transfer_function(&[1.0 / w.peak, omega], &[1.0, omega * w.floor])?)
+        Ok(StateSpace::transfer_function(
+            &[1.0 / w.peak, omega],
+            &[1.0, omega * w.floor],
+        )?)
     })
 }
 
@@ -82,7 +85,11 @@ pub fn generalised_plant(spec: &Spec, body: &Body, model: &ModelSpec, order: usi
     let n = body.channels;
     let nv = body.a.nrows();
     let inverse = |x: &[f64]| x.iter().map(|v| 1.0 / v).collect::<Vec<_>>();
-    let sizes = if model.error_sizes.is_empty() { &spec.scales.velocity } else { &model.error_sizes };
+    let sizes = if model.error_sizes.is_empty() {
+        &spec.scales.velocity
+    } else {
+        &model.error_sizes
+    };
     let (v, v_inv) = (diagonal(sizes), inverse(sizes));
     let d = diagonal(&spec.scales.disturbance);
     let act = actuation(spec, model, n, order)?;
@@ -91,10 +98,18 @@ pub fn generalised_plant(spec: &Spec, body: &Body, model: &ModelSpec, order: usi
     let wl = match &spec.weights.load {
         Some(load) => bank(n, |i| {
             let omega = load.ratio * spec.weights.cutoff_rad_s[i];
-            Ok(StateSpace::transfer_function(&[1.0, omega], &[1.0, omega * load.floor])?)
+            Ok(StateSpace::transfer_function(
+                &[1.0, omega],
+                &[1.0, omega * load.floor],
+            )?)
         })?
         .scaled(&ones, &v_inv),
-        None => StateSpace { a: Matrix::zeros(0, 0), b: Matrix::zeros(0, n), c: Matrix::zeros(0, 0), d: Matrix::zeros(0, n) },
+        None => StateSpace {
+            a: Matrix::zeros(0, 0),
+            b: Matrix::zeros(0, n),
+            c: Matrix::zeros(0, 0),
+            d: Matrix::zeros(0, n),
+        },
     };
     let ni = if spec.gains.integral { n } else { 0 };
     let (na, ns, nl) = (act.states(), ws.states(), wl.states());
@@ -174,20 +189,42 @@ pub fn problem(
         GainStructure::Full | GainStructure::Scheduled => GainKind::PositiveDefinite(vec![n]),
     };
     let start = gains.map_or_else(|| diagonal(&g.start_kp), |x| x.kp.clone());
-    let mut blocks = vec![GainBlock { name: "K_P".into(), kind, row: 0, column: 0, start, unit: 1.0 }];
+    let mut blocks = vec![GainBlock {
+        name: "K_P".into(),
+        kind,
+        row: 0,
+        column: 0,
+        start,
+        unit: 1.0,
+    }];
     if g.integral {
         let start = diagonal(gains.map_or(&g.start_ki, |x| &x.ki));
         let kind = GainKind::PositiveDiagonal(n);
-        blocks.push(GainBlock { name: "K_I".into(), kind, row: 0, column: n, start, unit: 1.0 });
+        blocks.push(GainBlock {
+            name: "K_I".into(),
+            kind,
+            row: 0,
+            column: n,
+            start,
+            unit: 1.0,
+        });
     }
     let mut models = Vec::new();
     for model in spec.models.iter().chain(extra) {
         let body = robot.body(model)?;
         let plant = generalised_plant(spec, &body, model, order)?;
         let measurements = if g.integral { 2 * n } else { n };
-        let mut channels = vec![Channel { name: "tracking".into(), outputs: 0..2 * n, inputs: 0..n }];
+        let mut channels = vec![Channel {
+            name: "tracking".into(),
+            outputs: 0..2 * n,
+            inputs: 0..n,
+        }];
         if spec.weights.load.is_some() {
-            channels.push(Channel { name: "load".into(), outputs: 2 * n..3 * n, inputs: n..2 * n });
+            channels.push(Channel {
+                name: "load".into(),
+                outputs: 2 * n..3 * n,
+                inputs: n..2 * n,
+            });
         }
         let scheduled = if g.structure == GainStructure::Scheduled {
             let root = linalg::sqrt_spd(&body.mass)?;
@@ -199,7 +236,14 @@ pub fn problem(
         if g.integral {
             transforms.push(None);
         }
-        models.push(Model { name: model.name.clone(), plant, controls: n, measurements, channels, transforms });
+        models.push(Model {
+            name: model.name.clone(),
+            plant,
+            controls: n,
+            measurements,
+            channels,
+            transforms,
+        });
     }
     Ok(Problem { models, gains: blocks })
 }

@@ -50,7 +50,15 @@ fn tick(spec: &Spec, robot: &Robot, model: &ModelSpec) -> Result<(Tick, Matrix),
     let e = linalg::expm(&(a * faer::Scale(spec.sampling.plant_period_s)))?;
     let transition = linalg::sub(&e, 0, 0, states, states);
     let input = linalg::sub(&e, 0, states, states, n);
-    Ok((Tick { transition, input, states, channels: n }, body.mass))
+    Ok((
+        Tick {
+            transition,
+            input,
+            states,
+            channels: n,
+        },
+        body.mass,
+    ))
 }
 
 /// The map over one controller period, for `kp`, `ki` (per tick) and the given delays in ticks.
@@ -81,7 +89,11 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &[f64], period: usize, sensor: usize, ac
     let mut commands = Vec::new();
     for tick in 0..period {
         if tick == 0 {
-            let seen = if waiting == 0 { rows(&x, 0, n) } else { rows(&x, at_y + n * (waiting - 1), n) };
+            let seen = if waiting == 0 {
+                rows(&x, 0, n)
+            } else {
+                rows(&x, at_y + n * (waiting - 1), n)
+            };
             let mut command = kp * &seen * faer::Scale(-1.0);
             for i in 0..ki.len() {
                 for j in 0..length {
@@ -131,7 +143,14 @@ impl Setup {
     fn radius(&self, factor: f64, extra: usize) -> Result<f64, RobotError> {
         let scaled: Vec<f64> = self.ki.iter().map(|k| k * factor).collect();
         let kp = &self.kp * faer::Scale(factor);
-        radius(&monodromy(&self.tick, &kp, &scaled, self.period, self.sensor, self.actuator + extra))
+        radius(&monodromy(
+            &self.tick,
+            &kp,
+            &scaled,
+            self.period,
+            self.sensor,
+            self.actuator + extra,
+        ))
     }
 }
 
@@ -140,7 +159,11 @@ fn setup(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
     let ratio = s.controller_period_s / s.plant_period_s;
     if !ratio.is_finite() || ratio < 1.0 || (ratio - ratio.round()).abs() > 1e-9 * ratio {
         let reason = "must be a whole multiple of sampling.plant_period_s";
-        return Err(RobotError::Value { what: "sampling.controller_period_s".into(), value: s.controller_period_s, reason });
+        return Err(RobotError::Value {
+            what: "sampling.controller_period_s".into(),
+            value: s.controller_period_s,
+            reason,
+        });
     }
     let period = ratio.round() as usize;
     let (tick, mass) = tick(spec, robot, model)?;
@@ -148,8 +171,18 @@ fn setup(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
     // The integrator's state is the sum of errors per plant tick: K_I takes the tick along.
     let ki: Vec<f64> = gains.ki.iter().map(|k| k * s.plant_period_s).collect();
     let sensor = ticks(s.sensor_delay_s, s.plant_period_s);
-    let actuator = ticks(s.computing_s + s.actuator_delay_s + model.extra_delay_s, s.plant_period_s);
-    Ok(Setup { tick, kp, ki, period, sensor, actuator })
+    let actuator = ticks(
+        s.computing_s + s.actuator_delay_s + model.extra_delay_s,
+        s.plant_period_s,
+    );
+    Ok(Setup {
+        tick,
+        kp,
+        ki,
+        period,
+        sensor,
+        actuator,
+    })
 }
 
 /// The spectral radius alone.
@@ -174,7 +207,12 @@ pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> 
     // of the loop. One is allowed to the accuracy of the eigenvalues.
     let stable = |r: f64| r < 1.0 + 1e-9;
     if !stable(spectral_radius) {
-        return Ok(Sampled { spectral_radius, gain_margin_up: 0.0, gain_margin_down: 0.0, delay_margin_s: 0.0 });
+        return Ok(Sampled {
+            spectral_radius,
+            gain_margin_up: 0.0,
+            gain_margin_down: 0.0,
+            delay_margin_s: 0.0,
+        });
     }
     let edge = |step: f64| -> Result<f64, RobotError> {
         let (mut inside, mut outside) = (1.0f64, None);
@@ -187,10 +225,16 @@ pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> 
                 break;
             }
         }
-        let Some(mut outside) = outside else { return Ok(if step > 1.0 { f64::INFINITY } else { 0.0 }) };
+        let Some(mut outside) = outside else {
+            return Ok(if step > 1.0 { f64::INFINITY } else { 0.0 });
+        };
         for _ in 0..12 {
             let middle = (inside * outside).sqrt();
-            if stable(at(middle, 0)?) { inside = middle } else { outside = middle }
+            if stable(at(middle, 0)?) {
+                inside = middle
+            } else {
+                outside = middle
+            }
         }
         Ok(inside)
     };
@@ -208,7 +252,16 @@ pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> 
     }
     while high - low > 1 {
         let middle = (low + high) / 2;
-        if stable(at(1.0, middle)?) { low = middle } else { high = middle }
+        if stable(at(1.0, middle)?) {
+            low = middle
+        } else {
+            high = middle
+        }
     }
-    Ok(Sampled { spectral_radius, gain_margin_up, gain_margin_down, delay_margin_s: low as f64 * s.plant_period_s })
+    Ok(Sampled {
+        spectral_radius,
+        gain_margin_up,
+        gain_margin_down,
+        delay_margin_s: low as f64 * s.plant_period_s,
+    })
 }

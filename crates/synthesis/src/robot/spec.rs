@@ -226,7 +226,15 @@ pub struct SearchSpec {
 
 impl Default for SearchSpec {
     fn default() -> Self {
-        Self { starts: 2, scatter: 0.5, seed: 1, iterations: 120, finishing: 30, rounds: 2, tolerance: 1e-3 }
+        Self {
+            starts: 2,
+            scatter: 0.5,
+            seed: 1,
+            iterations: 120,
+            finishing: 30,
+            rounds: 2,
+            tolerance: 1e-3,
+        }
     }
 }
 
@@ -268,6 +276,15 @@ pub struct ValidationSpec {
 
 impl Default for ValidationSpec {
     fn default() -> Self {
-        Self { samples: 0, seed: 7, joints_deg: Vec::new(), mass: 0.0, fill: [1.0, 1.0], extra_delay_s: 0.0, gamma: f64::INFINITY, rounds: 0 }
+        Self {
+            samples: 0,
+            seed: 7,
+            joints_deg: Vec::new(),
+            mass: 0.0,
+            fill: [1.0, 1.0],
+            extra_delay_s: 0.0,
+            gamma: f64::INFINITY,
+            rounds: 0,
+        }
     }
 }

@@ -26,7 +26,11 @@ impl Sample {
 
     /// Order of badness: unstable ones by radius, the others by gamma.
     fn badness(&self) -> f64 {
-        if self.stable() { self.gamma } else { 1e6 * self.spectral_radius.max(1.0) }
+        if self.stable() {
+            self.gamma
+        } else {
+            1e6 * self.spectral_radius.max(1.0)
+        }
     }
 }
 
@@ -93,12 +97,22 @@ pub fn draw(spec: &Spec, index: u64) -> ModelSpec {
 ///
 /// # Errors
 /// An impossible situation.
-pub fn assess(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains, order: usize) -> Result<Sample, ValidateError> {
+pub fn assess(
+    spec: &Spec,
+    robot: &Robot,
+    model: &ModelSpec,
+    gains: &Gains,
+    order: usize,
+) -> Result<Sample, ValidateError> {
     let mut one = spec.clone();
     one.models = vec![model.clone()];
     let gamma = evaluate(&problem(&one, robot, &[], order, Some(gains))?)?.gamma;
     let spectral_radius = super::sampled::spectral_radius(spec, robot, model, gains)?;
-    Ok(Sample { model: model.clone(), gamma, spectral_radius })
+    Ok(Sample {
+        model: model.clone(),
+        gamma,
+        spectral_radius,
+    })
 }
 
 /// Assesses the gains on the whole validation set; `watch` is told how many samples are done.
@@ -108,18 +122,33 @@ pub fn assess(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains, orde
 pub fn validate(spec: &Spec, robot: &Robot, gains: &Gains, watch: &dyn Fn(usize)) -> Result<Validation, ValidateError> {
     let mut samples = Vec::new();
     for index in 0..spec.validation.samples {
-        samples.push(assess(spec, robot, &draw(spec, index as u64), gains, spec.sampling.pade_order_tuning)?);
+        samples.push(assess(
+            spec,
+            robot,
+            &draw(spec, index as u64),
+            gains,
+            spec.sampling.pade_order_tuning,
+        )?);
         watch(index + 1);
     }
     samples.sort_by(|a, b| b.badness().total_cmp(&a.badness()));
-    Ok(Validation { samples, limit: spec.validation.gamma })
+    Ok(Validation {
+        samples,
+        limit: spec.validation.gamma,
+    })
 }
 
 /// Makes a bad situation worse: random steps inside the ranges of the validation set that are kept when they hurt.
 ///
 /// # Errors
 /// An impossible specification.
-pub fn worsen(spec: &Spec, robot: &Robot, gains: &Gains, worst: &Sample, tries: usize) -> Result<Sample, ValidateError> {
+pub fn worsen(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    worst: &Sample,
+    tries: usize,
+) -> Result<Sample, ValidateError> {
     let v = &spec.validation;
     let mut worst = worst.clone();
     let mut rng = Rng::new(v.seed, 1 << 40);

@@ -36,18 +36,30 @@ pub(crate) fn finish<E>(
 ) -> Result<f64, E> {
     let mut value = value;
     let cuts_of = |pieces: Vec<Piece>, x: &[f64]| -> Vec<Cut> {
-        pieces.into_iter().map(|p| Cut { value: p.value, gradient: p.gradient, at: x.to_vec() }).collect()
+        pieces
+            .into_iter()
+            .map(|p| Cut {
+                value: p.value,
+                gradient: p.gradient,
+                at: x.to_vec(),
+            })
+            .collect()
     };
     let mut cuts = cuts_of(pieces, x);
     let most = 3 * x.len() + 40;
     // Step parameter: the first trial moves by at most a tenth of a unit.
-    let steepest = cuts.iter().map(|c| length(&c.gradient)).fold(f64::MIN_POSITIVE, f64::max);
+    let steepest = cuts
+        .iter()
+        .map(|c| length(&c.gradient))
+        .fold(f64::MIN_POSITIVE, f64::max);
     let mut t = 0.1 / steepest;
     for _ in 0..steps {
         let level: Vec<f64> = cuts.iter().map(|c| c.at(x, value) - value).collect();
         let gradients: Vec<Vec<f64>> = cuts.iter().map(|c| c.gradient.clone()).collect();
-        let gram: Vec<Vec<f64>> =
-            gradients.iter().map(|a| gradients.iter().map(|b| t * dot(a, b)).collect()).collect();
+        let gram: Vec<Vec<f64>> = gradients
+            .iter()
+            .map(|a| gradients.iter().map(|b| t * dot(a, b)).collect())
+            .collect();
         let lambda = simplex_qp(&gram, &level);
         let aggregate = combine(&gradients, &lambda);
         let promised = -t * dot(&aggregate, &aggregate) + dot(&level, &lambda);
@@ -62,7 +74,11 @@ pub(crate) fn finish<E>(
         let trial: Vec<f64> = x.iter().zip(&aggregate).map(|(a, g)| a - t * g).collect();
         let (trial_value, trial_pieces) = f(&trial)?;
         let achieved = value - trial_value;
-        let at = if trial_value.is_finite() { cuts_of(trial_pieces, &trial) } else { Vec::new() };
+        let at = if trial_value.is_finite() {
+            cuts_of(trial_pieces, &trial)
+        } else {
+            Vec::new()
+        };
         if trial_value.is_finite() && achieved >= -0.1 * promised {
             *x = trial;
             value = trial_value;

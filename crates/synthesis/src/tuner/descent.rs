@@ -42,8 +42,14 @@ pub(crate) fn bfgs<E>(
             direction = gradient.iter().map(|g| -g / slope_scale).collect();
         }
         // The first step has no scale of its own: never longer than one unit of the parameters.
-        let start = if first { (1.0 / length(&direction)).min(1.0) } else { 1.0 };
-        let Some(step) = weak_wolfe(x, value, &gradient, &direction, start, &mut f)? else { break };
+        let start = if first {
+            (1.0 / length(&direction)).min(1.0)
+        } else {
+            1.0
+        };
+        let Some(step) = weak_wolfe(x, value, &gradient, &direction, start, &mut f)? else {
+            break;
+        };
         let s: Vec<f64> = step.x.iter().zip(x.iter()).map(|(a, b)| a - b).collect();
         let y: Vec<f64> = step.gradient.iter().zip(&gradient).map(|(a, b)| a - b).collect();
         let sy = dot(&s, &y);
@@ -70,7 +76,9 @@ pub(crate) fn bfgs<E>(
 }
 
 fn identity(n: usize, scale: f64) -> Vec<Vec<f64>> {
-    (0..n).map(|i| (0..n).map(|j| if i == j { scale } else { 0.0 }).collect()).collect()
+    (0..n)
+        .map(|i| (0..n).map(|j| if i == j { scale } else { 0.0 }).collect())
+        .collect()
 }
 
 /// The BFGS update of the inverse Hessian.
@@ -114,14 +122,22 @@ fn weak_wolfe<E>(
         } else {
             let rising = dot(&trial_gradient, direction) >= SLOPE * slope;
             if best.as_ref().is_none_or(|b| trial_value < b.value) {
-                best = Some(Step { x: trial, value: trial_value, gradient: trial_gradient });
+                best = Some(Step {
+                    x: trial,
+                    value: trial_value,
+                    gradient: trial_gradient,
+                });
             }
             if rising {
                 return Ok(best);
             }
             low = t;
         }
-        t = if high.is_finite() { 0.5 * (low + high) } else { 2.0 * low };
+        t = if high.is_finite() {
+            0.5 * (low + high)
+        } else {
+            2.0 * low
+        };
         if high.is_finite() && high - low <= 1e-13 * high {
             break;
         }

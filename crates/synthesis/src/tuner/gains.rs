@@ -62,7 +62,9 @@ pub struct GainBlock {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum GainError {
     /// The start value has the wrong shape.
-    #[error("gain {name}: the start value is {rows} x {columns}, the structure needs {expected_rows} x {expected_columns}")]
+    #[error(
+        "gain {name}: the start value is {rows} x {columns}, the structure needs {expected_rows} x {expected_columns}"
+    )]
     Shape {
         /// Name of the gain.
         name: String,
@@ -136,7 +138,12 @@ impl Parametrised {
                     let value = block.start[(row, column)];
                     let asymmetric = (value - block.start[(column, row)]).abs() > 1e-9 * linalg::max_abs(&block.start);
                     if asymmetric || (!allowed(row, column) && value != 0.0) {
-                        return Err(GainError::OutsideStructure { name: name(), row, column, value });
+                        return Err(GainError::OutsideStructure {
+                            name: name(),
+                            row,
+                            column,
+                            value,
+                        });
                     }
                 }
             }
@@ -145,7 +152,10 @@ impl Parametrised {
         let factor = match &block.kind {
             GainKind::Full { .. } => {
                 if block.unit.is_nan() || block.unit <= 0.0 {
-                    return Err(GainError::Unit { name: name(), unit: block.unit });
+                    return Err(GainError::Unit {
+                        name: name(),
+                        unit: block.unit,
+                    });
                 }
                 Matrix::zeros(0, 0)
             }
@@ -181,11 +191,15 @@ impl Parametrised {
     pub(crate) fn value(&self, x: &[f64]) -> Matrix {
         let start = &self.block.start;
         match &self.block.kind {
-            GainKind::Full { rows, columns } => {
-                Matrix::from_fn(*rows, *columns, |i, j| start[(i, j)] + self.block.unit * x[i * columns + j])
-            }
+            GainKind::Full { rows, columns } => Matrix::from_fn(*rows, *columns, |i, j| {
+                start[(i, j)] + self.block.unit * x[i * columns + j]
+            }),
             GainKind::PositiveDiagonal(n) => {
-                Matrix::from_fn(*n, *n, |i, j| if i == j { start[(i, i)] * libm::exp(x[i]) } else { 0.0 })
+                Matrix::from_fn(
+                    *n,
+                    *n,
+                    |i, j| if i == j { start[(i, i)] * libm::exp(x[i]) } else { 0.0 },
+                )
             }
             GainKind::PositiveDefinite(_) => {
                 let f = &self.factor * self.lower(x);
@@ -225,7 +239,9 @@ impl Parametrised {
 
     /// The lower triangular factor L(x), block diagonal, with exponentials on the diagonal; L(0) = I.
     fn lower(&self, x: &[f64]) -> Matrix {
-        let GainKind::PositiveDefinite(sizes) = &self.block.kind else { return Matrix::zeros(0, 0) };
+        let GainKind::PositiveDefinite(sizes) = &self.block.kind else {
+            return Matrix::zeros(0, 0);
+        };
         let n = sizes.iter().sum();
         let mut l = Matrix::zeros(n, n);
         let mut at = 0;

@@ -70,8 +70,17 @@ const MARGIN: f64 = 1e-13;
 
 impl<'a> Objective<'a> {
     pub(crate) fn new(problem: &'a Checked, tolerance: f64) -> Self {
-        let memory = problem.models.iter().map(|m| vec![Vec::new(); m.channels.len()]).collect();
-        Self { problem, memory, tolerance, evaluations: 0 }
+        let memory = problem
+            .models
+            .iter()
+            .map(|m| vec![Vec::new(); m.channels.len()])
+            .collect();
+        Self {
+            problem,
+            memory,
+            tolerance,
+            evaluations: 0,
+        }
     }
 
     fn close(&self, model: &'a Model, k: &Matrix) -> Result<Option<Closed<'a>>, LinalgError> {
@@ -90,15 +99,30 @@ impl<'a> Objective<'a> {
             if linalg::reciprocal_condition(&e)? < 1e-12 {
                 return Ok(None);
             }
-            (linalg::inverse(&e)?, linalg::inverse(&(Matrix::identity(ny, ny) - &d22 * k))?)
+            (
+                linalg::inverse(&e)?,
+                linalg::inverse(&(Matrix::identity(ny, ny) - &d22 * k))?,
+            )
         };
         let (b_u, d_u) = (&b2 * &e, &d12 * &e);
         let (c_y, d_y) = (&f * &c2, &f * &d21);
         let (kc, kd) = (k * &c_y, k * &d_y);
-        let system =
-            StateSpace { a: &p.a + &b2 * &kc, b: b1 + &b2 * &kd, c: c1 + &d12 * &kc, d: d11 + &d12 * &kd };
+        let system = StateSpace {
+            a: &p.a + &b2 * &kc,
+            b: b1 + &b2 * &kd,
+            c: c1 + &d12 * &kc,
+            d: d11 + &d12 * &kd,
+        };
         let poles = system.poles()?;
-        Ok(Some(Closed { model, system, b_u, d_u, c_y, d_y, poles }))
+        Ok(Some(Closed {
+            model,
+            system,
+            b_u,
+            d_u,
+            c_y,
+            d_y,
+            poles,
+        }))
     }
 
     /// The largest spectral abscissa over the models, and its gradient.
@@ -106,16 +130,22 @@ impl<'a> Objective<'a> {
         let blocks = self.problem.blocks(x);
         let mut worst: Option<(f64, Closed<'a>)> = None;
         for model in &self.problem.models {
-            let Some(closed) = self.close(model, &self.problem.gain(model, &blocks))? else { return Ok(None) };
+            let Some(closed) = self.close(model, &self.problem.gain(model, &blocks))? else {
+                return Ok(None);
+            };
             let abscissa = closed.abscissa();
             if worst.as_ref().is_none_or(|(a, _)| abscissa > *a) {
                 worst = Some((abscissa, closed));
             }
         }
-        let Some((abscissa, closed)) = worst else { return Ok(None) };
+        let Some((abscissa, closed)) = worst else {
+            return Ok(None);
+        };
         let (values, right) = linalg::eigen(&closed.system.a)?;
         let n = values.len();
-        let at = (0..n).max_by(|&i, &j| values[i].re.total_cmp(&values[j].re)).unwrap_or(0);
+        let at = (0..n)
+            .max_by(|&i, &j| values[i].re.total_cmp(&values[j].re))
+            .unwrap_or(0);
         // Row `at` of the inverse of the eigenvector matrix is the left eigenvector with yᴴ x = 1.
         let unit = CMatrix::from_fn(n, 1, |i, _| c64::new(f64::from(u8::from(i == at)), 0.0));
         let left = linalg::solve_complex(&right.transpose().to_owned(), &unit);
@@ -134,7 +164,11 @@ impl<'a> Objective<'a> {
     pub(crate) fn norm(&mut self, x: &[f64], ceiling: f64) -> Result<(Value, Vec<f64>), LinalgError> {
         self.evaluations += 1;
         let blocks = self.problem.blocks(x);
-        let mut value = Value { abscissa: f64::NEG_INFINITY, gamma: 0.0, channels: Vec::new() };
+        let mut value = Value {
+            abscissa: f64::NEG_INFINITY,
+            gamma: 0.0,
+            channels: Vec::new(),
+        };
         let mut loops = Vec::new();
         for model in &self.problem.models {
             match self.close(model, &self.problem.gain(model, &blocks))? {
@@ -152,8 +186,16 @@ impl<'a> Objective<'a> {
         if value.gamma.is_infinite() {
             return Ok((value, Vec::new()));
         }
-        let parts: Vec<Vec<StateSpace>> =
-            loops.iter().map(|c| c.model.channels.iter().map(|ch| channel_system(&c.system, ch)).collect()).collect();
+        let parts: Vec<Vec<StateSpace>> = loops
+            .iter()
+            .map(|c| {
+                c.model
+                    .channels
+                    .iter()
+                    .map(|ch| channel_system(&c.system, ch))
+                    .collect()
+            })
+            .collect();
         // The cheap test first, over all channels: the gain at the frequencies that mattered lately.
         let mut quick = 0.0f64;
         if ceiling.is_finite() {
@@ -178,7 +220,10 @@ impl<'a> Objective<'a> {
                     start.extend(&self.memory[m][c]);
                 }
                 let found = norm::climb(part, self.tolerance, &start)?;
-                let here = ChannelNorm { gain: found.gain, omega: found.omega };
+                let here = ChannelNorm {
+                    gain: found.gain,
+                    omega: found.omega,
+                };
                 remember(&mut self.memory[m][c], found.omega);
                 if here.gain > worst.2.gain {
                     worst = (m, c, here);
@@ -203,7 +248,9 @@ impl<'a> Objective<'a> {
         }
         let blocks = self.problem.blocks(x);
         for (m, model) in self.problem.models.iter().enumerate() {
-            let Some(closed) = self.close(model, &self.problem.gain(model, &blocks))? else { continue };
+            let Some(closed) = self.close(model, &self.problem.gain(model, &blocks))? else {
+                continue;
+            };
             for c in 0..model.channels.len() {
                 let top = value.channels[m][c];
                 if top.gain < depth * value.gamma {
@@ -223,7 +270,14 @@ impl<'a> Objective<'a> {
     }
 
     /// Pieces from the `count` largest singular values of one channel at one frequency.
-    fn pieces_at(&self, closed: &Closed<'_>, channel: usize, omega: f64, x: &[f64], count: usize) -> Result<Vec<Piece>, LinalgError> {
+    fn pieces_at(
+        &self,
+        closed: &Closed<'_>,
+        channel: usize,
+        omega: f64,
+        x: &[f64],
+        count: usize,
+    ) -> Result<Vec<Piece>, LinalgError> {
         let channel = &closed.model.channels[channel];
         let s = &closed.system;
         let n = s.states();
@@ -231,8 +285,20 @@ impl<'a> Objective<'a> {
         let b = linalg::to_complex(&linalg::sub(&s.b, 0, channel.inputs.start, n, nw));
         let c = linalg::to_complex(&linalg::sub(&s.c, channel.outputs.start, 0, nz, n));
         let d = linalg::to_complex(&linalg::sub(&s.d, channel.outputs.start, channel.inputs.start, nz, nw));
-        let d_y = linalg::to_complex(&linalg::sub(&closed.d_y, 0, channel.inputs.start, closed.d_y.nrows(), nw));
-        let d_u = linalg::to_complex(&linalg::sub(&closed.d_u, channel.outputs.start, 0, nz, closed.d_u.ncols()));
+        let d_y = linalg::to_complex(&linalg::sub(
+            &closed.d_y,
+            0,
+            channel.inputs.start,
+            closed.d_y.nrows(),
+            nw,
+        ));
+        let d_u = linalg::to_complex(&linalg::sub(
+            &closed.d_u,
+            channel.outputs.start,
+            0,
+            nz,
+            closed.d_u.ncols(),
+        ));
         let (b_u, c_y) = (linalg::to_complex(&closed.b_u), linalg::to_complex(&closed.c_y));
         // States per input, and outputs per state, at this frequency; at infinite frequency there are none.
         let (states, co_states) = if omega.is_infinite() {
@@ -255,7 +321,10 @@ impl<'a> Objective<'a> {
             let uk = CMatrix::from_fn(1, nz, |_, i| u[(i, k)].conj());
             let (y, row) = (&to_y * &vk, &uk * &from_u);
             let in_k = Matrix::from_fn(row.ncols(), y.nrows(), |i, j| (row[(0, i)] * y[(j, 0)]).re);
-            out.push(Piece { value: sigma[k], gradient: self.problem.pull_back(closed.model, x, &in_k) });
+            out.push(Piece {
+                value: sigma[k],
+                gradient: self.problem.pull_back(closed.model, x, &in_k),
+            });
         }
         Ok(out)
     }
@@ -263,7 +332,9 @@ impl<'a> Objective<'a> {
 
 /// The closed loop of one channel with only the states that lie on a path from its inputs to its outputs, balanced.
 fn channel_system(closed: &StateSpace, channel: &super::problem::Channel) -> StateSpace {
-    balance::balanced_system(&crate::reduce::on_path(&closed.select(channel.outputs.clone(), channel.inputs.clone())))
+    balance::balanced_system(&crate::reduce::on_path(
+        &closed.select(channel.outputs.clone(), channel.inputs.clone()),
+    ))
 }
 
 /// Keeps the last few distinct peak frequencies.
@@ -283,29 +354,50 @@ fn local_peaks(g: &StateSpace, poles: &[c64], top: ChannelNorm, floor: f64) -> R
     grid.push(0.0);
     grid.sort_by(f64::total_cmp);
     grid.dedup_by(|a, b| (*a - *b).abs() <= 1e-3 * b.abs());
-    let middle: Vec<f64> = grid.windows(2).map(|w| if w[0] > 0.0 { (w[0] * w[1]).sqrt() } else { 0.5 * w[1] }).collect();
+    let middle: Vec<f64> = grid
+        .windows(2)
+        .map(|w| if w[0] > 0.0 { (w[0] * w[1]).sqrt() } else { 0.5 * w[1] })
+        .collect();
     grid.extend(middle);
     grid.sort_by(f64::total_cmp);
-    let gains = grid.iter().map(|&w| norm::gain_at(g, w)).collect::<Result<Vec<_>, _>>()?;
+    let gains = grid
+        .iter()
+        .map(|&w| norm::gain_at(g, w))
+        .collect::<Result<Vec<_>, _>>()?;
     let mut peaks = vec![(top.gain, top.omega)];
     for i in 0..grid.len() {
         let left = if i > 0 { gains[i - 1] } else { f64::NEG_INFINITY };
-        let right = if i + 1 < grid.len() { gains[i + 1] } else { f64::NEG_INFINITY };
+        let right = if i + 1 < grid.len() {
+            gains[i + 1]
+        } else {
+            f64::NEG_INFINITY
+        };
         if gains[i] < left || gains[i] < right || gains[i] < 0.8 * floor {
             continue;
         }
-        let (mut a, mut b) = (if i > 0 { grid[i - 1] } else { grid[i] }, if i + 1 < grid.len() { grid[i + 1] } else { grid[i] });
+        let (mut a, mut b) = (
+            if i > 0 { grid[i - 1] } else { grid[i] },
+            if i + 1 < grid.len() { grid[i + 1] } else { grid[i] },
+        );
         let (mut best, mut at) = (gains[i], grid[i]);
         const GOLDEN: f64 = 0.381_966_011_250_105;
         for _ in 0..24 {
             if b - a <= 1e-6 * b {
                 break;
             }
-            let trial = if at - a > b - at { at - GOLDEN * (at - a) } else { at + GOLDEN * (b - at) };
+            let trial = if at - a > b - at {
+                at - GOLDEN * (at - a)
+            } else {
+                at + GOLDEN * (b - at)
+            };
             let gain = norm::gain_at(g, trial)?;
             let (inner, outer) = (trial.min(at), trial.max(at));
             if gain > best {
-                if trial > at { a = inner } else { b = outer }
+                if trial > at {
+                    a = inner
+                } else {
+                    b = outer
+                }
                 (best, at) = (gain, trial);
             } else if trial > at {
                 b = outer;

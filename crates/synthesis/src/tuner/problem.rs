@@ -106,7 +106,12 @@ impl Checked {
         if problem.models.is_empty() {
             return Err(TuneError::Empty("model"));
         }
-        let gains = problem.gains.iter().cloned().map(Parametrised::new).collect::<Result<Vec<_>, _>>()?;
+        let gains = problem
+            .gains
+            .iter()
+            .cloned()
+            .map(Parametrised::new)
+            .collect::<Result<Vec<_>, _>>()?;
         if gains.iter().map(|g| g.block.kind.parameters()).sum::<usize>() == 0 {
             return Err(TuneError::Empty("tunable gain"));
         }
@@ -124,10 +129,16 @@ impl Checked {
                 d: Matrix::zeros(model.measurements, model.controls),
             };
             if let Some(&mode) = loop_part.fixed_unstable_modes(true)?.first() {
-                return Err(TuneError::NotStabilisable { model: model.name.clone(), mode });
+                return Err(TuneError::NotStabilisable {
+                    model: model.name.clone(),
+                    mode,
+                });
             }
             if let Some(&mode) = loop_part.fixed_unstable_modes(false)?.first() {
-                return Err(TuneError::NotDetectable { model: model.name.clone(), mode });
+                return Err(TuneError::NotDetectable {
+                    model: model.name.clone(),
+                    mode,
+                });
             }
         }
         Ok(Self { models, gains })
@@ -191,7 +202,12 @@ impl Checked {
 }
 
 fn check_model(model: &Model, gains: &[GainBlock]) -> Result<(), TuneError> {
-    let misfit = |what: String| Err(TuneError::Misfit { model: model.name.clone(), what });
+    let misfit = |what: String| {
+        Err(TuneError::Misfit {
+            model: model.name.clone(),
+            what,
+        })
+    };
     let (inputs, outputs) = (model.plant.inputs(), model.plant.outputs());
     if model.controls == 0 || model.controls > inputs {
         return misfit(format!("{} control inputs of {inputs} inputs", model.controls));
@@ -213,13 +229,20 @@ fn check_model(model: &Model, gains: &[GainBlock]) -> Result<(), TuneError> {
         }
     }
     if model.transforms.len() != gains.len() {
-        return misfit(format!("{} transforms for {} gains", model.transforms.len(), gains.len()));
+        return misfit(format!(
+            "{} transforms for {} gains",
+            model.transforms.len(),
+            gains.len()
+        ));
     }
     for (g, t) in gains.iter().zip(&model.transforms) {
         let (p, q) = g.kind.shape();
         let (rows, columns) = match t {
             Some((left, right)) if left.ncols() != p || right.nrows() != q => {
-                return misfit(format!("the transforms of gain {} do not fit its {p} x {q} shape", g.name));
+                return misfit(format!(
+                    "the transforms of gain {} do not fit its {p} x {q} shape",
+                    g.name
+                ));
             }
             Some((left, right)) => (left.nrows(), right.ncols()),
             None => (p, q),

@@ -10,7 +10,12 @@ pub(crate) fn simplex_qp(q: &[Vec<f64>], f: &[f64]) -> Vec<f64> {
         return vec![1.0];
     }
     // Work in units of the largest entry, so that the tolerances below mean something.
-    let scale = q.iter().flatten().chain(f).fold(0.0f64, |m, x| m.max(x.abs())).max(f64::MIN_POSITIVE);
+    let scale = q
+        .iter()
+        .flatten()
+        .chain(f)
+        .fold(0.0f64, |m, x| m.max(x.abs()))
+        .max(f64::MIN_POSITIVE);
     let q: Vec<Vec<f64>> = q.iter().map(|r| r.iter().map(|x| x / scale).collect()).collect();
     let f: Vec<f64> = f.iter().map(|x| x / scale).collect();
     let mut lambda = vec![1.0 / n as f64; n];
@@ -34,21 +39,29 @@ pub(crate) fn simplex_qp(q: &[Vec<f64>], f: &[f64]) -> Vec<f64> {
         let ones = solve(&factor, &vec![1.0; n]);
         let total: f64 = ones.iter().sum();
         let step = |target: &[f64]| {
-            let rhs: Vec<f64> = (0..n).map(|i| -dual[i] + (target[i] - lambda[i] * slack[i]) / lambda[i]).collect();
+            let rhs: Vec<f64> = (0..n)
+                .map(|i| -dual[i] + (target[i] - lambda[i] * slack[i]) / lambda[i])
+                .collect();
             let base = solve(&factor, &rhs);
             let d_level = (-primal - base.iter().sum::<f64>()) / total;
             let d_lambda: Vec<f64> = (0..n).map(|i| base[i] + d_level * ones[i]).collect();
-            let d_slack: Vec<f64> =
-                (0..n).map(|i| (target[i] - lambda[i] * slack[i] - slack[i] * d_lambda[i]) / lambda[i]).collect();
+            let d_slack: Vec<f64> = (0..n)
+                .map(|i| (target[i] - lambda[i] * slack[i] - slack[i] * d_lambda[i]) / lambda[i])
+                .collect();
             (d_lambda, d_slack, d_level)
         };
         let longest = |x: &[f64], d: &[f64]| {
-            x.iter().zip(d).filter(|(_, d)| **d < 0.0).fold(1.0f64, |t, (x, d)| t.min(-x / d))
+            x.iter()
+                .zip(d)
+                .filter(|(_, d)| **d < 0.0)
+                .fold(1.0f64, |t, (x, d)| t.min(-x / d))
         };
         let (al, as_, _) = step(&vec![0.0; n]);
         let (tp, td) = (longest(&lambda, &al), longest(&slack, &as_));
-        let mu_affine: f64 =
-            (0..n).map(|i| (lambda[i] + tp * al[i]) * (slack[i] + td * as_[i])).sum::<f64>() / n as f64;
+        let mu_affine: f64 = (0..n)
+            .map(|i| (lambda[i] + tp * al[i]) * (slack[i] + td * as_[i]))
+            .sum::<f64>()
+            / n as f64;
         let sigma = (mu_affine / mu).powi(3);
         let target: Vec<f64> = (0..n).map(|i| sigma * mu - al[i] * as_[i]).collect();
         let (dl, ds, dt) = step(&target);
@@ -65,7 +78,10 @@ pub(crate) fn simplex_qp(q: &[Vec<f64>], f: &[f64]) -> Vec<f64> {
 
 /// The smallest element of the convex hull of `points`: its weights and itself.
 pub(crate) fn least_in_hull(points: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
-    let gram: Vec<Vec<f64>> = points.iter().map(|a| points.iter().map(|b| dot(a, b)).collect()).collect();
+    let gram: Vec<Vec<f64>> = points
+        .iter()
+        .map(|a| points.iter().map(|b| dot(a, b)).collect())
+        .collect();
     let lambda = simplex_qp(&gram, &vec![0.0; points.len()]);
     let least = combine(points, &lambda);
     (lambda, least)

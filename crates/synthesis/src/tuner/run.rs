@@ -35,7 +35,16 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { starts: 3, scatter: 1.0, seed: 1, iterations: 300, finishing: 60, rounds: 3, tolerance: 1e-5, threads: 2 }
+        Self {
+            starts: 3,
+            scatter: 1.0,
+            seed: 1,
+            iterations: 300,
+            finishing: 60,
+            rounds: 3,
+            tolerance: 1e-5,
+            threads: 2,
+        }
     }
 }
 
@@ -146,7 +155,11 @@ struct Outcome {
 /// # Errors
 /// A problem that does not fit together, a plant that nobody can stabilise, start gains outside their structure, or no
 /// stabilising gain found (with the least abscissa reached).
-pub fn tune(problem: &Problem, options: &Options, watch: &(dyn Fn(Progress) -> Flow + Sync)) -> Result<Tuned, TuneError> {
+pub fn tune(
+    problem: &Problem,
+    options: &Options,
+    watch: &(dyn Fn(Progress) -> Flow + Sync),
+) -> Result<Tuned, TuneError> {
     let checked = Checked::new(problem)?;
     let starts = options.starts.max(1);
     let next = AtomicUsize::new(0);
@@ -186,20 +199,29 @@ pub fn tune(problem: &Problem, options: &Options, watch: &(dyn Fn(Progress) -> F
         gammas.push(outcome.gamma);
         evaluations += outcome.evaluations;
         let better = best.as_ref().is_none_or(|b| {
-            outcome.gamma < b.gamma || (b.gamma.is_infinite() && outcome.gamma.is_infinite() && outcome.abscissa < b.abscissa)
+            outcome.gamma < b.gamma
+                || (b.gamma.is_infinite() && outcome.gamma.is_infinite() && outcome.abscissa < b.abscissa)
         });
         if better {
             best = Some(outcome);
         }
     }
     let Some(best) = best else {
-        return Err(LinalgError::NoConvergence { what: "eigenvalue", size: checked.models[0].plant.states() }.into());
+        return Err(LinalgError::NoConvergence {
+            what: "eigenvalue",
+            size: checked.models[0].plant.states(),
+        }
+        .into());
     };
     if best.gamma.is_infinite() {
         return Err(if stopped {
             TuneError::Stopped(best.abscissa)
         } else {
-            TuneError::NotStabilised { starts, abscissa: best.abscissa, parameters: best.x }
+            TuneError::NotStabilised {
+                starts,
+                abscissa: best.abscissa,
+                parameters: best.x,
+            }
         });
     }
     let mut objective = Objective::new(&checked, 1e-7);
@@ -208,7 +230,15 @@ pub fn tune(problem: &Problem, options: &Options, watch: &(dyn Fn(Progress) -> F
     let controllers = checked.models.iter().map(|m| checked.gain(m, &gains)).collect();
     let (value, _) = Objective::new(&checked, 1e-8).norm(&best.x, f64::INFINITY)?;
     let evaluation = report(&checked, &value);
-    Ok(Tuned { gains, controllers, evaluation, certificate, starts: gammas, stopped, evaluations })
+    Ok(Tuned {
+        gains,
+        controllers,
+        evaluation,
+        certificate,
+        starts: gammas,
+        stopped,
+        evaluations,
+    })
 }
 
 /// The channel norms at the start values of the gains.
@@ -234,7 +264,11 @@ fn report(checked: &Checked, value: &Value) -> Evaluation {
             });
         }
     }
-    Evaluation { gamma: value.gamma, abscissa: value.abscissa, channels }
+    Evaluation {
+        gamma: value.gamma,
+        abscissa: value.abscissa,
+        channels,
+    }
 }
 
 /// A start value for start number `index`.
@@ -248,7 +282,11 @@ fn scattered(checked: &Checked, options: &Options, index: usize) -> Vec<f64> {
     let reach = 3f64.powi((index as i32 - 1) % 3);
     let mut x = Vec::new();
     for g in &checked.gains {
-        let spread = if g.relative() { 0.5 * options.scatter } else { reach * options.scatter };
+        let spread = if g.relative() {
+            0.5 * options.scatter
+        } else {
+            reach * options.scatter
+        };
         x.extend((0..g.block.kind.parameters()).map(|_| spread * rng.normal()));
     }
     x
@@ -266,17 +304,31 @@ fn one_start(
     let (first, gradient) = objective.norm(&x, f64::INFINITY)?;
     if first.gamma.is_infinite() {
         abscissa = abscissa.max(first.abscissa);
-        return Ok(Outcome { x, gamma: f64::INFINITY, abscissa, evaluations: objective.evaluations });
+        return Ok(Outcome {
+            x,
+            gamma: f64::INFINITY,
+            abscissa,
+            evaluations: objective.evaluations,
+        });
     }
     let mut best = first.gamma.ln();
     let mut gradient: Vec<f64> = gradient.iter().map(|g| g / first.gamma).collect();
-    let limits = Limits { iterations: options.iterations, gain: options.tolerance, window: 20 };
+    let limits = Limits {
+        iterations: options.iterations,
+        gain: options.tolerance,
+        window: 20,
+    };
     let go = Cell::new(true);
     let watch = |phase| {
         let go = &go;
         move |_: &[f64], value: f64| {
             let value = value.exp();
-            go.set(report(Progress { start: index, phase, value, best: value }));
+            go.set(report(Progress {
+                start: index,
+                phase,
+                value,
+                best: value,
+            }));
             go.get()
         }
     };
@@ -301,7 +353,15 @@ fn one_start(
         };
         let (value, pieces) = in_logs(&x)?;
         let gain = 0.1 * options.tolerance;
-        best = bundle::finish(&mut x, value, pieces, options.finishing, gain, in_logs, watch(Phase::Finish))?;
+        best = bundle::finish(
+            &mut x,
+            value,
+            pieces,
+            options.finishing,
+            gain,
+            in_logs,
+            watch(Phase::Finish),
+        )?;
         if !go.get() || before - best < options.tolerance {
             break;
         }
@@ -310,11 +370,19 @@ fn one_start(
         gradient = fresh.iter().map(|g| g / value.gamma).collect();
     }
     let (value, _) = objective.norm(&x, f64::INFINITY)?;
-    Ok(Outcome { x, gamma: value.gamma, abscissa: value.abscissa, evaluations: objective.evaluations })
+    Ok(Outcome {
+        x,
+        gamma: value.gamma,
+        abscissa: value.abscissa,
+        evaluations: objective.evaluations,
+    })
 }
 
 fn log_piece(p: &Piece) -> Piece {
-    Piece { value: p.value.ln(), gradient: p.gradient.iter().map(|g| g / p.value).collect() }
+    Piece {
+        value: p.value.ln(),
+        gradient: p.gradient.iter().map(|g| g / p.value).collect(),
+    }
 }
 
 /// Descends on the spectral abscissa until it is negative by a little, in a few descents (a fresh metric gets BFGS over
@@ -325,22 +393,42 @@ fn stabilise(
     index: usize,
     report: &dyn Fn(Progress) -> bool,
 ) -> Result<f64, LinalgError> {
-    let size = objective.problem.models.iter().map(|m| crate::linalg::max_abs(&m.plant.a)).fold(1.0, f64::max);
+    let size = objective
+        .problem
+        .models
+        .iter()
+        .map(|m| crate::linalg::max_abs(&m.plant.a))
+        .fold(1.0, f64::max);
     let enough = -1e-6 * size.min(1e3);
     let evaluate = |x: &[f64], _: f64| -> descent::Evaluation<LinalgError> {
-        Ok(objective.abscissa(x).ok().flatten().unwrap_or((f64::INFINITY, Vec::new())))
+        Ok(objective
+            .abscissa(x)
+            .ok()
+            .flatten()
+            .unwrap_or((f64::INFINITY, Vec::new())))
     };
-    let limits = Limits { iterations: 150, gain: 1e-9 * size.min(1e3), window: 25 };
+    let limits = Limits {
+        iterations: 150,
+        gain: 1e-9 * size.min(1e3),
+        window: 25,
+    };
     let mut abscissa = f64::INFINITY;
     let mut go = true;
     for _ in 0..3 {
-        let Some((value, gradient)) = objective.abscissa(x)? else { break };
+        let Some((value, gradient)) = objective.abscissa(x)? else {
+            break;
+        };
         abscissa = value;
         if abscissa < enough || !go {
             break;
         }
         abscissa = descent::bfgs(x, value, gradient, limits, evaluate, |_, value| {
-            go = report(Progress { start: index, phase: Phase::Stabilise, value, best: f64::INFINITY });
+            go = report(Progress {
+                start: index,
+                phase: Phase::Stabilise,
+                value,
+                best: f64::INFINITY,
+            });
             go && value >= enough
         })?;
     }
@@ -380,5 +468,12 @@ fn certify(objective: &mut Objective<'_>, x: &[f64], options: &Options) -> Resul
             best = Some(found);
         }
     }
-    Ok(best.unwrap_or(Certificate { length: f64::INFINITY, steepest: 0.0, gradients: 0, active: 0, radius: 0.0, depth: 0.0 }))
+    Ok(best.unwrap_or(Certificate {
+        length: f64::INFINITY,
+        steepest: 0.0,
+        gradients: 0,
+        active: 0,
+        radius: 0.0,
+        depth: 0.0,
+    }))
 }
