@@ -39,7 +39,12 @@ fn a_hard_grasp_conserves_momentum_and_loses_energy() {
     );
     assert_eq!(tape.at("plant.truth", "grasped", 0, 0.1), 0.0);
     assert_eq!(tape.at("plant.truth", "grasped", 0, 0.101), 1.0);
-    assert!(tape.at("plant.truth", "impact_loss", 0, 0.3) > 0.5);
+    // a plastic impact loses energy, and no more than there was
+    let (loss, before) = (
+        tape.at("plant.truth", "impact_loss", 0, 0.3),
+        tape.at("plant.truth", "energy", 0, 0.1),
+    );
+    assert!(loss > 1e-3 * before && loss < before, "{loss} of {before}");
     assert!(residuals(&tape) < 1e-8, "{:e}", residuals(&tape));
     // held for good: the distance of end effector and grasp frame does not change any more
     let distance = |t| tape.at("plant.truth", "position_error", 0, t);
