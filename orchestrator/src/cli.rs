@@ -6,6 +6,10 @@ use clap::{Args, Parser, Subcommand};
 use lockstep::time::Rational;
 
 use crate::commands::compare::CompareArgs;
+use crate::commands::export::ExportArgs;
+use crate::commands::margins::MarginsArgs;
+use crate::commands::report::ReportArgs;
+use crate::commands::tune::TuneArgs;
 use crate::run::Wait;
 
 /// Co-simulation in lockstep over shared memory.
@@ -31,8 +35,18 @@ pub enum Command {
     Graph(GraphArgs),
     /// Say whether two tapes are identical, else where they differ
     Compare(CompareArgs),
+    /// Write a page with figures, summary and 3-D playback of one run or several side by side
+    Report(ReportArgs),
+    /// Write the tape of a run as CSV, Parquet or MCAP
+    Export(ExportArgs),
     /// Look at this machine, and at what dead runs left behind
     Doctor(DoctorArgs),
+    /// Print a model's tree, or everything about given states, to compare with another engine
+    Model(ModelArgs),
+    /// Tune gains by structured H-infinity
+    Tune(TuneArgs),
+    /// Verify gains: norms, mu, margins, the sampled loop
+    Margins(MarginsArgs),
     /// Measure what lockstep costs on this machine
     Bench(BenchArgs),
     /// Be a participant of a run (started by the orchestrator itself)
@@ -162,4 +176,13 @@ pub struct BenchArgs {
     /// The largest ring
     #[arg(long, default_value_t = 64)]
     pub participants: usize,
+}
+
+/// Arguments of `model`.
+#[derive(Debug, Args)]
+pub struct ModelArgs {
+    /// The model, a URDF file
+    pub model: PathBuf,
+    /// States in JSON; without them the tree is printed
+    pub states: Option<PathBuf>,
 }

@@ -1,0 +1,54 @@
+//! Round numbers for axes.
+
+/// Values at round distances inside `lo..=hi`, about `count` of them, with their labels.
+pub(crate) fn ticks(lo: f64, hi: f64, count: usize) -> Vec<(f64, String)> {
+    // Written so that a NaN ends here too.
+    if !(hi > lo && (hi - lo).is_finite()) {
+        return Vec::new();
+    }
+    let raw = (hi - lo) / count.max(1) as f64;
+    let power = 10_f64.powf(raw.log10().floor());
+    let factor = [1.0, 2.0, 2.5, 5.0, 10.0]
+        .into_iter()
+        .find(|f| f * power >= raw * 0.999)
+        .unwrap_or(10.0);
+    let step = factor * power;
+    let size = lo.abs().max(hi.abs());
+    let decimals = (-(step.log10() + 1e-9).floor()).max(0.0) as usize + usize::from(factor == 2.5);
+    let first = (lo / step - 1e-9).ceil();
+    let mut out = Vec::new();
+    let mut k = first;
+    while k * step <= hi + step * 1e-9 && out.len() < 1000 {
+        let value = k * step;
+        let text = if value.abs() < step * 1e-6 {
+            "0".to_owned()
+        } else if !(1e-3..1e5).contains(&size) {
+            format!("{value:.1e}")
+        } else {
+            format!("{value:.decimals$}")
+        };
+        out.push((value, text.replace('-', "−")));
+        k += 1.0;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(lo: f64, hi: f64, count: usize, expected: &str) {
+        let labels: Vec<String> = ticks(lo, hi, count).into_iter().map(|(_, label)| label).collect();
+        assert_eq!(labels.join(" "), expected);
+    }
+
+    #[test]
+    fn ticks_are_round_numbers() {
+        check(0.0, 35.0, 4, "0 10 20 30");
+        check(-0.21, 0.21, 4, "−0.2 0 0.2");
+        check(0.0, 0.9, 4, "0 0.25 0.50 0.75");
+        check(0.0, 3e-5, 3, "0 1.0e−5 2.0e−5 3.0e−5");
+        check(1.0, 1.0, 4, "");
+        check(f64::NAN, 1.0, 4, "");
+    }
+}

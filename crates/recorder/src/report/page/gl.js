@@ -1,0 +1,269 @@
+// A small renderer: lit solids, ribbons of constant width, stars. Matrices are column-major arrays of 16, quaternions are
+// scalar first as in the messages.
+const V = {
+  add: (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]],
+  sub: (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]],
+  scale: (a, s) => [a[0] * s, a[1] * s, a[2] * s],
+  dot: (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2],
+  cross: (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
+  norm: (a) => Math.hypot(a[0], a[1], a[2]),
+  unit: (a) => { const n = V.norm(a) || 1; return [a[0] / n, a[1] / n, a[2] / n]; },
+};
+
+const Q = {
+  rotate(q, v) {
+    const [w, x, y, z] = q, t = V.scale(V.cross([x, y, z], v), 2);
+    return V.add(V.add(v, V.scale(t, w)), V.cross([x, y, z], t));
+  },
+  times: (a, b) => [
+    a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3], a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+    a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1], a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]],
+  turn: (axis, angle) => { const s = Math.sin(angle / 2), u = V.unit(axis); return [Math.cos(angle / 2), u[0] * s, u[1] * s, u[2] * s]; },
+  rpy: ([r, p, y]) => Q.times(Q.turn([0, 0, 1], y), Q.times(Q.turn([0, 1, 0], p), Q.turn([1, 0, 0], r))),
+  /** The shortest turn that takes z to `to`. */
+  fromZ(to) {
+    const u = V.unit(to), axis = V.cross([0, 0, 1], u), s = V.norm(axis);
+    return s < 1e-9 ? (u[2] > 0 ? [1, 0, 0, 0] : [0, 1, 0, 0]) : Q.turn(axis, Math.atan2(s, u[2]));
+  },
+};
+
+const M = {
+  pose(p, q, s = [1, 1, 1]) {
+    const x = Q.rotate(q, [s[0], 0, 0]), y = Q.rotate(q, [0, s[1], 0]), z = Q.rotate(q, [0, 0, s[2]]);
+    return [...x, 0, ...y, 0, ...z, 0, ...p, 1];
+  },
+  times(a, b) {
+    const out = new Array(16).fill(0);
+    for (let c = 0; c < 4; c++) for (let r = 0; r < 4; r++) for (let k = 0; k < 4; k++) out[4 * c + r] += a[4 * k + r] * b[4 * c + k];
+    return out;
+  },
+  perspective(angle, aspect, near, far) {
+    const f = 1 / Math.tan(angle / 2), d = 1 / (near - far);
+    return [f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) * d, -1, 0, 0, 2 * far * near * d, 0];
+  },
+  look(eye, at, up) {
+    const z = V.unit(V.sub(eye, at)), x = V.unit(V.cross(up, z)), y = V.cross(z, x);
+    return [x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0, -V.dot(x, eye), -V.dot(y, eye), -V.dot(z, eye), 1];
+  },
+};
+
+const Mesh = {
+  /** Triangles with flat or given normals: positions and normals, six numbers per corner. */
+  box() {
+    const out = [];
+    for (let axis = 0; axis < 3; axis++) for (const side of [-1, 1]) {
+      const corner = (u, v) => { const p = [0, 0, 0]; p[axis] = side / 2; p[(axis + 1) % 3] = u / 2; p[(axis + 2) % 3] = v / 2; return p; };
+      const n = [0, 0, 0]; n[axis] = side;
+      const quad = [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1)];
+      const order = side > 0 ? [0, 1, 2, 0, 2, 3] : [0, 2, 1, 0, 3, 2];
+      for (const i of order) out.push(...quad[i], ...n);
+    }
+    return out;
+  },
+  /** Around z from -1/2 to 1/2, radius r0 below and r1 above. */
+  cylinder(r0, r1, parts = 40) {
+    const out = [], slope = r0 - r1;
+    for (let i = 0; i < parts; i++) {
+      const [a, b] = [i, i + 1].map((k) => (2 * Math.PI * k) / parts);
+      const ring = (angle, r, z) => [r * Math.cos(angle), r * Math.sin(angle), z];
+      const n = (angle) => V.unit([Math.cos(angle), Math.sin(angle), slope]);
+      const side = [[ring(a, r0, -0.5), n(a)], [ring(b, r0, -0.5), n(b)], [ring(b, r1, 0.5), n(b)], [ring(a, r1, 0.5), n(a)]];
+      for (const k of [0, 1, 2, 0, 2, 3]) out.push(...side[k][0], ...side[k][1]);
+      for (const [r, z, s] of [[r0, -0.5, -1], [r1, 0.5, 1]]) {
+        if (r === 0) continue;
+        const fan = s > 0 ? [[0, 0, z], ring(a, r, z), ring(b, r, z)] : [[0, 0, z], ring(b, r, z), ring(a, r, z)];
+        for (const p of fan) out.push(...p, 0, 0, s);
+      }
+    }
+    return out;
+  },
+  sphere(rows = 20, columns = 36) {
+    const out = [], at = (i, j) => {
+      const a = (Math.PI * i) / rows, b = (2 * Math.PI * j) / columns;
+      return [Math.sin(a) * Math.cos(b), Math.sin(a) * Math.sin(b), Math.cos(a)];
+    };
+    for (let i = 0; i < rows; i++) for (let j = 0; j < columns; j++) {
+      const quad = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+      for (const k of [0, 1, 2, 0, 2, 3]) out.push(...quad[k], ...quad[k]);
+    }
+    return out;
+  },
+};
+
+const SOLID = [`
+attribute vec3 position; attribute vec3 normal;
+uniform mat4 model, view; varying vec3 n, world;
+void main() {
+  vec4 w = model * vec4(position, 1.0); world = w.xyz;
+  // Normals go with the inverse transpose; for a rotation times a scale that is the columns over their squared lengths.
+  vec3 s = vec3(dot(model[0].xyz, model[0].xyz), dot(model[1].xyz, model[1].xyz), dot(model[2].xyz, model[2].xyz));
+  n = model[0].xyz * normal.x / s.x + model[1].xyz * normal.y / s.y + model[2].xyz * normal.z / s.z;
+  gl_Position = view * w;
+}`, `
+precision highp float;
+uniform vec4 colour; uniform vec3 eye, sun; uniform float gloss, light; varying vec3 n, world;
+void main() {
+  vec3 m = normalize(n), v = normalize(eye - world);
+  if (dot(m, v) < 0.0) m = -m;
+  float day = max(dot(m, sun), 0.0), fill = 0.5 + 0.5 * dot(m, normalize(vec3(0.5, -0.4, -0.6)));
+  vec3 h = normalize(sun + v);
+  float shine = gloss * pow(max(dot(m, h), 0.0), 48.0), rim = pow(1.0 - max(dot(m, v), 0.0), 3.0);
+  vec3 c = colour.rgb * (vec3(1.05, 1.0, 0.93) * day * 0.92 + mix(vec3(0.10, 0.13, 0.20), vec3(0.30, 0.33, 0.38), fill) * light)
+         + shine * vec3(1.0, 0.96, 0.9) + rim * 0.10 * vec3(0.55, 0.7, 1.0);
+  float a = colour.a < 1.0 ? clamp(colour.a + rim * 0.35, 0.0, 1.0) : 1.0;
+  gl_FragColor = vec4(pow(c, vec3(0.87)) * a, a);
+}`];
+
+const RIBBON = [`
+attribute vec3 a, b; attribute vec2 corner; attribute float along;
+uniform mat4 view; uniform vec2 size; uniform float width; varying float s;
+void main() {
+  vec4 p = view * vec4(a, 1.0), q = view * vec4(b, 1.0);
+  // Ends behind the eye are brought in front of it, or their projection would be nonsense.
+  float near = 0.02;
+  if (p.w < near && q.w > near) p = mix(p, q, (near - p.w) / (q.w - p.w));
+  if (q.w < near && p.w > near) q = mix(q, p, (near - q.w) / (p.w - q.w));
+  vec2 d = (q.xy / q.w - p.xy / p.w) * size; d = length(d) > 1e-6 ? normalize(d) : vec2(1.0, 0.0);
+  vec4 o = corner.x < 0.5 ? p : q;
+  gl_Position = o + vec4((vec2(-d.y, d.x) * corner.y + d * (corner.x - 0.5)) * width / size * o.w, 0.0, 0.0);
+  s = along;
+}`, `
+precision highp float;
+uniform vec4 colour, rest; uniform float now, dash; varying float s;
+void main() {
+  vec4 c = s > now ? rest : colour;
+  if (dash > 0.0 && fract(s / dash) > 0.55) discard;
+  gl_FragColor = vec4(c.rgb * c.a, c.a);
+}`];
+
+const STARS = [`
+attribute vec3 position; attribute float size; uniform mat4 view; uniform vec3 eye; uniform float scale; varying float bright;
+void main() { gl_Position = view * vec4(eye + position * 60.0, 1.0); gl_PointSize = size * scale; bright = size; }`, `
+precision highp float; varying float bright;
+void main() { float r = length(gl_PointCoord - 0.5); float a = smoothstep(0.5, 0.1, r) * min(1.0, bright / 2.2); gl_FragColor = vec4(vec3(0.86, 0.9, 1.0) * a, a); }`];
+
+class Renderer {
+  constructor(canvas) {
+    this.canvas = canvas;
+    const gl = canvas.getContext("webgl", { antialias: true, alpha: true, premultipliedAlpha: true, preserveDrawingBuffer: true });
+    if (!gl) throw new Error("this browser offers no WebGL");
+    this.gl = gl; this.meshes = new Map();
+    this.solid = this.program(SOLID); this.ribbon = this.program(RIBBON); this.star = this.program(STARS);
+    // Edges lie in their faces: the faces are drawn a little further away.
+    gl.enable(gl.POLYGON_OFFSET_FILL);
+    gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    // A fixed sky: the same generator with the same seed on every page.
+    let seed = 7; const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+    const sky = [];
+    for (let i = 0; i < 900; i++) { const z = 2 * random() - 1, a = 2 * Math.PI * random(), r = Math.sqrt(1 - z * z); sky.push(r * Math.cos(a), r * Math.sin(a), z, 0.7 + 1.6 * random() ** 6 + 0.5 * random()); }
+    this.sky = this.buffer(sky);
+  }
+
+  program([vertex, fragment]) {
+    const { gl } = this, program = gl.createProgram();
+    for (const [type, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+      const shader = gl.createShader(type);
+      gl.shaderSource(shader, text); gl.compileShader(shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
+      gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program);
+    const uniforms = {}, attributes = {};
+    for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); i++) { const { name } = gl.getActiveUniform(program, i); uniforms[name] = gl.getUniformLocation(program, name); }
+    for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_ATTRIBUTES); i++) { const { name } = gl.getActiveAttrib(program, i); attributes[name] = gl.getAttribLocation(program, name); }
+    return { program, uniforms, attributes };
+  }
+
+  buffer(numbers) {
+    const { gl } = this, buffer = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer); gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(numbers), gl.STATIC_DRAW);
+    return { buffer, numbers: numbers.length };
+  }
+
+  mesh(key, make) {
+    if (!this.meshes.has(key)) this.meshes.set(key, this.buffer(make()));
+    return this.meshes.get(key);
+  }
+
+  use(program, buffer, layout, stride) {
+    const { gl } = this;
+    gl.useProgram(program.program);
+    for (let i = 0; i < 4; i++) gl.disableVertexAttribArray(i);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer.buffer);
+    for (const [name, size, offset] of layout) {
+      const at = program.attributes[name];
+      if (at === undefined) continue;
+      gl.enableVertexAttribArray(at); gl.vertexAttribPointer(at, size, gl.FLOAT, false, 4 * stride, 4 * offset);
+    }
+  }
+
+  /** A polyline as ribbons; the numbers along it are what `now` and `dash` of the drawing refer to. */
+  line(points, along) { return this.buffer(this.segments(points, along)); }
+
+  segments(points, along) {
+    const out = [];
+    for (let i = 0; i + 1 < points.length; i++) {
+      const [a, b, s, t] = [points[i], points[i + 1], along[i], along[i + 1]];
+      for (const [end, side] of [[0, -1], [1, -1], [1, 1], [0, -1], [1, 1], [0, 1]]) out.push(...a, ...b, end, side, end ? t : s);
+    }
+    return out;
+  }
+
+  begin(camera, dark) {
+    const { gl, canvas } = this, scale = Math.min(2, window.devicePixelRatio || 1);
+    const w = Math.max(1, Math.round(canvas.clientWidth * scale)), h = Math.max(1, Math.round(canvas.clientHeight * scale));
+    if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+    gl.viewport(0, 0, w, h); gl.clearColor(0, 0, 0, 0); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    this.scale = scale; this.eye = camera.eye; this.dark = dark;
+    this.view = M.times(M.perspective(camera.angle, w / h, 0.03, 100), M.look(camera.eye, camera.at, camera.up));
+    if (dark) {
+      gl.disable(gl.DEPTH_TEST);
+      this.use(this.star, this.sky, [["position", 3, 0], ["size", 1, 3]], 4);
+      gl.uniformMatrix4fv(this.star.uniforms.view, false, this.view); gl.uniform3fv(this.star.uniforms.eye, this.eye); gl.uniform1f(this.star.uniforms.scale, scale * 1.5);
+      gl.drawArrays(gl.POINTS, 0, this.sky.numbers / 4);
+    }
+    gl.enable(gl.DEPTH_TEST);
+  }
+
+  draw(mesh, model, colour, gloss = 0.35) {
+    const { gl } = this, u = this.solid.uniforms;
+    this.use(this.solid, mesh, [["position", 3, 0], ["normal", 3, 3]], 6);
+    gl.uniformMatrix4fv(u.model, false, model); gl.uniformMatrix4fv(u.view, false, this.view);
+    gl.uniform4fv(u.colour, colour); gl.uniform3fv(u.eye, this.eye); gl.uniform3fv(u.sun, V.unit([0.62, 0.66, -0.42]));
+    gl.uniform1f(u.gloss, gloss); gl.uniform1f(u.light, this.dark ? 1 : 1.5);
+    gl.depthMask(colour[3] >= 1);
+    gl.polygonOffset(1, 2);
+    gl.drawArrays(gl.TRIANGLES, 0, mesh.numbers / 6);
+    gl.polygonOffset(0, 0);
+    gl.depthMask(true);
+  }
+
+  /** The twelve edges of a unit box under `model`. */
+  drawEdges(model, colour) {
+    const at = (p) => [0, 1, 2].map((r) => model[r] * p[0] + model[4 + r] * p[1] + model[8 + r] * p[2] + model[12 + r]);
+    const points = [];
+    for (let axis = 0; axis < 3; axis++) for (const u of [-0.5, 0.5]) for (const v of [-0.5, 0.5]) {
+      const end = (w) => { const p = [0, 0, 0]; p[axis] = w; p[(axis + 1) % 3] = u; p[(axis + 2) % 3] = v; return at(p); };
+      points.push([end(-0.5), end(0.5)]);
+    }
+    const { gl } = this, numbers = points.flatMap((pair) => this.segments(pair, [0, 0]));
+    if (!this.edges) this.edges = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.edges); gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(numbers), gl.DYNAMIC_DRAW);
+    this.drawLine({ buffer: this.edges, numbers: numbers.length }, 1.3, [...colour, 0.8]);
+  }
+
+  drawLine(line, width, colour, { rest = colour, now = 1e30, dash = 0 } = {}) {
+    const { gl } = this, u = this.ribbon.uniforms;
+    this.use(this.ribbon, line, [["a", 3, 0], ["b", 3, 3], ["corner", 2, 6], ["along", 1, 8]], 9);
+    gl.uniformMatrix4fv(u.view, false, this.view); gl.uniform2f(u.size, this.canvas.width, this.canvas.height);
+    gl.uniform1f(u.width, width * this.scale); gl.uniform4fv(u.colour, colour); gl.uniform4fv(u.rest, rest);
+    gl.uniform1f(u.now, now); gl.uniform1f(u.dash, dash);
+    gl.drawArrays(gl.TRIANGLES, 0, line.numbers / 9);
+  }
+
+  /** Where a point of the world is on the canvas, CSS pixels; null behind the eye. */
+  project(p) {
+    const m = this.view, c = [0, 1, 3].map((r) => m[r] * p[0] + m[4 + r] * p[1] + m[8 + r] * p[2] + m[12 + r]);
+    return c[2] < 0.02 ? null : [(c[0] / c[2] + 1) / 2 * this.canvas.clientWidth, (1 - c[1] / c[2]) / 2 * this.canvas.clientHeight];
+  }
+}

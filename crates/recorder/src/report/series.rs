@@ -1,0 +1,312 @@
+//! Curves from records, in one pass over a tape of any length and in bounded memory.
+
+use lockstep::port::Field;
+
+use super::table::{FIGURES, Formula, Names};
+use crate::tape::{ReadError, Record, Records, Source, StreamSpec};
+
+/// A curve with more samples than this is thinned out: of every bucket of neighbours the least and the greatest sample
+/// stay, so that no peak is lost.
+const MAX_SAMPLES: u64 = 8192;
+
+/// How many buckets a thinned curve has.
+const BUCKETS: u64 = 2048;
+
+/// One curve of a figure.
+#[derive(Debug, Clone)]
+pub(crate) struct Series {
+    /// The label in the legend.
+    pub(crate) label: String,
+    /// Where it comes from: `participant.port.field`.
+    pub(crate) origin: String,
+    /// The stamp of index 0, s, and the distance of two samples, s.
+    pub(crate) offset_s: f64,
+    pub(crate) period_s: f64,
+    /// Indices of the samples kept; `None` when `y[k]` is sample `first_index + k`.
+    pub(crate) index: Option<Vec<u32>>,
+    pub(crate) first_index: u64,
+    /// In the figure's unit.
+    pub(crate) y: Vec<f64>,
+    /// How many samples the stream has.
+    pub(crate) samples: u64,
+}
+
+impl Series {
+    /// The stamp of point `k`, s.
+    pub(crate) fn x(&self, k: usize) -> f64 {
+        let index = match &self.index {
+            None => k as u64,
+            Some(kept) => u64::from(kept[k]),
+        };
+        self.offset_s + (self.first_index + index) as f64 * self.period_s
+    }
+}
+
+/// A figure with the curves of one run.
+#[derive(Debug, Clone)]
+pub(crate) struct FigureData {
+    pub(crate) id: String,
+    pub(crate) series: Vec<Series>,
+}
+
+/// A formula bound to the fields of a stream.
+struct Bound {
+    figure: usize,
+    stream: usize,
+    evaluate: Evaluate,
+    scale: f64,
+    first: usize,
+    series: Vec<Thinner>,
+}
+
+enum Evaluate {
+    Part(Field, usize),
+    Norm(Field),
+    Distance(Field, Field),
+    Angle(Field, Field),
+    RotationVector(Field),
+}
+
+impl Evaluate {
+    /// The curves of one record into `out`.
+    fn run(&self, payload: &[u8], out: &mut [f64]) {
+        let quaternion = |field: &Field| std::array::from_fn::<f64, 4, _>(|i| field.value(payload, i));
+        match self {
+            Evaluate::Part(field, from) => {
+                for (i, y) in out.iter_mut().enumerate() {
+                    *y = field.value(payload, from + i);
+                }
+            }
+            Evaluate::Norm(field) => {
+                let squares = (0..field.len()).map(|i| field.value(payload, i).powi(2));
+                out[0] = squares.sum::<f64>().sqrt();
+            }
+            Evaluate::Distance(a, b) => {
+                let squares = (0..a.len()).map(|i| (a.value(payload, i) - b.value(payload, i)).powi(2));
+                out[0] = squares.sum::<f64>().sqrt();
+            }
+            Evaluate::Angle(a, b) => {
+                let (a, b) = (quaternion(a), quaternion(b));
+                let vector = rotation_vector(product([a[0], -a[1], -a[2], -a[3]], b));
+                out[0] = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+            }
+            Evaluate::RotationVector(field) => out.copy_from_slice(&rotation_vector(quaternion(field))),
+        }
+    }
+}
+
+fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+    [
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    ]
+}
+
+/// Axis times angle of the shorter turn, rad. The arctangent of two arguments keeps small angles exact, where the
+/// arccosine of the scalar part would lose half the digits.
+fn rotation_vector(q: [f64; 4]) -> [f64; 3] {
+    let sign = if q[0] < 0.0 { -1.0 } else { 1.0 };
+    let sine = (q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+    let factor = if sine == 0.0 {
+        0.0
+    } else {
+        2.0 * sine.atan2(q[0].abs()) / sine
+    };
+    [q[1], q[2], q[3]].map(|x| sign * factor * x)
+}
+
+/// Collects one curve; keeps every sample, or the extremes of each bucket.
+struct Thinner {
+    label: String,
+    origin: String,
+    bucket: u64,
+    index: Vec<u32>,
+    y: Vec<f64>,
+    low: (u64, f64),
+    high: (u64, f64),
+}
+
+impl Thinner {
+    fn push(&mut self, record: u64, y: f64) {
+        if self.bucket == 1 {
+            self.y.push(y);
+            return;
+        }
+        if record.is_multiple_of(self.bucket) {
+            self.close(record);
+            (self.low, self.high) = ((record, y), (record, y));
+        }
+        // A NaN is an extreme of its own: it must show as a gap.
+        if y < self.low.1 || y.is_nan() {
+            self.low = (record, y);
+        }
+        if y > self.high.1 {
+            self.high = (record, y);
+        }
+    }
+
+    fn close(&mut self, record: u64) {
+        if record == 0 || self.bucket == 1 {
+            return;
+        }
+        let (first, second) = if self.low.0 <= self.high.0 {
+            (self.low, self.high)
+        } else {
+            (self.high, self.low)
+        };
+        let points = if first.0 == second.0 {
+            &[first][..]
+        } else {
+            &[first, second][..]
+        };
+        for (at, y) in points {
+            self.index.push(u32::try_from(*at).unwrap_or(u32::MAX));
+            self.y.push(*y);
+        }
+    }
+}
+
+/// The field of `spec` under one of its names, with at least `least` elements.
+pub(crate) fn find<'a>(spec: &'a StreamSpec, names: Names, least: usize) -> Option<&'a Field> {
+    let mut found = names.iter().filter_map(|name| spec.descriptor.field(name));
+    found.find(|field| field.len() >= least)
+}
+
+fn bind(spec: &StreamSpec, formula: Formula) -> Option<(Evaluate, usize, String)> {
+    let named = |field: &Field| format!("{}.{}", spec.name(), field.name);
+    Some(match formula {
+        Formula::Each(names) => {
+            let field = find(spec, names, 1)?;
+            (Evaluate::Part(field.clone(), 0), field.len(), named(field))
+        }
+        Formula::Part(names, from, to) => {
+            let field = find(spec, names, to)?;
+            (Evaluate::Part(field.clone(), from), to - from, named(field))
+        }
+        Formula::Norm(names) => {
+            let field = find(spec, names, 1)?;
+            (Evaluate::Norm(field.clone()), 1, named(field))
+        }
+        Formula::Distance(a, b) => {
+            let (a, b) = (find(spec, a, 3)?, find(spec, b, 3)?);
+            let origin = format!("{}, {}", named(a), b.name);
+            (a.len() == b.len()).then(|| (Evaluate::Distance(a.clone(), b.clone()), 1, origin))?
+        }
+        Formula::Angle(a, b) => {
+            let (a, b) = (find(spec, a, 4)?, find(spec, b, 4)?);
+            let origin = format!("{}, {}", named(a), b.name);
+            (Evaluate::Angle(a.clone(), b.clone()), 1, origin)
+        }
+        Formula::RotationVector(names) => {
+            let field = find(spec, names, 4)?;
+            (Evaluate::RotationVector(field.clone()), 3, named(field))
+        }
+    })
+}
+
+fn labels(given: &[&str], count: usize) -> Vec<String> {
+    let axes = ["x", "y", "z"];
+    (0..count)
+        .map(|i| match given.get(i) {
+            Some(label) => (*label).to_owned(),
+            None if count == 3 => axes[i].to_owned(),
+            None if count == 1 => String::new(),
+            None => format!("{}", i + 1),
+        })
+        .collect()
+}
+
+/// All figures of the table that `source` has curves for, in the order of the table.
+pub(crate) fn extract(source: &(impl Source + ?Sized)) -> Result<Vec<FigureData>, ReadError> {
+    let mut bound = Vec::new();
+    for (figure, row) in FIGURES.iter().enumerate() {
+        for curve in row.curves {
+            let candidates = source
+                .streams()
+                .iter()
+                .enumerate()
+                .filter(|(_, spec)| spec.port == curve.port);
+            let found = candidates
+                .filter_map(|(stream, spec)| Some((stream, spec, bind(spec, curve.formula)?)))
+                .next();
+            let Some((stream, spec, (evaluate, width, origin))) = found else {
+                continue;
+            };
+            let count = source.count(stream);
+            let series = labels(curve.labels, width).into_iter().map(|label| Thinner {
+                label,
+                origin: origin.clone(),
+                bucket: if count <= MAX_SAMPLES {
+                    1
+                } else {
+                    count.div_ceil(BUCKETS)
+                },
+                index: Vec::new(),
+                y: Vec::new(),
+                low: (0, 0.0),
+                high: (0, 0.0),
+            });
+            bound.push(Bound {
+                figure,
+                stream,
+                evaluate,
+                scale: row.scale,
+                first: spec.first_index as usize,
+                series: series.collect(),
+            });
+        }
+    }
+    for stream in 0..source.streams().len() {
+        let mut mine: Vec<&mut Bound> = bound.iter_mut().filter(|b| b.stream == stream).collect();
+        if !mine.is_empty() {
+            scan(source, stream, &mut mine)?;
+        }
+    }
+    let mut figures: Vec<FigureData> = Vec::new();
+    for b in bound {
+        let spec = &source.streams()[b.stream];
+        let samples = source.count(b.stream);
+        let series = b.series.into_iter().map(|thin| Series {
+            label: thin.label,
+            origin: thin.origin,
+            offset_s: spec.offset.seconds(),
+            period_s: spec.period.seconds(),
+            index: (thin.bucket > 1).then_some(thin.index),
+            first_index: b.first as u64,
+            y: thin.y,
+            samples,
+        });
+        let id = FIGURES[b.figure].id;
+        match figures.last_mut() {
+            Some(last) if last.id == id => last.series.extend(series),
+            _ => figures.push(FigureData {
+                id: id.to_owned(),
+                series: series.collect(),
+            }),
+        }
+    }
+    Ok(figures)
+}
+
+fn scan(source: &(impl Source + ?Sized), stream: usize, bound: &mut [&mut Bound]) -> Result<(), ReadError> {
+    let widest = bound.iter().map(|b| b.series.len()).max().unwrap_or(0);
+    let mut out = vec![0.0; widest];
+    let mut records = Records::new(source, stream);
+    let mut record_number = 0;
+    while let Some(Record { payload, .. }) = records.next()? {
+        for b in &mut *bound {
+            let out = &mut out[..b.series.len()];
+            b.evaluate.run(payload, out);
+            for (thin, y) in b.series.iter_mut().zip(&*out) {
+                thin.push(record_number, y * b.scale);
+            }
+        }
+        record_number += 1;
+    }
+    for thin in bound.iter_mut().flat_map(|b| &mut b.series) {
+        thin.close(record_number);
+    }
+    Ok(())
+}

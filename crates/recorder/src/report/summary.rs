@@ -1,0 +1,189 @@
+//! The table of figures of merit, from the summaries of the runs.
+
+use serde::Serialize;
+use serde_json::Value;
+
+/// A line of the table: one figure of merit, a value per run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Row {
+    pub(crate) key: String,
+    /// In words, without the unit.
+    pub(crate) label: String,
+    pub(crate) unit: &'static str,
+    /// As text; empty where a run has no such value.
+    pub(crate) values: Vec<String>,
+    /// Whether the value meets its criterion, where there is one.
+    pub(crate) met: Vec<Option<bool>>,
+    /// The criterion in words, where there is one.
+    pub(crate) criterion: String,
+}
+
+/// Units at the end of a key, longest first, with how they are written.
+const UNITS: &[(&str, &str)] = &[
+    ("_rad_per_s", "rad/s"),
+    ("_n_m_s", "N m s"),
+    ("_m_per_s", "m/s"),
+    ("_rad_s", "rad/s"),
+    ("_deg_s", "deg/s"),
+    ("_n_m", "N m"),
+    ("_m_s", "m/s"),
+    ("_n_s", "N s"),
+    ("_rad", "rad"),
+    ("_deg", "deg"),
+    ("_kg", "kg"),
+    ("_ms", "ms"),
+    ("_m", "m"),
+    ("_s", "s"),
+    ("_n", "N"),
+    ("_j", "J"),
+];
+
+/// Keys with a line of their own elsewhere on the page, or none at all.
+const HIDDEN: &[&str] = &["tape_digest", "criteria", "limits", "participants"];
+
+/// What people look for first comes first; the rest follows by name.
+const ORDER: &[&str] = &[
+    "captured",
+    "position_error_at_grasp_m",
+    "attitude_error_at_grasp_deg",
+    "relative_speed_at_grasp_m_s",
+    "peak_base_torque_n_m",
+    "peak_base_force_n",
+    "peak_joint_torque_n_m",
+    "saturated_fraction",
+    "slosh_max_deg",
+];
+
+/// One row per key that any summary has.
+pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
+    let mut rows: Vec<Row> = Vec::new();
+    for (run, summary) in summaries.iter().enumerate() {
+        let mut leaves = Vec::new();
+        flatten("", summary, &mut leaves);
+        for (key, value) in leaves {
+            let at = rows.iter().position(|row| row.key == key).unwrap_or_else(|| {
+                let (label, unit) = name(&key);
+                rows.push(Row {
+                    label,
+                    unit,
+                    values: vec![String::new(); summaries.len()],
+                    met: vec![None; summaries.len()],
+                    criterion: String::new(),
+                    key: key.clone(),
+                });
+                rows.len() - 1
+            });
+            let row = &mut rows[at];
+            row.values[run] = text(&value);
+            if let Some((criterion, met)) = criterion(summary, &key) {
+                row.criterion = criterion;
+                row.met[run] = met;
+            } else if let Value::Bool(yes) = value {
+                row.met[run] = (key == "captured").then_some(yes);
+            }
+        }
+    }
+    rows.sort_by_key(|row| ORDER.iter().position(|key| *key == row.key).unwrap_or(ORDER.len()));
+    rows
+}
+
+fn flatten(prefix: &str, value: &Value, leaves: &mut Vec<(String, Value)>) {
+    match value {
+        Value::Object(map) => {
+            for (key, value) in map {
+                let path = if prefix.is_empty() {
+                    key.clone()
+                } else {
+                    format!("{prefix}.{key}")
+                };
+                if !HIDDEN.contains(&key.as_str()) {
+                    flatten(&path, value, leaves);
+                }
+            }
+        }
+        Value::Null => {}
+        value => leaves.push((prefix.to_owned(), value.clone())),
+    }
+}
+
+/// `criteria` of a summary is a list of `{ "key", "text", "met" }`.
+fn criterion(summary: &Value, key: &str) -> Option<(String, Option<bool>)> {
+    let entry = summary.get("criteria")?.as_array()?.iter().find(|c| c["key"] == key)?;
+    let text = entry["text"].as_str().unwrap_or_default().to_owned();
+    Some((text, entry["met"].as_bool()))
+}
+
+fn name(key: &str) -> (String, &'static str) {
+    let (stem, unit) = UNITS
+        .iter()
+        .find_map(|(suffix, unit)| Some((key.strip_suffix(suffix)?, *unit)))
+        .unwrap_or((key, ""));
+    let words = stem.replace(['_', '.'], " ");
+    let mut letters = words.chars();
+    let label = letters
+        .next()
+        .map_or(String::new(), |first| first.to_uppercase().chain(letters).collect());
+    (label, unit)
+}
+
+fn text(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Bool(yes) => if *yes { "yes" } else { "no" }.to_owned(),
+        Value::Number(number) => number.as_f64().map_or_else(|| number.to_string(), short),
+        Value::Array(items) => items.iter().map(text).collect::<Vec<_>>().join(", "),
+        other => other.to_string(),
+    }
+}
+
+/// Five significant digits, without an exponent where a reader would not want one.
+fn short(x: f64) -> String {
+    if x == x.trunc() && x.abs() < 1e7 {
+        return format!("{x}");
+    }
+    if x.abs() >= 1e6 || x.abs() < 1e-4 {
+        return format!("{x:.4e}");
+    }
+    let digits = (4 - x.abs().log10().floor() as i32).clamp(0, 12) as usize;
+    let text = format!("{x:.digits$}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn keys_become_words_with_units() {
+        let a = json!({"captured": true, "peak_base_torque_n_m": 0.073_912_34, "saturated_fraction": 0.0,
+            "criteria": [{"key": "peak_base_torque_n_m", "text": "at most 0.2", "met": true}], "tape_digest": "x"});
+        let b = json!({"captured": false, "wall_time_s": 1.0});
+        let rows = rows(&[a, b]);
+        let lines: Vec<_> = rows
+            .iter()
+            .map(|r| (&*r.label, r.unit, &*r.values[0], &*r.values[1], r.met.clone()))
+            .collect();
+        assert_eq!(lines[0], ("Captured", "", "yes", "no", vec![Some(true), Some(false)]));
+        assert_eq!(
+            lines[1],
+            ("Peak base torque", "N m", "0.073912", "", vec![Some(true), None])
+        );
+        assert_eq!(lines[2], ("Saturated fraction", "", "0", "", vec![None, None]));
+        assert_eq!(lines[3], ("Wall time", "s", "", "1", vec![None, None]));
+        assert_eq!(rows[1].criterion, "at most 0.2");
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        for (x, expected) in [
+            (1.1e-4, "0.00011"),
+            (1.234_567_8e-7, "1.2346e-7"),
+            (123.456_78, "123.46"),
+            (-0.5, "-0.5"),
+            (1e300, "1.0000e300"),
+        ] {
+            assert_eq!(short(x), expected);
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! The table of figures: what the report draws, from which fields, in one place.
+//!
+//! A row names ports and fields, never types. A field may go by several names (the first that a stream has is taken); a
+//! curve whose fields nobody publishes is left out, and a figure without curves too. So the table serves the stock
+//! participants, their variants, and anybody's own participant that uses the same names.
+
+use crate::geometry::{ARM_ANGLES, SLOSH_ANGLES};
+
+/// A figure.
+pub(crate) struct FigureSpec {
+    /// Short and stable: names files and anchors.
+    pub(crate) id: &'static str,
+    /// The heading under which the figure stands.
+    pub(crate) group: &'static str,
+    pub(crate) title: &'static str,
+    /// The unit drawn.
+    pub(crate) unit: &'static str,
+    /// From the unit of the fields to the unit drawn.
+    pub(crate) scale: f64,
+    pub(crate) curves: &'static [Curve],
+    /// The key of the limits, in the fields' unit, among [`super::Limits`].
+    pub(crate) limits: Option<&'static str>,
+}
+
+/// Curves that follow from one stream.
+pub(crate) struct Curve {
+    /// The name of the port, whoever owns it.
+    pub(crate) port: &'static str,
+    pub(crate) formula: Formula,
+    /// One label per curve; empty: `x y z`, or numbers.
+    pub(crate) labels: &'static [&'static str],
+}
+
+/// The names a field may have.
+pub(crate) type Names = &'static [&'static str];
+
+/// What is drawn of the fields.
+#[derive(Clone, Copy)]
+pub(crate) enum Formula {
+    /// Every element.
+    Each(Names),
+    /// Elements `from..to`.
+    Part(Names, usize, usize),
+    /// The Euclidean length.
+    Norm(Names),
+    /// The length of the difference of two vectors.
+    Distance(Names, Names),
+    /// The angle between two attitudes (quaternions, scalar first), rad.
+    Angle(Names, Names),
+    /// The rotation vector of an attitude, rad.
+    RotationVector(Names),
+}
+
+use Formula::{Angle, Distance, Each, Norm, Part, RotationVector};
+
+const DEGREES: f64 = 180.0 / std::f64::consts::PI;
+
+const P_NB: Names = &["p_NB_N"];
+const QUAT_NB: Names = &["quat_NB"];
+const P_NE: Names = &["p_NE_N"];
+const QUAT_NE: Names = &["quat_NE"];
+const P_NG: Names = &["p_NG_N"];
+const QUAT_NG: Names = &["quat_NG"];
+const TORQUE: Names = &["base_torque", "m_b", "torque_b", "m_B", "torque_B"];
+const FORCE: Names = &["base_force", "f_b", "force_b", "f_B", "force_B"];
+const JOINT_TORQUE: Names = &["joint_torque", "tau", "torque_joint"];
+const JOINTS: &[&str] = &["A1", "A2", "A3", "A4", "A5", "A6", "A7"];
+const CHANNELS: &[&str] = &[
+    "torque x", "torque y", "torque z", "force x", "force y", "force z", "A1", "A2", "A3", "A4", "A5", "A6", "A7",
+];
+
+const fn curve(port: &'static str, formula: Formula, labels: &'static [&'static str]) -> Curve {
+    Curve { port, formula, labels }
+}
+
+const fn figure(
+    group: &'static str,
+    id: &'static str,
+    title: &'static str,
+    (unit, scale): (&'static str, f64),
+    curves: &'static [Curve],
+) -> FigureSpec {
+    FigureSpec {
+        id,
+        group,
+        title,
+        unit,
+        scale,
+        curves,
+        limits: None,
+    }
+}
+
+const fn limited(mut figure: FigureSpec, key: &'static str) -> FigureSpec {
+    figure.limits = Some(key);
+    figure
+}
+
+const CAPTURE: &str = "Capture";
+const ACTIONS: &str = "Control actions";
+const INSIDE: &str = "Inside the controller";
+const MOTION: &str = "Motion";
+const BALANCE: &str = "Momentum and energy";
+
+/// Every figure, in the order of the page.
+pub(crate) const FIGURES: &[FigureSpec] = &[
+    figure(
+        CAPTURE,
+        "position-error",
+        "End effector to grasp point, distance",
+        ("m", 1.0),
+        &[curve("truth", Distance(P_NE, P_NG), &["distance"])],
+    ),
+    figure(
+        CAPTURE,
+        "attitude-error",
+        "End effector to grasp point, angle",
+        ("deg", DEGREES),
+        &[curve("truth", Angle(QUAT_NE, QUAT_NG), &["angle"])],
+    ),
+    figure(
+        CAPTURE,
+        "tracking-error",
+        "End effector to set-point, distance",
+        ("m", 1.0),
+        &[curve(
+            "telemetry",
+            Norm(&["p_e", "position_error", "p_DE_N"]),
+            &["distance"],
+        )],
+    ),
+    limited(
+        figure(
+            ACTIONS,
+            "base-torque",
+            "Base torque demanded",
+            ("N m", 1.0),
+            &[curve("command", Each(TORQUE), &[])],
+        ),
+        "base_torque",
+    ),
+    limited(
+        figure(
+            ACTIONS,
+            "base-force",
+            "Base force demanded",
+            ("N", 1.0),
+            &[curve("command", Each(FORCE), &[])],
+        ),
+        "base_force",
+    ),
+    limited(
+        figure(
+            ACTIONS,
+            "joint-torque",
+            "Joint torques demanded",
+            ("N m", 1.0),
+            &[curve("command", Each(JOINT_TORQUE), JOINTS)],
+        ),
+        "joint_torque",
+    ),
+    limited(
+        figure(
+            ACTIONS,
+            "base-torque-applied",
+            "Base torque applied",
+            ("N m", 1.0),
+            &[curve("truth", Each(TORQUE), &[])],
+        ),
+        "base_torque",
+    ),
+    limited(
+        figure(
+            ACTIONS,
+            "base-force-applied",
+            "Base force applied",
+            ("N", 1.0),
+            &[curve("truth", Each(FORCE), &[])],
+        ),
+        "base_force",
+    ),
+    figure(
+        INSIDE,
+        "epsilon",
+        "Weight of the arm in the pseudoinverse, ε",
+        ("1", 1.0),
+        &[curve("telemetry", Each(&["epsilon", "eps"]), &["ε"])],
+    ),
+    figure(
+        INSIDE,
+        "hybrid-variable",
+        "Hybrid variable h",
+        ("1", 1.0),
+        &[curve("telemetry", Each(&["h", "hybrid"]), &["h"])],
+    ),
+    figure(
+        INSIDE,
+        "integrator-base",
+        "Integrator state σ, base",
+        ("1", 1.0),
+        &[curve("telemetry", Part(&["sigma"], 0, 6), CHANNELS)],
+    ),
+    figure(
+        INSIDE,
+        "integrator-arm",
+        "Integrator state σ, arm",
+        ("1", 1.0),
+        &[curve("telemetry", Part(&["sigma"], 6, 13), JOINTS)],
+    ),
+    figure(
+        INSIDE,
+        "saturation",
+        "Channels in saturation",
+        ("1", 1.0),
+        &[curve("telemetry", Part(&["saturated", "saturation"], 0, 13), CHANNELS)],
+    ),
+    figure(
+        MOTION,
+        "slosh",
+        "Slosh pendulum",
+        ("deg", DEGREES),
+        &[curve("truth", Each(SLOSH_ANGLES), &["first joint", "second joint"])],
+    ),
+    figure(
+        MOTION,
+        "base-position",
+        "Base position",
+        ("m", 1.0),
+        &[curve("truth", Each(P_NB), &[])],
+    ),
+    figure(
+        MOTION,
+        "base-attitude",
+        "Base attitude, rotation vector",
+        ("deg", DEGREES),
+        &[curve("truth", RotationVector(QUAT_NB), &[])],
+    ),
+    figure(
+        MOTION,
+        "base-velocity",
+        "Base velocity, body axes",
+        ("m/s", 1.0),
+        &[curve("truth", Each(&["v_NB_B"]), &[])],
+    ),
+    figure(
+        MOTION,
+        "base-rate",
+        "Base rate, body axes",
+        ("deg/s", DEGREES),
+        &[curve("truth", Each(&["omega_NB_B", "w_NB_B"]), &[])],
+    ),
+    figure(
+        MOTION,
+        "joint-angles",
+        "Joint angles",
+        ("deg", DEGREES),
+        &[curve("truth", Each(ARM_ANGLES), JOINTS)],
+    ),
+    figure(
+        MOTION,
+        "joint-rates",
+        "Joint rates",
+        ("deg/s", DEGREES),
+        &[curve("truth", Each(&["qd", "q_dot", "dq"]), JOINTS)],
+    ),
+    figure(
+        BALANCE,
+        "linear-momentum",
+        "Linear momentum",
+        ("N s", 1.0),
+        &[curve(
+            "truth",
+            Each(&["momentum_linear_N", "linear_momentum_N", "linear_momentum"]),
+            &[],
+        )],
+    ),
+    figure(
+        BALANCE,
+        "angular-momentum",
+        "Angular momentum",
+        ("N m s", 1.0),
+        &[curve(
+            "truth",
+            Each(&["momentum_angular_N", "angular_momentum_N", "angular_momentum"]),
+            &[],
+        )],
+    ),
+    limited(
+        figure(
+            BALANCE,
+            "wheel-momentum",
+            "Momentum stored in the wheels",
+            ("N m s", 1.0),
+            &[curve(
+                "truth",
+                Each(&["wheel_momentum", "wheel_momentum_B", "h_w"]),
+                &[],
+            )],
+        ),
+        "wheel_momentum",
+    ),
+    figure(
+        BALANCE,
+        "energy",
+        "Energy",
+        ("J", 1.0),
+        &[
+            curve("truth", Each(&["energy", "kinetic_energy"]), &["kinetic"]),
+            curve("truth", Each(&["work", "work_actuators"]), &["actuator work"]),
+            curve("truth", Each(&["dissipated", "work_dampers"]), &["dissipated"]),
+        ],
+    ),
+];
+
+/// The channels of the 3-D playback: the name it knows, the port, and the names the field may have.
+pub(crate) const PLAYBACK: &[(&str, &str, Names)] = &[
+    ("p_NB", "truth", P_NB),
+    ("quat_NB", "truth", QUAT_NB),
+    ("q", "truth", ARM_ANGLES),
+    ("q_slosh", "truth", SLOSH_ANGLES),
+    ("p_NE", "truth", P_NE),
+    ("quat_NE", "truth", QUAT_NE),
+    ("p_NG", "truth", P_NG),
+    ("quat_NG", "truth", QUAT_NG),
+    ("torque", "truth", TORQUE),
+    ("force", "truth", FORCE),
+    ("p_NT", "target", &["p_NT_N"]),
+    ("quat_NT", "target", &["quat_NT"]),
+    ("p_ND", "setpoint", &["p_ND_N", "p_d_N", "p_NE_d_N", "p_NEd_N", "p_d"]),
+    ("command_torque", "command", TORQUE),
+    ("command_force", "command", FORCE),
+];
