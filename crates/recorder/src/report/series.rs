@@ -169,7 +169,7 @@ impl Thinner {
 }
 
 /// The field of `spec` under one of its names, with at least `least` elements.
-pub(crate) fn find<'a>(spec: &'a StreamSpec, names: Names, least: usize) -> Option<&'a Field> {
+pub(crate) fn find(spec: &StreamSpec, names: Names, least: usize) -> Option<&Field> {
     let mut found = names.iter().filter_map(|name| spec.descriptor.field(name));
     found.find(|field| field.len() >= least)
 }
