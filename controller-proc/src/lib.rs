@@ -1,1 +1,30 @@
-//! Work in progress.
+//! The controller: hosts a control law.
+//!
+//! | port | message | |
+//! |---|---|---|
+//! | in `measured` | [`Measured`](interfaces::Measured) | required |
+//! | in `setpoint` | [`SetPoint`](interfaces::SetPoint) | of the end effector; required |
+//! | in `base_setpoint` | [`SetPoint`](interfaces::SetPoint) | of the base, for the comparison law |
+//! | in `housekeeping` | [`Housekeeping`](interfaces::Housekeeping) | wheels for the allocation, gripper for stabilisation |
+//! | out `command` | [`Command`](interfaces::Command) | |
+//! | out `couples` | [`Couples`](interfaces::Couples) | torque by thrusters; zero without an allocation |
+//! | out `telemetry` | [`ControlTelemetry`](interfaces::ControlTelemetry) | |
+//!
+//! Nothing is commanded before the first measurement, and the end effector is held where it is before the first set-point.
+#![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
+
+mod controller;
+mod law;
+mod parameters;
+mod saved;
+
+use lockstep::participant::{ParameterError, Participant, Setup};
+
+/// Makes a controller from `setup.parameters`; docs/models/controller.md lists them.
+///
+/// # Errors
+/// Names the parameter, its value and the remedy.
+pub fn factory(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+    let parameters = lockstep::units::read(&setup.parameters)?;
+    Ok(Box::new(controller::Controller::new(setup, &parameters)?))
+}

@@ -11,6 +11,6 @@ pub fn factory(name: &str) -> Option<Factory> {
         "plant" => Some(plant_proc::factory),
         "controller" => Some(controller_proc::factory),
         "guidance" => Some(guidance_proc::factory),
-        _ => None,
+        other => crate::bench::factory(other),
     }
 }

@@ -39,6 +39,8 @@ pub enum Command {
     Export(ExportArgs),
     /// Look at this machine, and at what dead runs left behind
     Doctor(DoctorArgs),
+    /// Measure what lockstep costs on this machine
+    Bench(BenchArgs),
     /// Be a participant of a run (started by the orchestrator itself)
     #[command(hide = true)]
     Participant(ParticipantArgs),
@@ -153,4 +155,17 @@ pub struct DoctorArgs {
 pub struct ParticipantArgs {
     /// Which one
     pub name: String,
+}
+
+/// Arguments of `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Measure this scenario too, such as scenarios/close.toml
+    pub scenario: Option<PathBuf>,
+    /// How often each is measured
+    #[arg(long, default_value_t = 11)]
+    pub rounds: usize,
+    /// The largest ring
+    #[arg(long, default_value_t = 64)]
+    pub participants: usize,
 }

@@ -4,6 +4,7 @@
 mod processor;
 
 mod assessment;
+mod bench;
 mod builtin;
 mod cli;
 mod commands;
@@ -33,8 +34,7 @@ fn main() -> ExitCode {
         Command::Check(args) => commands::check::run(args),
         Command::Graph(args) => commands::graph::run(args),
         Command::Compare(args) => commands::compare::run(args),
-        Command::Report(args) => commands::report::run(args),
-        Command::Export(args) => commands::export::run(args),
+        Command::Bench(args) => commands::bench::run(args),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::Participant(_) => Ok(0),
     };

@@ -49,7 +49,11 @@ const BASE_MAX: usize = 32;
 pub fn base() -> PathBuf {
     let name = format!("esc-{}", rustix::process::getuid().as_raw());
     let base = std::env::temp_dir().join(&name);
-    if base.as_os_str().len() <= BASE_MAX { base } else { Path::new("/tmp").join(name) }
+    if base.as_os_str().len() <= BASE_MAX {
+        base
+    } else {
+        Path::new("/tmp").join(name)
+    }
 }
 
 fn trusted_base() -> Result<PathBuf, ScopeError> {
@@ -82,7 +86,10 @@ impl Scope {
         File::open("/dev/urandom")
             .and_then(|mut random| io::Read::read_exact(&mut random, &mut bits))
             .map_err(io_error(Path::new("/dev/urandom"), "cannot be read"))?;
-        let id: String = bits.iter().map(|byte| char::from(b"abcdefghijklmnopqrstuvwxyz234567"[usize::from(byte % 32)])).collect();
+        let id: String = bits
+            .iter()
+            .map(|byte| char::from(b"abcdefghijklmnopqrstuvwxyz234567"[usize::from(byte % 32)]))
+            .collect();
         let folder = base.join(&id);
         DirBuilder::new()
             .mode(0o700)

@@ -1,1 +1,37 @@
-//! Work in progress.
+//! The plant: a servicer with an arm and sloshing propellant, and a tumbling target.
+//!
+//! Fifteen degrees of freedom from a URDF, integrated with a fixed step while the actuators' forces are held; a torque-free
+//! target; actuators and sensors with their limits and errors, each off unless asked for. After the grasp, if asked for,
+//! one mechanism.
+//!
+//! | port | message | |
+//! |---|---|---|
+//! | in `command` | [`Command`](interfaces::Command) | required |
+//! | in `couples` | [`Couples`](interfaces::Couples) | torque by thrusters, if the controller shares it |
+//! | out `measured` | [`Measured`](interfaces::Measured) | what the servicer's sensors tell |
+//! | out `target` | [`TargetState`](interfaces::TargetState) | an ideal observer's view of the target |
+//! | out `camera` | [`CameraPose`](interfaces::CameraPose) | a camera's view of it |
+//! | out `housekeeping` | [`Housekeeping`](interfaces::Housekeeping) | wheels and gripper |
+//! | out `truth` | [`Truth`](interfaces::Truth) | for the recorder and the figures |
+//!
+//! Delays belong to links, not to the plant.
+#![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
+
+mod actuators;
+mod dynamics;
+mod parameters;
+mod plant;
+mod saved;
+mod sensors;
+mod truth;
+
+use lockstep::participant::{ParameterError, Participant, Setup};
+
+/// Makes a plant from `setup.parameters`; docs/models/plant.md lists them.
+///
+/// # Errors
+/// Names the parameter, its value and the remedy.
+pub fn factory(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+    let parameters = lockstep::units::read(&setup.parameters)?;
+    Ok(Box::new(plant::Plant::new(setup, &parameters)?))
+}

@@ -296,10 +296,10 @@ fn a_full_disk_ends_the_run_and_names_the_file() {
     let folder = Folder::new("full");
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");
-    // A limit on the size of files is as good as a full disk, and needs no rights. 32 MiB are enough for shared memory and
-    // too little for 2,000,000 samples of 24 bytes.
+    // A limit on the size of files is as good as a full disk, and needs no rights. 64 MiB are enough for shared memory and
+    // too little for 3,600,000 samples of 24 bytes.
     let shell = format!(
-        "ulimit -f 32768; trap '' XFSZ; exec '{}' run '{}' --out '{}' --duration '2000 s'",
+        "ulimit -f 65536; trap '' XFSZ; exec '{}' run '{}' --out '{}' --duration '3600 s'",
         orchestrator().display(),
         scenario.display(),
         out.display()

@@ -1,8 +1,11 @@
 //! Avoidance of joint ends and of the straight elbow, in the null space of the end effector's Jacobian.
 //!
-//! Beyond the paper, off by default. Each joint that comes closer than a margin to an end of its range is asked to turn back, and the
-//! elbow to bend when it is nearly straight; the projection lets base and arm do that without moving the end effector. The end effector
-//! keeps priority: a joint is kept off its end only as far as the null space allows.
+//! Beyond the paper, off by default. Two things happen to a joint that comes closer than a margin to an end of its range, and to the elbow
+//! when it is nearly straight. Its weight fades, to nothing at the end itself, so that the motion of the end effector passes to the
+//! other joints and to the base (the weights of the base never fade, so the end effector always gets its twist). And it is asked to turn
+//! back; the projection into the null space lets the others make up for that, and the end effector does not notice.
+//!
+//! The push alone would not do: with heavy arm weights the projection hands most of it back to the same joint.
 
 use crate::{Dof, JOINTS, ParameterError};
 
@@ -55,6 +58,19 @@ impl AvoidanceParameters {
         Ok(())
     }
 
+    /// Factor on the weight of each joint: 1 away from every margin, falling to 0 at the end of the range and at the straight elbow.
+    pub fn fading(&self, joints: &[f64; JOINTS]) -> [f64; JOINTS] {
+        std::array::from_fn(|joint| {
+            let above = depth(self.upper_rad[joint] - joints[joint], self.margin_rad);
+            let below = depth(joints[joint] - self.lower_rad[joint], self.margin_rad);
+            let straight = match self.elbow {
+                Some(elbow) if elbow.joint == joint => depth(joints[joint].abs(), elbow.margin_rad),
+                _ => 0.0,
+            };
+            (1.0 - above.max(below).max(straight)).max(0.0)
+        })
+    }
+
     /// The velocity that would turn the joints back, before its projection into the null space; zero away from every margin.
     pub fn wish(&self, joints: &[f64; JOINTS]) -> Dof {
         let mut wish = Dof::zeros();
@@ -104,6 +120,14 @@ mod tests {
         assert_eq!((wish[9], wish[12]), (0.0, 0.0));
         assert_eq!(wish[10], 0.1);
         assert!(wish[11] > 0.1 && wish[11] <= 0.4, "beyond the end more, but bounded");
+    }
+
+    #[test]
+    fn weights_fade_to_nothing_at_an_end_and_at_the_straight_elbow() {
+        let fading = parameters().fading(&[0.0, 1.8, 2.0, 0.15, -2.5, -1.9, 1.0]);
+        for (factor, expected) in fading.into_iter().zip([1.0, 0.5, 0.0, 0.5, 0.0, 0.25, 1.0]) {
+            assert!((factor - expected).abs() < 1e-12, "{fading:?}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! inner loop can feed forward (Eq 5). It differentiates, so noise on its input comes out amplified: noise belongs through navigation.
 
 use crate::{Dof, ParameterError};
+use serde::{Deserialize, Serialize};
 
 /// Everything a user chooses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +26,7 @@ impl Default for FilterParameters {
 }
 
 /// All that the filter remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FilterState {
     /// Whether a first input has been seen.
     pub started: bool,
@@ -44,7 +45,7 @@ impl FilterState {
     };
 }
 
-/// The output of the filter at an instant.
+/// The output of the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Filtered {
     /// Filtered velocity.
@@ -86,10 +87,10 @@ impl ShapingFilter {
         self.state = *state;
     }
 
-    /// The output at this instant; `input` is then held until the next one.
+    /// Advances by a period with `input` held, and answers where that leads. The first input is where it starts from, at rest.
     ///
-    /// The filter is strictly proper: its output at an instant does not depend on the input of that instant, except at the first one, which
-    /// it starts from at rest.
+    /// The answer is the filter's state at the end of the coming period, not at its start: the force it goes into is held over that
+    /// period, and the other choice would add a period of lag to the feed-forward.
     pub fn step(&mut self, input: &Dof) -> Filtered {
         let state = &mut self.state;
         if !state.started {
@@ -99,10 +100,6 @@ impl ShapingFilter {
                 acceleration: [0.0; 13],
             };
         }
-        let output = Filtered {
-            velocity: state.velocity.into(),
-            acceleration: state.acceleration.into(),
-        };
         let [[a11, a12], [a21, a22]] = self.transition;
         for channel in 0..13 {
             let offset = state.velocity[channel] - input[channel];
@@ -110,7 +107,10 @@ impl ShapingFilter {
             state.velocity[channel] = input[channel] + a11 * offset + a12 * rate;
             state.acceleration[channel] = a21 * offset + a22 * rate;
         }
-        output
+        Filtered {
+            velocity: state.velocity.into(),
+            acceleration: state.acceleration.into(),
+        }
     }
 }
 
@@ -179,11 +179,11 @@ mod tests {
             let mut expected = [inputs[0], 0.0];
             for input in inputs {
                 let output = filter.step(&Dof::repeat(input));
+                expected = integrated(frequency_rad_s, damping, period_s, expected, input);
                 for channel in 0..13 {
                     prop_assert!((output.velocity[channel] - expected[0]).abs() < 1e-10);
                     prop_assert!((output.acceleration[channel] - expected[1]).abs() < 1e-9);
                 }
-                expected = integrated(frequency_rad_s, damping, period_s, expected, input);
             }
         }
     }

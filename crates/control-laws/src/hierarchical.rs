@@ -5,9 +5,10 @@ use crate::avoidance::AvoidanceParameters;
 use crate::model::ControlModel;
 use crate::outer::{AttitudeError, AttitudeState, OuterInput, OuterLoop, OuterParameters};
 use crate::tracker::{Tracker, TrackerParameters, TrackerState};
-use crate::{DOF, Dof, Measured, ParameterError};
+use crate::{DOF, Dof, JOINTS, Measured, ParameterError};
 use guidance_laws::{Between, Pose, SetPoint};
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 /// Everything a user chooses, the control model apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +23,19 @@ pub struct Parameters {
     pub avoidance: Option<AvoidanceParameters>,
     /// Sharing of the base torque between wheels and thrusters; `None` as the paper.
     pub allocation: Option<AllocationParameters>,
+}
+
+impl Parameters {
+    /// The paper's outer loop, set-points propagated between guidance samples, and nothing beyond the paper.
+    pub fn new(tracker: TrackerParameters) -> Self {
+        Self {
+            outer: OuterParameters::default(),
+            tracker,
+            between: Between::default(),
+            avoidance: None,
+            allocation: None,
+        }
+    }
 }
 
 /// What the law reads at an instant.
@@ -82,7 +96,7 @@ pub struct Telemetry {
 }
 
 /// All that the law remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// The attitude error's sign and continuity.
     pub attitude: AttitudeState,
@@ -160,10 +174,15 @@ impl HierarchicalLaw {
         let set_point = input
             .set_point
             .map(|set_point| self.parameters.between.apply(&set_point, input.set_point_age_s));
+        let joint_factor = match &self.parameters.avoidance {
+            None => [1.0; JOINTS],
+            Some(avoidance) => avoidance.fading(&measured.joints),
+        };
         let outer = self.outer.step(&OuterInput {
             end_effector: &end_effector.pose,
             base_distance_m: measured.base.position.norm(),
             jacobian: &end_effector.jacobian,
+            joint_factor: &joint_factor,
             set_point: set_point.as_ref(),
         });
         let avoidance = self.parameters.avoidance.map_or(Dof::zeros(), |avoidance| {

@@ -10,7 +10,8 @@
 //! | [`model`] | the control model: kinematics of the end effector and the feed-forward force |
 //! | [`avoidance`] | joint ends and the straight elbow, in the null space |
 //! | [`allocation`] | the base's torque, shared between wheels and thrusters |
-//! | [`reference`] | the comparison law: base and arm each with a set-point of their own |
+//! | [`mod@reference`] | the comparison law: base and arm each with a set-point of their own |
+//! | [`stabilise`] | after the capture: servicer and target brought to rest within every limit |
 //!
 //! # Conventions
 //!
@@ -36,13 +37,15 @@ mod measured;
 pub mod model;
 pub mod outer;
 pub mod reference;
+pub mod stabilise;
 pub mod tracker;
 
 pub use guidance_laws::ParameterError;
 pub use hierarchical::HierarchicalLaw;
 pub use measured::Measured;
-pub use model::{ControlModel, ModelOptions};
+pub use model::{ControlModel, ModelOptions, Payload};
 pub use reference::ReferenceLaw;
+pub use stabilise::StabilisingLaw;
 
 use nalgebra::{SMatrix, SVector};
 

@@ -86,6 +86,14 @@ pub enum ModelError {
     /// There is no such end effector.
     #[error("control model: end_effector: {0}")]
     EndEffector(#[from] multibody::UnknownFrame),
+    /// There is no such joint.
+    #[error("control model: arm_joints: there is no moving joint `{joint}`; there are: {known}")]
+    NoSuchJoint {
+        /// The joint asked for.
+        joint: String,
+        /// The joints there are.
+        known: String,
+    },
     /// The joints are in another order.
     #[error(
         "control model: arm_joints = {asked:?}, but the description has them as {found:?}; name them in that order"
@@ -130,6 +138,13 @@ impl ControlModel {
     /// Names the joint, link or frame that is missing or out of range.
     pub fn new(description: &Description, options: &ModelOptions) -> Result<Self, ModelError> {
         let mut description = description.clone();
+        let known: Vec<&str> = description.moving_joints().map(|joint| joint.name.as_str()).collect();
+        if let Some(joint) = options.arm_joints.iter().find(|name| !known.contains(&name.as_str())) {
+            return Err(ModelError::NoSuchJoint {
+                joint: joint.clone(),
+                known: known.join(", "),
+            });
+        }
         let others: Vec<(String, usize)> = description
             .moving_joints()
             .filter(|joint| !options.arm_joints.contains(&joint.name))

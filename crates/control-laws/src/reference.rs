@@ -11,11 +11,12 @@
 
 use crate::allocation::{Allocation, AllocationParameters};
 use crate::model::ControlModel;
-use crate::outer::{AttitudeError, AttitudeLaw, AttitudeState};
+use crate::outer::{AttitudeError, AttitudeLaw, AttitudeState, OuterParameters};
 use crate::tracker::{Tracker, TrackerParameters, TrackerState};
 use crate::{DOF, Dof, JOINTS, Jacobian, Measured, ParameterError, Twist};
 use guidance_laws::{Between, Pose, SetPoint};
 use nalgebra::{Matrix6, SMatrix, SVector, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// Everything a user chooses, the control model apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,6 +37,29 @@ pub struct Parameters {
     pub between: Between,
     /// Sharing of the base torque between wheels and thrusters; `None` as the paper.
     pub allocation: Option<AllocationParameters>,
+}
+
+impl Parameters {
+    /// Gains of the end effector as the hierarchical law's, 0.3 1/s for the base's position, and a damping of 0.01 that only matters
+    /// next to a singularity (chosen).
+    pub fn new(tracker: TrackerParameters) -> Self {
+        let OuterParameters {
+            attitude,
+            attitude_gain,
+            position_gain,
+            ..
+        } = OuterParameters::default();
+        Self {
+            attitude,
+            attitude_gain,
+            position_gain,
+            base_position_gain: Vector3::repeat(0.3),
+            least_squares_damping: 0.01,
+            tracker,
+            between: Between::default(),
+            allocation: None,
+        }
+    }
 }
 
 /// What the law reads at an instant.
@@ -92,7 +116,7 @@ pub struct Telemetry {
 }
 
 /// All that the law remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// The end effector's attitude error.
     pub end_effector: AttitudeState,

@@ -4,6 +4,7 @@ use crate::filter::{FilterParameters, FilterState, ShapingFilter};
 use crate::inner::{Feedback, FeedbackLaw, Gains, InnerLoop};
 use crate::model::ControlModel;
 use crate::{DOF, Dof, Measured, ParameterError};
+use serde::{Deserialize, Serialize};
 
 /// Everything a user chooses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,7 +32,7 @@ pub enum Followed {
 }
 
 /// What a velocity tracker remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrackerState {
     /// State of the shaping filter.
     pub filter: FilterState,

@@ -1,95 +1,102 @@
 //! The captures, closed in one loop, against the figures of an independent simulation of the same baseline.
+//!
+//! The figures were there before these laws were written. The baseline's hold to half of their last digit. The comparison law is a stand-in
+//! whose damping nobody gave: its peaks hold to 1 %, its share of saturated samples to one point.
 
 mod plant;
 
-use control_laws::filter::FilterParameters;
-use control_laws::hierarchical::{self, HierarchicalLaw};
-use control_laws::inner::{Bound, Discretisation, FeedbackLaw, Gains};
-use control_laws::outer::OuterParameters;
-use control_laws::tracker::{Followed, TrackerParameters};
-use control_laws::{ControlModel, Dof, ModelOptions};
-use guidance_laws::Between;
-use guidance_laws::capture::{self, CaptureGuidance, Schedule};
-use nalgebra::Vector3;
-use plant::{Figures, KI, KP, LIMITS, Plant, description, grasp, run};
+use control_laws::{HierarchicalLaw, hierarchical};
+use guidance_laws::capture::Schedule;
+use guidance_laws::reference::BasePath;
+use plant::loops::{baseline, hierarchical_loop, model, reference_loop};
+use plant::{Figures, Plant, run};
 
-fn tracker(period_s: f64) -> TrackerParameters {
-    TrackerParameters {
-        period_s,
-        filter: FilterParameters::default(),
-        followed: Followed::Raw,
-        gains: Gains::diagonal(&Dof::from(KP), &Dof::from(KI)),
-        feedback: FeedbackLaw::ConditionalIntegrator {
-            bound: Bound::PerChannel(Dof::from(LIMITS)),
-            discretisation: Discretisation::Exact,
-        },
-    }
-}
-
-fn parameters(period_s: f64) -> hierarchical::Parameters {
-    hierarchical::Parameters {
-        outer: OuterParameters::default(),
-        tracker: tracker(period_s),
-        between: Between::Propagate,
-        avoidance: None,
-        allocation: None,
-    }
-}
-
-fn model() -> ControlModel {
-    ControlModel::new(&description(), &ModelOptions::default()).unwrap()
-}
-
-/// Guidance and hierarchical law together, each at every controller sample.
-fn hierarchical(parameters: hierarchical::Parameters, schedule: Schedule) -> impl FnMut(f64, &Plant) -> Dof {
-    let mut guidance = CaptureGuidance::new(capture::Parameters {
-        schedule,
-        grasp: grasp(),
-    })
-    .unwrap();
-    let mut law = HierarchicalLaw::new(model(), parameters).unwrap();
-    move |time_s, plant| {
-        let measured = plant.measured();
-        let set_point = guidance
-            .step(&capture::Input {
-                time_s,
-                end_effector: Some(law.model().end_effector(&measured).pose),
-                target: Some(plant.target),
-            })
-            .set_point;
-        let output = law.step(&hierarchical::Input {
-            measured: Some(measured),
-            set_point,
-            set_point_age_s: 0.0,
-            wheel_momentum: Vector3::zeros(),
-        });
-        output.unwrap().force
-    }
-}
-
-fn close(parameters: hierarchical::Parameters) -> (Figures, Plant) {
+fn close(parameters: hierarchical::Parameters, tumble: f64) -> Figures {
     let period_s = parameters.tracker.period_s;
-    let law = hierarchical(parameters, Schedule::CLOSE);
-    run(Plant::new(1.2, 1.0), 35.0, 30.0, period_s, law)
+    let law = HierarchicalLaw::new(model(), parameters).unwrap();
+    let mut step = hierarchical_loop(law, Schedule::CLOSE);
+    let law = |time_s: f64, plant: &Plant| step(time_s, plant).force;
+    run(Plant::new(1.2, tumble), 35.0, 30.0, period_s, law).0
 }
 
-#[test]
-fn close_capture_agrees_with_the_independent_simulation() {
-    let (figures, plant) = close(parameters(0.01));
-    println!("{figures:#?}\n{:?}", plant.state);
-    // 0.10 mm, 0.002 deg, 0.074 N m and 0.92 N, to the digits given
-    assert!((figures.position_error_m - 1.0e-4).abs() < 0.05e-4);
-    assert!((figures.attitude_error_deg - 0.002).abs() < 0.0005);
-    assert!((figures.peak_torque_nm - 0.074).abs() < 0.0005);
-    assert!((figures.peak_force_n - 0.92).abs() < 0.005);
+#[track_caller]
+fn check(figure: &str, value: f64, expected: f64, half_digit: f64) {
+    println!("{figure}: {value:.6}, expected {expected}");
+    assert!(
+        (value - expected).abs() <= half_digit,
+        "{figure}: {value} instead of {expected} ± {half_digit}"
+    );
+}
+
+/// The default criteria: 5 mm, 0.5 deg and 5 mm/s at the grasp, and nobody saturates.
+#[track_caller]
+fn captured(figures: &Figures) {
+    println!("{figures:#?}");
+    assert!(figures.position_error_m < 5e-3 && figures.attitude_error_deg < 0.5);
+    assert!(figures.relative_speed_m_s < 5e-3 && figures.largest_error_after_m < 5e-3);
     assert_eq!(figures.saturated, 0.0);
 }
 
 #[test]
-fn far_capture_is_captured() {
-    let law = hierarchical(parameters(0.01), Schedule::FAR);
-    let (figures, _) = run(Plant::new(2.0, 1.0), 60.0, 55.0, 0.01, law);
+fn close_capture_agrees_with_the_independent_simulation() {
+    let figures = close(baseline(), 1.0);
+    captured(&figures);
+    check("position error, m", figures.position_error_m, 1.0e-4, 0.05e-4);
+    check("attitude error, deg", figures.attitude_error_deg, 0.002, 0.0005);
+    check("peak base torque, N m", figures.peak_torque_nm, 0.074, 0.0005);
+    check("peak base force, N", figures.peak_force_n, 0.92, 0.005);
+}
+
+#[test]
+fn far_capture_captures_with_the_arm_at_rest_until_the_base_is_near() {
+    let law = HierarchicalLaw::new(model(), baseline()).unwrap();
+    let mut step = hierarchical_loop(law, Schedule::FAR);
+    let law = |time_s: f64, plant: &Plant| step(time_s, plant).force;
+    captured(&run(Plant::new(2.0, 1.0), 60.0, 55.0, 0.01, law).0);
+}
+
+#[test]
+fn a_target_tumbling_twice_as_fast_is_captured() {
+    captured(&close(baseline(), 2.0));
+}
+
+#[test]
+fn a_50_hz_controller_captures() {
+    captured(&close(hierarchical::Parameters::new(plant::loops::tracker(0.02)), 1.0));
+}
+
+/// The stand-in behaves as the design it stands for is reported to, and the tie of the base to its nominal start is why.
+#[test]
+fn the_comparison_captures_the_close_target_with_saturated_wheels() {
+    let mut step = reference_loop(BasePath::NominalPose);
+    let law = |time_s: f64, plant: &Plant| step(time_s, plant).force;
+    let figures = run(Plant::new(1.2, 1.0), 35.0, 30.0, 0.01, law).0;
     println!("{figures:#?}");
-    assert!(figures.position_error_m < 5e-3);
-    assert!(figures.attitude_error_deg < 0.5);
+    check("position error, m", figures.position_error_m, 1.0e-4, 0.5e-4);
+    check("peak base torque, N m", figures.peak_torque_nm, 0.80, 0.005);
+    check("samples over, %", 100.0 * figures.wheels_over, 9.0, 1.0);
+    check("peak base force, N", figures.peak_force_n, 257.0, 257.0 * 0.01);
+    assert!(
+        figures.joint_high_deg[3] > 120.0,
+        "A4 leaves its range: nothing in the law knows of it"
+    );
+}
+
+#[test]
+fn the_comparison_with_a_replanned_base_path_saturates_nothing() {
+    let mut step = reference_loop(BasePath::Replanned);
+    let law = |time_s: f64, plant: &Plant| step(time_s, plant).force;
+    let figures = run(Plant::new(1.2, 1.0), 35.0, 30.0, 0.01, law).0;
+    captured(&figures);
+    check("peak base torque, N m", figures.peak_torque_nm, 0.071, 0.001);
+}
+
+#[test]
+fn the_comparison_loses_the_far_target() {
+    let mut step = reference_loop(BasePath::NominalPose);
+    let law = |time_s: f64, plant: &Plant| step(time_s, plant).force;
+    let figures = run(Plant::new(2.0, 1.0), 60.0, 30.0, 0.01, law).0;
+    println!("{figures:#?}");
+    assert!(figures.position_error_m > 0.3);
+    assert!(figures.wheels_over > 0.2);
 }

@@ -15,6 +15,7 @@
 use crate::profile::{Progress, quintic};
 use crate::{ParameterError, Pose, SetPoint, TargetState, so3};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// The three instants of an approach, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -128,7 +129,7 @@ pub struct Output {
 }
 
 /// All that the guidance remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Whether the start pose is known.
     pub started: bool,

@@ -3,7 +3,7 @@
 //! | module | what it computes |
 //! |---|---|
 //! | [`capture`] | the set-point of the end effector, from its start to the grasp point on the moving target |
-//! | [`reference`] | the comparison guidance: fixed instants, and a set-point for the base as well |
+//! | [`mod@reference`] | the comparison guidance: fixed instants, and a set-point for the base as well |
 //! | [`navigation`] | the target's motion from a noisy camera pose that arrives late |
 //! | [`target`] | motion of a torque-free rigid body, and of a grasp frame fixed in it |
 //! | [`set_point`] | pose and twist to follow, and its propagation between two guidance samples |

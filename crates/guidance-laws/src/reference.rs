@@ -9,14 +9,17 @@ use crate::capture::{self, CaptureGuidance, Schedule};
 use crate::profile::quintic;
 use crate::{ParameterError, Pose, SetPoint, TargetState, so3};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// How the base gets to its closing pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BasePath {
-    /// It is asked to be there from the first instant on.
+    /// It stays where it is until the schedule's start and is asked to be there from then on: no motion at all from the nominal
+    /// start, a jump from anywhere else.
     #[default]
     NominalPose,
-    /// A quintic from the pose it has at the first instant, between the first and the last instant of the schedule.
+    /// A quintic from the pose it has at the first sample, from the schedule's start to its pointing instant: the base stands still
+    /// while the end effector closes in.
     Replanned,
 }
 
@@ -56,7 +59,7 @@ pub struct Output {
 }
 
 /// All that the guidance remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// State of the end effector's part.
     pub end_effector: capture::State,
@@ -146,6 +149,7 @@ impl ReferenceGuidance {
         }
         let closing = self.parameters.closing_pose;
         let base = self.base_start.map(|start| match self.parameters.base_path {
+            BasePath::NominalPose if input.time_s < self.parameters.schedule.start_s => SetPoint::at_rest(start),
             BasePath::NominalPose => SetPoint::at_rest(closing),
             BasePath::Replanned => self.base_between(&start, &closing, input.time_s),
         });
@@ -153,8 +157,8 @@ impl ReferenceGuidance {
     }
 
     fn base_between(&self, start: &Pose, closing: &Pose, time_s: f64) -> SetPoint {
-        let Schedule { start_s, grasp_s, .. } = self.parameters.schedule;
-        let progress = quintic(time_s, start_s, grasp_s);
+        let Schedule { start_s, point_s, .. } = self.parameters.schedule;
+        let progress = quintic(time_s, start_s, point_s);
         let phi: Vector3<f64> = so3::log(&(start.attitude.inverse() * closing.attitude));
         SetPoint {
             pose: Pose {

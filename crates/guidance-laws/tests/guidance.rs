@@ -213,17 +213,20 @@ fn the_comparison_base_path_is_a_step_or_a_quintic() {
     for tick in 0..400 {
         let time_s = 0.1 * f64::from(tick);
         let input = comparison_input(time_s);
-        assert_eq!(tied.step(&input).base.unwrap(), SetPoint::at_rest(closing));
+        let expected = if time_s < 1.0 { input.base.unwrap() } else { closing };
+        assert_eq!(tied.step(&input).base.unwrap(), SetPoint::at_rest(expected));
         replanned.step(&input);
         let at = |time_s| replanned.clone().step(&comparison_input(time_s)).base.unwrap();
         assert!(velocity_mismatch(at, time_s) < 1e-9, "{time_s}");
     }
     let start = comparison_input(0.0).base.unwrap();
     assert!((replanned.step(&comparison_input(0.5)).base.unwrap().pose.position - start.position).norm() < 1e-15);
-    assert!((replanned.step(&comparison_input(30.0)).base.unwrap().pose.position - closing.position).norm() < 1e-15);
+    assert!((replanned.step(&comparison_input(20.0)).base.unwrap().pose.position - closing.position).norm() < 1e-15);
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
     #[test]
     fn a_restored_law_continues_with_the_same_bits(split in 1_usize..60, x in -1.0..1.0, y in -1.0..1.0, z in -1.0..1.0) {
         let rate = Vector3::new(x, y, z) * 0.1;

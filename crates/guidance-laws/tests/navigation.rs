@@ -111,10 +111,11 @@ struct Run {
     attitude_error_rad: f64,
 }
 
-fn run(parameters: &Parameters, seed: u64, duration_s: f64) -> Run {
+/// `parameters` describes the world, `believed` what the filter takes it for.
+fn run(parameters: &Parameters, believed: &Parameters, seed: u64, duration_s: f64) -> Run {
     let start = drawn_target(parameters, seed);
     let mut camera = Camera::new(parameters, seed);
-    let mut filter = NavigationFilter::new(*parameters).unwrap();
+    let mut filter = NavigationFilter::new(*believed).unwrap();
     let (mut truth, mut stamp_s) = (start, 0.0);
     let (mut nis_sum, mut nis_count) = (0.0, 0.0);
     let pictures = (duration_s / CAMERA_PERIOD_S) as u32;
@@ -150,7 +151,7 @@ fn run(parameters: &Parameters, seed: u64, duration_s: f64) -> Run {
 #[test]
 fn errors_are_as_large_as_the_filter_says() {
     let parameters = parameters();
-    let runs: Vec<Run> = (0..200).map(|seed| run(&parameters, seed, 20.0)).collect();
+    let runs: Vec<Run> = (0..200).map(|seed| run(&parameters, &parameters, seed, 20.0)).collect();
     let mean = |figure: fn(&Run) -> f64| runs.iter().map(figure).sum::<f64>() / 200.0;
     // chi-square with 12 degrees of freedom over 200 runs: mean 12, standard deviation √(24/200) = 0.35; four of them
     let nees = mean(|run| run.nees);
@@ -162,6 +163,25 @@ fn errors_are_as_large_as_the_filter_says() {
     let camera = 2.0 * (2.0 / std::f64::consts::PI).sqrt();
     assert!(mean(|run| run.position_error_m) < camera * parameters.drift_sigma.position);
     assert!(mean(|run| run.attitude_error_rad) < camera * parameters.drift_sigma.attitude);
+}
+
+#[test]
+fn a_filter_that_takes_the_drift_for_white_noise_believes_itself_far_too_well() {
+    let parameters = parameters();
+    let believed = Parameters {
+        drift_sigma: PositionAttitude {
+            position: 0.0,
+            attitude: 0.0,
+        },
+        white_sigma: parameters.drift_sigma,
+        ..parameters
+    };
+    let nees = (0..50)
+        .map(|seed| run(&parameters, &believed, seed, 20.0).nees)
+        .sum::<f64>()
+        / 50.0;
+    println!("{nees}");
+    assert!(nees > 10.0 * 12.0, "{nees}");
 }
 
 #[test]

@@ -93,11 +93,14 @@ impl Waiting {
         spins: 20_000,
         yields: 2_000,
     };
-    /// For participants that share a core: the one waited for needs it.
+    /// For a few participants that share a core: the one waited for needs it.
     pub const YIELD: Waiting = Waiting {
         spins: 20,
-        yields: 5_000,
+        yields: 2_000,
     };
+    /// For many participants that share a core. Every yield passes through all who yield, so a hand-off among N of them
+    /// costs N yields; those who wait for long must sleep for the cost to stay linear.
+    pub const CROWD: Waiting = Waiting { spins: 0, yields: 6 };
     /// For long pauses and machines that have better things to do.
     pub const SLEEP: Waiting = Waiting { spins: 0, yields: 0 };
 }

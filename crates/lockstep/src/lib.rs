@@ -11,4 +11,5 @@ pub mod random;
 pub mod stepper;
 pub mod time;
 pub mod transport;
+pub mod units;
 pub mod wire;

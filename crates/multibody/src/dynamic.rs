@@ -2,9 +2,9 @@
 
 use crate::description::Description;
 use crate::kernel::jacobian::{frame_at, jacobian};
-use crate::kernel::place::{Placed, place};
+use crate::kernel::place::{Placed, Rates, place, rates};
 use crate::kernel::{BASE, Model, aba, inertia, momentum, newton_euler};
-use crate::num::{Dynamic, V3, sin_cos};
+use crate::num::{Dynamic, Real, V3, sin_cos};
 use crate::rotation::Quaternion;
 use crate::tree::{Constants, FrameId, TreeError, UnknownFrame, matrix, vector};
 use crate::{Momentum, Placement};
@@ -110,9 +110,11 @@ impl DynTree {
         }
     }
 
-    fn placed(&self, s: &DynState) -> Vec<Placed<f64>> {
+    fn placed(&self, s: &DynState) -> (Vec<Placed<f64>>, Vec<Rates<f64>>) {
         self.check(s);
-        place::<Dynamic, f64>(self.model(), &s.q, &s.nu)
+        let placed = place::<Dynamic, f64>(self.model(), &s.q);
+        let rates = rates::<Dynamic, f64>(self.model(), &placed, &s.nu);
+        (placed, rates)
     }
 
     fn check(&self, s: &DynState) {
@@ -149,7 +151,7 @@ impl DynTree {
             motor_inertia: 0.0,
         }];
         for (b, (joint, link)) in c.bodies.iter().zip(&c.body_names) {
-            let above = if b.parent == BASE { 0 } else { b.parent + 1 };
+            let above = b.parent;
             out.push(BodyInfo {
                 link: link.clone(),
                 joint: Some(joint.clone()),
@@ -170,6 +172,22 @@ impl DynTree {
         &self.constants.frame_names
     }
 
+    /// Names of the links that make up a body: the one it is named after and those fixed to it.
+    pub fn frames_on(&self, body: &BodyInfo) -> Vec<&str> {
+        let c = &self.constants;
+        let place = c
+            .body_names
+            .iter()
+            .position(|b| b.1 == body.link)
+            .map_or(BASE, |i| i + 1);
+        c.frames
+            .iter()
+            .zip(&c.frame_names)
+            .filter(|(f, _)| f.body == place)
+            .map(|(_, name)| name.as_str())
+            .collect()
+    }
+
     /// Finds a frame by the name of its link.
     pub fn frame(&self, name: &str) -> Result<FrameId, UnknownFrame> {
         self.constants.frame(name)
@@ -180,11 +198,18 @@ impl DynTree {
     /// # Panics
     /// Here and below: if the state has the wrong number of coordinates.
     pub fn mass_and_coriolis(&self, s: &DynState) -> (Dense, Dense) {
-        let placed = self.placed(s);
+        let (placed, rates) = self.placed(s);
         let dim = self.dim();
         let (mut m, mut c) = (Dense::zeros(dim, dim), Dense::zeros(dim, dim));
         let omega = self.omega(s);
-        inertia::mass_and_coriolis::<Dynamic, f64, true>(self.model(), &placed, omega, &mut m.data, &mut c.data);
+        inertia::mass_and_coriolis::<Dynamic, f64, true>(
+            self.model(),
+            &placed,
+            &rates,
+            omega,
+            &mut m.data,
+            &mut c.data,
+        );
         (m, c)
     }
 
@@ -203,6 +228,49 @@ impl DynTree {
         out
     }
 
+    /// `M a + C(ν) ν_r` in one pass.
+    pub fn mass_coriolis_product(&self, s: &DynState, a: &[f64], nu_r: &[f64]) -> Vec<f64> {
+        self.check(s);
+        assert_eq!(
+            (a.len(), nu_r.len()),
+            (self.dim(), self.dim()),
+            "a and ν_r have the wrong length"
+        );
+        let mut out = vec![0.0; self.dim()];
+        let zero = V3::zero();
+        newton_euler::newton_euler::<Dynamic, f64, false>(self.model(), &s.q, &s.nu, a, nu_r, zero, &mut out);
+        out
+    }
+
+    /// Mass matrix over any scalar, column by column.
+    pub fn mass_matrix_in<T: Real>(&self, q: &[T]) -> Vec<T> {
+        let placed = place::<Dynamic, T>(self.model(), q);
+        let mut m = vec![T::of(0.0); self.dim() * self.dim()];
+        let (model, rest) = (self.model(), V3::zero());
+        inertia::mass_and_coriolis::<Dynamic, T, false>(model, &placed, &[], rest, &mut m, &mut []);
+        m
+    }
+
+    /// Body Jacobian of a frame over any scalar, column by column; it depends on the joints alone.
+    pub fn jacobian_in<T: Real>(&self, q: &[T], frame: FrameId) -> Vec<T> {
+        let placed = place::<Dynamic, T>(self.model(), q);
+        let rest = vec![T::of(0.0); self.dim()];
+        let rates = rates::<Dynamic, T>(self.model(), &placed, &rest);
+        let mut j = vec![T::of(0.0); 6 * self.dim()];
+        let frame = &self.constants.frames[frame.0];
+        jacobian::<T, false>(self.model(), &placed, &rates, V3::zero(), frame, &mut j);
+        j
+    }
+
+    /// Pose of a frame in the base over any scalar: (`p_BE`, columns of `R_BE`).
+    pub fn placement_in<T: Real>(&self, q: &[T], frame: FrameId) -> ([T; 3], [[T; 3]; 3]) {
+        let placed = place::<Dynamic, T>(self.model(), q);
+        let rest = vec![T::of(0.0); self.dim()];
+        let rates = rates::<Dynamic, T>(self.model(), &placed, &rest);
+        let (r, p) = frame_at(&self.constants.frames[frame.0], &placed, &rates);
+        (p.to_array(), r.c.map(V3::to_array))
+    }
+
     /// Forward dynamics without gravity, with dampers and springs.
     pub fn forward_dynamics(&self, s: &DynState, tau: &[f64]) -> Vec<f64> {
         self.check(s);
@@ -214,40 +282,42 @@ impl DynTree {
 
     /// Pose of a frame in the world.
     pub fn placement_in_world(&self, s: &DynState, frame: FrameId) -> Placement {
-        let at = frame_at(&self.constants.frames[frame.0], &self.placed(s), self.omega(s));
+        let (placed, rates) = self.placed(s);
+        let (r, p) = frame_at(&self.constants.frames[frame.0], &placed, &rates);
         let base = Placement {
             p: s.p_nb,
             r: s.quat_nb.matrix(),
         };
         base.then(&Placement {
-            p: vector(at.p),
-            r: matrix(&at.r),
+            p: vector(p),
+            r: matrix(&r),
         })
     }
 
     /// Body Jacobian of a frame (rows [ω; v] in its axes) and its time derivative.
     pub fn jacobian_and_rate(&self, s: &DynState, frame: FrameId) -> (Dense, Dense) {
-        let placed = self.placed(s);
+        let (placed, rates) = self.placed(s);
         let (mut j, mut rate) = (Dense::zeros(6, self.dim()), Dense::zeros(6, self.dim()));
         let frame = &self.constants.frames[frame.0];
         let omega = self.omega(s);
-        jacobian::<f64, false>(self.model(), &placed, omega, frame, &mut j.data);
-        jacobian::<f64, true>(self.model(), &placed, omega, frame, &mut rate.data);
+        jacobian::<f64, false>(self.model(), &placed, &rates, omega, frame, &mut j.data);
+        jacobian::<f64, true>(self.model(), &placed, &rates, omega, frame, &mut rate.data);
         (j, rate)
     }
 
     /// Mass, centre of mass and momentum in B axes.
     pub fn momentum(&self, s: &DynState) -> Momentum {
-        Momentum::of(
-            &momentum::sums(self.model(), &self.placed(s), &s.nu),
-            self.model().base_part(&s.nu).1,
-        )
+        Momentum::of(&self.sums(s), self.model().base_part(&s.nu).1)
     }
 
     /// Kinetic energy (J).
     pub fn kinetic_energy(&self, s: &DynState) -> f64 {
-        let sums = momentum::sums(self.model(), &self.placed(s), &s.nu);
-        sums.energy_at(self.model().base_part(&s.nu).1)
+        self.sums(s).energy_at(self.model().base_part(&s.nu).1)
+    }
+
+    fn sums(&self, s: &DynState) -> momentum::Sums<f64> {
+        let (placed, rates) = self.placed(s);
+        momentum::sums(self.model(), &placed, &rates, &s.nu)
     }
 }
 
@@ -280,7 +350,10 @@ pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeErr
         let order: Vec<usize> = joints.chain((0..offset).rev()).collect();
         for (at, &k) in order.iter().enumerate() {
             let ratio = m[(k, k)] / whole[k];
-            best[k] = best[k].max(if ratio.is_finite() { ratio } else { 0.0 });
+            if ratio.is_nan() || ratio <= VANISHED {
+                continue; // dividing by it would put the blame on everything below
+            }
+            best[k] = best[k].max(ratio);
             for &i in &order[at + 1..] {
                 let factor = m[(i, k)] / m[(k, k)];
                 for &j in &order[at + 1..] {

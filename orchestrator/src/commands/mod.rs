@@ -1,5 +1,6 @@
 //! One file per command; each returns the exit code.
 
+pub mod bench;
 pub mod check;
 pub mod compare;
 pub mod doctor;

@@ -7,6 +7,15 @@ use crate::cli::ParticipantArgs;
 
 /// Takes its place in the run that the environment names.
 pub fn run(args: &ParticipantArgs) -> ExitCode {
+    if let Some(result) = crate::bench::be_an_end(&args.name) {
+        return match result {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(error) => {
+                eprintln!("error: {error:#}");
+                ExitCode::from(1)
+            }
+        };
+    }
     match builtin::factory(&args.name) {
         Some(factory) => lockstep::host::run(factory, &format!("{} {}", args.name, env!("CARGO_PKG_VERSION"))),
         None => {

@@ -225,7 +225,7 @@ pub(super) fn connect(
         let request = Request::Connect {
             assignment: plan.assignment(number),
             cores: placement.cores[number].iter().map(|&core| core as u32).collect(),
-            waiting: options.wait.strategy(placement.spin[number]),
+            waiting: options.wait.strategy(placement.sharing[number]),
         };
         match member.ask(&request, interrupt)? {
             Reply::Done => {}

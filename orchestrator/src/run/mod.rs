@@ -36,11 +36,15 @@ pub enum Wait {
 }
 
 impl Wait {
-    /// The strategy for a participant that may spin or not.
-    pub fn strategy(self, may_spin: bool) -> Waiting {
+    /// The strategy for a participant that shares its core with `sharing`, itself included.
+    pub fn strategy(self, sharing: usize) -> Waiting {
         match self {
-            Wait::Auto if may_spin => Waiting::SPIN,
-            Wait::Auto | Wait::Yield => Waiting::YIELD,
+            Wait::Auto => match sharing {
+                0 | 1 => Waiting::SPIN,
+                2..=4 => Waiting::YIELD,
+                _ => Waiting::CROWD,
+            },
+            Wait::Yield => Waiting::YIELD,
             Wait::Spin => Waiting::SPIN,
             Wait::Sleep => Waiting::SLEEP,
         }

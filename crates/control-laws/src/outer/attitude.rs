@@ -2,6 +2,7 @@
 
 use crate::ParameterError;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// How the attitude error is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +62,7 @@ impl AttitudeError {
 }
 
 /// All that the attitude law remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct AttitudeState {
     /// Whether an error has been seen; before that the other fields mean nothing.
     pub started: bool,

@@ -8,7 +8,7 @@ pub use attitude::{AttitudeError, AttitudeLaw, AttitudeState};
 pub use pseudoinverse::WeightedPseudoinverse;
 pub use weights::{ArmWeight, Weight, Weights};
 
-use crate::{Dof, Jacobian, ParameterError, Twist};
+use crate::{Dof, JOINTS, Jacobian, ParameterError, Twist};
 use guidance_laws::{Pose, SetPoint};
 use nalgebra::Vector3;
 
@@ -46,6 +46,8 @@ pub struct OuterInput<'a> {
     pub base_distance_m: f64,
     /// Body Jacobian `J_v`.
     pub jacobian: &'a Jacobian,
+    /// Further factor on the weight of each joint, 1 for none.
+    pub joint_factor: &'a [f64; JOINTS],
     /// What to follow; `None` asks to stay where it is.
     pub set_point: Option<&'a SetPoint>,
 }
@@ -107,7 +109,7 @@ impl OuterLoop {
 
     /// The virtual velocity at this instant.
     pub fn step(&mut self, input: &OuterInput) -> OuterOutput {
-        let weight = self.parameters.weights.at(input.base_distance_m);
+        let weight = self.parameters.weights.at(input.base_distance_m, input.joint_factor);
         let inverse = WeightedPseudoinverse::new(input.jacobian, &weight.diagonal);
         let (position_error, attitude_error, twist) = match input.set_point {
             None => (Vector3::zeros(), self.attitude.unchanged(), Twist::zeros()),

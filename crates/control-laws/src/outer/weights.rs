@@ -100,8 +100,8 @@ impl Weights {
         Ok(())
     }
 
-    /// The weights with the base `distance_m` away from the target.
-    pub fn at(&self, distance_m: f64) -> Weight {
+    /// The weights with the base `distance_m` away from the target, and `joint_factor` on those of the joints.
+    pub fn at(&self, distance_m: f64, joint_factor: &[f64; JOINTS]) -> Weight {
         let raw = match self.arm {
             ArmWeight::Fixed(weight) => weight,
             ArmWeight::ByDistance {
@@ -121,7 +121,7 @@ impl Weights {
         let diagonal = Dof::from_fn(|row, _| match row {
             0..3 => self.base_rotation,
             3..6 => self.base_translation,
-            _ => epsilon * self.joint_factor[row - 6],
+            _ => epsilon * self.joint_factor[row - 6] * joint_factor[row - 6],
         });
         Weight {
             epsilon,
@@ -147,7 +147,7 @@ mod tests {
             (2.12, 0.0, true),
             (9.0, 0.0, true),
         ] {
-            let weight = weights.at(factor * closing_m);
+            let weight = weights.at(factor * closing_m, &[1.0; JOINTS]);
             assert!((weight.epsilon - epsilon).abs() < 1e-9, "{factor}: {}", weight.epsilon);
             assert_eq!(weight.clamped, clamped, "{factor}");
         }
@@ -157,7 +157,10 @@ mod tests {
     fn the_factor_of_a_joint_scales_its_weight_alone() {
         let mut weights = Weights::default();
         weights.joint_factor[3] = 0.0;
-        let diagonal = weights.at(2.4).diagonal;
+        let mut faded = [1.0; JOINTS];
+        faded[5] = 0.5;
+        let diagonal = weights.at(2.4, &faded).diagonal;
+        assert_eq!(diagonal[11], 0.5 * diagonal[10]);
         assert_eq!(diagonal[9], 0.0);
         assert!(diagonal[8] > 90.0 && diagonal[8] == diagonal[10]);
         assert_eq!((diagonal[2], diagonal[3]), (1.0, 10.0));

@@ -4,6 +4,8 @@
 //! delay. Order at an instant: measured state, guidance, controller, then ten steps of the plant.
 #![allow(dead_code)] // each test binary uses its part
 
+pub(crate) mod loops;
+
 use control_laws::{Dof, Measured, ModelOptions};
 use guidance_laws::target::TargetModel;
 use guidance_laws::{Pose, SetPoint, TargetState, so3};
@@ -31,6 +33,15 @@ pub(crate) fn description() -> Description {
     Description::from_urdf(URDF).unwrap()
 }
 
+/// The servicer with the rotor inertia of its joints.
+pub(crate) fn geared() -> Description {
+    let mut description = description();
+    for joint in ModelOptions::default().arm_joints {
+        description.add_motor_inertia(&joint, 0.1).unwrap();
+    }
+    description
+}
+
 pub(crate) fn grasp() -> Pose {
     Pose {
         position: Vector3::new(0.0, 0.0, -0.65),
@@ -50,16 +61,19 @@ pub(crate) struct Plant {
     pub(crate) state: State<9, 15>,
     pub(crate) target: TargetState,
     target_model: TargetModel,
+    /// What the actuators have.
+    pub(crate) limits: [f64; 13],
 }
 
 impl Plant {
     /// At rest at `distance` times the nominal closing position, the target tumbling at `tumble` times its rate.
     pub(crate) fn new(distance: f64, tumble: f64) -> Self {
-        let mut description = description();
-        for joint in ModelOptions::default().arm_joints {
-            description.add_motor_inertia(&joint, 0.1).unwrap();
-        }
-        let tree = Tree::<9, 15>::new(&description).unwrap();
+        Self::of(&geared(), distance, tumble)
+    }
+
+    /// The same with another servicer.
+    pub(crate) fn of(description: &Description, distance: f64, tumble: f64) -> Self {
+        let tree = Tree::<9, 15>::new(description).unwrap();
         let mut state = State::rest();
         state.p_nb = Vector3::from(NOMINAL) * distance;
         for (joint, degrees) in [(1, 40.0), (3, 80.0), (5, 40.0)] {
@@ -78,6 +92,7 @@ impl Plant {
                 rate: Vector3::new(0.3, 0.5, 1.0) * (DEGREE * tumble),
             },
             target_model: target_model(),
+            limits: LIMITS,
         }
     }
 
@@ -112,7 +127,7 @@ impl Plant {
     pub(crate) fn step(&mut self, command: &Dof) {
         let mut force = SVector::<f64, 15>::zeros();
         for row in 0..13 {
-            force[row] = command[row].clamp(-LIMITS[row], LIMITS[row]);
+            force[row] = command[row].clamp(-self.limits[row], self.limits[row]);
         }
         let h = PLANT_PERIOD_S;
         let start = self.state;
@@ -206,7 +221,7 @@ pub(crate) fn run(
             figures.largest_error_after_m = figures.largest_error_after_m.max(error_m);
         }
         let command = law(time_s, &plant);
-        let over: [bool; 13] = std::array::from_fn(|row| command[row].abs() > LIMITS[row]);
+        let over: [bool; 13] = std::array::from_fn(|row| command[row].abs() > plant.limits[row]);
         wheels_over += u32::from(over[..3].contains(&true));
         saturated += u32::from(over.contains(&true));
         figures.peak_torque_nm = figures.peak_torque_nm.max(command.rows(0, 3).amax());

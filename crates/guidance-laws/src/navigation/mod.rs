@@ -18,6 +18,7 @@ use crate::target::TargetModel;
 use crate::{ParameterError, Pose, TargetState, so3};
 use error_state::{Covariance, ErrorState, STATES, transition};
 use nalgebra::{Quaternion, SMatrix, SVector, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A pair of standard deviations or densities, for position and attitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,7 +38,8 @@ pub struct Parameters {
     pub drift_sigma: PositionAttitude,
     /// Time constant of the slow errors, s.
     pub drift_time_s: f64,
-    /// Standard deviation of the camera's white errors, m and rad about each axis; above zero.
+    /// Standard deviation of the camera's white errors, m and rad about each axis; above zero. Give more than the camera has to make the
+    /// estimate smoother: against slow errors it costs hardly any accuracy, and a controller feels every step of the estimate.
     pub white_sigma: PositionAttitude,
     /// Density of the accelerations the model does not know, m/s² and rad/s² per √Hz. Keeps the filter awake.
     pub acceleration_density: PositionAttitude,
@@ -93,7 +95,7 @@ pub enum Update {
 }
 
 /// All that the filter remembers, as plain numbers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Whether a pose has been taken in; before that the other fields mean nothing.
     pub started: bool,

@@ -31,10 +31,8 @@ struct Ready {
     stepper: Stepper,
     clock: ClockReader,
     record: SharedRecord,
-    /// Whoever may be waiting for room on the link into each input.
-    producers: Vec<Option<Waker>>,
-    /// Whoever may be waiting for a sample of any output, once each.
-    consumers: Vec<Waker>,
+    /// Whoever may be waiting for a sample of an output, or for room on the link into an input; once each.
+    neighbours: Vec<Waker>,
     patience: Patience,
     timing: Timing,
     /// Keeps the services of the links open.
@@ -253,20 +251,23 @@ fn connect(
         senders: Vec::new(),
         recording: Box::new(crate::transport::NoRecording),
     };
-    let (mut producers, mut consumers) = (Vec::new(), Vec::<(String, Waker)>::new());
-    let owner = |port: &str| port.split('.').next().unwrap_or(port).to_owned();
+    let mut neighbours = Vec::<(String, Waker)>::new();
+    let mut meet = |port: &str| -> Result<(), DomainError> {
+        let neighbour = port.split('.').next().unwrap_or(port);
+        if neighbour != name && !neighbours.iter().any(|(known, _)| known == neighbour) {
+            neighbours.push((neighbour.to_owned(), Waker::open(domain, neighbour)?));
+        }
+        Ok(())
+    };
     for (link, port) in assignment.inputs.iter().zip(&assignment.interface.inputs) {
-        let (mut receiver, mut producer) = (None, None);
+        let mut receiver = None;
         if let Some(link) = link {
             let service = LinkService::open(domain, link.link, port.descriptor.size as usize, link.capacity as usize)?;
             receiver = Some(Box::new(service.receiver(domain)?) as Box<dyn Receiver>);
-            producer = (owner(&link.from) != name)
-                .then(|| Waker::open(domain, &owner(&link.from)))
-                .transpose()?;
+            meet(&link.from)?;
             links.push(service);
         }
         ends.receivers.push(receiver);
-        producers.push(producer);
     }
     for (output, port) in assignment.outputs.iter().zip(&assignment.interface.outputs) {
         let mut senders = Vec::new();
@@ -274,11 +275,7 @@ fn connect(
             let service = LinkService::open(domain, to.link, port.descriptor.size as usize, to.capacity as usize)?;
             senders.push(Box::new(service.sender(domain)?) as Box<dyn Sender>);
             links.push(service);
-            let consumer = owner(&to.to);
-            if consumer != name && !consumers.iter().any(|(known, _)| *known == consumer) {
-                let waker = Waker::open(domain, &consumer)?;
-                consumers.push((consumer, waker));
-            }
+            meet(&to.to)?;
         }
         ends.senders.push(senders);
     }
@@ -292,8 +289,7 @@ fn connect(
         stepper: Stepper::new(participant, assignment, ends),
         clock: ClockReader::open(domain)?,
         record,
-        producers,
-        consumers: consumers.into_iter().map(|(_, waker)| waker).collect(),
+        neighbours: neighbours.into_iter().map(|(_, waker)| waker).collect(),
         patience: Patience::new(waiting),
         timing,
         _links: links,
@@ -334,8 +330,7 @@ impl Ready {
                     }
                     // Whoever is waited for may itself sleep until it hears of what this participant has taken or given.
                     // Once is enough: who falls asleep later looks again first.
-                    self.producers.iter().flatten().for_each(Waker::wake);
-                    self.consumers.iter().for_each(Waker::wake);
+                    self.neighbours.iter().for_each(Waker::wake);
                 }
                 if self.patience.is_long() {
                     status.set(Status {
@@ -355,7 +350,7 @@ impl Ready {
             }
             match progress {
                 Progress::Stepped => {
-                    self.consumers.iter().for_each(Waker::wake);
+                    self.neighbours.iter().for_each(Waker::wake);
                     status.set(Status {
                         next: activation + 1,
                         activity: Activity::Computing,
@@ -366,7 +361,7 @@ impl Ready {
                 }
                 Progress::AtHorizon => {
                     self.timing.total_ns += started.elapsed().as_nanos() as u64;
-                    self.consumers.iter().for_each(Waker::wake);
+                    self.neighbours.iter().for_each(Waker::wake);
                     status.set(Status {
                         next: activation,
                         activity: Activity::Rest,
@@ -383,7 +378,7 @@ impl Ready {
                 Progress::Finished => {
                     self.timing.total_ns += started.elapsed().as_nanos() as u64;
                     self.timing.sleeps = self.patience.sleeps;
-                    self.consumers.iter().for_each(Waker::wake);
+                    self.neighbours.iter().for_each(Waker::wake);
                     status.set(Status {
                         next: count,
                         activity: Activity::Finished,

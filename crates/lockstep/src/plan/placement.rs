@@ -12,8 +12,8 @@ use super::components::strongly_connected;
 pub struct Placement {
     /// The core of each participant; `None` leaves it to the operating system.
     pub cores: Vec<Option<usize>>,
-    /// Whether a participant may spin: nobody else needs its core.
-    pub spin: Vec<bool>,
+    /// With how many a participant shares its core, itself included; alone, it may spin.
+    pub sharing: Vec<usize>,
     /// The groups of participants that take turns, each in order of the scenario.
     pub groups: Vec<Vec<usize>>,
     /// The choice in words.
@@ -35,7 +35,7 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
         let reason = "one core: everybody takes turns on it".to_owned();
         return Placement {
             cores: vec![None; count],
-            spin: vec![false; count],
+            sharing: vec![count; count],
             groups,
             reason,
         };
@@ -45,7 +45,7 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
         let reason = format!("{} cores for {count} participants: a core each, spinning", cores.len());
         return Placement {
             cores: own,
-            spin: vec![true; count],
+            sharing: vec![1; count],
             groups,
             reason,
         };
@@ -83,11 +83,11 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
         cores.len(),
         listed.join("; ")
     );
-    let alone = |member: usize| own.iter().filter(|&&core| core == own[member]).count() == 1;
-    let spin = (0..count).map(alone).collect();
+    let company = |member: usize| own.iter().filter(|&&core| core == own[member]).count();
+    let sharing = (0..count).map(company).collect();
     Placement {
         cores: own,
-        spin,
+        sharing,
         groups,
         reason,
     }

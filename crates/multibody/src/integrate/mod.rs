@@ -101,6 +101,19 @@ pub struct Rate<const N: usize, const V: usize> {
     pub nu: SVector<f64, V>,
 }
 
+impl<const N: usize, const V: usize> Rate<N, V> {
+    /// The kinematic rates of `s`, with ν̇ as given.
+    #[inline(always)]
+    pub(crate) fn of(s: &State<N, V>, nu_dot: SVector<f64, V>) -> Self {
+        Self {
+            p_nb: s.quat_nb.rotate(&s.velocity()),
+            quat_nb: s.quat_nb.rate(&s.omega()),
+            q: SVector::from_fn(|i, _| s.nu[V - N + i]),
+            nu: nu_dot,
+        }
+    }
+}
+
 impl<const N: usize, const V: usize> Flow for Tree<N, V> {
     type State = State<N, V>;
     type Rate = Rate<N, V>;
@@ -108,12 +121,7 @@ impl<const N: usize, const V: usize> Flow for Tree<N, V> {
 
     #[inline(always)]
     fn rate(&self, s: &State<N, V>, tau: &SVector<f64, V>) -> Rate<N, V> {
-        Rate {
-            p_nb: s.quat_nb.rotate(&s.velocity()),
-            quat_nb: s.quat_nb.rate(&s.omega()),
-            q: SVector::from_fn(|i, _| s.nu[V - N + i]),
-            nu: self.forward_dynamics(s, tau),
-        }
+        Rate::of(s, self.forward_dynamics(s, tau))
     }
 
     #[inline(always)]

@@ -18,26 +18,36 @@ pub(crate) struct Articulated<T> {
 }
 
 impl<T: Real> Articulated<T> {
-    /// A rigid body alone, turned by `r` and spinning at `omega`.
+    /// Nothing.
     #[inline(always)]
-    fn rigid(rigid: &Rigid, r: &Mat3<T>, omega: V3<T>, turned: bool) -> Self {
-        let (h, j) = if turned {
-            (r.mul(V3::of(rigid.h)), Sym3::of(rigid.j).rotated(r))
-        } else {
-            (V3::of(rigid.h), Sym3::of(rigid.j))
-        };
+    pub(crate) fn zero() -> Self {
+        let (o, v) = (T::of(0.0), V3::zero());
+        Self {
+            a: Sym3::scalar(o),
+            h: Mat3 { c: [v; 3] },
+            m: Sym3::scalar(o),
+            n: v,
+            f: v,
+        }
+    }
+
+    /// A rigid body alone; its bias is the wrench that its velocity-product acceleration asks for.
+    #[inline(always)]
+    fn rigid(rigid: &Rigid, at: &Outward<T>) -> Self {
+        let (h, j) = (at.r.mul(V3::of(rigid.h)), Sym3::of(rigid.j).rotated(&at.r));
+        let Outward { omega, alpha, acc, .. } = *at;
         Self {
             a: j,
             h: Mat3::skew(h),
             m: Sym3::scalar(T::of(rigid.mass)),
-            n: omega.cross(j.mul(omega)),
-            f: omega.cross(omega.cross(h)),
+            n: h.cross_add(acc, j.mul_add(alpha, omega.cross(j.mul(omega)))),
+            f: omega.cross_add(omega.cross(h), alpha.cross_add(h, acc * T::of(rigid.mass))),
         }
     }
 
     /// Adds `o`, given about a point at `d` from this one's.
     #[inline(always)]
-    fn add_shifted(&mut self, o: &Self, d: V3<T>) {
+    pub(crate) fn add_shifted(&mut self, o: &Self, d: V3<T>) {
         let m = o.m.columns();
         let h = Mat3 {
             c: [
@@ -46,19 +56,21 @@ impl<T: Real> Articulated<T> {
                 d.cross_add(m[2], o.h.c[2]),
             ],
         };
-        // A' = A + [d] Hᵀ − H' [d]; column k of [d]Hᵀ is d × (row k of H), row i of H'[d] is (row i of H') × d
+        // A' = A + [d] Hᵀ − H' [d]: element (i, k) is A_ik + (d × row k of H)_i − (row i of H' × d)_k
         let (h0, h1, h2) = (o.h.row(0), o.h.row(1), o.h.row(2));
         let (g0, g1, g2) = (h.row(0), h.row(1), h.row(2));
-        let plus =
-            |s: T, i: usize, row: V3<T>, g: V3<T>, k: usize| s + cross_component(d, row, i) - cross_component(g, d, k);
-        self.a = self.a.add(&Sym3 {
-            xx: plus(o.a.xx, 0, h0, g0, 0),
-            xy: plus(o.a.xy, 0, h1, g0, 1),
-            xz: plus(o.a.xz, 0, h2, g0, 2),
-            yy: plus(o.a.yy, 1, h1, g1, 1),
-            yz: plus(o.a.yz, 1, h2, g1, 2),
-            zz: plus(o.a.zz, 2, h2, g2, 2),
-        });
+        let (x, y, z) = (d.x, d.y, d.z);
+        let four = |s: T, a: (T, T), b: (T, T), c: (T, T), d: (T, T)| {
+            a.0.mul_add(a.1, b.0.mul_add(b.1, c.0.mul_add(c.1, d.0.mul_add(d.1, s))))
+        };
+        self.a = Sym3 {
+            xx: y.mul_add(h0.z + g0.z, (-z).mul_add(h0.y + g0.y, self.a.xx + o.a.xx)),
+            xy: four(self.a.xy + o.a.xy, (y, h1.z), (-z, h1.y), (-x, g0.z), (z, g0.x)),
+            xz: four(self.a.xz + o.a.xz, (y, h2.z), (-z, h2.y), (-y, g0.x), (x, g0.y)),
+            yy: z.mul_add(h1.x + g1.x, (-x).mul_add(h1.z + g1.z, self.a.yy + o.a.yy)),
+            yz: four(self.a.yz + o.a.yz, (z, h2.x), (-x, h2.z), (-y, g1.x), (x, g1.y)),
+            zz: x.mul_add(h2.y + g2.y, (-y).mul_add(h2.x + g2.x, self.a.zz + o.a.zz)),
+        };
         self.h = self.h.add(&h);
         self.m = self.m.add(&o.m);
         self.n = self.n + d.cross_add(o.f, o.n);
@@ -66,25 +78,20 @@ impl<T: Real> Articulated<T> {
     }
 }
 
-/// Component `i` of `a × b`.
-#[inline(always)]
-fn cross_component<T: Real>(a: V3<T>, b: V3<T>, i: usize) -> T {
-    match i {
-        0 => a.y.mul_add(b.z, -(a.z * b.y)),
-        1 => a.z.mul_add(b.x, -(a.x * b.z)),
-        _ => a.x.mul_add(b.y, -(a.y * b.x)),
-    }
-}
-
-/// What the way out needs of a joint.
+/// A body on the way out: pose and velocity products.
 #[derive(Clone, Copy)]
-struct Joint<T> {
+struct Outward<T> {
     r: Mat3<T>,
     omega: V3<T>,
     d: V3<T>,
-    /// Velocity-product accelerations of the origin and the body.
-    c_ang: V3<T>,
-    c_lin: V3<T>,
+    /// Acceleration of the body and its origin when neither the base nor any joint accelerates.
+    alpha: V3<T>,
+    acc: V3<T>,
+}
+
+/// A joint on the way in: what it takes to find its acceleration on the way back out.
+#[derive(Clone, Copy)]
+struct Inward<T> {
     u_n: V3<T>,
     u_f: V3<T>,
     u: T,
@@ -93,7 +100,7 @@ struct Joint<T> {
 
 /// Acceleration (`out`, as the generalised velocity's rate) of a tree at `q` moving at `nu` under the generalised
 /// force `tau`, joint dampers and springs included, in a uniform field `gravity` (base axes). `load` is added to the
-/// base's articulated inertia: what an attached mechanism that is not part of the tree contributes.
+/// base's articulated inertia: what an attached mechanism that is not part of the tree contributes, about the base origin.
 #[inline(always)]
 pub(crate) fn aba<Z: Size, T: Real>(
     model: Model,
@@ -107,63 +114,67 @@ pub(crate) fn aba<Z: Size, T: Real>(
     let offset = model.offset();
     let n = model.bodies.len();
     let (omega_base, v_base) = model.base_part(nu);
-    let identity = Mat3::identity();
-    let mut base = Articulated::rigid(model.base, &identity, omega_base, false);
-    if let Some(load) = load {
-        base.add_shifted(load, V3::zero());
-    }
-
+    let zero = V3::zero();
+    // Measured: doubles like a body's pose and inertia in one go, lanes (four times the register space) one after the other.
+    let wide = const { size_of::<T>() > size_of::<f64>() };
     let trig = sines::<Z, T>(model, q);
-    let mut joints = Z::List::<Joint<T>>::with_capacity(n);
-    let mut inertias = Z::List::<Articulated<T>>::with_capacity(n);
+    let mut outward = Z::List::<Outward<T>>::with_capacity(n + 1);
+    outward.push(Outward {
+        r: Mat3::identity(),
+        omega: omega_base,
+        d: zero,
+        alpha: zero,
+        acc: zero,
+    });
+    let mut inertias = Z::List::<Articulated<T>>::with_capacity(n + 1);
+    inertias.push(Articulated::rigid(model.base, &outward[BASE]));
+    if let Some(load) = load {
+        inertias[BASE].add_shifted(load, zero);
+    }
     for link in model.bodies {
-        let on_base = link.parent == BASE;
-        let (parent_r, parent_omega) = if on_base {
-            (identity, omega_base)
-        } else {
-            (joints[link.parent].r, joints[link.parent].omega)
-        };
+        let parent = &outward[link.parent];
         let (s, c) = trig[link.coordinate];
-        let r = rotate(link, &parent_r, on_base, s, c);
+        let r = rotate(link, &parent.r, s, c);
         let z_rate = r.c[2] * nu[offset + link.coordinate];
-        let mut d = if on_base {
-            V3::of(link.p)
-        } else {
-            parent_r.mul(V3::of(link.p))
-        };
-        let (omega, c_ang, c_lin);
+        let mut d = parent.r.mul(V3::of(link.p));
+        let (omega, alpha, spin);
         if link.prismatic {
             d = r.c[2].mul_add(q[link.coordinate], d);
-            omega = parent_omega;
-            c_ang = V3::zero();
+            omega = parent.omega;
+            alpha = parent.alpha;
             // ω×(ω×d) + 2 ω×(z q̇)
-            c_lin = parent_omega.cross(parent_omega.cross_add(d, z_rate + z_rate));
+            spin = omega.cross(omega.cross_add(d, z_rate + z_rate));
         } else {
-            omega = parent_omega + z_rate;
-            c_ang = parent_omega.cross(z_rate);
-            c_lin = parent_omega.cross(parent_omega.cross(d));
+            omega = parent.omega + z_rate;
+            alpha = parent.omega.cross_add(z_rate, parent.alpha);
+            spin = parent.omega.cross(parent.omega.cross(d));
         }
-        inertias.push(Articulated::rigid(&link.rigid, &r, omega, true));
-        let zero = V3::zero();
-        let o = T::of(0.0);
-        joints.push(Joint {
+        let acc = parent.alpha.cross_add(d, parent.acc + spin);
+        let own = Outward {
             r,
             omega,
             d,
-            c_ang,
-            c_lin,
-            u_n: zero,
-            u_f: zero,
-            u: o,
-            inv: o,
-        });
+            alpha,
+            acc,
+        };
+        outward.push(own);
+        if !wide {
+            inertias.push(Articulated::rigid(&link.rigid, &own));
+        }
     }
-
+    if wide {
+        for (link, own) in model.bodies.iter().zip(&outward[1..]) {
+            inertias.push(Articulated::rigid(&link.rigid, own));
+        }
+    }
+    // filled from the tip: element n − 1 − i belongs to body i
+    let mut inward = Z::List::<Inward<T>>::with_capacity(n);
     for i in (0..n).rev() {
         let link = &model.bodies[i];
-        let joint = &mut joints[i];
-        let mut own = inertias[i];
-        let z = joint.r.c[2];
+        let Outward { r, d, .. } = &outward[i + 1];
+        let (before, rest) = inertias.split_at_mut(i + 1);
+        let own = &rest[0];
+        let z = r.c[2];
         let (u_n, u_f, pivot, resist) = if link.prismatic {
             let (u_n, u_f) = (own.h.mul(z), own.m.mul(z));
             (u_n, u_f, z.dot(u_f), z.dot(own.f))
@@ -173,37 +184,25 @@ pub(crate) fn aba<Z: Size, T: Real>(
         };
         let inv = (pivot + T::of(link.motor_inertia)).recip();
         let rate = nu[offset + link.coordinate];
-        let drive = drive(link, q[link.coordinate], rate, tau[offset + link.coordinate]);
-        let u = drive - resist;
-        joint.u_n = u_n;
-        joint.u_f = u_f;
-        joint.u = u;
-        joint.inv = inv;
-        // the bias with the joint's own acceleration taken out, then the inertia likewise
-        let along = u_n.dot_add(joint.c_ang, u_f.dot(joint.c_lin));
-        let k = (u - along) * inv;
-        own.n = own
-            .a
-            .mul_add(joint.c_ang, own.h.mul_add(joint.c_lin, u_n.mul_add(k, own.n)));
-        own.f = own
-            .h
-            .tmul_add(joint.c_ang, own.m.mul_add(joint.c_lin, u_f.mul_add(k, own.f)));
+        let u = drive(link, q[link.coordinate], rate, tau[offset + link.coordinate]) - resist;
+        inward.push(Inward { u_n, u_f, u, inv });
+        // what is left for the parent once the joint has yielded
+        let k = u * inv;
         let (w_n, w_f) = (u_n * -inv, u_f * -inv);
-        own.a = own.a.add_outer(u_n, w_n);
-        own.h = own.h.add_outer(u_n, w_f);
-        own.m = own.m.add_outer(u_f, w_f);
-        let d = joint.d;
-        let parent = if link.parent == BASE {
-            &mut base
-        } else {
-            &mut inertias[link.parent]
+        let reduced = Articulated {
+            n: u_n.mul_add(k, own.n),
+            f: u_f.mul_add(k, own.f),
+            a: own.a.add_outer(u_n, w_n),
+            h: own.h.add_outer(u_n, w_f),
+            m: own.m.add_outer(u_f, w_f),
         };
-        parent.add_shifted(&own, d);
+        before[link.parent].add_shifted(&reduced, *d);
     }
 
     let (alpha, acc) = if model.floating {
         let (torque, force) = model.base_part(tau);
-        solve_base(&base, torque - base.n, force - base.f)
+        let base = &inertias[BASE];
+        solve_base(base, torque - base.n, force - base.f)
     } else {
         (V3::zero(), -gravity)
     };
@@ -212,23 +211,19 @@ pub(crate) fn aba<Z: Size, T: Real>(
         // classical acceleration relative to free fall, back to the rate of the body-axes velocity
         (acc + gravity - omega_base.cross(v_base)).write(out, 3);
     }
-    // from here on `inertias` is done with; the way out keeps (α, a) per body
-    let mut rates = Z::List::<(V3<T>, V3<T>)>::with_capacity(n);
-    for (link, joint) in model.bodies.iter().zip(joints.iter()) {
-        let (alpha_p, acc_p) = if link.parent == BASE {
-            (alpha, acc)
-        } else {
-            rates[link.parent]
-        };
-        let a_ang = alpha_p + joint.c_ang;
-        let a_lin = alpha_p.cross_add(joint.d, acc_p + joint.c_lin);
-        let qdd = (joint.u - joint.u_n.dot_add(a_ang, joint.u_f.dot(a_lin))) * joint.inv;
+    let mut rates = Z::List::<(V3<T>, V3<T>)>::with_capacity(n + 1);
+    rates.push((alpha, acc));
+    for (i, link) in model.bodies.iter().enumerate() {
+        let (joint, own) = (&inward[n - 1 - i], &outward[i + 1]);
+        let (alpha_p, acc_p) = rates[link.parent];
+        let a_lin = alpha_p.cross_add(own.d, acc_p);
+        let qdd = (joint.u - joint.u_n.dot_add(alpha_p, joint.u_f.dot(a_lin))) * joint.inv;
         out[offset + link.coordinate] = qdd;
-        let z = joint.r.c[2];
+        let z = own.r.c[2];
         rates.push(if link.prismatic {
-            (a_ang, z.mul_add(qdd, a_lin))
+            (alpha_p, z.mul_add(qdd, a_lin))
         } else {
-            (z.mul_add(qdd, a_ang), a_lin)
+            (z.mul_add(qdd, alpha_p), a_lin)
         });
     }
 }
@@ -241,6 +236,7 @@ fn drive<T: Real>(link: &super::Link, q: T, rate: T, tau: T) -> T {
 }
 
 /// `[A H; Hᵀ M] [α; a] = [n; f]` by LDLᵀ, translations first (they are the well-conditioned half).
+#[allow(clippy::needless_range_loop)] // the indices are those of the textbook
 #[inline(always)]
 fn solve_base<T: Real>(i: &Articulated<T>, n: V3<T>, f: V3<T>) -> (V3<T>, V3<T>) {
     let m = i.m.columns().map(V3::to_array);

@@ -7,7 +7,7 @@
 //! turns their 6×6 matrix B(I, v) into nine numbers, `D = ∫ ẋ xᵀ dm`, which shift from joint to joint as
 //! `D' = D + ḣ dᵀ + ḋ h'ᵀ`. A composite is (m, h, Σ, ḣ, D) about its joint's origin.
 
-use super::place::Placed;
+use super::place::{Placed, Rates};
 use super::{BASE, Model, Rigid, inertia_times};
 use crate::num::{List, Mat3, Real, Size, Sym3, V3};
 
@@ -24,7 +24,7 @@ struct Composite<T> {
 
 impl<T: Real> Composite<T> {
     #[inline(always)]
-    fn rigid<const RATES: bool>(rigid: &Rigid, at: &Placed<T>, turned: bool) -> Self {
+    fn rigid<const RATES: bool>(rigid: &Rigid, at: &Placed<T>, omega: V3<T>, turned: bool) -> Self {
         let (h, sigma) = if turned {
             (at.r.mul(V3::of(rigid.h)), Sym3::of(rigid.sigma).rotated(&at.r))
         } else {
@@ -32,9 +32,9 @@ impl<T: Real> Composite<T> {
         };
         let (h_rate, d) = if RATES {
             (
-                at.omega.cross(h),
+                omega.cross(h),
                 Mat3 {
-                    c: sigma.columns().map(|c| at.omega.cross(c)),
+                    c: sigma.columns().map(|c| omega.cross(c)),
                 },
             )
         } else {
@@ -66,20 +66,22 @@ impl<T: Real> Composite<T> {
     /// `(tr(D) 1 − D) v`: the torque of a turning reference velocity on turning bodies.
     #[inline(always)]
     fn b_times(&self, v: V3<T>) -> V3<T> {
-        v * self.d.trace() - self.d.mul(v)
+        self.d.mul_add(-v, v * self.d.trace())
     }
 
     #[inline(always)]
     fn b_transposed_times(&self, v: V3<T>) -> V3<T> {
-        v * self.d.trace() - self.d.tmul(v)
+        self.d.tmul_add(-v, v * self.d.trace())
     }
 }
 
-/// `M` into `mass` and, with `RATES`, `C` into `coriolis`: both square, column by column.
+/// `M` into `mass` and, with `RATES`, `C` into `coriolis`: both square, column by column, and zero on entry
+/// (elements between branches are not written).
 #[inline(always)]
 pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     model: Model,
     placed: &[Placed<T>],
+    rates: &[Rates<T>],
     omega_base: V3<T>,
     mass: &mut [T],
     coriolis: &mut [T],
@@ -87,30 +89,30 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     let offset = model.offset();
     let n = model.bodies.len();
     let dim = offset + n;
-    let mut base = Composite::rigid::<RATES>(model.base, &Placed::base(omega_base), false);
-    let mut composites = Z::List::<Composite<T>>::with_capacity(n);
-    for (link, at) in model.bodies.iter().zip(placed) {
-        composites.push(Composite::rigid::<RATES>(&link.rigid, at, true));
-    }
-    let zero = T::of(0.0);
-    mass[..dim * dim].fill(zero);
-    if RATES {
-        coriolis[..dim * dim].fill(zero);
+    // without RATES there are none to read, and nothing below uses them
+    let none = Rates::base(V3::zero());
+    let rate_of = |at: usize| if RATES { rates[at] } else { none };
+    let mut composites = Z::List::<Composite<T>>::with_capacity(n + 1);
+    composites.push(Composite::rigid::<RATES>(model.base, &placed[BASE], omega_base, false));
+    for (i, link) in model.bodies.iter().enumerate() {
+        composites.push(Composite::rigid::<RATES>(
+            &link.rigid,
+            &placed[i + 1],
+            rate_of(i + 1).omega,
+            true,
+        ));
     }
 
     for i in (0..n).rev() {
         let link = &model.bodies[i];
-        let at = &placed[i];
-        let own = composites[i];
-        let parent = if link.parent == BASE {
-            &mut base
-        } else {
-            &mut composites[link.parent]
-        };
-        parent.add_shifted::<RATES>(&own, at.d, at.d_rate);
+        let at = &placed[i + 1];
+        let rate = rate_of(i + 1);
+        let (before, rest) = composites.split_at_mut(i + 1);
+        let own = &rest[0];
+        before[link.parent].add_shifted::<RATES>(own, at.d, rate.d);
 
         let col = offset + link.coordinate;
-        let (z, zr) = (at.z(), at.z_rate);
+        let (z, zr) = (at.z(), rate.z);
         // Wrench that unit acceleration of this joint asks of the composite, (n, f); what unit reference velocity asks,
         // (cn, cf), by the axis' own rate and by the bodies' motion; and the transposed action, g.
         let (mut n2, f2, mut cn, cf, mut g);
@@ -129,21 +131,21 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
         if RATES {
             coriolis[col * dim + col] = if link.prismatic { z.dot(cf) } else { z.dot(cn) };
         }
-        let mut from = i;
+        let mut from = i + 1;
         loop {
-            let (d, d_rate) = (placed[from].d, placed[from].d_rate);
+            let d = placed[from].d;
             n2 = d.cross_add(f2, n2);
             if RATES {
                 cn = d.cross_add(cf, cn);
-                g = d_rate.cross_add(f2, g);
+                g = rate_of(from).d.cross_add(f2, g);
             }
-            from = model.bodies[from].parent;
+            from = model.bodies[from - 1].parent;
             if from == BASE {
                 break;
             }
-            let row = offset + model.bodies[from].coordinate;
-            let (z, zr) = (placed[from].z(), placed[from].z_rate);
-            let (m, up, down) = if model.bodies[from].prismatic {
+            let row = offset + model.bodies[from - 1].coordinate;
+            let (z, zr) = (placed[from].z(), rate_of(from).z);
+            let (m, up, down) = if model.bodies[from - 1].prismatic {
                 (z.dot(f2), z.dot(cf), zr.dot(f2))
             } else {
                 (z.dot(n2), z.dot(cn), zr.dot_add(n2, z.dot(g)))
@@ -167,16 +169,19 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
         }
     }
     if model.floating {
-        base_blocks::<T, RATES>(&base, omega_base, dim, mass, coriolis);
+        base_blocks::<T, RATES>(&composites[BASE], omega_base, dim, mass, coriolis);
     }
 }
 
 /// The six elements of a joint's row in front of the joints.
 #[inline(always)]
 fn write_row<T: Real>(m: &mut [T], dim: usize, row: usize, ang: V3<T>, lin: V3<T>) {
-    for (k, x) in ang.to_array().into_iter().chain(lin.to_array()).enumerate() {
-        m[k * dim + row] = x;
-    }
+    m[row] = ang.x;
+    m[dim + row] = ang.y;
+    m[2 * dim + row] = ang.z;
+    m[3 * dim + row] = lin.x;
+    m[4 * dim + row] = lin.y;
+    m[5 * dim + row] = lin.z;
 }
 
 /// The 6×6 block of the base, column by column: unit reference velocity along each base axis, whose inertial rate is

@@ -49,12 +49,21 @@ impl Rigid {
             sigma: upper(&sigma),
         }
     }
+
+    /// Welds `other`, given in the same axes about the same origin, to this body.
+    pub(crate) fn weld(&mut self, other: &Rigid) {
+        let add = |a: &mut [f64], b: &[f64]| a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        self.mass += other.mass;
+        add(&mut self.h, &other.h);
+        add(&mut self.j, &other.j);
+        add(&mut self.sigma, &other.sigma);
+    }
 }
 
 /// The constants of a moving body. Its frame has the joint axis as +z through its origin.
 #[derive(Clone, Debug)]
 pub(crate) struct Link {
-    /// Index of the parent body, or [`BASE`].
+    /// Place of the parent in lists that start with the base, so [`BASE`] or the parent's index + 1.
     pub parent: usize,
     /// Index of the joint coordinate.
     pub coordinate: usize,
@@ -70,8 +79,8 @@ pub(crate) struct Link {
     pub rest: f64,
 }
 
-/// `Link::parent` of a body on the base.
-pub(crate) const BASE: usize = usize::MAX;
+/// The base's place in every list of bodies; body i is at i + 1.
+pub(crate) const BASE: usize = 0;
 
 /// What a recursion reads. With static sizes `bodies` has a length known to the compiler and `floating` is a constant,
 /// once the recursion is inlined into its caller.
@@ -102,9 +111,8 @@ impl Model<'_> {
 
 /// `R_BL` of a body from its parent's and the sine and cosine of its joint angle.
 #[inline(always)]
-pub(crate) fn rotate<T: Real>(link: &Link, parent: &Mat3<T>, on_base: bool, s: T, c: T) -> Mat3<T> {
-    let e = Mat3::of(link.e);
-    let t = if on_base { e } else { parent.mul_mat(&e) };
+pub(crate) fn rotate<T: Real>(link: &Link, parent: &Mat3<T>, s: T, c: T) -> Mat3<T> {
+    let t = parent.mul_mat(&Mat3::of(link.e));
     if link.prismatic {
         return t;
     }
@@ -117,5 +125,5 @@ pub(crate) fn rotate<T: Real>(link: &Link, parent: &Mat3<T>, on_base: bool, s: T
 /// A symmetric matrix times a vector, `(tr(Σ) 1 − Σ) v`: the inertia from the second moment.
 #[inline(always)]
 pub(crate) fn inertia_times<T: Real>(sigma: &Sym3<T>, v: V3<T>) -> V3<T> {
-    v * sigma.trace() - sigma.mul(v)
+    sigma.mul_add(-v, v * sigma.trace())
 }

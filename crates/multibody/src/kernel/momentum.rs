@@ -1,6 +1,6 @@
 //! Momentum, centre of mass and kinetic energy, by summing over the bodies.
 
-use super::place::Placed;
+use super::place::{Placed, Rates};
 use super::{Model, Rigid};
 use crate::num::{Real, Sym3, V3};
 
@@ -21,8 +21,7 @@ pub(crate) struct Sums<T> {
 /// The sums at `placed`, joint rates from `nu`. The velocity of the base origin is kept out, so that nothing cancels
 /// when it is large.
 #[inline(always)]
-pub(crate) fn sums<T: Real>(model: Model, placed: &[Placed<T>], nu: &[T]) -> Sums<T> {
-    let (omega, _) = model.base_part(nu);
+pub(crate) fn sums<T: Real>(model: Model, placed: &[Placed<T>], rates: &[Rates<T>], nu: &[T]) -> Sums<T> {
     let half = T::of(0.5);
     let zero = V3::zero();
     let mut out = Sums {
@@ -32,9 +31,9 @@ pub(crate) fn sums<T: Real>(model: Model, placed: &[Placed<T>], nu: &[T]) -> Sum
         l: zero,
         energy: T::of(0.0),
     };
-    out.add(model.base, &Placed::base(omega), false);
-    for (link, at) in model.bodies.iter().zip(placed) {
-        out.add(&link.rigid, at, true);
+    out.add(model.base, &placed[0], &rates[0], false);
+    for (link, (at, rate)) in model.bodies.iter().zip(placed[1..].iter().zip(&rates[1..])) {
+        out.add(&link.rigid, at, rate, true);
         let rate = nu[model.offset() + link.coordinate];
         out.energy = (T::of(link.motor_inertia) * half).mul_add(rate * rate, out.energy);
     }
@@ -49,22 +48,22 @@ impl<T: Real> Sums<T> {
     }
 
     #[inline(always)]
-    fn add(&mut self, rigid: &Rigid, at: &Placed<T>, turned: bool) {
+    fn add(&mut self, rigid: &Rigid, at: &Placed<T>, rate: &Rates<T>, turned: bool) {
         let mass = T::of(rigid.mass);
         let sigma = Sym3::of(rigid.j);
         let (h, spin) = if turned {
-            (at.r.mul(V3::of(rigid.h)), at.r.mul(sigma.mul(at.r.tmul(at.omega))))
+            (at.r.mul(V3::of(rigid.h)), at.r.mul(sigma.mul(at.r.tmul(rate.omega))))
         } else {
-            (V3::of(rigid.h), sigma.mul(at.omega))
+            (V3::of(rigid.h), sigma.mul(rate.omega))
         };
-        let own = at.omega.cross(h); // momentum relative to the joint origin
-        let p = at.p_rate.mul_add(mass, own);
-        let l = spin + h.cross(at.p_rate); // about the joint origin
+        let own = rate.omega.cross(h); // momentum relative to the joint origin
+        let p = rate.p_rate.mul_add(mass, own);
+        let l = spin + h.cross(rate.p_rate); // about the joint origin
         self.mass = self.mass + mass;
-        self.h = self.h + at.p.mul_add(mass, h);
+        self.h = self.h + rate.p.mul_add(mass, h);
         self.p = self.p + p;
-        self.l = self.l + at.p.cross_add(p, l);
-        let twice = at.omega.dot_add(spin, at.p_rate.dot(p + own));
+        self.l = self.l + rate.p.cross_add(p, l);
+        let twice = rate.omega.dot_add(spin, rate.p_rate.dot(p + own));
         self.energy = twice.mul_add(T::of(0.5), self.energy);
     }
 }

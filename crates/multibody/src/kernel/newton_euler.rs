@@ -8,27 +8,67 @@
 //! `n = J α_r + h×a_r − ω×(Σ ω_r)`, `f = m a_r + α_r×h + ω_r×(ω×h)`.
 //!
 //! With ν_r = ν this is the recursive Newton-Euler algorithm. No gravity, dampers or springs: those are added by the
-//! caller.
+//! caller. Unlike the other recursions this one works in each body's own axes: nothing but vectors travels, the inertias
+//! stay constant, and a joint axis is e_z.
 
 use super::place::sines;
-use super::{BASE, Model, Rigid, rotate};
+use super::{BASE, Link, Model, Rigid};
 use crate::num::{List, Mat3, Real, Size, Sym3, V3};
 
+/// Rates of a body in its own axes.
 #[derive(Clone, Copy)]
 struct Moving<T> {
-    r: Mat3<T>,
-    d: V3<T>,
     omega: V3<T>,
     omega_r: V3<T>,
     alpha: V3<T>,
     acc: V3<T>,
 }
 
-/// Wrench about the body's origin, base axes.
+/// Wrench about the body's origin, its own axes.
 #[derive(Clone, Copy)]
 struct Wrench<T> {
     n: V3<T>,
     f: V3<T>,
+}
+
+/// Change of axes across a joint: `R_PL = E Rz(q)`.
+struct Turn<T> {
+    e: Mat3<T>,
+    s: T,
+    c: T,
+}
+
+impl<T: Real> Turn<T> {
+    #[inline(always)]
+    fn new(link: &Link, (s, c): (T, T)) -> Self {
+        let (s, c) = if link.prismatic {
+            (T::of(0.0), T::of(1.0))
+        } else {
+            (s, c)
+        };
+        Self {
+            e: Mat3::of(link.e),
+            s,
+            c,
+        }
+    }
+
+    #[inline(always)]
+    fn to_child(&self, v: V3<T>) -> V3<T> {
+        let t = self.e.tmul(v);
+        V3 {
+            x: self.c.mul_add(t.x, self.s * t.y),
+            y: self.c.mul_add(t.y, -(self.s * t.x)),
+            z: t.z,
+        }
+    }
+
+    #[inline(always)]
+    fn to_parent(&self, v: V3<T>) -> V3<T> {
+        let x = self.c.mul_add(v.x, -(self.s * v.y));
+        let y = self.c.mul_add(v.y, self.s * v.x);
+        self.e.mul(V3 { x, y, z: v.z })
+    }
 }
 
 /// `out = M(q) a + C(q, ν) ν_r`, in a field `gravity` (base axes). With `SAME` the second velocity is ν itself and
@@ -59,95 +99,96 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
         )
     };
     let base = Moving {
-        r: Mat3::identity(),
-        d: V3::zero(),
         omega,
         omega_r,
         alpha,
         acc,
     };
-    let mut base_wrench = own_wrench::<T, SAME>(model.base, &base, false);
 
     let trig = sines::<Z, T>(model, q);
-    let mut moving = Z::List::<Moving<T>>::with_capacity(n);
-    let mut wrenches = Z::List::<Wrench<T>>::with_capacity(n);
+    let mut moving = Z::List::<Moving<T>>::with_capacity(n + 1);
+    let mut wrenches = Z::List::<Wrench<T>>::with_capacity(n + 1);
+    wrenches.push(own_wrench::<T, SAME>(model.base, &base));
+    moving.push(base);
     for link in model.bodies {
-        let on_base = link.parent == BASE;
-        let up = if on_base { base } else { moving[link.parent] };
-        let (s, c) = trig[link.coordinate];
+        let up = moving[link.parent];
         let k = offset + link.coordinate;
-        let r = rotate(link, &up.r, on_base, s, c);
-        let z = r.c[2];
-        let z_rate = z * nu[k];
-        let z_rate_r = if SAME { z_rate } else { z * nu_r[k] };
-        let d = if on_base {
-            V3::of(link.p)
-        } else {
-            up.r.mul(V3::of(link.p))
-        };
+        let turn = Turn::new(link, trig[link.coordinate]);
+        let (rate, rate_r) = (nu[k], if SAME { nu[k] } else { nu_r[k] });
         let own = if link.prismatic {
-            let d = z.mul_add(q[link.coordinate], d);
+            let z = turn.e.c[2];
+            let d = z.mul_add(q[link.coordinate], V3::of(link.p));
             // a + α×d + ω_r×ḋ + ω×(z q̇_r) + z q̈, with ḋ = ω×d + z q̇
-            let d_rate = up.omega.cross_add(d, z_rate);
+            let d_rate = up.omega.cross_add(d, z * rate);
             let acc = up.alpha.cross_add(d, z.mul_add(a[k], up.acc));
-            let acc = up.omega.cross_add(z_rate_r, up.omega_r.cross_add(d_rate, acc));
-            Moving { r, d, acc, ..up }
-        } else {
-            let acc = up.omega_r.cross_add(up.omega.cross(d), up.alpha.cross_add(d, up.acc));
-            let alpha = up.omega.cross_add(z_rate_r, z.mul_add(a[k], up.alpha));
+            let acc = up.omega.cross_add(z * rate_r, up.omega_r.cross_add(d_rate, acc));
+            let omega = turn.to_child(up.omega);
+            let omega_r = if SAME { omega } else { turn.to_child(up.omega_r) };
             Moving {
-                r,
-                d,
-                omega: up.omega + z_rate,
-                omega_r: up.omega_r + z_rate_r,
+                omega,
+                omega_r,
+                alpha: turn.to_child(up.alpha),
+                acc: turn.to_child(acc),
+            }
+        } else {
+            let d = V3::of(link.p);
+            let acc = up.omega_r.cross_add(up.omega.cross(d), up.alpha.cross_add(d, up.acc));
+            let mut omega = turn.to_child(up.omega);
+            let mut alpha = turn.to_child(up.alpha);
+            // z q̈ + ω×(z q̇_r)
+            alpha.x = omega.y.mul_add(rate_r, alpha.x);
+            alpha.y = (-omega.x).mul_add(rate_r, alpha.y);
+            alpha.z = alpha.z + a[k];
+            omega.z = omega.z + rate;
+            let omega_r = if SAME {
+                omega
+            } else {
+                let mut r = turn.to_child(up.omega_r);
+                r.z = r.z + rate_r;
+                r
+            };
+            Moving {
+                omega,
+                omega_r,
                 alpha,
-                acc,
+                acc: turn.to_child(acc),
             }
         };
-        wrenches.push(own_wrench::<T, SAME>(&link.rigid, &own, true));
+        wrenches.push(own_wrench::<T, SAME>(&link.rigid, &own));
         moving.push(own);
     }
 
     for i in (0..n).rev() {
         let link = &model.bodies[i];
         let k = offset + link.coordinate;
-        let Wrench { n, f } = wrenches[i];
-        let z = moving[i].r.c[2];
-        let d = moving[i].d;
-        let along = if link.prismatic { z.dot(f) } else { z.dot(n) };
+        let Wrench { n, f } = wrenches[i + 1];
+        let turn = Turn::new(link, trig[link.coordinate]);
+        let along = if link.prismatic { f.z } else { n.z };
         out[k] = T::of(link.motor_inertia).mul_add(a[k], along);
-        let parent = if link.parent == BASE {
-            &mut base_wrench
-        } else {
-            &mut wrenches[link.parent]
-        };
+        let mut d = V3::of(link.p);
+        if link.prismatic {
+            d = turn.e.c[2].mul_add(q[link.coordinate], d);
+        }
+        let parent = &mut wrenches[link.parent];
+        let (n, f) = (turn.to_parent(n), turn.to_parent(f));
         parent.n = d.cross_add(f, parent.n + n);
         parent.f = parent.f + f;
     }
     if model.floating {
-        base_wrench.n.write(out, 0);
-        base_wrench.f.write(out, 3);
+        wrenches[BASE].n.write(out, 0);
+        wrenches[BASE].f.write(out, 3);
     }
 }
 
-/// The body's own share. The constant Σ is in body axes, so the two vectors it multiplies go there and the result comes
-/// back: cheaper than turning Σ.
+/// The body's own share.
 #[inline(always)]
-fn own_wrench<T: Real, const SAME: bool>(rigid: &Rigid, m: &Moving<T>, turned: bool) -> Wrench<T> {
-    let into = |v: V3<T>| if turned { m.r.tmul(v) } else { v };
-    let sigma = Sym3::of(rigid.sigma);
-    let j = Sym3::of(rigid.j);
-    let omega_l = into(m.omega);
-    let omega_r_l = if SAME { omega_l } else { into(m.omega_r) };
-    let n_l = j.mul_add(into(m.alpha), -omega_l.cross(sigma.mul(omega_r_l)));
-    let h = if turned {
-        m.r.mul(V3::of(rigid.h))
-    } else {
-        V3::of(rigid.h)
-    };
-    let n = h.cross_add(m.acc, if turned { m.r.mul(n_l) } else { n_l });
-    let f = m
-        .omega_r
-        .cross_add(m.omega.cross(h), m.alpha.cross_add(h, m.acc * T::of(rigid.mass)));
-    Wrench { n, f }
+fn own_wrench<T: Real, const SAME: bool>(rigid: &Rigid, m: &Moving<T>) -> Wrench<T> {
+    let (sigma, j, h) = (Sym3::of(rigid.sigma), Sym3::of(rigid.j), V3::of(rigid.h));
+    let omega_r = if SAME { m.omega } else { m.omega_r };
+    let n = j.mul_add(m.alpha, -m.omega.cross(sigma.mul(omega_r)));
+    let f = omega_r.cross_add(m.omega.cross(h), m.alpha.cross_add(h, m.acc * T::of(rigid.mass)));
+    Wrench {
+        n: h.cross_add(m.acc, n),
+        f,
+    }
 }

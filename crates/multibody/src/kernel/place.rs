@@ -1,24 +1,29 @@
 //! Where every body is, and how its origin moves relative to its parent's.
 
-use super::{BASE, Model, rotate};
+use super::{Model, rotate};
 use crate::num::{List, Mat3, Real, Size, V3};
 
-/// Pose and rates of a body's frame L, everything in base axes.
+/// Pose of a body's frame L, in base axes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Placed<T> {
     /// `R_BL`; its third column is the joint axis.
     pub r: Mat3<T>,
-    /// Origin of L from the origin of B (m).
-    pub p: V3<T>,
     /// Origin of L from the origin of the parent (m).
     pub d: V3<T>,
+}
+
+/// Position from the base and rates of a body's frame, in base axes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rates<T> {
+    /// Origin of L from the origin of B (m).
+    pub p: V3<T>,
     /// Inertial angular velocity of L (rad/s).
     pub omega: V3<T>,
-    /// Inertial rate of `d` (m/s).
-    pub d_rate: V3<T>,
+    /// Inertial rate of [`Placed::d`] (m/s).
+    pub d: V3<T>,
     /// Inertial rate of the joint axis (1/s).
-    pub z_rate: V3<T>,
-    /// Velocity of L's origin relative to B's (m/s): the sum of the `d_rate` down to L.
+    pub z: V3<T>,
+    /// Velocity of L's origin relative to B's (m/s): the rate of `p`.
     pub p_rate: V3<T>,
 }
 
@@ -29,58 +34,66 @@ impl<T: Real> Placed<T> {
         self.r.c[2]
     }
 
-    /// The base itself, turning at `omega`.
+    /// The base itself.
     #[inline(always)]
-    pub(crate) fn base(omega: V3<T>) -> Self {
-        let o = V3::zero();
+    pub(crate) fn base() -> Self {
         Self {
             r: Mat3::identity(),
-            p: o,
-            d: o,
-            omega,
-            d_rate: o,
-            z_rate: o,
-            p_rate: o,
+            d: V3::zero(),
         }
     }
 }
 
-/// Poses at `q` and rates at `nu`.
-#[inline(always)]
-pub(crate) fn place<Z: Size, T: Real>(model: Model, q: &[T], nu: &[T]) -> Z::List<Placed<T>> {
-    let (omega, _) = model.base_part(nu);
-    let base = Placed::base(omega);
-    let offset = model.offset();
-    let trig = sines::<Z, T>(model, q);
-    let mut out = Z::List::<Placed<T>>::with_capacity(model.bodies.len());
-    for link in model.bodies {
-        let on_base = link.parent == BASE;
-        let parent = if on_base { base } else { out[link.parent] };
-        let (s, c) = trig[link.coordinate];
-        let rate = nu[offset + link.coordinate];
-        let r = rotate(link, &parent.r, on_base, s, c);
-        let z = r.c[2];
-        let z_rate = parent.omega.cross(z);
-        let d = if on_base {
-            V3::of(link.p)
-        } else {
-            parent.r.mul(V3::of(link.p))
-        };
-        let (d, d_rate, omega) = if link.prismatic {
-            let d = z.mul_add(q[link.coordinate], d);
-            (d, parent.omega.cross_add(d, z * rate), parent.omega)
-        } else {
-            (d, parent.omega.cross(d), z.mul_add(rate, parent.omega))
-        };
-        out.push(Placed {
-            r,
-            p: parent.p + d,
-            d,
+impl<T: Real> Rates<T> {
+    /// The base itself, turning at `omega`.
+    #[inline(always)]
+    pub(crate) fn base(omega: V3<T>) -> Self {
+        Self {
+            p: V3::zero(),
             omega,
-            d_rate,
-            z_rate,
-            p_rate: parent.p_rate + d_rate,
-        });
+            d: V3::zero(),
+            z: V3::zero(),
+            p_rate: V3::zero(),
+        }
+    }
+}
+
+/// Poses at `q`, base first.
+#[inline(always)]
+pub(crate) fn place<Z: Size, T: Real>(model: Model, q: &[T]) -> Z::List<Placed<T>> {
+    let trig = sines::<Z, T>(model, q);
+    let mut out = Z::List::<Placed<T>>::with_capacity(model.bodies.len() + 1);
+    out.push(Placed::base());
+    for link in model.bodies {
+        let parent = &out[link.parent];
+        let (s, c) = trig[link.coordinate];
+        let r = rotate(link, &parent.r, s, c);
+        let mut d = parent.r.mul(V3::of(link.p));
+        if link.prismatic {
+            d = r.c[2].mul_add(q[link.coordinate], d);
+        }
+        out.push(Placed { r, d });
+    }
+    out
+}
+
+/// Rates at `nu` of what is placed at `placed`, base first.
+#[inline(always)]
+pub(crate) fn rates<Z: Size, T: Real>(model: Model, placed: &[Placed<T>], nu: &[T]) -> Z::List<Rates<T>> {
+    let offset = model.offset();
+    let mut out = Z::List::<Rates<T>>::with_capacity(model.bodies.len() + 1);
+    out.push(Rates::base(model.base_part(nu).0));
+    for (link, at) in model.bodies.iter().zip(&placed[1..]) {
+        let parent = &out[link.parent];
+        let along = at.z() * nu[offset + link.coordinate];
+        let z = parent.omega.cross(at.z());
+        let (d, omega) = if link.prismatic {
+            (parent.omega.cross_add(at.d, along), parent.omega)
+        } else {
+            (parent.omega.cross(at.d), parent.omega + along)
+        };
+        let (p, p_rate) = (parent.p + at.d, parent.p_rate + d);
+        out.push(Rates { p, omega, d, z, p_rate });
     }
     out
 }

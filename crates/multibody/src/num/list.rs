@@ -16,7 +16,7 @@ pub(crate) trait List<X>: DerefMut<Target = [X]> {
     fn push(&mut self, x: X);
 }
 
-/// At most `N` elements, on the stack.
+/// At most `N + 1` elements (the base and `N` bodies), on the stack.
 pub(crate) struct Static<const N: usize>;
 /// Any number of elements, on the heap.
 pub(crate) struct Dynamic;
@@ -38,24 +38,39 @@ impl<X> List<X> for Vec<X> {
     }
 }
 
-/// Room for `N` elements, of which the first `len` are initialised. Zeroing a few kilobytes of scratch first would
+/// Room for `N + 1` elements, of which the first `len` are initialised. Zeroing a few kilobytes of scratch first would
 /// cost a tenth of a forward-dynamics call, which is the only reason why this is not a plain array.
+#[derive(Clone)]
 pub(crate) struct Fixed<X: Copy, const N: usize> {
-    items: [MaybeUninit<X>; N],
+    items: OneMore<X, N>,
     len: usize,
+}
+
+/// `[X; N + 1]`, which stable Rust cannot spell: `repr(C)` lays the fields out one after the other, and both have the
+/// alignment of `X`, so there is no gap.
+#[derive(Clone)]
+#[repr(C)]
+struct OneMore<X: Copy, const N: usize> {
+    first: MaybeUninit<X>,
+    others: [MaybeUninit<X>; N],
 }
 
 impl<X: Copy, const N: usize> List<X> for Fixed<X, N> {
     #[inline(always)]
     fn with_capacity(_: usize) -> Self {
         Self {
-            items: [const { MaybeUninit::uninit() }; N],
+            items: OneMore {
+                first: MaybeUninit::uninit(),
+                others: [const { MaybeUninit::uninit() }; N],
+            },
             len: 0,
         }
     }
     #[inline(always)]
     fn push(&mut self, x: X) {
-        self.items[self.len] = MaybeUninit::new(x);
+        assert!(self.len <= N);
+        // SAFETY: `OneMore<X, N>` has the layout of [X; N + 1], and `len` ≤ N was just checked.
+        unsafe { (&raw mut self.items).cast::<X>().add(self.len).write(x) };
         self.len += 1;
     }
 }
@@ -65,8 +80,9 @@ impl<X: Copy, const N: usize> Deref for Fixed<X, N> {
     #[inline(always)]
     fn deref(&self) -> &[X] {
         // SAFETY: `push` is the only writer of `len` and initialises the element before counting it, so the first
-        // `len` (≤ N, or `push` would have panicked) elements are initialised; MaybeUninit<X> has X's layout.
-        unsafe { core::slice::from_raw_parts(self.items.as_ptr().cast(), self.len) }
+        // `len` (≤ N + 1, or `push` would have panicked) elements are initialised; OneMore<X, N> has
+        // the layout of [X; N + 1].
+        unsafe { core::slice::from_raw_parts((&raw const self.items).cast(), self.len) }
     }
 }
 
@@ -74,6 +90,12 @@ impl<X: Copy, const N: usize> DerefMut for Fixed<X, N> {
     #[inline(always)]
     fn deref_mut(&mut self) -> &mut [X] {
         // SAFETY: as in `deref`, and `self` is borrowed mutably for as long as the slice lives.
-        unsafe { core::slice::from_raw_parts_mut(self.items.as_mut_ptr().cast(), self.len) }
+        unsafe { core::slice::from_raw_parts_mut((&raw mut self.items).cast(), self.len) }
+    }
+}
+
+impl<X: Copy + core::fmt::Debug, const N: usize> core::fmt::Debug for Fixed<X, N> {
+    fn fmt(&self, f: &mut core::fmt::Formatter) -> core::fmt::Result {
+        f.debug_list().entries(self.iter()).finish()
     }
 }

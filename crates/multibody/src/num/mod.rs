@@ -11,7 +11,7 @@ mod space;
 mod trig;
 
 pub use lanes::F64x4;
-pub(crate) use list::{Dynamic, List, Size, Static};
+pub(crate) use list::{Dynamic, Fixed, List, Size, Static};
 pub use real::Real;
 pub(crate) use space::{Mat3, Sym3, V3};
 pub use trig::sin_cos;

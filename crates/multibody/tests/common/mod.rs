@@ -1,6 +1,11 @@
 //! Shared by the integration tests.
 #![allow(dead_code)] // each test program uses its own part
 
+pub(crate) mod dense;
+pub(crate) mod dual;
+pub(crate) mod random;
+pub(crate) mod slow;
+
 use multibody::{Description, Quaternion, State};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde_json::Value;

@@ -9,6 +9,7 @@
 //! | what a participant is doing, and whether it sleeps | blackboard | `status/NAME` |
 //! | waking a participant | event | `wake/NAME` |
 
+pub mod bare;
 mod clock;
 mod control;
 mod domain;

@@ -22,9 +22,10 @@ const NOTE: u64 = u64::MAX;
 /// The size of an entry's header, bytes.
 const ENTRY: usize = 32;
 /// A parcel is handed over when it has grown to this, bytes.
-const PARCEL: usize = 32 * 1024;
-/// Parcels on their way.
-const PARCELS: usize = 64;
+const PARCEL: usize = 8 * 1024;
+/// Parcels on their way: enough for participants that exchange samples every two microseconds while the recorder naps. Only
+/// what is used of them takes memory.
+const PARCELS: usize = 512;
 
 type Factory = PortFactory<Ipc, [u8], ()>;
 

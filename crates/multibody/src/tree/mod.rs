@@ -1,119 +1,18 @@
 //! [`Tree`]: a description turned into constants of static size, and the algorithms on it.
 
-use crate::description::{Description, DescriptionError, Merged, Placement};
+mod constants;
+
+pub(crate) use constants::Constants;
+use constants::find_frame;
+pub use constants::{FrameId, TreeError, UnknownFrame};
+
+use crate::description::{Description, Inertia, Placement};
 use crate::kernel::jacobian::FrameConsts;
-use crate::kernel::place::{Placed, place};
+use crate::kernel::place::{Placed, Rates, place, rates};
 use crate::kernel::{BASE, Link, Model, Rigid, aba, inertia, jacobian, momentum, newton_euler};
-use crate::num::{F64x4, Real, Static, V3};
+use crate::num::{F64x4, Fixed, Real, Static, V3};
 use crate::state::State;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
-
-/// A frame of one tree, found by name with [`Tree::frame`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FrameId(pub(crate) usize);
-
-/// Why a tree cannot be built.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum TreeError {
-    /// The description is not a mechanism.
-    #[error(transparent)]
-    Description(#[from] DescriptionError),
-    /// The type has another number of joints.
-    #[error(
-        "`{name}` has {found} moving joints ({joints}) but the tree's type is for {expected}; freeze some, or use Tree<{found}, …>"
-    )]
-    Count {
-        /// The mechanism.
-        name: String,
-        /// Joints it has.
-        found: usize,
-        /// Joints the type has.
-        expected: usize,
-        /// Their names.
-        joints: String,
-    },
-    /// Forward dynamics has no solution: something moves without inertia.
-    #[error("{what} moves no inertia, so its acceleration is not determined; {remedy}")]
-    NoInertia {
-        /// The joint (with its link), or the base.
-        what: String,
-        /// What to do.
-        remedy: &'static str,
-    },
-}
-
-/// No frame of that name.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("there is no frame or link `{name}`; there are: {known}")]
-pub struct UnknownFrame {
-    /// The name asked for.
-    pub name: String,
-    /// The names there are.
-    pub known: String,
-}
-
-/// The constants of a mechanism of any size.
-#[derive(Clone, Debug)]
-pub(crate) struct Constants {
-    pub base_name: String,
-    pub base: Rigid,
-    pub bodies: Vec<Link>,
-    pub body_names: Vec<(String, String)>,
-    pub frames: Vec<FrameConsts>,
-    pub frame_names: Vec<String>,
-}
-
-impl Constants {
-    pub(crate) fn new(d: &Description) -> Result<Self, DescriptionError> {
-        let m = Merged::new(d)?;
-        let link = |b: &crate::description::Body| Link {
-            parent: b.parent.unwrap_or(BASE),
-            coordinate: b.coordinate,
-            prismatic: b.prismatic,
-            e: columns(&b.placement.r),
-            p: b.placement.p.into(),
-            rigid: Rigid::new(&b.inertia),
-            motor_inertia: b.motor_inertia,
-            damping: b.damping,
-            stiffness: b.stiffness,
-            rest: b.rest,
-        };
-        Ok(Self {
-            base: Rigid::new(&m.base),
-            bodies: m.bodies.iter().map(link).collect(),
-            body_names: m.bodies.iter().map(|b| (b.joint.clone(), b.name.clone())).collect(),
-            frames: m
-                .frames
-                .iter()
-                .map(|f| FrameConsts {
-                    body: f.body.unwrap_or(BASE),
-                    r: columns(&f.placement.r),
-                    p: f.placement.p.into(),
-                })
-                .collect(),
-            frame_names: m.frames.into_iter().map(|f| f.name).collect(),
-            base_name: m.base_name,
-        })
-    }
-
-    pub(crate) fn frame(&self, name: &str) -> Result<FrameId, UnknownFrame> {
-        find_frame(&self.frame_names, name)
-    }
-}
-
-fn find_frame(names: &[String], name: &str) -> Result<FrameId, UnknownFrame> {
-    match names.iter().position(|n| n == name) {
-        Some(i) => Ok(FrameId(i)),
-        None => Err(UnknownFrame {
-            name: name.to_owned(),
-            known: names.join(", "),
-        }),
-    }
-}
-
-fn columns(r: &Matrix3<f64>) -> [[f64; 3]; 3] {
-    [0, 1, 2].map(|c| [r[(0, c)], r[(1, c)], r[(2, c)]])
-}
 
 /// A tree of `N` moving joints with `V` velocity coordinates: `V = N + 6` on a floating base, `V = N` on a fixed one
 /// (then the base is posed once and for all by the state, and the generalised velocity is the joint rates alone).
@@ -134,7 +33,8 @@ pub struct Tree<const N: usize, const V: usize> {
 /// Poses and rates of every body at one state, shared by the algorithms that need them. Base axes, no base pose.
 #[derive(Clone, Debug)]
 pub struct Kinematics<const N: usize, const V: usize, T: Real = f64> {
-    placed: [Placed<T>; N],
+    placed: Fixed<Placed<T>, N>,
+    rates: Fixed<Rates<T>, N>,
     nu: [T; V],
 }
 
@@ -213,6 +113,26 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         })
     }
 
+    /// Welds a rigid body to the body that carries `frame`, where `payload` is its pose in the frame: what a gripper
+    /// does in mid-run. Does not allocate; the inertia is taken as it is, unchecked.
+    pub fn attach(&mut self, frame: FrameId, payload: &Placement, inertia: &Inertia) {
+        let frame = &self.frames[frame.0];
+        let at = Placement {
+            p: Vector3::from(frame.p),
+            r: Matrix3::from_columns(&frame.r.map(Vector3::from)),
+        }
+        .then(payload);
+        let rigid = Rigid::new(&Inertia {
+            mass: inertia.mass,
+            com: at.p + at.r * inertia.com,
+            about_com: at.r * inertia.about_com * at.r.transpose(),
+        });
+        match frame.body {
+            BASE => self.base.weld(&rigid),
+            place => self.bodies[place - 1].rigid.weld(&rigid),
+        }
+    }
+
     /// The same tree in a uniform gravity field (world axes, m/s²). Without this call there is none. Gravity acts in
     /// the methods that take a [`State`] and in no other.
     pub fn with_gravity(mut self, g_n: Vector3<f64>) -> Self {
@@ -259,20 +179,18 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// [`kinematics`](Self::kinematics) over any scalar.
     #[inline]
     pub fn kinematics_in<T: Real>(&self, q: &[T; N], nu: &[T; V]) -> Kinematics<N, V, T> {
-        let list = place::<Static<N>, T>(self.model(), q, nu);
-        Kinematics {
-            placed: core::array::from_fn(|i| list[i]),
-            nu: *nu,
-        }
+        let placed = place::<Static<N>, T>(self.model(), q);
+        let rates = rates::<Static<N>, T>(self.model(), &placed, nu);
+        Kinematics { placed, rates, nu: *nu }
     }
 
     /// Pose of frame E in B: (`p_BE`, `R_BE`).
     #[inline]
     pub fn placement(&self, k: &Kinematics<N, V>, frame: FrameId) -> Placement {
-        let at = jacobian::frame_at(&self.frames[frame.0], &k.placed, k.omega());
+        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed, &k.rates);
         Placement {
-            p: vector(at.p),
-            r: matrix(&at.r),
+            p: vector(p),
+            r: matrix(&r),
         }
     }
 
@@ -288,7 +206,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     pub fn jacobian(&self, k: &Kinematics<N, V>, frame: FrameId) -> SMatrix<f64, 6, V> {
         let mut out = SMatrix::<f64, 6, V>::zeros();
         let frame = &self.frames[frame.0];
-        jacobian::jacobian::<f64, false>(self.model(), &k.placed, k.omega(), frame, out.as_mut_slice());
+        jacobian::jacobian::<f64, false>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
         out
     }
 
@@ -297,14 +215,14 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     pub fn jacobian_rate(&self, k: &Kinematics<N, V>, frame: FrameId) -> SMatrix<f64, 6, V> {
         let mut out = SMatrix::<f64, 6, V>::zeros();
         let frame = &self.frames[frame.0];
-        jacobian::jacobian::<f64, true>(self.model(), &k.placed, k.omega(), frame, out.as_mut_slice());
+        jacobian::jacobian::<f64, true>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
         out
     }
 
     /// Origin and axes of frame E in B over any scalar: (`p_BE`, columns of `R_BE`).
     pub fn placement_in<T: Real>(&self, k: &Kinematics<N, V, T>, frame: FrameId) -> ([T; 3], [[T; 3]; 3]) {
-        let at = jacobian::frame_at(&self.frames[frame.0], &k.placed, k.omega());
-        (at.p.to_array(), at.r.c.map(V3::to_array))
+        let (r, p) = jacobian::frame_at(&self.frames[frame.0], &k.placed, &k.rates);
+        (p.to_array(), r.c.map(V3::to_array))
     }
 
     // ---- inertia ----------------------------------------------------------------------------------------------
@@ -312,11 +230,12 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// Mass matrix M(q), motor inertia included (composite-rigid-body algorithm).
     #[inline]
     pub fn mass_matrix(&self, q: &SVector<f64, N>) -> SMatrix<f64, V, V> {
-        let k = self.kinematics(q, &SVector::zeros());
+        let placed = place::<Static<N>, f64>(self.model(), &q.data.0[0]);
         let mut m = SMatrix::<f64, V, V>::zeros();
         inertia::mass_and_coriolis::<Static<N>, f64, false>(
             self.model(),
-            &k.placed,
+            &placed,
+            &[],
             V3::zero(),
             m.as_mut_slice(),
             &mut [],
@@ -332,6 +251,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         inertia::mass_and_coriolis::<Static<N>, f64, true>(
             self.model(),
             &k.placed,
+            &k.rates,
             k.omega(),
             m.as_mut_slice(),
             c.as_mut_slice(),
@@ -341,12 +261,13 @@ impl<const N: usize, const V: usize> Tree<N, V> {
 
     /// M over any scalar, column by column.
     pub fn mass_matrix_in<T: Real>(&self, q: &[T; N]) -> [[T; V]; V] {
-        let k = self.kinematics_in(q, &[T::of(0.0); V]);
+        let placed = place::<Static<N>, T>(self.model(), q);
         let mut m = [[T::of(0.0); V]; V];
         let omega = V3::zero();
         inertia::mass_and_coriolis::<Static<N>, T, false>(
             self.model(),
-            &k.placed,
+            &placed,
+            &[],
             omega,
             m.as_flattened_mut(),
             &mut [],
@@ -479,7 +400,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// Mass, centre of mass and momentum, in B axes. On a fixed base B does not move.
     pub fn momentum(&self, k: &Kinematics<N, V>) -> Momentum {
         Momentum::of(
-            &momentum::sums(self.model(), &k.placed, &k.nu),
+            &momentum::sums(self.model(), &k.placed, &k.rates, &k.nu),
             self.model().base_part(&k.nu).1,
         )
     }
@@ -492,7 +413,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
 
     /// Kinetic energy ½ νᵀ M ν, motors included (J).
     pub fn kinetic_energy(&self, k: &Kinematics<N, V>) -> f64 {
-        momentum::sums(self.model(), &k.placed, &k.nu).energy_at(self.model().base_part(&k.nu).1)
+        momentum::sums(self.model(), &k.placed, &k.rates, &k.nu).energy_at(self.model().base_part(&k.nu).1)
     }
 
     /// Energy of the joint springs and of the gravity field, zero with all masses at the world's origin (J).

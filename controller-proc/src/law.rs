@@ -1,0 +1,202 @@
+//! The laws behind one face.
+
+use control_laws::allocation::Allocation;
+use control_laws::stabilise::{self, StabilisingLaw};
+use control_laws::{Dof, HierarchicalLaw, Measured, ReferenceLaw, hierarchical, reference};
+use guidance_laws::SetPoint;
+use interfaces::ControlTelemetry;
+use lockstep::participant::ParameterError;
+use nalgebra::Vector3;
+
+use crate::parameters::{LawName, Parameters, build, payload, refused};
+
+/// What a law reads.
+#[derive(Debug, Clone, Copy)]
+pub struct Input {
+    /// Now, s.
+    pub t: f64,
+    /// The servicer.
+    pub measured: Option<Measured>,
+    /// The end effector's set-point, and the instant it is for, s.
+    pub end_effector: Option<(SetPoint, f64)>,
+    /// The base's set-point, and the instant it is for, s.
+    pub base: Option<(SetPoint, f64)>,
+    /// In the wheels, base axes, N m s.
+    pub wheel_momentum: Vector3<f64>,
+    /// Whether the gripper has closed on the target.
+    pub grasped: bool,
+}
+
+/// What a law answers.
+#[derive(Debug, Clone, Copy)]
+pub struct Answer {
+    /// Generalised force.
+    pub force: Dof,
+    /// Who makes the base's part.
+    pub allocation: Allocation,
+    /// What it saw and thought.
+    pub telemetry: ControlTelemetry,
+}
+
+/// The law of the approach.
+#[derive(Debug, Clone)]
+pub enum Approach {
+    /// The paper's.
+    Hierarchical(Box<HierarchicalLaw>),
+    /// The one it is compared with.
+    Reference(Box<ReferenceLaw>),
+}
+
+/// The law of the approach, and the one after the grasp.
+#[derive(Debug, Clone)]
+pub struct Law {
+    /// Until the grasp, or for ever.
+    pub approach: Approach,
+    /// From the grasp on, if asked for.
+    pub stabilise: Option<Box<StabilisingLaw>>,
+}
+
+impl Law {
+    /// The laws that the scenario asks for.
+    ///
+    /// # Errors
+    /// Names the parameter that is refused.
+    pub fn new(parameters: &Parameters, period: f64) -> Result<Self, ParameterError> {
+        let model = |payload| build(&parameters.urdf, &parameters.servicer, &parameters.model, payload);
+        let approach = match parameters.law {
+            LawName::Hierarchical => HierarchicalLaw::new(model(None)?, parameters.hierarchical(period)?)
+                .map(|law| Approach::Hierarchical(Box::new(law))),
+            LawName::Reference => ReferenceLaw::new(model(None)?, parameters.comparison(period)?)
+                .map(|law| Approach::Reference(Box::new(law))),
+        }
+        .map_err(|error| refused(&error))?;
+        let stabilise = match (&parameters.stabilise, &parameters.target) {
+            (None, _) => None,
+            (Some(_), None) => {
+                let reason = "stabilisation needs to know what the end effector carries: give the target's file";
+                return Err(ParameterError::new("target", reason));
+            }
+            (Some(stabilise), Some(target)) => {
+                let law = stabilise.law(parameters.allocation.as_ref());
+                let law = StabilisingLaw::new(model(Some(payload(target)))?, model(None)?, law).map_err(|error| {
+                    let inner = refused(&error);
+                    ParameterError::new(format!("stabilise.{}", inner.key), inner.reason)
+                })?;
+                Some(Box::new(law))
+            }
+        };
+        Ok(Self { approach, stabilise })
+    }
+
+    /// The command now; `None` while there is no measurement.
+    pub fn step(&mut self, input: &Input) -> Option<Answer> {
+        if let (Some(law), true) = (&mut self.stabilise, input.grasped) {
+            return stabilised(law, input);
+        }
+        match &mut self.approach {
+            Approach::Hierarchical(law) => hierarchical(law, input),
+            Approach::Reference(law) => reference(law, input),
+        }
+    }
+}
+
+/// How old a set-point is; zero while there is none.
+fn age(t: f64, set_point: Option<(SetPoint, f64)>) -> f64 {
+    set_point.map_or(0.0, |(_, stamp)| t - stamp)
+}
+
+fn hierarchical(law: &mut HierarchicalLaw, input: &Input) -> Option<Answer> {
+    let output = law.step(&hierarchical::Input {
+        measured: input.measured,
+        set_point: input.end_effector.map(|(set_point, _)| set_point),
+        set_point_age_s: age(input.t, input.end_effector),
+        wheel_momentum: input.wheel_momentum,
+    })?;
+    let seen = &output.telemetry;
+    let mut telemetry = ControlTelemetry {
+        mode: flag(seen.tracking),
+        p_DE_N: seen.position_error.into(),
+        quat_DE: seen.attitude_error.quaternion,
+        h: seen.attitude_error.h,
+        epsilon: seen.epsilon,
+        epsilon_clamped: flag(seen.epsilon_clamped),
+        feedback_saturated: count(&seen.saturated),
+        missing_torque_B: output.allocation.missing_torque.into(),
+        ..ControlTelemetry::default()
+    };
+    velocities(&mut telemetry, &seen.virtual_velocity, &seen.feedback);
+    Some(Answer {
+        force: output.force,
+        allocation: output.allocation,
+        telemetry,
+    })
+}
+
+fn reference(law: &mut ReferenceLaw, input: &Input) -> Option<Answer> {
+    let output = law.step(&reference::Input {
+        measured: input.measured,
+        end_effector: input.end_effector.map(|(set_point, _)| set_point),
+        base: input.base.map(|(set_point, _)| set_point),
+        set_point_age_s: age(input.t, input.end_effector),
+        wheel_momentum: input.wheel_momentum,
+    })?;
+    let seen = &output.telemetry;
+    let mut telemetry = ControlTelemetry {
+        mode: flag(input.end_effector.is_some()),
+        p_DE_N: seen.position_error.into(),
+        quat_DE: seen.attitude_error.quaternion,
+        h: seen.attitude_error.h,
+        feedback_saturated: count(&seen.saturated),
+        missing_torque_B: output.allocation.missing_torque.into(),
+        ..ControlTelemetry::default()
+    };
+    velocities(&mut telemetry, &seen.virtual_velocity, &seen.feedback);
+    Some(Answer {
+        force: output.force,
+        allocation: output.allocation,
+        telemetry,
+    })
+}
+
+fn stabilised(law: &mut StabilisingLaw, input: &Input) -> Option<Answer> {
+    let output = law.step(&stabilise::Input {
+        time_s: input.t,
+        measured: input.measured,
+        wheel_momentum: input.wheel_momentum,
+    })?;
+    let seen = &output.telemetry;
+    Some(Answer {
+        force: output.force,
+        allocation: output.allocation,
+        telemetry: ControlTelemetry {
+            mode: 2.0,
+            quat_DE: [1.0, 0.0, 0.0, 0.0],
+            h: 1.0,
+            missing_torque_B: output.allocation.missing_torque.into(),
+            stabilise_factor: seen.factor,
+            gripper_torque_E: [seen.gripper[0], seen.gripper[1], seen.gripper[2]],
+            gripper_force_E: [seen.gripper[3], seen.gripper[4], seen.gripper[5]],
+            at_rest: flag(seen.at_rest),
+            time_to_rest: seen.time_to_rest_s,
+            ..ControlTelemetry::default()
+        },
+    })
+}
+
+fn velocities(telemetry: &mut ControlTelemetry, virtual_velocity: &Dof, feedback: &Dof) {
+    let three = |vector: &Dof, at: usize| [vector[at], vector[at + 1], vector[at + 2]];
+    telemetry.omega_v_B = three(virtual_velocity, 0);
+    telemetry.v_v_B = three(virtual_velocity, 3);
+    telemetry.qdot_v = std::array::from_fn(|joint| virtual_velocity[6 + joint]);
+    telemetry.feedback_torque_B = three(feedback, 0);
+    telemetry.feedback_force_B = three(feedback, 3);
+    telemetry.feedback_tau = std::array::from_fn(|joint| feedback[6 + joint]);
+}
+
+fn flag(value: bool) -> f64 {
+    f64::from(u8::from(value))
+}
+
+fn count(flags: &[bool]) -> f64 {
+    flags.iter().map(|value| flag(*value)).sum()
+}

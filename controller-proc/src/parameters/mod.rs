@@ -1,0 +1,410 @@
+//! What a scenario may say about the controller. Every default is the paper's, or where it is silent the baseline's.
+
+mod beyond;
+mod gains;
+mod model;
+
+use control_laws::filter::FilterParameters;
+use control_laws::inner::{Bound, Discretisation, FeedbackLaw};
+use control_laws::outer::{ArmWeight, AttitudeLaw, OuterParameters, Weights};
+use control_laws::tracker::{Followed, TrackerParameters};
+use control_laws::{Dof, hierarchical, reference};
+use guidance_laws::Between;
+use interfaces::JOINTS;
+use interfaces::files::{Servicer, Target};
+use lockstep::participant::ParameterError;
+use lockstep::units::{AngularRate, Each, Force, Length, PerTime, Quantity, Torque};
+use nalgebra::Vector3;
+use serde::Deserialize;
+
+pub use beyond::{Allocation, Avoidance, Stabilise, payload};
+pub use gains::GainsFile;
+pub use model::{Model, build};
+
+/// `participants.NAME.parameters` of a controller.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// The mechanism, as URDF text.
+    pub urdf: String,
+    /// What the URDF cannot say.
+    pub servicer: Servicer,
+    /// The target: what the end effector carries after the grasp. Only for `stabilise`.
+    pub target: Option<Target>,
+    /// Which law.
+    #[serde(default)]
+    pub law: LawName,
+    /// What is followed between two samples of the guidance.
+    #[serde(default)]
+    pub between: BetweenName,
+    /// Gains of the inner loop.
+    pub gains: GainsFile,
+    /// What the law believes of the servicer.
+    #[serde(default)]
+    pub model: Model,
+    /// The outer loop.
+    #[serde(default)]
+    pub outer: Outer,
+    /// The command-shaping filter.
+    #[serde(default)]
+    pub filter: Filter,
+    /// The inner loop.
+    #[serde(default)]
+    pub inner: Inner,
+    /// The comparison law's own numbers.
+    #[serde(default)]
+    pub reference: Reference,
+    /// Avoidance of joint ends and of the straight elbow; off unless given.
+    pub avoidance: Option<Avoidance>,
+    /// Sharing of the base's torque between wheels and thrusters; off unless given.
+    pub allocation: Option<Allocation>,
+    /// Stabilisation of the stack after the grasp; off unless given.
+    pub stabilise: Option<Stabilise>,
+}
+
+/// Which law.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LawName {
+    /// The two-level law of the paper.
+    #[default]
+    Hierarchical,
+    /// The stand-in for the combined base and arm law it is compared with.
+    Reference,
+}
+
+/// What is followed between two samples of the guidance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BetweenName {
+    /// The last set-point, moved on with the velocities it came with.
+    #[default]
+    Propagate,
+    /// The last set-point as it came.
+    Hold,
+}
+
+/// The outer loop.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Outer {
+    /// How the attitude error is measured.
+    pub attitude_law: AttitudeLawName,
+    /// Hysteresis of the hybrid law.
+    pub hysteresis: f64,
+    /// Diagonal of K_att.
+    pub attitude_gain: Each<PerTime, 3>,
+    /// Diagonal of K_pos.
+    pub position_gain: Each<PerTime, 3>,
+    /// Sharing between base and arm.
+    pub weights: WeightsTable,
+}
+
+impl Default for Outer {
+    fn default() -> Self {
+        Self {
+            attitude_law: AttitudeLawName::Hybrid,
+            hysteresis: 0.5,
+            attitude_gain: Each::of([1.0, 0.99, 1.01]),
+            position_gain: Each::of([1.0; 3]),
+            weights: WeightsTable::default(),
+        }
+    }
+}
+
+/// How the attitude error is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AttitudeLawName {
+    /// Eq 16 and 17.
+    Hybrid,
+    /// Eq 13.
+    RotationMatrix,
+    /// The quaternion without its sign law, which unwinds.
+    Quaternion,
+}
+
+/// Weights of the pseudoinverse.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct WeightsTable {
+    /// Of the base's rotation.
+    pub base_rotation: f64,
+    /// Of the base's translation.
+    pub base_translation: f64,
+    /// Of the arm, the same everywhere; by distance unless given.
+    pub arm_fixed: Option<f64>,
+    /// Distance of the base from the target at which the arm has `near_weight`.
+    pub near: Quantity<Length>,
+    /// Distance at which it has `far_weight`.
+    pub far: Quantity<Length>,
+    /// Weight of the arm near.
+    pub near_weight: f64,
+    /// Weight of the arm far.
+    pub far_weight: f64,
+    /// Factor for each joint: 0 locks it.
+    pub joint_factor: [f64; JOINTS],
+}
+
+impl Default for WeightsTable {
+    /// Eq 14 and 15: 100 at the closing distance, 10 at twice that.
+    fn default() -> Self {
+        // |[-0.35, 0, -2.375] m|
+        let near = (0.35_f64 * 0.35 + 2.375 * 2.375).sqrt();
+        Self {
+            base_rotation: 1.0,
+            base_translation: 10.0,
+            arm_fixed: None,
+            near: Quantity::of(near),
+            far: Quantity::of(2.0 * near),
+            near_weight: 100.0,
+            far_weight: 10.0,
+            joint_factor: [1.0; JOINTS],
+        }
+    }
+}
+
+/// The command-shaping filter.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Filter {
+    /// Natural frequency.
+    pub frequency: Quantity<AngularRate>,
+    /// Damping ratio.
+    pub damping: f64,
+    /// Which velocity the inner loop follows.
+    pub followed: FollowedName,
+}
+
+impl Default for Filter {
+    fn default() -> Self {
+        Self {
+            frequency: Quantity::of(10.0),
+            damping: 0.9,
+            followed: FollowedName::Raw,
+        }
+    }
+}
+
+/// Which velocity the inner loop follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FollowedName {
+    /// The outer loop's, as the paper.
+    Raw,
+    /// The filter's.
+    Filtered,
+}
+
+/// The inner loop.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Inner {
+    /// Which feedback.
+    pub feedback: FeedbackName,
+    /// How the integral is discretised.
+    pub discretisation: DiscretisationName,
+    /// Bound of the feedback on the base's torque.
+    pub torque_bound: Each<Torque, 3>,
+    /// Bound of the feedback on the base's force.
+    pub force_bound: Each<Force, 3>,
+    /// Bound of the feedback on the joints.
+    pub joint_bound: Each<Torque, JOINTS>,
+    /// One bound for newtons and newton metres alike, as the paper; the three above unless given.
+    pub scalar_bound: Option<f64>,
+}
+
+impl Default for Inner {
+    /// The conditional integrator with the limits of the stock actuators.
+    fn default() -> Self {
+        Self {
+            feedback: FeedbackName::ConditionalIntegrator,
+            discretisation: DiscretisationName::Exact,
+            torque_bound: Each::of([0.2; 3]),
+            force_bound: Each::of([9.0; 3]),
+            joint_bound: Each::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
+            scalar_bound: None,
+        }
+    }
+}
+
+/// Which feedback.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FeedbackName {
+    /// Eq 7.
+    ConditionalIntegrator,
+    /// Eq 6.
+    ProportionalIntegral,
+    /// Proportional.
+    Proportional,
+}
+
+/// How the integral is discretised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DiscretisationName {
+    /// One implicit step.
+    Exact,
+    /// Forward Euler.
+    Euler,
+}
+
+/// The comparison law's own numbers; attitude and position gains are those of `outer`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Reference {
+    /// Position gain of the base.
+    pub base_position_gain: Each<PerTime, 3>,
+    /// Damping of the least squares.
+    pub least_squares_damping: f64,
+}
+
+impl Default for Reference {
+    /// 0.3 1/s, and a damping of 0.01 that only matters next to a singularity.
+    fn default() -> Self {
+        Self {
+            base_position_gain: Each::of([0.3; 3]),
+            least_squares_damping: 0.01,
+        }
+    }
+}
+
+impl Parameters {
+    fn attitude(&self) -> AttitudeLaw {
+        match self.outer.attitude_law {
+            AttitudeLawName::Hybrid => AttitudeLaw::Hybrid {
+                hysteresis: self.outer.hysteresis,
+            },
+            AttitudeLawName::RotationMatrix => AttitudeLaw::RotationMatrix,
+            AttitudeLawName::Quaternion => AttitudeLaw::Quaternion,
+        }
+    }
+
+    fn between(&self) -> Between {
+        match self.between {
+            BetweenName::Propagate => Between::Propagate,
+            BetweenName::Hold => Between::Hold,
+        }
+    }
+
+    /// Shaping filter and inner loop.
+    fn tracker(&self, period_s: f64) -> Result<TrackerParameters, ParameterError> {
+        let discretisation = match self.inner.discretisation {
+            DiscretisationName::Exact => Discretisation::Exact,
+            DiscretisationName::Euler => Discretisation::Euler,
+        };
+        let bound = match self.inner.scalar_bound {
+            Some(bound) => Bound::Scalar(bound),
+            None => Bound::PerChannel(channels(
+                self.inner.torque_bound.si(),
+                self.inner.force_bound.si(),
+                self.inner.joint_bound.si(),
+            )),
+        };
+        Ok(TrackerParameters {
+            period_s,
+            filter: FilterParameters {
+                frequency_rad_s: self.filter.frequency.si(),
+                damping: self.filter.damping,
+            },
+            followed: match self.filter.followed {
+                FollowedName::Raw => Followed::Raw,
+                FollowedName::Filtered => Followed::Filtered,
+            },
+            gains: self.gains.gains()?,
+            feedback: match self.inner.feedback {
+                FeedbackName::ConditionalIntegrator => FeedbackLaw::ConditionalIntegrator { bound, discretisation },
+                FeedbackName::ProportionalIntegral => FeedbackLaw::ProportionalIntegral,
+                FeedbackName::Proportional => FeedbackLaw::Proportional,
+            },
+        })
+    }
+
+    /// For the hierarchical law.
+    pub fn hierarchical(&self, period_s: f64) -> Result<hierarchical::Parameters, ParameterError> {
+        let weights = &self.outer.weights;
+        let arm = match weights.arm_fixed {
+            Some(weight) => ArmWeight::Fixed(weight),
+            None => ArmWeight::ByDistance {
+                near_m: weights.near.si(),
+                far_m: weights.far.si(),
+                near_weight: weights.near_weight,
+                far_weight: weights.far_weight,
+            },
+        };
+        Ok(hierarchical::Parameters {
+            outer: OuterParameters {
+                attitude: self.attitude(),
+                attitude_gain: self.outer.attitude_gain.si().into(),
+                position_gain: self.outer.position_gain.si().into(),
+                weights: Weights {
+                    base_rotation: weights.base_rotation,
+                    base_translation: weights.base_translation,
+                    arm,
+                    joint_factor: weights.joint_factor,
+                },
+            },
+            tracker: self.tracker(period_s)?,
+            between: self.between(),
+            avoidance: match &self.avoidance {
+                Some(avoidance) => Some(avoidance.law(&self.urdf, &self.servicer.arm)?),
+                None => None,
+            },
+            allocation: self.allocation.as_ref().map(Allocation::law),
+        })
+    }
+
+    /// For the comparison law.
+    pub fn comparison(&self, period_s: f64) -> Result<reference::Parameters, ParameterError> {
+        if self.avoidance.is_some() {
+            let reason = "only the hierarchical law has a null space to avoid joint ends in; leave it out";
+            return Err(ParameterError::new("avoidance", reason));
+        }
+        Ok(reference::Parameters {
+            attitude: self.attitude(),
+            attitude_gain: self.outer.attitude_gain.si().into(),
+            position_gain: self.outer.position_gain.si().into(),
+            base_position_gain: Vector3::from(self.reference.base_position_gain.si()),
+            least_squares_damping: self.reference.least_squares_damping,
+            tracker: self.tracker(period_s)?,
+            between: self.between(),
+            allocation: self.allocation.as_ref().map(Allocation::law),
+        })
+    }
+}
+
+/// Base rotation, base translation and joints in the order of the generalised velocity.
+pub fn channels(rotation: [f64; 3], translation: [f64; 3], joints: [f64; JOINTS]) -> Dof {
+    Dof::from_iterator(rotation.into_iter().chain(translation).chain(joints))
+}
+
+/// A law's refusal under the key that the scenario uses. Fields of the laws carry their units in their names, which the
+/// scenario writes with the value instead.
+pub fn refused(error: &control_laws::ParameterError) -> ParameterError {
+    let key = match error.field {
+        "outer.attitude.hysteresis" => "outer.hysteresis",
+        "outer.weights.arm" => "outer.weights.arm_fixed",
+        "outer.weights.arm.near_m" => "outer.weights.near",
+        "outer.weights.arm.far_m" => "outer.weights.far",
+        "outer.weights.arm.near_weight" => "outer.weights.near_weight",
+        "outer.weights.arm.far_weight" => "outer.weights.far_weight",
+        "filter.frequency_rad_s" => "filter.frequency",
+        "inner.kp" => "gains.kp",
+        "inner.ki" => "gains.ki",
+        "inner.bound" => "inner",
+        "base_position_gain" => "reference.base_position_gain",
+        "least_squares_damping" => "reference.least_squares_damping",
+        "attitude_gain" => "outer.attitude_gain",
+        "position_gain" => "outer.position_gain",
+        other => other
+            .trim_end_matches("_rad_s")
+            .trim_end_matches("_rad")
+            .trim_end_matches("_nms")
+            .trim_end_matches("_nm")
+            .trim_end_matches("_1_s")
+            .trim_end_matches("_n")
+            .trim_end_matches("_m"),
+    };
+    ParameterError::new(key, format!("{} {}", error.value, error.remedy))
+}

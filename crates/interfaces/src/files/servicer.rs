@@ -1,0 +1,64 @@
+//! What a URDF cannot say of the servicer.
+
+use lockstep::units::{Each, Inertia, Quantity, RotationalDamping, RotationalStiffness};
+use serde::Deserialize;
+
+use crate::{JOINTS, SLOSH};
+
+/// The servicer beyond its URDF.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Servicer {
+    /// The arm.
+    #[serde(default)]
+    pub arm: Arm,
+    /// The pendulum that stands for the propellant.
+    #[serde(default)]
+    pub slosh: Slosh,
+}
+
+/// The arm.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Arm {
+    /// Names of the joints, in the order of the messages.
+    pub joints: [String; JOINTS],
+    /// Name of the link that is the end effector's frame E.
+    pub end_effector: String,
+    /// Rotor inertia of each joint as seen at its output.
+    pub motor_inertia: Each<Inertia, JOINTS>,
+}
+
+impl Default for Arm {
+    /// Joints `A1` to `A7`, frame `end_effector`, 0.1 kg m² on every joint.
+    fn default() -> Self {
+        Self {
+            joints: ["A1", "A2", "A3", "A4", "A5", "A6", "A7"].map(str::to_owned),
+            end_effector: "end_effector".to_owned(),
+            motor_inertia: Each::of([0.1; JOINTS]),
+        }
+    }
+}
+
+/// The pendulum.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Slosh {
+    /// Names of its two hinges, in the order of the messages.
+    pub joints: [String; SLOSH],
+    /// Viscous damping of each hinge; what the URDF says unless given.
+    pub damping: Option<Quantity<RotationalDamping>>,
+    /// Stiffness towards the hanging position, as of surface tension.
+    pub stiffness: Quantity<RotationalStiffness>,
+}
+
+impl Default for Slosh {
+    /// Hinges `slosh_y` and `slosh_x`, damping of the URDF, no stiffness.
+    fn default() -> Self {
+        Self {
+            joints: ["slosh_y", "slosh_x"].map(str::to_owned),
+            damping: None,
+            stiffness: Quantity::of(0.0),
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! What guidance and control ask for.
+
+lockstep::message! {
+    /// Pose and twist that a frame of the servicer shall have: the end effector, or the base.
+    #[allow(non_snake_case)]
+    pub struct SetPoint {
+        /// Instant for which the rest holds.
+        pub stamp: f64 = "s",
+        /// Desired position.
+        pub p_ND_N: [f64; 3] = "m" in "N",
+        /// Desired attitude, scalar first; zeros: no set-point yet.
+        pub quat_ND: [f64; 4] = "1",
+        /// Desired velocity.
+        pub v_ND_N: [f64; 3] = "m/s" in "N",
+        /// Desired angular velocity.
+        pub omega_ND_D: [f64; 3] = "rad/s" in "D",
+    }
+}
+
+lockstep::message! {
+    /// Forces that the servicer's actuators shall make, before any limit of theirs.
+    #[allow(non_snake_case)]
+    pub struct Command {
+        /// Torque of the wheels on the base.
+        pub torque_B: [f64; 3] = "N m" in "B",
+        /// Force of the thrusters on the base, at its origin.
+        pub force_B: [f64; 3] = "N" in "B",
+        /// Torques of the joint motors A1 to A7.
+        pub tau: [f64; 7] = "N m",
+    }
+}
+
+lockstep::message! {
+    /// Torques on the base that thrusters shall make in couples, beside the wheels.
+    #[allow(non_snake_case)]
+    pub struct Couples {
+        /// Torque on the base.
+        pub torque_B: [f64; 3] = "N m" in "B",
+    }
+}
+
+lockstep::message! {
+    /// What the controller saw and thought.
+    #[allow(non_snake_case)]
+    pub struct ControlTelemetry {
+        /// 1 while a set-point is followed, 0 while there is none, 2 while the stack is stabilised after a grasp.
+        pub mode: f64 = "1",
+        /// Position error of the end effector, E less D.
+        pub p_DE_N: [f64; 3] = "m" in "N",
+        /// Error quaternion of the attitude, scalar first; its sign is continuous.
+        pub quat_DE: [f64; 4] = "1",
+        /// The hybrid law's sign h.
+        pub h: f64 = "1",
+        /// Weight of the arm against the base.
+        pub epsilon: f64 = "1",
+        /// 1 where the weight would have been negative and was held at zero.
+        pub epsilon_clamped: f64 = "1",
+        /// Virtual angular velocity of the base.
+        pub omega_v_B: [f64; 3] = "rad/s" in "B",
+        /// Virtual velocity of the base's origin.
+        pub v_v_B: [f64; 3] = "m/s" in "B",
+        /// Virtual joint rates.
+        pub qdot_v: [f64; 7] = "rad/s",
+        /// Feedback part of the base's torque.
+        pub feedback_torque_B: [f64; 3] = "N m" in "B",
+        /// Feedback part of the base's force.
+        pub feedback_force_B: [f64; 3] = "N" in "B",
+        /// Feedback part of the joint torques.
+        pub feedback_tau: [f64; 7] = "N m",
+        /// How many channels of the feedback are at their bound.
+        pub feedback_saturated: f64 = "1",
+        /// Torque that nobody could be asked for.
+        pub missing_torque_B: [f64; 3] = "N m" in "B",
+        /// Stabilisation: part of the wished braking that the limits allow, 0 to 1.
+        pub stabilise_factor: f64 = "1",
+        /// Stabilisation: torque that the gripper puts on the target.
+        pub gripper_torque_E: [f64; 3] = "N m" in "E",
+        /// Stabilisation: force that the gripper puts on the target.
+        pub gripper_force_E: [f64; 3] = "N" in "E",
+        /// Stabilisation: 1 while everything is at rest.
+        pub at_rest: f64 = "1",
+        /// Stabilisation: time from the grasp to the first rest; negative before, zero while it is not stabilised.
+        pub time_to_rest: f64 = "s",
+    }
+}
+
+lockstep::message! {
+    /// What guidance and navigation saw and thought.
+    #[allow(non_snake_case)]
+    pub struct GuidanceTelemetry {
+        /// 0 waiting, 1 pointing, 2 closing in, 3 riding on the grasp frame.
+        pub phase: f64 = "1",
+        /// Progress of the position, 0 to 1.
+        pub progress_position: f64 = "1",
+        /// Progress of the attitude, 0 to 1.
+        pub progress_attitude: f64 = "1",
+        /// Position of the target as guidance believes it.
+        pub p_NT_N: [f64; 3] = "m" in "N",
+        /// Attitude of the target as guidance believes it, scalar first; zeros: not seen yet.
+        pub quat_NT: [f64; 4] = "1",
+        /// Velocity of the target as guidance believes it.
+        pub v_NT_N: [f64; 3] = "m/s" in "N",
+        /// Angular velocity of the target as guidance believes it.
+        pub omega_NT_T: [f64; 3] = "rad/s" in "T",
+        /// Standard deviation of the position, of the length over three axes; zero without a filter.
+        pub sigma_position: f64 = "m",
+        /// Standard deviation of the attitude; zero without a filter.
+        pub sigma_attitude: f64 = "rad",
+        /// Age of what is known of the target.
+        pub target_age: f64 = "s",
+        /// Normalised innovation squared of the last camera pose that was looked at; zero without one.
+        pub innovation: f64 = "1",
+        /// How many camera poses have been refused so far.
+        pub refused: f64 = "1",
+    }
+}

@@ -1,0 +1,71 @@
+//! The shortest round trip that iceoryx2 can do, as the measure for ours: a typed payload, two services, polling, nothing else.
+
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use super::domain::{Domain, DomainError};
+use super::{Ipc, broken};
+use crate::transport::Broken;
+
+/// What goes each way: as many doubles as a measured state of the stock plant.
+pub type Payload = [f64; 27];
+
+/// One end of a bare ping-pong.
+pub struct Bare {
+    publisher: Publisher<Ipc, Payload, ()>,
+    subscriber: Subscriber<Ipc, Payload, ()>,
+    _services: [PortFactory<Ipc, Payload, ()>; 2],
+}
+
+impl Bare {
+    /// Opens one of the two ends; both may come first.
+    pub fn open(domain: &Domain, first: bool) -> Result<Bare, DomainError> {
+        let service = |name: &str| {
+            let builder = domain
+                .service(name)?
+                .publish_subscribe::<Payload>()
+                .enable_safe_overflow(false);
+            builder
+                .open_or_create()
+                .map_err(|error| domain.failed("opening a bare service", error))
+        };
+        let (ping, pong) = (service("bare/ping")?, service("bare/pong")?);
+        let (to, from) = if first { (&ping, &pong) } else { (&pong, &ping) };
+        let subscriber = from
+            .subscriber_builder()
+            .create()
+            .map_err(|e| domain.failed("opening a subscriber", e))?;
+        let publisher = to
+            .publisher_builder()
+            .create()
+            .map_err(|e| domain.failed("opening a publisher", e))?;
+        Ok(Bare {
+            publisher,
+            subscriber,
+            _services: [ping, pong],
+        })
+    }
+
+    /// Sends; whether anybody was there to take it.
+    pub fn send(&self, payload: &Payload) -> Result<bool, Broken> {
+        let sample = self
+            .publisher
+            .loan_uninit()
+            .map_err(|error| broken("no memory", error))?;
+        Ok(sample
+            .write_payload(*payload)
+            .send()
+            .map_err(|error| broken("sending", error))?
+            > 0)
+    }
+
+    /// Looks once.
+    pub fn receive(&self) -> Result<Option<Payload>, Broken> {
+        Ok(self
+            .subscriber
+            .receive()
+            .map_err(|error| broken("receiving", error))?
+            .map(|sample| *sample))
+    }
+}

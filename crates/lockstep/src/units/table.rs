@@ -1,0 +1,100 @@
+//! A participant's parameters as a struct.
+
+use serde::de::DeserializeOwned;
+
+use crate::participant::ParameterError;
+
+/// Reads `table` as a `T`. Structs should say `#[serde(deny_unknown_fields)]`, so that a misspelt key is refused.
+///
+/// # Errors
+/// With the dotted key of the value that was refused and the reason.
+pub fn read<T: DeserializeOwned>(table: &toml::Table) -> Result<T, ParameterError> {
+    serde_path_to_error::deserialize(table.clone()).map_err(|error| {
+        let key = error.path().to_string();
+        let key = if key == "." { String::new() } else { key };
+        let reason = error.into_inner().to_string();
+        ParameterError::new(key, reason.trim())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::units::{Angle, Each, Force, Length, Quantity, Vector, read};
+
+    #[derive(Debug, serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code)]
+    struct Inner {
+        angle: Quantity<Angle>,
+        place: Vector<Length, 3>,
+        #[serde(default = "nine")]
+        limit: Each<Force, 3>,
+    }
+
+    fn nine() -> Each<Force, 3> {
+        Each::of([9.0; 3])
+    }
+
+    #[derive(Debug, serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Outer {
+        inner: Inner,
+    }
+
+    fn refused(text: &str) -> (String, String) {
+        let error = read::<Outer>(&toml::from_str(text).unwrap()).unwrap_err();
+        (error.key, error.reason)
+    }
+
+    #[test]
+    fn a_struct_reads_si_values() {
+        let text = "[inner]\nangle = '180 deg'\nplace = '[1, 2, 3] mm'\nlimit = '4 N'";
+        let inner = read::<Outer>(&toml::from_str(text).unwrap()).unwrap().inner;
+        assert!((inner.angle.si() - std::f64::consts::PI).abs() < 1e-15);
+        assert_eq!(inner.place.si(), [0.001, 0.002, 0.003]);
+        assert_eq!(inner.limit.si(), [4.0; 3]);
+        let text = "[inner]\nangle = '1 rad'\nplace = '[1, 2, 3] mm'";
+        let inner = read::<Outer>(&toml::from_str(text).unwrap()).unwrap().inner;
+        assert_eq!(inner.limit.si(), [9.0; 3]);
+    }
+
+    #[test]
+    fn a_refusal_names_the_key_the_value_and_the_remedy() {
+        for (text, key, part) in [
+            ("angle = 2.5\nplace = '[1, 2, 3] m'", "inner.angle", "`2.5` has no unit"),
+            (
+                "angle = 2\nplace = '[1, 2, 3] m'",
+                "inner.angle",
+                "for example \"30 deg\"",
+            ),
+            (
+                "angle = '[1, 2] deg'\nplace = '[1, 2, 3] m'",
+                "inner.angle",
+                "one number without",
+            ),
+            (
+                "angle = '1 m'\nplace = '[1, 2, 3] m'",
+                "inner.angle",
+                "an angle (rad) is needed",
+            ),
+            ("angle = '1 deg'\nplace = '[1, 2] m'", "inner.place", "3 in brackets"),
+            ("angle = '1 deg'\nplace = '1 m'", "inner.place", "[0.5, 0.5, 0.5] m"),
+            ("angle = '1 deg'\nplace = true", "inner.place", "a length as text"),
+            (
+                "angle = '1 deg'\nplace = '[1, 2, 3] m'\nlimit = '[1, 2, 3, 4] N'",
+                "inner.limit",
+                "4 numbers",
+            ),
+            (
+                "angle = '1 deg'\nplaec = '[1, 2, 3] m'",
+                "inner.plaec",
+                "unknown field `plaec`",
+            ),
+            ("angle = '1 deg'", "inner", "missing field `place`"),
+        ] {
+            let (found, reason) = refused(&format!("[inner]\n{text}"));
+            assert_eq!(found, key, "{reason}");
+            assert!(reason.contains(part), "{text}: {reason}");
+        }
+    }
+}

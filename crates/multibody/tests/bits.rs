@@ -1,0 +1,125 @@
+//! One result, whichever way it is computed: four lanes, one state, a tree of static or of dynamic size.
+
+mod common;
+
+use common::random::{Rng, mechanism, state};
+use common::{load_reference, servicer};
+use multibody::{DynState, DynTree, F64x4, Method, State, Tree};
+use nalgebra::SVector;
+
+fn lanes<const K: usize>(columns: [&SVector<f64, K>; 4]) -> [F64x4; K] {
+    std::array::from_fn(|i| F64x4::new([columns[0][i], columns[1][i], columns[2][i], columns[3][i]]))
+}
+
+#[test]
+fn each_lane_has_the_bits_of_the_scalar() {
+    let mut rng = Rng(3);
+    for _ in 0..500 {
+        let tree = Tree::<7, 13>::new(&mechanism(&mut rng, 7)).expect("valid");
+        let q: [SVector<f64, 7>; 4] = std::array::from_fn(|_| SVector::from_column_slice(&rng.list(7, 4.0)));
+        let nu: [SVector<f64, 13>; 4] = std::array::from_fn(|_| SVector::from_column_slice(&rng.list(13, 2.0)));
+        let tau: [SVector<f64, 13>; 4] = std::array::from_fn(|_| SVector::from_column_slice(&rng.list(13, 5.0)));
+        let (q4, nu4, tau4) = (lanes(q.each_ref()), lanes(nu.each_ref()), lanes(tau.each_ref()));
+        let acc = tree.aba_x4(&q4, &nu4, &tau4);
+        let force = tree.rnea_in(&q4, &nu4, &acc);
+        let mass = tree.mass_matrix_in(&q4);
+        for lane in 0..4 {
+            let one = tree.aba(&q[lane], &nu[lane], &tau[lane]);
+            let back = tree.rnea(&q[lane], &nu[lane], &one);
+            let m = tree.mass_matrix(&q[lane]);
+            for i in 0..13 {
+                assert_eq!(
+                    acc[i].to_array()[lane].to_bits(),
+                    one[i].to_bits(),
+                    "aba, lane {lane}, element {i}"
+                );
+                assert_eq!(
+                    force[i].to_array()[lane].to_bits(),
+                    back[i].to_bits(),
+                    "rnea, lane {lane}, element {i}"
+                );
+                for j in 0..13 {
+                    assert_eq!(
+                        mass[j][i].to_array()[lane].to_bits(),
+                        m[(i, j)].to_bits(),
+                        "mass, lane {lane}, {i} {j}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn static_and_dynamic_trees_have_the_same_bits() {
+    let mut rng = Rng(5);
+    for _ in 0..300 {
+        let d = mechanism(&mut rng, 4);
+        let s = state(&mut rng, 4);
+        let (fixed, any) = (
+            Tree::<4, 10>::new(&d).expect("valid"),
+            DynTree::new(&d, true).expect("valid"),
+        );
+        let (q, nu) = (
+            SVector::from_column_slice(&s.q),
+            SVector::<f64, 10>::from_column_slice(&s.nu),
+        );
+        let tau = rng.list(10, 3.0);
+        let same =
+            |a: &[f64], b: &[f64]| assert!(a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits()), "{a:?} {b:?}");
+        same(
+            fixed.aba(&q, &nu, &SVector::from_column_slice(&tau)).as_slice(),
+            &any.forward_dynamics(&s, &tau),
+        );
+        same(fixed.bias(&q, &nu).as_slice(), &any.bias(&s));
+        let k = fixed.kinematics(&q, &nu);
+        let ((m, c), (m2, c2)) = (fixed.mass_and_coriolis(&k), any.mass_and_coriolis(&s));
+        let (f, f2) = (fixed.frame("tip").expect("there"), any.frame("tip").expect("there"));
+        let (j, (j2, jd2)) = (fixed.jacobian(&k, f), any.jacobian_and_rate(&s, f2));
+        let jd = fixed.jacobian_rate(&k, f);
+        for r in 0..10 {
+            for col in 0..10 {
+                assert!(m[(r, col)] == m2[(r, col)] && c[(r, col)] == c2[(r, col)]);
+                assert!(r > 5 || j[(r, col)] == j2[(r, col)] && jd[(r, col)] == jd2[(r, col)]);
+            }
+        }
+    }
+}
+
+/// The bits themselves, so that another machine, another compiler or a build without FMA that gave others would be
+/// noticed: 100 steps of the stock servicer, hashed.
+#[test]
+fn the_bits_of_a_short_motion_are_these() {
+    let tree = Tree::<9, 15>::new(&servicer()).expect("valid");
+    let reference = &load_reference()[3];
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for method in [Method::Rk4, Method::Rkmk4, Method::Dop853] {
+        let mut state: State<9, 15> = reference.state;
+        for _ in 0..100 {
+            state = tree.step(method, &state, &reference.tau, 1e-3);
+        }
+        let numbers = state.p_nb.iter().chain(state.q.iter()).chain(state.nu.iter()).copied();
+        for x in numbers.chain(state.quat_nb.to_wxyz()) {
+            for byte in x.to_bits().to_le_bytes() {
+                hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3);
+            }
+        }
+    }
+    assert_eq!(hash, 0x7170_2202_fb59_732c, "{hash:#x}");
+}
+
+#[test]
+fn a_dynamic_tree_without_joints_is_a_rigid_body() {
+    let mut rng = Rng(9);
+    let body = common::random::inertia(&mut rng);
+    let d = multibody::Description::rigid_body("target", body).expect("valid");
+    let tree = DynTree::new(&d, true).expect("valid");
+    let s = DynState {
+        q: vec![],
+        ..state(&mut rng, 0)
+    };
+    let acc = tree.forward_dynamics(&s, &[0.0; 6]);
+    let h = tree.bias(&s);
+    let back = tree.rnea(&s, &acc);
+    assert!(h.iter().any(|x| *x != 0.0) && back.iter().all(|x| x.abs() < 1e-12));
+}

@@ -1,0 +1,150 @@
+//! The H-infinity norm, by Hamiltonian level sets.
+//!
+//! `‖G‖∞ = sup_ω σ_max(G(jω))`. For a level γ above the gain at infinite frequency, γ is a singular value of G(jω)
+//! exactly when jω is an eigenvalue of a Hamiltonian matrix (Boyd, Balakrishnan and Kabamba 1989). The two-step iteration
+//! of Bruinsma and Steinbuch 1990 raises a lower bound to the gain at the midpoints of the frequencies found and ends when
+//! no eigenvalue is left on the imaginary axis.
+//!
+//! Deciding whether a computed eigenvalue "is" imaginary is the weak point of the method. Here the tolerance is wide, and
+//! every candidate is checked by evaluating the gain at it: a true crossing shows a gain of γ, which is above the lower
+//! bound, so it cannot be rejected; a false one costs one evaluation and no error.
+
+use crate::balance;
+use crate::linalg::{self, LinalgError, Matrix, c64};
+use crate::state_space::StateSpace;
+
+/// Why a norm cannot be computed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NormError {
+    /// The norm is infinite.
+    #[error("the system is not stable (spectral abscissa {0:.6e})")]
+    Unstable(f64),
+    /// A matrix computation failed.
+    #[error(transparent)]
+    Linalg(#[from] LinalgError),
+}
+
+/// The result of [`hinf_norm`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HinfNorm {
+    /// The largest gain found; attained at `omega`.
+    pub gain: f64,
+    /// The frequency of the peak, rad per unit of time; may be zero or infinite.
+    pub omega: f64,
+    /// No frequency has a gain above this level: `gain · (1 + tolerance)`.
+    pub upper: f64,
+}
+
+/// Largest singular value of G(jω).
+///
+/// # Errors
+/// No convergence of the singular-value iteration.
+pub fn gain_at(g: &StateSpace, omega: f64) -> Result<f64, LinalgError> {
+    Ok(linalg::singular_values(&g.at(omega))?[0])
+}
+
+/// `‖G‖∞` to the relative accuracy `tolerance` (1e-7 is a good choice; below 1e-10 rounding decides).
+///
+/// # Errors
+/// [`NormError::Unstable`] when a pole is not in the open left half-plane.
+pub fn hinf_norm(g: &StateSpace, tolerance: f64) -> Result<HinfNorm, NormError> {
+    let g = balance::balanced_system(g);
+    let poles = g.poles()?;
+    let abscissa = poles.iter().map(|p| p.re).fold(f64::NEG_INFINITY, f64::max);
+    if abscissa >= 0.0 {
+        return Err(NormError::Unstable(abscissa));
+    }
+    let mut start = vec![0.0, f64::INFINITY];
+    start.extend(peak_guesses(&poles));
+    Ok(climb(&g, tolerance, &start)?)
+}
+
+/// Frequencies at which a system with these poles may peak, sorted and thinned.
+pub(crate) fn peak_guesses(poles: &[c64]) -> Vec<f64> {
+    let mut guesses: Vec<f64> = Vec::new();
+    for p in poles.iter().filter(|p| p.im >= 0.0) {
+        let size = p.norm();
+        if p.im > 0.0 {
+            // The resonance of a second-order pair, and the damped frequency itself.
+            guesses.push((size * size - 2.0 * p.re * p.re).max(0.25 * size * size).sqrt());
+            guesses.push(p.im);
+        } else if size > 0.0 {
+            guesses.push(size);
+        }
+    }
+    guesses.sort_by(f64::total_cmp);
+    guesses.dedup_by(|a, b| (*a - *b).abs() <= 1e-9 * b.abs());
+    guesses
+}
+
+/// The level-set iteration on a stable, balanced system from a set of starting frequencies.
+pub(crate) fn climb(g: &StateSpace, tolerance: f64, start: &[f64]) -> Result<HinfNorm, LinalgError> {
+    let mut best = HinfNorm {
+        gain: 0.0,
+        omega: 0.0,
+        upper: 0.0,
+    };
+    for &omega in start {
+        raise(g, omega, &mut best)?;
+    }
+    let tiny = f64::MIN_POSITIVE.sqrt();
+    // Convergence is quadratic: the bound is only there for degenerate rounding.
+    for _ in 0..60 {
+        let level = (best.gain * (1.0 + tolerance)).max(tiny);
+        let crossings = level_crossings(g, level)?;
+        let before = best.gain;
+        for pair in crossings.windows(2) {
+            raise(g, 0.5 * (pair[0] + pair[1]), &mut best)?;
+        }
+        for &omega in &crossings {
+            raise(g, omega, &mut best)?;
+        }
+        if best.gain <= before * (1.0 + 0.5 * tolerance) {
+            break;
+        }
+    }
+    best.upper = best.gain * (1.0 + tolerance);
+    Ok(best)
+}
+
+fn raise(g: &StateSpace, omega: f64, best: &mut HinfNorm) -> Result<(), LinalgError> {
+    let gain = gain_at(g, omega)?;
+    if gain > best.gain {
+        best.gain = gain;
+        best.omega = omega;
+    }
+    Ok(())
+}
+
+/// Candidates for the frequencies ω ≥ 0 at which some singular value of G(jω) equals `level`, ascending.
+///
+/// Every such frequency is in the list (to the accuracy of the eigenvalues); some in the list may not be one.
+pub(crate) fn level_crossings(g: &StateSpace, level: f64) -> Result<Vec<f64>, LinalgError> {
+    let n = g.states();
+    if n == 0 {
+        return Ok(Vec::new());
+    }
+    // With B and C divided by √γ and D by γ the level is one, and both off-diagonal blocks are of like size.
+    let root = level.sqrt();
+    let b = &g.b * faer::Scale(1.0 / root);
+    let c = &g.c * faer::Scale(1.0 / root);
+    let d = &g.d * faer::Scale(1.0 / level);
+    let r = Matrix::identity(d.ncols(), d.ncols()) - d.transpose() * &d;
+    let s = Matrix::identity(d.nrows(), d.nrows()) - &d * d.transpose();
+    let r_dt_c = linalg::solve(&r, &(d.transpose() * &c))?;
+    let r_bt = linalg::solve(&r, &b.transpose().to_owned())?;
+    let s_c = linalg::solve(&s, &c)?;
+    let a = &g.a + &b * &r_dt_c;
+    let minus_at = a.transpose().to_owned() * faer::Scale(-1.0);
+    let q = c.transpose().to_owned() * &s_c * faer::Scale(-1.0);
+    let h = balance::balanced(&linalg::blocks(&[&[&a, &(&b * &r_bt)], &[&q, &minus_at]]));
+    let size = linalg::max_abs(&h);
+    let mut out: Vec<f64> = linalg::eigenvalues(&h)?
+        .iter()
+        .filter(|l| l.im >= 0.0 && l.re.abs() <= 1e-5 * l.im + 1e-8 * size)
+        .map(|l| l.im)
+        .collect();
+    out.sort_by(f64::total_cmp);
+    out.dedup();
+    Ok(out)
+}

@@ -1,0 +1,46 @@
+//! Dropping states that cannot matter, by structure alone.
+
+use crate::linalg::Matrix;
+use crate::state_space::StateSpace;
+
+/// The same transfer matrix without the states that no input reaches or that reach no output, by following nonzero
+/// entries of A, B and C. Exact, because only zeros are dropped. A weight that a channel does not use goes this way,
+/// and the Hamiltonian of that channel shrinks by twice its order.
+pub fn on_path(g: &StateSpace) -> StateSpace {
+    let n = g.states();
+    let reached = spread(
+        n,
+        |i| (0..g.inputs()).any(|j| g.b[(i, j)] != 0.0),
+        |from, to| g.a[(to, from)] != 0.0,
+    );
+    let seen = spread(
+        n,
+        |i| (0..g.outputs()).any(|j| g.c[(j, i)] != 0.0),
+        |from, to| g.a[(from, to)] != 0.0,
+    );
+    let keep: Vec<usize> = (0..n).filter(|&i| reached[i] && seen[i]).collect();
+    if keep.len() == n {
+        return g.clone();
+    }
+    let k = keep.len();
+    StateSpace {
+        a: Matrix::from_fn(k, k, |i, j| g.a[(keep[i], keep[j])]),
+        b: Matrix::from_fn(k, g.inputs(), |i, j| g.b[(keep[i], j)]),
+        c: Matrix::from_fn(g.outputs(), k, |i, j| g.c[(i, keep[j])]),
+        d: g.d.clone(),
+    }
+}
+
+fn spread(n: usize, seed: impl Fn(usize) -> bool, edge: impl Fn(usize, usize) -> bool) -> Vec<bool> {
+    let mut marked: Vec<bool> = (0..n).map(seed).collect();
+    let mut queue: Vec<usize> = (0..n).filter(|&i| marked[i]).collect();
+    while let Some(from) = queue.pop() {
+        for to in 0..n {
+            if !marked[to] && edge(from, to) {
+                marked[to] = true;
+                queue.push(to);
+            }
+        }
+    }
+    marked
+}

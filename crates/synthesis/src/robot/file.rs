@@ -1,0 +1,315 @@
+//! The file of tuned gains, and the problem as plain matrices for somebody else's code.
+
+use serde::{Deserialize, Serialize};
+
+use super::plant::Gains;
+use super::spec::GainStructure;
+use crate::linalg::{self, LinalgError, Matrix, diagonal};
+use crate::tuner::{Certificate, Evaluation, GainKind, Problem};
+
+/// Gains with where they come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GainsFile {
+    /// Where the gains come from.
+    pub provenance: Provenance,
+    /// The gains.
+    pub gains: GainTable,
+    /// Norm of every channel at the reporting order.
+    #[serde(default)]
+    pub channels: Vec<ChannelEntry>,
+    /// Margins with their sets.
+    #[serde(default)]
+    pub margins: Vec<MarginEntry>,
+    /// The sampled loop.
+    #[serde(default)]
+    pub sampled: Vec<SampledEntry>,
+    /// The validation set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub validation: Option<ValidationEntry>,
+}
+
+/// Where gains come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// Title of the specification.
+    pub title: String,
+    /// Path of the specification.
+    pub specification: String,
+    /// Digest of the specification's text.
+    pub specification_digest: String,
+    /// Digest of the robot description's text.
+    pub plant_digest: String,
+    /// Version of the tuner.
+    pub version: String,
+    /// Seed of the search.
+    pub seed: u64,
+    /// Largest channel norm at the tuning order.
+    pub gamma: f64,
+    /// Largest channel norm at the reporting order.
+    pub gamma_reported: f64,
+    /// Gamma of every start, as text because it may be infinite.
+    pub starts: Vec<String>,
+    /// Length of the smallest element of the convex hull of the active gradients of ln γ.
+    pub certificate: f64,
+    /// Radius of the neighbourhood of that certificate.
+    pub certificate_radius: f64,
+    /// The full-order optimum of the tracking channel of the first model, between these two.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub full_order: Vec<f64>,
+    /// Models the adversary added.
+    #[serde(default)]
+    pub adversary_models: usize,
+}
+
+/// The gains as a table. Units: N m s/rad and N s/m for K_P, N m/rad and N/m for K_I; 1/s for X.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GainTable {
+    /// Structure of K_P.
+    pub structure: GainStructure,
+    /// Diagonal of K_P, for the diagonal structure.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kp: Vec<f64>,
+    /// Rows of K_P, for block and full.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kp_matrix: Vec<Vec<f64>>,
+    /// Rows of X, for K_P(q) = M(q)^½ X M(q)^½.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub x: Vec<Vec<f64>>,
+    /// Diagonal of K_I; empty for a proportional law.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ki: Vec<f64>,
+}
+
+impl GainTable {
+    /// The table of some gains.
+    pub fn new(gains: &Gains) -> Self {
+        let mut table = Self {
+            structure: gains.structure,
+            kp: Vec::new(),
+            kp_matrix: Vec::new(),
+            x: Vec::new(),
+            ki: gains.ki.clone(),
+        };
+        match gains.structure {
+            GainStructure::Diagonal => table.kp = (0..gains.kp.nrows()).map(|i| gains.kp[(i, i)]).collect(),
+            GainStructure::Block | GainStructure::Full => table.kp_matrix = linalg::to_rows(&gains.kp),
+            GainStructure::Scheduled => table.x = linalg::to_rows(&gains.kp),
+        }
+        table
+    }
+
+    /// The gains of a table.
+    ///
+    /// # Errors
+    /// Ragged rows, entries that are not finite.
+    pub fn gains(&self) -> Result<Gains, LinalgError> {
+        let kp = match self.structure {
+            GainStructure::Diagonal => diagonal(&self.kp),
+            GainStructure::Block | GainStructure::Full => linalg::from_rows(&self.kp_matrix)?,
+            GainStructure::Scheduled => linalg::from_rows(&self.x)?,
+        };
+        Ok(Gains {
+            structure: self.structure,
+            kp,
+            ki: self.ki.clone(),
+        })
+    }
+}
+
+/// One channel norm.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChannelEntry {
+    /// Model.
+    pub model: String,
+    /// Channel.
+    pub channel: String,
+    /// Norm.
+    pub norm: f64,
+    /// Peak, rad/s.
+    pub omega_rad_s: f64,
+}
+
+/// One margin: multiples of the stated set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MarginEntry {
+    /// The uncertainty set.
+    pub set: String,
+    /// Model.
+    pub model: String,
+    /// Guaranteed for all frequencies.
+    pub guaranteed: f64,
+    /// Size of the destabilising perturbation found.
+    pub destabilising: f64,
+    /// Critical frequency, rad/s.
+    pub critical_rad_s: f64,
+}
+
+/// The sampled loop of one model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SampledEntry {
+    /// Model.
+    pub model: String,
+    /// Whether the propellant sloshes.
+    pub slosh: bool,
+    /// Spectral radius over one controller period.
+    pub spectral_radius: f64,
+    /// Factor on all gains up to which the loop is stable.
+    pub gain_margin: f64,
+    /// Delay that may be added, s.
+    pub delay_margin_s: f64,
+}
+
+/// The validation set in brief.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ValidationEntry {
+    /// Samples.
+    pub samples: usize,
+    /// Unstable ones.
+    pub unstable: usize,
+    /// Largest gamma among the stable ones.
+    pub worst_gamma: f64,
+    /// Histogram: lower edge of each bin, and count.
+    pub histogram: Vec<(f64, usize)>,
+}
+
+/// The problem as plain matrices: what an independent implementation needs to recompute the claim.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExportedProblem {
+    /// What the fields mean.
+    pub about: String,
+    /// The claimed largest channel norm.
+    pub gamma: f64,
+    /// Length of the optimality certificate, when tuned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub certificate: Option<f64>,
+    /// Gain blocks: structure, place and value.
+    pub gains: Vec<ExportedGain>,
+    /// Models.
+    pub models: Vec<ExportedModel>,
+}
+
+/// One gain block.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExportedGain {
+    /// Name.
+    pub name: String,
+    /// Structure in words.
+    pub structure: String,
+    /// First row in K.
+    pub row: usize,
+    /// First column in K.
+    pub column: usize,
+    /// Value X.
+    pub value: Vec<Vec<f64>>,
+}
+
+/// One model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[allow(non_snake_case, missing_docs)]
+pub struct ExportedModel {
+    /// Name.
+    pub name: String,
+    pub A: Vec<Vec<f64>>,
+    pub B1: Vec<Vec<f64>>,
+    pub B: Vec<Vec<f64>>,
+    pub C1: Vec<Vec<f64>>,
+    pub C: Vec<Vec<f64>>,
+    pub D11: Vec<Vec<f64>>,
+    pub D12: Vec<Vec<f64>>,
+    pub D21: Vec<Vec<f64>>,
+    pub D22: Vec<Vec<f64>>,
+    /// The controller gain u = K y of this model.
+    pub K: Vec<Vec<f64>>,
+    /// Channels: rows of z and columns of w (from, to exclusive), and the claimed norm.
+    pub channels: Vec<ExportedChannel>,
+}
+
+/// One channel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ExportedChannel {
+    /// Name.
+    pub name: String,
+    /// Rows of z, from and to (exclusive).
+    pub outputs: [usize; 2],
+    /// Columns of w, from and to (exclusive).
+    pub inputs: [usize; 2],
+    /// Claimed norm.
+    pub norm: f64,
+    /// Its peak, rad/s.
+    pub omega_rad_s: f64,
+}
+
+/// Exports a problem with its gains and what is claimed of them.
+pub fn export(
+    problem: &Problem,
+    gains: &[Matrix],
+    controllers: &[Matrix],
+    evaluation: &Evaluation,
+    certificate: Option<&Certificate>,
+) -> ExportedProblem {
+    let structure = |kind: &GainKind| match kind {
+        GainKind::Full { rows, columns } => format!("free {rows} x {columns}"),
+        GainKind::PositiveDiagonal(n) => format!("positive diagonal {n}"),
+        GainKind::PositiveDefinite(sizes) => format!("symmetric positive definite, blocks {sizes:?}"),
+    };
+    let mut norms = evaluation.channels.iter();
+    let models = problem
+        .models
+        .iter()
+        .zip(controllers)
+        .map(|(m, k)| {
+            let p = &m.plant;
+            let n = p.states();
+            let (nw, nz) = (p.inputs() - m.controls, p.outputs() - m.measurements);
+            let cut = |x: &Matrix, r: usize, c: usize, h: usize, w: usize| linalg::to_rows(&linalg::sub(x, r, c, h, w));
+            ExportedModel {
+                name: m.name.clone(),
+                A: linalg::to_rows(&p.a),
+                B1: cut(&p.b, 0, 0, n, nw),
+                B: cut(&p.b, 0, nw, n, m.controls),
+                C1: cut(&p.c, 0, 0, nz, n),
+                C: cut(&p.c, nz, 0, m.measurements, n),
+                D11: cut(&p.d, 0, 0, nz, nw),
+                D12: cut(&p.d, 0, nw, nz, m.controls),
+                D21: cut(&p.d, nz, 0, m.measurements, nw),
+                D22: cut(&p.d, nz, nw, m.measurements, m.controls),
+                K: linalg::to_rows(k),
+                channels: m
+                    .channels
+                    .iter()
+                    .map(|c| {
+                        let found = norms.next();
+                        ExportedChannel {
+                            name: c.name.clone(),
+                            outputs: [c.outputs.start, c.outputs.end],
+                            inputs: [c.inputs.start, c.inputs.end],
+                            norm: found.map_or(f64::INFINITY, |f| f.norm),
+                            omega_rad_s: found.map_or(0.0, |f| if f.omega.is_finite() { f.omega } else { f64::MAX }),
+                        }
+                    })
+                    .collect(),
+            }
+        })
+        .collect();
+    ExportedProblem {
+        about: "x' = A x + B1 w + B u, z = C1 x + D11 w + D12 u, y = C x + D21 w + D22 u, u = K y. A channel is the closed loop from \
+                the columns `inputs` of w to the rows `outputs` of z; its H-infinity norm is claimed in `norm`. K of a model is \
+                assembled from the gain blocks, each possibly transformed per model (M^1/2 X M^1/2 for scheduled gains)."
+            .into(),
+        gamma: evaluation.gamma,
+        certificate: certificate.map(|c| c.length),
+        gains: problem
+            .gains
+            .iter()
+            .zip(gains)
+            .map(|(g, value)| ExportedGain {
+                name: g.name.clone(),
+                structure: structure(&g.kind),
+                row: g.row,
+                column: g.column,
+                value: linalg::to_rows(value),
+            })
+            .collect(),
+        models,
+    }
+}

@@ -1,0 +1,210 @@
+//! The loops whose structured singular value says how much the tuned gains tolerate.
+
+use super::body::{Robot, RobotError};
+use super::plant::{Gains, actuation};
+use super::spec::{ModelSpec, Spec};
+use crate::interconnect::append;
+use crate::linalg::{self, Matrix, diagonal};
+use crate::mu::{Block, Margin, MarginOptions, MuError, Structure, margin};
+use crate::state_space::StateSpace;
+
+/// Why margins cannot be computed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MarginError {
+    /// The robot or the specification.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// The analysis.
+    #[error(transparent)]
+    Mu(#[from] MuError),
+    /// Parametric errors are errors of the mass matrix; away from rest they would enter the Coriolis terms too.
+    #[error("model {0}: parametric margins are defined for a linearisation at rest without slosh")]
+    NotAtRest(String),
+}
+
+/// A margin with the set it refers to.
+#[derive(Debug, Clone)]
+pub struct StatedMargin {
+    /// The uncertainty set, in words.
+    pub set: String,
+    /// The situation.
+    pub model: String,
+    /// The bounds.
+    pub margin: Margin,
+}
+
+/// The closed velocity loop with an extra force input w and outputs of the caller's choice.
+struct Loop {
+    /// Inputs: n forces added to the actuators'. Outputs: accelerations (n_v), actuator forces (n).
+    system: StateSpace,
+    accelerations: usize,
+}
+
+fn close(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<Loop, RobotError> {
+    let body = robot.body(model)?;
+    let (n, nv) = (body.channels, body.a.nrows());
+    let act = actuation(spec, model, n, spec.sampling.pade_order_reporting)?;
+    let kp = gains.proportional(&body.mass)?;
+    let ni = gains.ki.len();
+    let ki = diagonal(&gains.ki);
+    let na = act.states();
+    let measured = Matrix::from_fn(n, nv, |i, j| f64::from(u8::from(i == j)));
+    // u = −K_P v + K_I x_i, ẋ_i = −v, f = C_a x_a + D_a u, v̇ = A v + B (f + w)
+    let states = nv + na + ni;
+    let mut u = Matrix::zeros(n, states);
+    linalg::put(&mut u, 0, 0, (&kp * &measured * faer::Scale(-1.0)).as_ref());
+    linalg::put(&mut u, 0, nv + na, ki.as_ref());
+    let mut force = &act.d * &u;
+    for i in 0..n {
+        for j in 0..na {
+            force[(i, nv + j)] += act.c[(i, j)];
+        }
+    }
+    let mut a = Matrix::zeros(states, states);
+    let mut acceleration = &body.b * &force;
+    for i in 0..nv {
+        for j in 0..nv {
+            acceleration[(i, j)] += body.a[(i, j)];
+        }
+    }
+    linalg::put(&mut a, 0, 0, acceleration.as_ref());
+    let mut actuator = &act.b * &u;
+    for i in 0..na {
+        for j in 0..na {
+            actuator[(i, nv + j)] += act.a[(i, j)];
+        }
+    }
+    linalg::put(&mut a, nv, 0, actuator.as_ref());
+    if ni > 0 {
+        linalg::put(&mut a, nv + na, 0, (&measured * faer::Scale(-1.0)).as_ref());
+    }
+    let mut b = Matrix::zeros(states, n);
+    linalg::put(&mut b, 0, 0, body.b.as_ref());
+    let c = linalg::blocks(&[&[&acceleration], &[&force]]);
+    let d = linalg::blocks(&[&[&body.b], &[&Matrix::zeros(n, n)]]);
+    Ok(Loop {
+        system: StateSpace { a, b, c, d },
+        accelerations: nv,
+    })
+}
+
+/// Multiplicative errors at every actuator, one complex number each: `f_i (1 + w(s) δ_i)` with |w| rising from the low to
+/// the high value of the specification. Sizes are multiples of that.
+///
+/// # Errors
+/// An unstable loop, impossible numbers.
+pub fn multiplicative_loop(
+    spec: &Spec,
+    robot: &Robot,
+    model: &ModelSpec,
+    gains: &Gains,
+) -> Result<(StateSpace, Structure), MarginError> {
+    let closed = close(spec, robot, model, gains)?;
+    let n = robot.channels();
+    let x = &spec.uncertainty;
+    let (low, high, corner) = (
+        x.multiplicative_low,
+        x.multiplicative_high,
+        x.multiplicative_cutoff_rad_s,
+    );
+    for (what, value) in [
+        ("multiplicative_low", low),
+        ("multiplicative_high", high),
+        ("multiplicative_cutoff_rad_s", corner),
+    ] {
+        if !value.is_finite() || value <= 0.0 {
+            let what = format!("uncertainty.{what}");
+            return Err(RobotError::Value {
+                what,
+                value,
+                reason: "must be positive",
+            }
+            .into());
+        }
+    }
+    let one = StateSpace::transfer_function(&[high, corner * low], &[1.0, corner]).map_err(RobotError::from)?;
+    let weights = append(&vec![one; n]);
+    let forces = closed
+        .system
+        .select(closed.accelerations..closed.accelerations + n, 0..n);
+    let system = crate::interconnect::series(&forces, &weights).unwrap_or(forces);
+    Ok((system, Structure::new(vec![Block::Complex(1); n])?))
+}
+
+/// Real relative errors of base mass, base inertia and arm inertia, independent, each repeated as often as the rank of its
+/// share of the mass matrix. Sizes are multiples of the specification's `parametric`.
+///
+/// # Errors
+/// As above; a situation away from rest.
+pub fn parametric_loop(
+    spec: &Spec,
+    robot: &Robot,
+    model: &ModelSpec,
+    gains: &Gains,
+) -> Result<(StateSpace, Structure), MarginError> {
+    if model.slosh || model.velocity.iter().any(|v| *v != 0.0) {
+        return Err(MarginError::NotAtRest(model.name.clone()));
+    }
+    let closed = close(spec, robot, model, gains)?;
+    let n = robot.channels();
+    let mut factors = Vec::new();
+    let mut blocks = Vec::new();
+    for slope in robot.mass_slopes(model)? {
+        // (M + Σ δ_k S_k) v̇ = f with S_k = E Eᵀ of low rank: w = −δ z, z = Eᵀ v̇, v̇ = M⁻¹ (f + E w).
+        let (values, vectors) =
+            linalg::symmetric_eigen(&(slope * faer::Scale(spec.uncertainty.parametric))).map_err(RobotError::from)?;
+        let largest = values.iter().fold(0.0f64, |x, v| x.max(v.abs()));
+        let kept: Vec<usize> = (0..n).filter(|&i| values[i] > 1e-9 * largest).collect();
+        factors.push(Matrix::from_fn(n, kept.len(), |i, j| {
+            vectors[(i, kept[j])] * values[kept[j]].sqrt()
+        }));
+        blocks.push(Block::Real(kept.len()));
+    }
+    let e = linalg::blocks(&[&factors.iter().collect::<Vec<_>>()]);
+    let acceleration = closed.system.select(0..n, 0..n);
+    let system = StateSpace {
+        a: acceleration.a.clone(),
+        b: &acceleration.b * &e * faer::Scale(-1.0),
+        c: e.transpose() * &acceleration.c,
+        d: e.transpose() * &acceleration.d * &e * faer::Scale(-1.0),
+    };
+    Ok((system, Structure::new(blocks)?))
+}
+
+/// Both margins of one situation, the parametric one only at rest.
+///
+/// # Errors
+/// As above.
+pub fn margins(
+    spec: &Spec,
+    robot: &Robot,
+    model: &ModelSpec,
+    gains: &Gains,
+    options: &MarginOptions,
+) -> Result<Vec<StatedMargin>, MarginError> {
+    let x = &spec.uncertainty;
+    let mut out = Vec::new();
+    let (system, structure) = multiplicative_loop(spec, robot, model, gains)?;
+    out.push(StatedMargin {
+        set: format!(
+            "complex multiplicative error at each actuator, {} % rising to {} % beyond {} rad/s",
+            100.0 * x.multiplicative_low,
+            100.0 * x.multiplicative_high,
+            x.multiplicative_cutoff_rad_s
+        ),
+        model: model.name.clone(),
+        margin: margin(&system, &structure, options)?,
+    });
+    if !model.slosh && model.velocity.iter().all(|v| *v == 0.0) {
+        let (system, structure) = parametric_loop(spec, robot, model, gains)?;
+        out.push(StatedMargin {
+            set: format!(
+                "real, base mass, base inertia and arm inertia, each ±{} %, independent",
+                100.0 * x.parametric
+            ),
+            model: model.name.clone(),
+            margin: margin(&system, &structure, options)?,
+        });
+    }
+    Ok(out)
+}

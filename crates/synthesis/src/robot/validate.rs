@@ -1,0 +1,196 @@
+//! Validation on random situations, and the adversary that turns the worst of them into models.
+
+use super::body::{Robot, RobotError};
+use super::plant::{Gains, problem};
+use super::sampled::sampled;
+use super::spec::{ModelSpec, Spec};
+use crate::rng::Rng;
+use crate::tuner::{TuneError, evaluate};
+
+/// One random situation and how the gains do in it.
+#[derive(Debug, Clone)]
+pub struct Sample {
+    /// The situation.
+    pub model: ModelSpec,
+    /// Its largest channel norm; infinite when the continuous loop is unstable.
+    pub gamma: f64,
+    /// Spectral radius of the sampled loop.
+    pub spectral_radius: f64,
+}
+
+impl Sample {
+    /// Whether the sampled loop is stable here.
+    pub fn stable(&self) -> bool {
+        self.spectral_radius < 1.0 && self.gamma.is_finite()
+    }
+
+    /// Order of badness: unstable ones by radius, the others by gamma.
+    fn badness(&self) -> f64 {
+        if self.stable() {
+            self.gamma
+        } else {
+            1e6 * self.spectral_radius.max(1.0)
+        }
+    }
+}
+
+/// The result of a validation.
+#[derive(Debug, Clone)]
+pub struct Validation {
+    /// All samples, the worst first.
+    pub samples: Vec<Sample>,
+    /// The largest gamma that passes.
+    pub limit: f64,
+}
+
+impl Validation {
+    /// Whether every sample is stable and below the limit.
+    pub fn passed(&self) -> bool {
+        self.samples.iter().all(|s| s.stable() && s.gamma <= self.limit)
+    }
+
+    /// Number of samples that are not stable.
+    pub fn unstable(&self) -> usize {
+        self.samples.iter().filter(|s| !s.stable()).count()
+    }
+
+    /// A histogram of gamma: edges of the bins (the last bin is open) and counts.
+    pub fn histogram(&self) -> Vec<(f64, usize)> {
+        let edges = [0.0, 0.8, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.75, 2.0, 3.0, 5.0];
+        let mut bins: Vec<(f64, usize)> = edges.iter().map(|e| (*e, 0)).collect();
+        for sample in &self.samples {
+            let at = edges.iter().rposition(|e| sample.gamma >= *e).unwrap_or(0);
+            bins[at].1 += 1;
+        }
+        bins
+    }
+}
+
+/// Why a validation failed to run.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ValidateError {
+    /// The robot or the specification.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// A tuning problem that does not fit together.
+    #[error(transparent)]
+    Tune(#[from] TuneError),
+}
+
+/// A random situation of the validation set.
+pub fn draw(spec: &Spec, index: u64) -> ModelSpec {
+    let v = &spec.validation;
+    let mut rng = Rng::new(v.seed, index);
+    let mut symmetric = |range: f64| range * (2.0 * rng.uniform() - 1.0);
+    let joints: Vec<f64> = v.joints_deg.iter().map(|r| symmetric(*r)).collect();
+    let mut model = ModelSpec::nominal(joints);
+    model.name = format!("sample {index}");
+    model.base_mass = 1.0 + symmetric(v.mass);
+    model.base_inertia = 1.0 + symmetric(v.mass);
+    model.arm_inertia = 1.0 + symmetric(v.mass);
+    model.fill = v.fill[0] + (v.fill[1] - v.fill[0]) * rng.uniform();
+    model.extra_delay_s = v.extra_delay_s * rng.uniform();
+    model
+}
+
+/// How the gains do in one situation.
+///
+/// # Errors
+/// An impossible situation.
+pub fn assess(
+    spec: &Spec,
+    robot: &Robot,
+    model: &ModelSpec,
+    gains: &Gains,
+    order: usize,
+) -> Result<Sample, ValidateError> {
+    let mut one = spec.clone();
+    one.models = vec![model.clone()];
+    let gamma = evaluate(&problem(&one, robot, &[], order, Some(gains))?)?.gamma;
+    let spectral_radius = super::sampled::spectral_radius(spec, robot, model, gains)?;
+    Ok(Sample {
+        model: model.clone(),
+        gamma,
+        spectral_radius,
+    })
+}
+
+/// Assesses the gains on the whole validation set; `watch` is told how many samples are done.
+///
+/// # Errors
+/// An impossible specification.
+pub fn validate(spec: &Spec, robot: &Robot, gains: &Gains, watch: &dyn Fn(usize)) -> Result<Validation, ValidateError> {
+    let mut samples = Vec::new();
+    for index in 0..spec.validation.samples {
+        samples.push(assess(
+            spec,
+            robot,
+            &draw(spec, index as u64),
+            gains,
+            spec.sampling.pade_order_tuning,
+        )?);
+        watch(index + 1);
+    }
+    samples.sort_by(|a, b| b.badness().total_cmp(&a.badness()));
+    Ok(Validation {
+        samples,
+        limit: spec.validation.gamma,
+    })
+}
+
+/// Makes a bad situation worse: random steps inside the ranges of the validation set that are kept when they hurt.
+///
+/// # Errors
+/// An impossible specification.
+pub fn worsen(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    worst: &Sample,
+    tries: usize,
+) -> Result<Sample, ValidateError> {
+    let v = &spec.validation;
+    let mut worst = worst.clone();
+    let mut rng = Rng::new(v.seed, 1 << 40);
+    let mut size = 0.2;
+    for _ in 0..tries {
+        let mut model = worst.model.clone();
+        let mut step = |x: f64, low: f64, high: f64| (x + size * (high - low) * (rng.uniform() - 0.5)).clamp(low, high);
+        for (q, range) in model.joints_deg.iter_mut().zip(&v.joints_deg) {
+            *q = step(*q, -range, *range);
+        }
+        model.base_mass = step(model.base_mass, 1.0 - v.mass, 1.0 + v.mass);
+        model.base_inertia = step(model.base_inertia, 1.0 - v.mass, 1.0 + v.mass);
+        model.arm_inertia = step(model.arm_inertia, 1.0 - v.mass, 1.0 + v.mass);
+        model.fill = step(model.fill, v.fill[0], v.fill[1]);
+        model.extra_delay_s = step(model.extra_delay_s, 0.0, v.extra_delay_s);
+        model.name = "adversary".into();
+        let trial = assess(spec, robot, &model, gains, spec.sampling.pade_order_tuning)?;
+        if trial.badness() > worst.badness() {
+            worst = trial;
+        } else {
+            size *= 0.9;
+        }
+    }
+    Ok(worst)
+}
+
+/// Sampled stability of every model of the specification, with slosh where `slosh` asks for it.
+///
+/// # Errors
+/// An impossible specification.
+pub fn sampled_models(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    slosh: bool,
+) -> Result<Vec<(String, super::sampled::Sampled)>, RobotError> {
+    spec.models
+        .iter()
+        .map(|m| {
+            let mut model = m.clone();
+            model.slosh |= slosh;
+            Ok((model.name.clone(), sampled(spec, robot, &model, gains)?))
+        })
+        .collect()
+}

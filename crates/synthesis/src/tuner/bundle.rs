@@ -1,0 +1,112 @@
+//! The finishing phase: a proximal bundle method on the smooth pieces of the objective.
+//!
+//! BFGS gets close to a nonsmooth minimum but ends on a kink it cannot name. Here all pieces near the top (other channels,
+//! other peaks, other singular values, and pieces seen at nearby points) enter one quadratic program, whose solution is a
+//! step that lowers them together (Apkarian, Noll and Prot 2008; Kiwiel 1985 for the bundle management).
+
+use super::objective::Piece;
+use super::qp::{combine, dot, length, simplex_qp};
+
+/// What a bundle phase evaluates: the value and the pieces near the top, in the same units.
+pub(crate) type Pieces<E> = Result<(f64, Vec<Piece>), E>;
+
+struct Cut {
+    value: f64,
+    gradient: Vec<f64>,
+    at: Vec<f64>,
+}
+
+impl Cut {
+    /// Its linearisation at x, moved below the value there when curvature has put it above.
+    fn at(&self, x: &[f64], value: f64) -> f64 {
+        let d: Vec<f64> = x.iter().zip(&self.at).map(|(a, b)| a - b).collect();
+        (self.value + dot(&self.gradient, &d)).min(value - 1e-3 * dot(&d, &d))
+    }
+}
+
+/// Improves `x` (value `value`, pieces `pieces`) until the model promises less than `gain`, or `steps` evaluations.
+pub(crate) fn finish<E>(
+    x: &mut Vec<f64>,
+    value: f64,
+    pieces: Vec<Piece>,
+    steps: usize,
+    gain: f64,
+    mut f: impl FnMut(&[f64]) -> Pieces<E>,
+    mut watch: impl FnMut(&[f64], f64) -> bool,
+) -> Result<f64, E> {
+    let mut value = value;
+    let cuts_of = |pieces: Vec<Piece>, x: &[f64]| -> Vec<Cut> {
+        pieces
+            .into_iter()
+            .map(|p| Cut {
+                value: p.value,
+                gradient: p.gradient,
+                at: x.to_vec(),
+            })
+            .collect()
+    };
+    let mut cuts = cuts_of(pieces, x);
+    let most = 3 * x.len() + 40;
+    // Step parameter: the first trial moves by at most a tenth of a unit.
+    let steepest = cuts
+        .iter()
+        .map(|c| length(&c.gradient))
+        .fold(f64::MIN_POSITIVE, f64::max);
+    let mut t = 0.1 / steepest;
+    for _ in 0..steps {
+        let level: Vec<f64> = cuts.iter().map(|c| c.at(x, value) - value).collect();
+        let gradients: Vec<Vec<f64>> = cuts.iter().map(|c| c.gradient.clone()).collect();
+        let gram: Vec<Vec<f64>> = gradients
+            .iter()
+            .map(|a| gradients.iter().map(|b| t * dot(a, b)).collect())
+            .collect();
+        let lambda = simplex_qp(&gram, &level);
+        let aggregate = combine(&gradients, &lambda);
+        let promised = -t * dot(&aggregate, &aggregate) + dot(&level, &lambda);
+        if -promised < gain {
+            // Little to gain at this step length; a longer one may see further, unless it was tried.
+            if t * length(&aggregate) > 0.5 || -promised < 0.01 * gain {
+                break;
+            }
+            t *= 4.0;
+            continue;
+        }
+        let trial: Vec<f64> = x.iter().zip(&aggregate).map(|(a, g)| a - t * g).collect();
+        let (trial_value, trial_pieces) = f(&trial)?;
+        let achieved = value - trial_value;
+        let at = if trial_value.is_finite() {
+            cuts_of(trial_pieces, &trial)
+        } else {
+            Vec::new()
+        };
+        if trial_value.is_finite() && achieved >= -0.1 * promised {
+            *x = trial;
+            value = trial_value;
+            if !watch(x, value) {
+                break;
+            }
+            if achieved >= -0.5 * promised {
+                t *= 2.0;
+            }
+        } else if !trial_value.is_finite() || achieved < 2.0 * promised {
+            t *= 0.25;
+        } else {
+            t *= 0.7;
+        }
+        // Pieces that carry no weight and lie far below go first, the oldest first.
+        if cuts.len() + at.len() > most {
+            let mut keep: Vec<bool> = lambda.iter().map(|l| *l > 1e-6).collect();
+            let mut room = most.saturating_sub(at.len() + keep.iter().filter(|k| **k).count());
+            for i in (0..cuts.len()).rev() {
+                if !keep[i] && room > 0 {
+                    keep[i] = true;
+                    room -= 1;
+                }
+            }
+            let mut flags = keep.into_iter();
+            cuts.retain(|_| flags.next().unwrap_or(false));
+        }
+        cuts.extend(at);
+    }
+    Ok(value)
+}

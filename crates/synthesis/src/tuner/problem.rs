@@ -1,0 +1,262 @@
+//! What is tuned: models, channels, gains; validated before anything runs.
+
+use std::ops::Range;
+
+use super::gains::{GainBlock, GainError, Parametrised};
+use crate::linalg::{LinalgError, Matrix, c64};
+use crate::state_space::StateSpace;
+
+/// One closed-loop transfer matrix whose H-infinity norm counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    /// Name, for reports.
+    pub name: String,
+    /// Which of the plant's performance outputs z.
+    pub outputs: Range<usize>,
+    /// Which of the plant's exogenous inputs w.
+    pub inputs: Range<usize>,
+}
+
+/// A plant the gains must serve, weights included: inputs [w; u], outputs [z; y], closed by `u = K y`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Name, for reports.
+    pub name: String,
+    /// The generalised plant.
+    pub plant: StateSpace,
+    /// Number of control inputs u: the last inputs of `plant`.
+    pub controls: usize,
+    /// Number of measurements y: the last outputs of `plant`.
+    pub measurements: usize,
+    /// Transfer matrices that count.
+    pub channels: Vec<Channel>,
+    /// Per gain block, the transforms `left` and `right` of this model; `None` is the identity.
+    pub transforms: Vec<Option<(Matrix, Matrix)>>,
+}
+
+/// A complete tuning problem: the largest channel norm over all models is minimised over the gains.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Problem {
+    /// Models served at once.
+    pub models: Vec<Model>,
+    /// Tunable blocks; what they do not cover of K is zero.
+    pub gains: Vec<GainBlock>,
+}
+
+/// Why a tuning problem is refused, or why tuning failed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TuneError {
+    /// There is nothing to tune or nothing to tune for.
+    #[error("the problem has no {0}")]
+    Empty(&'static str),
+    /// A range or a transform does not fit the plant.
+    #[error("model {model}: {what}")]
+    Misfit {
+        /// Name of the model.
+        model: String,
+        /// What does not fit.
+        what: String,
+    },
+    /// A gain block is refused.
+    #[error(transparent)]
+    Gain(#[from] GainError),
+    /// No controller whatsoever can stabilise the plant.
+    #[error("model {model}: the plant cannot be stabilised: the mode at {mode} is not moved by any control input")]
+    NotStabilisable {
+        /// Name of the model.
+        model: String,
+        /// The mode.
+        mode: c64,
+    },
+    /// No controller whatsoever can stabilise the plant from these measurements.
+    #[error("model {model}: the plant cannot be stabilised: the mode at {mode} is not seen by any measurement")]
+    NotDetectable {
+        /// Name of the model.
+        model: String,
+        /// The mode.
+        mode: c64,
+    },
+    /// The stabilisation phase found no stabilising gain.
+    #[error("no stabilising gain found in {starts} starts; the least spectral abscissa reached is {abscissa:.6e}")]
+    NotStabilised {
+        /// Starts tried.
+        starts: usize,
+        /// The least spectral abscissa over all models that was reached.
+        abscissa: f64,
+        /// The parameters there.
+        parameters: Vec<f64>,
+    },
+    /// The caller asked to stop before any stabilising gain was found.
+    #[error("stopped before a stabilising gain was found; the least spectral abscissa reached is {0:.6e}")]
+    Stopped(f64),
+    /// A matrix computation failed.
+    #[error(transparent)]
+    Linalg(#[from] LinalgError),
+}
+
+/// A problem that passed validation.
+#[derive(Debug, Clone)]
+pub(crate) struct Checked {
+    pub(crate) models: Vec<Model>,
+    pub(crate) gains: Vec<Parametrised>,
+}
+
+impl Checked {
+    pub(crate) fn new(problem: &Problem) -> Result<Self, TuneError> {
+        if problem.models.is_empty() {
+            return Err(TuneError::Empty("model"));
+        }
+        let gains = problem
+            .gains
+            .iter()
+            .cloned()
+            .map(Parametrised::new)
+            .collect::<Result<Vec<_>, _>>()?;
+        if gains.iter().map(|g| g.block.kind.parameters()).sum::<usize>() == 0 {
+            return Err(TuneError::Empty("tunable gain"));
+        }
+        let mut models = problem.models.clone();
+        for model in &mut models {
+            check_model(model, &problem.gains)?;
+            // Scaling of the states changes no transfer function and every eigenvalue computation gets better for it.
+            model.plant = crate::balance::balanced_system(&model.plant);
+            let n = model.plant.states();
+            let (inputs, outputs) = (model.plant.inputs(), model.plant.outputs());
+            let loop_part = StateSpace {
+                a: model.plant.a.clone(),
+                b: crate::linalg::sub(&model.plant.b, 0, inputs - model.controls, n, model.controls),
+                c: crate::linalg::sub(&model.plant.c, outputs - model.measurements, 0, model.measurements, n),
+                d: Matrix::zeros(model.measurements, model.controls),
+            };
+            if let Some(&mode) = loop_part.fixed_unstable_modes(true)?.first() {
+                return Err(TuneError::NotStabilisable {
+                    model: model.name.clone(),
+                    mode,
+                });
+            }
+            if let Some(&mode) = loop_part.fixed_unstable_modes(false)?.first() {
+                return Err(TuneError::NotDetectable {
+                    model: model.name.clone(),
+                    mode,
+                });
+            }
+        }
+        Ok(Self { models, gains })
+    }
+
+    /// Number of free parameters.
+    pub(crate) fn parameters(&self) -> usize {
+        self.gains.iter().map(|g| g.block.kind.parameters()).sum()
+    }
+
+    /// The gain blocks X at `x`.
+    pub(crate) fn blocks(&self, x: &[f64]) -> Vec<Matrix> {
+        let mut at = 0;
+        self.gains
+            .iter()
+            .map(|g| {
+                let n = g.block.kind.parameters();
+                at += n;
+                g.value(&x[at - n..at])
+            })
+            .collect()
+    }
+
+    /// The controller gain matrix of one model from the blocks.
+    pub(crate) fn gain(&self, model: &Model, blocks: &[Matrix]) -> Matrix {
+        let mut k = Matrix::zeros(model.controls, model.measurements);
+        for ((g, x), transform) in self.gains.iter().zip(blocks).zip(&model.transforms) {
+            let placed = match transform {
+                Some((left, right)) => left * x * right,
+                None => x.clone(),
+            };
+            for j in 0..placed.ncols() {
+                for i in 0..placed.nrows() {
+                    k[(g.block.row + i, g.block.column + j)] += placed[(i, j)];
+                }
+            }
+        }
+        k
+    }
+
+    /// The gradient in x of a function of one model's gain matrix whose gradient there is `in_k`.
+    pub(crate) fn pull_back(&self, model: &Model, x: &[f64], in_k: &Matrix) -> Vec<f64> {
+        let mut out = vec![0.0; x.len()];
+        let mut at = 0;
+        for (g, transform) in self.gains.iter().zip(&model.transforms) {
+            let n = g.block.kind.parameters();
+            let (rows, columns) = match transform {
+                Some((left, right)) => (left.nrows(), right.ncols()),
+                None => g.block.kind.shape(),
+            };
+            let part = crate::linalg::sub(in_k, g.block.row, g.block.column, rows, columns);
+            let in_x = match transform {
+                Some((left, right)) => left.transpose() * part * right.transpose(),
+                None => part,
+            };
+            g.pull_back(&x[at..at + n], &in_x, &mut out[at..at + n]);
+            at += n;
+        }
+        out
+    }
+}
+
+fn check_model(model: &Model, gains: &[GainBlock]) -> Result<(), TuneError> {
+    let misfit = |what: String| {
+        Err(TuneError::Misfit {
+            model: model.name.clone(),
+            what,
+        })
+    };
+    let (inputs, outputs) = (model.plant.inputs(), model.plant.outputs());
+    if model.controls == 0 || model.controls > inputs {
+        return misfit(format!("{} control inputs of {inputs} inputs", model.controls));
+    }
+    if model.measurements == 0 || model.measurements > outputs {
+        return misfit(format!("{} measurements of {outputs} outputs", model.measurements));
+    }
+    if model.channels.is_empty() {
+        return misfit("no channel".into());
+    }
+    let (nw, nz) = (inputs - model.controls, outputs - model.measurements);
+    for c in &model.channels {
+        let fits = |r: &Range<usize>, n| !r.is_empty() && r.end <= n;
+        if !fits(&c.outputs, nz) || !fits(&c.inputs, nw) {
+            return misfit(format!(
+                "channel {} takes outputs {:?} of {nz} and inputs {:?} of {nw}",
+                c.name, c.outputs, c.inputs
+            ));
+        }
+    }
+    if model.transforms.len() != gains.len() {
+        return misfit(format!(
+            "{} transforms for {} gains",
+            model.transforms.len(),
+            gains.len()
+        ));
+    }
+    for (g, t) in gains.iter().zip(&model.transforms) {
+        let (p, q) = g.kind.shape();
+        let (rows, columns) = match t {
+            Some((left, right)) if left.ncols() != p || right.nrows() != q => {
+                return misfit(format!(
+                    "the transforms of gain {} do not fit its {p} x {q} shape",
+                    g.name
+                ));
+            }
+            Some((left, right)) => (left.nrows(), right.ncols()),
+            None => (p, q),
+        };
+        if g.row + rows > model.controls || g.column + columns > model.measurements {
+            return misfit(format!(
+                "gain {} reaches row {} and column {} of a {} x {} controller",
+                g.name,
+                g.row + rows,
+                g.column + columns,
+                model.controls,
+                model.measurements
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,202 @@
+//! The participant.
+
+use guidance_laws::navigation::{CameraPose as Picture, NavigationFilter, Update};
+use guidance_laws::target::TargetModel;
+use guidance_laws::{Pose, SetPoint as SetPointState, TargetState as TargetMotion, so3};
+use interfaces::{CameraPose, GuidanceTelemetry, Measured, SetPoint, TargetState};
+use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Step};
+
+use crate::kinematics::Kinematics;
+use crate::law::{Answer, Law};
+use crate::parameters::{Parameters, refused};
+use crate::saved;
+
+/// The input ports, by number.
+const MEASURED: usize = 0;
+const TARGET: usize = 1;
+const CAMERA: usize = 2;
+/// The output ports, by number.
+const SETPOINT: usize = 0;
+const BASE_SETPOINT: usize = 1;
+const TELEMETRY: usize = 2;
+
+/// The guidance.
+#[derive(Debug)]
+pub struct Guidance {
+    kinematics: Kinematics,
+    pub(crate) law: Law,
+    pub(crate) navigation: Option<Navigation>,
+    /// For moving a late target state on to the present.
+    prediction: Option<TargetModel>,
+}
+
+/// The filter with what it needs to be restored.
+#[derive(Debug)]
+pub struct Navigation {
+    /// The filter.
+    pub filter: NavigationFilter,
+    /// What it was made from.
+    pub parameters: guidance_laws::navigation::Parameters,
+    /// Pictures refused so far.
+    pub refused: u64,
+    /// Normalised innovation squared of the last picture.
+    pub innovation: f64,
+}
+
+/// The target as it is believed to be.
+#[derive(Debug, Clone, Copy, Default)]
+struct Belief {
+    target: Option<TargetMotion>,
+    sigma_position: f64,
+    sigma_attitude: f64,
+    age: f64,
+}
+
+impl Guidance {
+    /// A guidance that has seen nothing yet.
+    ///
+    /// # Errors
+    /// Names the parameter that is refused.
+    pub fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
+        let navigation = match &parameters.navigation {
+            None => None,
+            Some(navigation) => {
+                let parameters = parameters.filter(navigation)?;
+                Some(Navigation {
+                    filter: NavigationFilter::new(parameters).map_err(|error| refused(&error))?,
+                    parameters,
+                    refused: 0,
+                    innovation: 0.0,
+                })
+            }
+        };
+        Ok(Self {
+            kinematics: Kinematics::new(&parameters.urdf, &parameters.servicer)?,
+            law: Law::new(parameters)?,
+            navigation,
+            prediction: match parameters.predict_target {
+                true => Some(parameters.target_model(0.01)?),
+                false => None,
+            },
+        })
+    }
+
+    fn believe(&mut self, t: f64, inputs: &Inputs) -> Belief {
+        match &mut self.navigation {
+            Some(navigation) => navigation.believe(t, inputs.get(CAMERA)),
+            None => {
+                let message = inputs.get::<TargetState>(TARGET);
+                let seen = TargetMotion::from_raw(message.p_NT_N, message.quat_NT, message.v_NT_N, message.omega_NT_T);
+                let age = seen.map_or(0.0, |_| t - message.stamp);
+                let target = match (&seen, &self.prediction) {
+                    (Some(seen), Some(model)) => Some(model.predicted(seen, age)),
+                    _ => seen,
+                };
+                Belief {
+                    target,
+                    age,
+                    ..Belief::default()
+                }
+            }
+        }
+    }
+}
+
+impl Navigation {
+    fn believe(&mut self, t: f64, message: &CameraPose) -> Belief {
+        let picture = Pose::from_raw(message.p_NT_N, message.quat_NT).map(|pose| Picture {
+            stamp_s: message.stamp,
+            pose,
+        });
+        let Some(estimate) = self.filter.step(t, picture.as_ref()) else {
+            return Belief::default();
+        };
+        match estimate.update {
+            Update::None | Update::Started => {}
+            Update::Accepted { nis } => self.innovation = nis,
+            Update::Refused { nis } => {
+                // the message must stay finite whatever the picture was
+                self.innovation = nis.min(f64::MAX);
+                self.refused += 1;
+            }
+        }
+        Belief {
+            target: Some(estimate.target),
+            sigma_position: estimate.position_sigma_m,
+            sigma_attitude: estimate.attitude_sigma_rad,
+            age: estimate.age_s,
+        }
+    }
+}
+
+impl Participant for Guidance {
+    fn interface(&self) -> Interface {
+        let interface = Interface::new(Kind::Sampled).input::<Measured>("measured");
+        let interface = match self.navigation {
+            None => interface
+                .input::<TargetState>("target")
+                .optional_input::<CameraPose>("camera"),
+            Some(_) => interface
+                .optional_input::<TargetState>("target")
+                .input::<CameraPose>("camera"),
+        };
+        interface
+            .output::<SetPoint>("setpoint")
+            .output::<SetPoint>("base_setpoint")
+            .output::<GuidanceTelemetry>("telemetry")
+    }
+
+    fn initialise(&mut self, _: f64, _: &mut Outputs) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        let poses = self.kinematics.poses(inputs.get(MEASURED));
+        let belief = self.believe(step.t, inputs);
+        let answer = self.law.step(step.t, poses, belief.target);
+        *outputs.get_mut::<SetPoint>(SETPOINT) = message(step.t, answer.end_effector.set_point);
+        *outputs.get_mut::<SetPoint>(BASE_SETPOINT) = message(step.t, answer.base);
+        *outputs.get_mut::<GuidanceTelemetry>(TELEMETRY) = telemetry(&answer, &belief, self.navigation.as_ref());
+        Ok(())
+    }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        saved::save(self)
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
+        saved::restore(self, state)
+    }
+}
+
+/// A set-point as a message; zeros while there is none.
+fn message(stamp: f64, set_point: Option<SetPointState>) -> SetPoint {
+    set_point.map_or_else(SetPoint::default, |set_point| SetPoint {
+        stamp,
+        p_ND_N: set_point.pose.position.into(),
+        quat_ND: so3::to_wxyz(&set_point.pose.attitude),
+        v_ND_N: set_point.velocity.into(),
+        omega_ND_D: set_point.rate.into(),
+    })
+}
+
+fn telemetry(answer: &Answer, belief: &Belief, navigation: Option<&Navigation>) -> GuidanceTelemetry {
+    let mut telemetry = GuidanceTelemetry {
+        phase: f64::from(answer.end_effector.phase as u8),
+        progress_position: answer.end_effector.position.value,
+        progress_attitude: answer.end_effector.attitude.value,
+        sigma_position: belief.sigma_position,
+        sigma_attitude: belief.sigma_attitude,
+        target_age: belief.age,
+        innovation: navigation.map_or(0.0, |navigation| navigation.innovation),
+        refused: navigation.map_or(0.0, |navigation| navigation.refused as f64),
+        ..GuidanceTelemetry::default()
+    };
+    if let Some(target) = &belief.target {
+        telemetry.p_NT_N = target.pose.position.into();
+        telemetry.quat_NT = so3::to_wxyz(&target.pose.attitude);
+        telemetry.v_NT_N = target.velocity.into();
+        telemetry.omega_NT_T = target.rate.into();
+    }
+    telemetry
+}

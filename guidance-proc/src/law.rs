@@ -1,0 +1,67 @@
+//! The laws behind one face.
+
+use guidance_laws::capture::{self, CaptureGuidance};
+use guidance_laws::reference::{self, ReferenceGuidance};
+use guidance_laws::{Pose, SetPoint, TargetState};
+use lockstep::participant::ParameterError;
+
+use crate::parameters::{LawName, Parameters, refused};
+
+/// A guidance law.
+#[derive(Debug, Clone)]
+pub enum Law {
+    /// The paper's.
+    Capture(CaptureGuidance),
+    /// The one it is compared with.
+    Reference(ReferenceGuidance),
+}
+
+/// What a law answers.
+#[derive(Debug, Clone, Copy)]
+pub struct Answer {
+    /// Of the end effector, with the progress.
+    pub end_effector: capture::Output,
+    /// Of the base.
+    pub base: Option<SetPoint>,
+}
+
+impl Law {
+    /// The law that the scenario asks for.
+    ///
+    /// # Errors
+    /// Names the parameter that is refused.
+    pub fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
+        match parameters.law {
+            LawName::Capture => CaptureGuidance::new(parameters.capture()).map(Law::Capture),
+            LawName::Reference => ReferenceGuidance::new(parameters.comparison()).map(Law::Reference),
+        }
+        .map_err(|error| refused(&error))
+    }
+
+    /// The set-points now.
+    pub fn step(&mut self, time_s: f64, poses: Option<(Pose, Pose)>, target: Option<TargetState>) -> Answer {
+        let end_effector = poses.map(|(_, end_effector)| end_effector);
+        match self {
+            Law::Capture(law) => Answer {
+                end_effector: law.step(&capture::Input {
+                    time_s,
+                    end_effector,
+                    target,
+                }),
+                base: None,
+            },
+            Law::Reference(law) => {
+                let output = law.step(&reference::Input {
+                    time_s,
+                    base: poses.map(|(base, _)| base),
+                    end_effector,
+                    target,
+                });
+                Answer {
+                    end_effector: output.end_effector,
+                    base: output.base,
+                }
+            }
+        }
+    }
+}

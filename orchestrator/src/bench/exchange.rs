@@ -1,0 +1,186 @@
+//! One exchange between two processes against the shortest that the transport, and the machine, can do.
+
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use lockstep::transport::iceoryx::bare::{Bare, Payload};
+use lockstep::transport::iceoryx::{Address, Domain};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+
+use super::Figures;
+use crate::run::Wait;
+use crate::scope::Scope;
+
+/// Round trips per round.
+const ROUND: u64 = 50_000;
+/// The environment variable that tells a child where to play.
+const TABLE: &str = "ESCAPEMENT_BENCH";
+
+/// Nanoseconds per exchange: in lockstep, over bare iceoryx2, over bare atomics.
+pub struct Exchange {
+    /// Two participants that exchange 27 doubles each way, recording included.
+    pub lockstep: Figures,
+    /// The same payload over two bare publish-subscribe services, polled.
+    pub bare: Figures,
+    /// The same payload over two atomic counters in memory that two cores share.
+    pub atomics: Figures,
+}
+
+/// Measures `rounds` rounds of each, in turn. The last argument runs one lockstep round and gives seconds per exchange.
+pub fn exchange(rounds: usize, mut lockstep: impl FnMut(u64, Wait) -> anyhow::Result<f64>) -> anyhow::Result<Exchange> {
+    let mut all = Exchange {
+        lockstep: Figures::default(),
+        bare: Figures::default(),
+        atomics: Figures::default(),
+    };
+    let wait = if cores().len() > 1 { Wait::Spin } else { Wait::Yield };
+    for _ in 0..rounds {
+        all.lockstep.add(1e9 * lockstep(ROUND, wait)?);
+        all.bare.add(bare_round()?);
+        all.atomics.add(atomic_round());
+    }
+    Ok(all)
+}
+
+fn cores() -> Vec<usize> {
+    let allowed = sched_getaffinity(None).ok();
+    allowed
+        .map(|set| (0..CpuSet::MAX_CPU).filter(|&core| set.is_set(core)).collect())
+        .unwrap_or_default()
+}
+
+/// Ties this thread to the core number `which` of those that it may use.
+fn tie_to(which: usize) {
+    let cores = cores();
+    if cores.len() > 1 {
+        let mut set = CpuSet::new();
+        set.set(cores[which % cores.len()]);
+        let _ = sched_setaffinity(None, &set);
+    }
+}
+
+fn bare_round() -> anyhow::Result<f64> {
+    let scope = Scope::create()?;
+    let table = scope.address().to_string();
+    let seat = |end: &str| -> std::io::Result<Child> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command
+            .args(["participant", end])
+            .env(TABLE, &table)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped());
+        command.spawn()
+    };
+    let mut pong = seat("bench-pong")?;
+    let ping = seat("bench-ping")?.wait_with_output()?;
+    let _ = pong.kill();
+    let _ = pong.wait();
+    let text = String::from_utf8_lossy(&ping.stdout).into_owned();
+    text.trim()
+        .parse()
+        .map_err(|_| anyhow::anyhow!("the bare ping-pong failed: `{text}`"))
+}
+
+/// The children of [`exchange`]: one end of the bare ping-pong. `None` when `name` is not one.
+pub fn be_an_end(name: &str) -> Option<anyhow::Result<()>> {
+    match name {
+        "bench-ping" => Some(play(true)),
+        "bench-pong" => Some(play(false)),
+        _ => None,
+    }
+}
+
+fn play(first: bool) -> anyhow::Result<()> {
+    let table: Address = std::env::var(TABLE)?.parse()?;
+    rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))?;
+    tie_to(usize::from(first));
+    let domain = Domain::enter(table, if first { "ping" } else { "pong" })?;
+    let end = Bare::open(&domain, first)?;
+    let yielding = cores().len() < 2;
+    let hear = || -> anyhow::Result<Payload> {
+        loop {
+            if let Some(payload) = end.receive()? {
+                return Ok(payload);
+            }
+            if yielding {
+                rustix::thread::sched_yield();
+            }
+            std::hint::spin_loop();
+        }
+    };
+    let payload = [1.0; 27];
+    if !first {
+        loop {
+            let heard = hear()?;
+            end.send(&heard)?;
+        }
+    }
+    while !end.send(&payload)? {
+        std::thread::sleep(std::time::Duration::from_millis(1));
+    }
+    hear()?;
+    let trip = || -> anyhow::Result<()> {
+        end.send(&payload)?;
+        hear().map(|_| ())
+    };
+    for _ in 0..ROUND / 10 {
+        trip()?;
+    }
+    let started = Instant::now();
+    for _ in 0..ROUND {
+        trip()?;
+    }
+    println!("{}", started.elapsed().as_nanos() as f64 / ROUND as f64);
+    Ok(())
+}
+
+/// Two threads on two cores, the payload in shared cells behind two counters: the price of moving cache lines.
+fn atomic_round() -> f64 {
+    struct Cell {
+        count: AtomicU64,
+        values: [AtomicU64; 27],
+    }
+    let make = || Cell {
+        count: AtomicU64::new(0),
+        values: [const { AtomicU64::new(0) }; 27],
+    };
+    let cells = &[make(), make()];
+    let put = |cell: &Cell, round: u64| {
+        cell.values
+            .iter()
+            .for_each(|value| value.store(round, Ordering::Relaxed));
+        cell.count.store(round, Ordering::Release);
+    };
+    let take = |cell: &Cell, round: u64| {
+        while cell.count.load(Ordering::Acquire) != round {
+            std::hint::spin_loop();
+            if cores().len() < 2 {
+                rustix::thread::sched_yield();
+            }
+        }
+        cell.values
+            .iter()
+            .map(|value| value.load(Ordering::Relaxed))
+            .sum::<u64>()
+    };
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            tie_to(0);
+            for round in 1..=ROUND {
+                take(&cells[0], round);
+                put(&cells[1], round);
+            }
+        });
+        let timed = scope.spawn(|| {
+            tie_to(1);
+            let started = Instant::now();
+            for round in 1..=ROUND {
+                put(&cells[0], round);
+                take(&cells[1], round);
+            }
+            started.elapsed().as_nanos() as f64 / ROUND as f64
+        });
+        timed.join().unwrap_or(f64::NAN)
+    })
+}

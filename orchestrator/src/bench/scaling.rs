@@ -1,0 +1,25 @@
+//! The cost of one more participant.
+
+use super::Figures;
+
+/// Nanoseconds per activation in a ring of 2, 4, 8, … participants: constant when the cost of a step is linear in their
+/// number. `run` runs a ring for a number of steps and gives seconds per step.
+pub fn scaling(
+    rounds: usize,
+    largest: usize,
+    mut run: impl FnMut(usize, u64) -> anyhow::Result<f64>,
+) -> anyhow::Result<Vec<(usize, Figures)>> {
+    let sizes: Vec<usize> = (1..)
+        .map(|power| 1 << power)
+        .take_while(|&size| size <= largest)
+        .collect();
+    let mut all: Vec<(usize, Figures)> = sizes.iter().map(|&size| (size, Figures::default())).collect();
+    for _ in 0..rounds {
+        for (size, figures) in &mut all {
+            // About the same number of hand-offs for every size.
+            let steps = (40_000 / *size as u64).max(200);
+            figures.add(1e9 * run(*size, steps)? / *size as f64);
+        }
+    }
+    Ok(all)
+}

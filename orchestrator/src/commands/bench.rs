@@ -1,0 +1,94 @@
+//! `orchestrator bench`: what lockstep costs on this machine.
+
+use std::path::Path;
+
+use crate::bench::{self, Figures};
+use crate::cli::BenchArgs;
+use crate::run::{Options, Wait, run as run_scenario};
+use crate::scenario::Scenario;
+
+/// Measures and prints ratios.
+pub fn run(args: &BenchArgs) -> anyhow::Result<i32> {
+    let folder = std::env::temp_dir().join(format!("escapement-bench-{}", std::process::id()));
+    std::fs::create_dir_all(&folder)?;
+    let result = measure(args, &folder);
+    let _ = std::fs::remove_dir_all(&folder);
+    result.map(|()| 0)
+}
+
+fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
+    println!(
+        "{} rounds of each, in turn; figures are 5th percentile, median and 95th percentile",
+        args.rounds
+    );
+    let all = bench::exchange(args.rounds, |steps, wait| ring(folder, 2, steps, wait))?;
+    println!("\none exchange of 27 doubles each way between two processes, ns");
+    row("lockstep, recording on", &all.lockstep);
+    row("bare iceoryx2 publish-subscribe, polled", &all.bare);
+    row("bare atomics, two threads", &all.atomics);
+    println!(
+        "  lockstep / bare iceoryx2: {:.2}",
+        all.lockstep.median() / all.bare.median()
+    );
+    println!(
+        "  lockstep / bare atomics:  {:.2}",
+        all.lockstep.median() / all.atomics.median()
+    );
+
+    let sizes = bench::scaling(args.rounds.min(5), args.participants, |size, steps| {
+        ring(folder, size, steps, Wait::Auto)
+    })?;
+    println!("\none activation in a ring of N participants, ns");
+    for (size, figures) in &sizes {
+        row(&format!("N = {size}"), figures);
+    }
+
+    if let Some(path) = &args.scenario {
+        let scenario = Scenario::read(path, &[])?;
+        let share = bench::share(&scenario, args.rounds, folder)?;
+        println!("\n{}, s of wall time", path.display());
+        row("in one process, nothing recorded", &share.alone);
+        row("in one process, recorded", &share.recorded);
+        row("a process each, recorded", &share.processes);
+        let added = |figures: &Figures| 100.0 * (figures.median() / share.alone.median() - 1.0);
+        println!(
+            "  recording adds {:.1} %; lockstep and recording add {:.1} %",
+            added(&share.recorded),
+            added(&share.processes)
+        );
+    }
+    Ok(())
+}
+
+fn row(name: &str, figures: &Figures) {
+    let cell = |percent| {
+        let figure = figures.percentile(percent);
+        if figure < 10.0 {
+            format!("{figure:10.4}")
+        } else {
+            format!("{figure:10.0}")
+        }
+    };
+    println!("  {name:<42} {} {} {}", cell(5), cell(50), cell(95));
+}
+
+/// Runs a ring of relays; seconds per step.
+fn ring(folder: &Path, count: usize, steps: u64, wait: Wait) -> anyhow::Result<f64> {
+    let file = folder.join("ring.toml");
+    std::fs::write(&file, bench::scenario_text(count, steps))?;
+    let scenario = Scenario::read(&file, &[])?;
+    let out = folder.join("run");
+    let options = Options {
+        out: Some(out.clone()),
+        quiet: true,
+        wait,
+        patience_s: 60.0,
+        ..Options::default()
+    };
+    let outcome = run_scenario(&scenario, &options)?;
+    std::fs::remove_dir_all(&out)?;
+    if outcome.ending != crate::run::Ending::Complete {
+        anyhow::bail!("the ring of {count} did not run to its end: {:?}", outcome.ending);
+    }
+    Ok(outcome.wall_s / steps as f64)
+}

@@ -1,0 +1,248 @@
+//! `orchestrator model MODEL.urdf [STATES.json]`: what a model is, or every quantity of its dynamics at given states, so
+//! that anyone can compare with another engine.
+//!
+//! STATES.json is one state, a list of states, or an object with a list `states` (then each entry may hold its state
+//! under `state`, beside results that are ignored: a file of reference values is a valid input). A state is
+//! `{"p": [3], "quat_wxyz": [4], "qj": [N], "v": [N + 6], "tau": [N + 6]}`; with `v` of length N the base is fixed. `tau`
+//! defaults to zero. Output: `{"about": …, "states": [{"state", "M", "C", "bias", "acceleration", "kinetic_energy",
+//! "linear_momentum_N", "angular_momentum_about_com_N", "com_N", "frames": {NAME: {"p_N", "R_NE", "J_body",
+//! "Jdot_body"}}, "end_effector": {…}}]}`, matrices by rows, SI units; `end_effector` is the frame of that name, or the
+//! last link's when there is none.
+
+use anyhow::{Context, Result, bail};
+use multibody::nalgebra::Vector3;
+use multibody::{Description, DynState, DynTree, FrameId, Quaternion};
+use serde_json::{Map, Value, json};
+use std::path::Path;
+
+/// Prints the tree of `urdf` or, with `states`, evaluates it at those states and prints JSON.
+pub fn run(urdf: &Path, states: Option<&Path>) -> Result<()> {
+    let text = std::fs::read_to_string(urdf).with_context(|| format!("cannot read {}", urdf.display()))?;
+    let description = Description::from_urdf(&text).with_context(|| format!("in {}", urdf.display()))?;
+    match states {
+        None => {
+            print!("{}", listing(&description)?);
+            Ok(())
+        }
+        Some(path) => {
+            let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+            let file: Value = serde_json::from_str(&text).with_context(|| format!("in {}", path.display()))?;
+            let out = evaluate(&description, &file).with_context(|| format!("in {}", path.display()))?;
+            println!("{}", serde_json::to_string_pretty(&out)?);
+            Ok(())
+        }
+    }
+}
+
+/// The tree, one body a line, with what was merged into it.
+fn listing(description: &Description) -> Result<String> {
+    // a root without inertia (often called `world`) can only be a fixed base
+    let floating = DynTree::new(description, true);
+    let base = if floating.is_ok() {
+        "floating base"
+    } else {
+        "fixed base"
+    };
+    let tree = floating.or_else(|refusal| DynTree::new(description, false).map_err(|_| refusal))?;
+    let mut out = format!(
+        "{}: {} moving joints, {} degrees of freedom with a {base}, {} kg\n",
+        description.name,
+        tree.joints(),
+        tree.dim(),
+        description.total_mass()
+    );
+    let bodies = tree.bodies();
+    for body in &bodies {
+        let joint = match (&body.joint, body.coordinate) {
+            (Some(joint), Some(k)) => {
+                let kind = if body.prismatic { "slides" } else { "turns" };
+                format!("  [{k}] {kind} on {joint}")
+            }
+            _ => format!("  {base}"),
+        };
+        let extra = |what: &str, x: f64| {
+            if x == 0.0 {
+                String::new()
+            } else {
+                format!(", {what} {x}")
+            }
+        };
+        let merged = tree.frames_on(body);
+        let merged: Vec<&str> = merged.into_iter().filter(|name| *name != body.link).collect();
+        let with = if merged.is_empty() {
+            String::new()
+        } else {
+            format!(", with {}", merged.join(", "))
+        };
+        let name = format!("{}{}", "  ".repeat(body.depth), body.link);
+        out += &format!(
+            "  {name:<24}{:>12.6} kg{joint}{}{}{with}\n",
+            body.mass,
+            extra("damping", body.damping),
+            extra("motor inertia", body.motor_inertia),
+        );
+    }
+    Ok(out)
+}
+
+fn evaluate(description: &Description, file: &Value) -> Result<Value> {
+    let list = match file {
+        Value::Object(object) if object.contains_key("states") => &file["states"],
+        other => other,
+    };
+    let list: Vec<&Value> = match list {
+        Value::Array(states) => states.iter().collect(),
+        one => vec![one],
+    };
+    let dof = description.dof();
+    let mut trees: [Option<DynTree>; 2] = [None, None];
+    let mut results = Vec::new();
+    for (i, entry) in list.iter().enumerate() {
+        let state = if entry.get("state").is_some() {
+            &entry["state"]
+        } else {
+            entry
+        };
+        let place = || format!("state {i}");
+        let v = numbers(state, "v", None).with_context(place)?;
+        let floating = match v.len() {
+            n if n == dof + 6 => true,
+            n if n == dof => false,
+            n => bail!(
+                "state {i}: `v` has {n} numbers; the model has {dof} joints, so give {} (or {dof} for a fixed base)",
+                dof + 6
+            ),
+        };
+        let tau = if state.get("tau").is_some() {
+            numbers(state, "tau", Some(v.len()))
+        } else {
+            Ok(vec![0.0; v.len()])
+        };
+        let tau = tau.with_context(place)?;
+        let at = read_state(state, dof, v).with_context(place)?;
+        let slot = &mut trees[usize::from(floating)];
+        let tree = match slot {
+            Some(tree) => tree,
+            None => slot.insert(DynTree::new(description, floating)?),
+        };
+        results.push(quantities(description, tree, state, &at, &tau)?);
+    }
+    let about = format!(
+        "{}, {dof} joints in the order of the file. Generalised velocity [omega_NB in B; v_NB in B; joint rates]. acceleration = \
+         forward dynamics for tau with joint damping applied. Jacobians map the generalised velocity to [omega; v] in the \
+         frame's axes. SI units.",
+        description.name
+    );
+    Ok(json!({ "about": about, "states": results }))
+}
+
+fn read_state(state: &Value, dof: usize, nu: Vec<f64>) -> Result<DynState> {
+    let three = |key: &str| numbers(state, key, Some(3)).map(|x| Vector3::new(x[0], x[1], x[2]));
+    let p_nb = if state.get("p").is_some() {
+        three("p")?
+    } else {
+        Vector3::zeros()
+    };
+    let quat_nb = if state.get("quat_wxyz").is_some() {
+        let x = numbers(state, "quat_wxyz", Some(4))?;
+        let quat = Quaternion::from_wxyz([x[0], x[1], x[2], x[3]]);
+        let norm = quat.norm_squared().sqrt();
+        if (norm - 1.0).abs() > 1e-6 {
+            bail!("`quat_wxyz` has length {norm}; give a unit quaternion, scalar first");
+        }
+        quat
+    } else {
+        Quaternion::IDENTITY
+    };
+    Ok(DynState {
+        p_nb,
+        quat_nb,
+        q: numbers(state, "qj", Some(dof))?,
+        nu,
+    })
+}
+
+fn numbers(state: &Value, key: &str, length: Option<usize>) -> Result<Vec<f64>> {
+    let Some(list) = state.get(key).and_then(Value::as_array) else {
+        bail!("`{key}` is missing or not a list of numbers");
+    };
+    let numbers: Option<Vec<f64>> = list.iter().map(Value::as_f64).collect();
+    let Some(numbers) = numbers else {
+        bail!("`{key}` contains something that is not a number")
+    };
+    match length {
+        Some(n) if n != numbers.len() => bail!("`{key}` has {} numbers, it must have {n}", numbers.len()),
+        _ => Ok(numbers),
+    }
+}
+
+fn quantities(d: &Description, tree: &DynTree, given: &Value, s: &DynState, tau: &[f64]) -> Result<Value> {
+    let (m, c) = tree.mass_and_coriolis(s);
+    let momentum = tree.momentum(s);
+    let mut frames = Map::new();
+    for name in tree.frame_names() {
+        frames.insert(name.clone(), frame(tree, s, tree.frame(name)?));
+    }
+    let last = d.links.last().map_or("", |l| l.name.as_str());
+    let end_effector = frames.get("end_effector").or_else(|| frames.get(last)).cloned();
+    let world = |v: &Vector3<f64>| list(&s.quat_nb.rotate(v));
+    Ok(json!({
+        "state": given,
+        "M": m.to_rows(),
+        "C": c.to_rows(),
+        "bias": tree.bias(s),
+        "acceleration": tree.forward_dynamics(s, tau),
+        "kinetic_energy": tree.kinetic_energy(s),
+        "linear_momentum_N": world(&momentum.linear_b),
+        "angular_momentum_about_com_N": world(&momentum.angular_b),
+        "com_N": list(&(s.p_nb + s.quat_nb.rotate(&momentum.p_bc))),
+        "end_effector": end_effector,
+        "frames": frames,
+    }))
+}
+
+fn frame(tree: &DynTree, s: &DynState, id: FrameId) -> Value {
+    let at = tree.placement_in_world(s, id);
+    let (j, j_rate) = tree.jacobian_and_rate(s, id);
+    let rows: Vec<Vec<f64>> = (0..3).map(|r| (0..3).map(|c| at.r[(r, c)]).collect()).collect();
+    json!({ "p_N": list(&at.p), "R_NE": rows, "J_body": j.to_rows(), "Jdot_body": j_rate.to_rows() })
+}
+
+fn list(v: &Vector3<f64>) -> [f64; 3] {
+    [v.x, v.y, v.z]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const URDF: &str = include_str!("../../../models/servicer.urdf");
+
+    #[test]
+    fn lists_the_tree_with_what_was_merged() {
+        let text = listing(&Description::from_urdf(URDF).unwrap()).unwrap();
+        assert!(
+            text.starts_with("servicer: 9 moving joints, 15 degrees of freedom"),
+            "{text}"
+        );
+        assert!(text.contains("[6] turns on A7, with tool, end_effector"), "{text}");
+        assert!(text.contains("[8] turns on slosh_x, damping 0.0131"), "{text}");
+    }
+
+    #[test]
+    fn a_state_gives_every_quantity() {
+        let d = Description::from_urdf(URDF).unwrap();
+        let state = json!({"p": [0, 0, 0], "quat_wxyz": [1, 0, 0, 0], "qj": [0; 9], "v": [0; 15]});
+        let out = evaluate(&d, &state).unwrap();
+        let first = &out["states"][0];
+        assert_eq!(first["M"][3][3].as_f64().unwrap(), 450.2);
+        assert_eq!(first["end_effector"], first["frames"]["end_effector"]);
+        let short = json!({"qj": [0; 9], "v": [0; 4]});
+        assert!(
+            evaluate(&d, &short)
+                .unwrap_err()
+                .to_string()
+                .contains("`v` has 4 numbers")
+        );
+    }
+}

@@ -1,0 +1,148 @@
+//! Actuators that fail, each in a window of simulated time.
+
+use interfaces::JOINTS;
+use lockstep::participant::ParameterError;
+use lockstep::units::{Quantity, Time};
+use serde::Deserialize;
+
+use super::THRUSTERS;
+
+/// A failure as the scenario says it: `{ actuator = "wheel.x", effect = "stuck", from = "12 s" }`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FaultParameters {
+    /// `wheel.x`, `thruster.0` to `thruster.11`, or `joint.` and the joint's name.
+    pub actuator: String,
+    /// What is wrong with it.
+    pub effect: EffectName,
+    /// For `weak`: which part of the command it still follows.
+    pub factor: Option<f64>,
+    /// First instant; the start unless given.
+    pub from: Option<Quantity<Time>>,
+    /// First instant at which it is well again; never unless given.
+    pub until: Option<Quantity<Time>>,
+}
+
+/// What can be wrong with an actuator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EffectName {
+    /// It keeps doing what it did last.
+    Stuck,
+    /// It does nothing; a joint turns freely.
+    Off,
+    /// A thruster fires all the time.
+    On,
+    /// A joint's brake holds it where it is.
+    Locked,
+    /// It follows a part of the command, `factor`.
+    Weak,
+}
+
+/// A failure while it lasts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Effect {
+    /// It keeps doing what it did last.
+    Stuck,
+    /// It does nothing.
+    Off,
+    /// It does all it can.
+    On,
+    /// A brake holds the joint.
+    Locked,
+    /// It follows this part of the command.
+    Weak(f64),
+}
+
+/// An actuator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unit {
+    /// The wheel about this axis.
+    Wheel(usize),
+    /// This thruster.
+    Thruster(usize),
+    /// This joint's motor.
+    Joint(usize),
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Fault {
+    unit: Unit,
+    effect: Effect,
+    from: f64,
+    until: f64,
+}
+
+/// The failures of a run.
+#[derive(Debug, Clone)]
+pub struct Faults(Vec<Fault>);
+
+impl Faults {
+    /// From the scenario, for joints with these names.
+    ///
+    /// # Errors
+    /// Names the failure that makes no sense and what is possible.
+    pub fn new(parameters: &[FaultParameters], joints: &[String; JOINTS]) -> Result<Self, ParameterError> {
+        let faults = parameters.iter().enumerate().map(|(at, fault)| {
+            let refuse = |key: &str, reason: String| ParameterError::new(format!("faults[{at}].{key}"), reason);
+            let unit = unit(&fault.actuator, joints).ok_or_else(|| {
+                let reason = format!(
+                    "there is no actuator `{}`; there are wheel.x to wheel.z, thruster.0 to thruster.{}, and {}",
+                    fault.actuator,
+                    THRUSTERS - 1,
+                    joints.each_ref().map(|joint| format!("joint.{joint}")).join(", ")
+                );
+                refuse("actuator", reason)
+            })?;
+            let effect = match (fault.effect, unit, fault.factor) {
+                (EffectName::Weak, _, Some(factor)) if factor.is_finite() => Effect::Weak(factor),
+                (EffectName::Weak, ..) => {
+                    let reason = "effect `weak` needs the part of the command that is followed, such as factor = 0.5";
+                    return Err(refuse("factor", reason.to_owned()));
+                }
+                (_, _, Some(factor)) => {
+                    return Err(refuse("factor", format!("{factor} is only for the effect `weak`")));
+                }
+                (EffectName::Stuck, ..) => Effect::Stuck,
+                (EffectName::Off, ..) => Effect::Off,
+                (EffectName::On, Unit::Thruster(_), _) => Effect::On,
+                (EffectName::Locked, Unit::Joint(_), _) => Effect::Locked,
+                (EffectName::On, ..) => return Err(refuse("effect", "`on` is only for thrusters".to_owned())),
+                (EffectName::Locked, ..) => return Err(refuse("effect", "`locked` is only for joints".to_owned())),
+            };
+            let (from, until) = (
+                fault.from.map_or(f64::NEG_INFINITY, |from| from.si()),
+                fault.until.map_or(f64::INFINITY, |until| until.si()),
+            );
+            if until <= from {
+                return Err(refuse("until", format!("{until} s is not after `from`, {from} s")));
+            }
+            Ok(Fault {
+                unit,
+                effect,
+                from,
+                until,
+            })
+        });
+        faults.collect::<Result<_, _>>().map(Self)
+    }
+
+    /// What is wrong with `unit` at `t`, s; the last failure of the list wins.
+    pub fn effect(&self, t: f64, unit: Unit) -> Option<Effect> {
+        self.0
+            .iter()
+            .rev()
+            .find(|fault| fault.unit == unit && fault.from <= t && t < fault.until)
+            .map(|fault| fault.effect)
+    }
+}
+
+fn unit(name: &str, joints: &[String; JOINTS]) -> Option<Unit> {
+    let (group, which) = name.split_once('.')?;
+    match group {
+        "wheel" => ["x", "y", "z"].iter().position(|axis| *axis == which).map(Unit::Wheel),
+        "thruster" => which.parse().ok().filter(|n| *n < THRUSTERS).map(Unit::Thruster),
+        "joint" => joints.iter().position(|joint| joint == which).map(Unit::Joint),
+        _ => None,
+    }
+}

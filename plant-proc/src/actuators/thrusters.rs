@@ -1,0 +1,194 @@
+//! Twelve thrusters in four-packs: for each body axis two that push along it, then two that push against it.
+//!
+//! The first of each two turns the base one way when it pushes alone, the second the other way: thrusters along y about x,
+//! along z about y, along x about z.
+
+use lockstep::participant::ParameterError;
+use lockstep::units::{Force, Length};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::{Channel, ChannelState, Effect, Shape, ThrusterParameters, not_negative};
+
+/// How many there are.
+pub const THRUSTERS: usize = 12;
+
+/// All that the thrusters remember.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct ThrustersState {
+    channels: [ChannelState; THRUSTERS],
+    /// Impulse asked for and not yet made, N s.
+    owed: [f64; THRUSTERS],
+    /// Steps that a firing still has to last.
+    firing: [u32; THRUSTERS],
+}
+
+/// The thrusters.
+#[derive(Debug, Clone)]
+pub struct Thrusters {
+    channels: [Channel; THRUSTERS],
+    full: [f64; 3],
+    lever_arm: [f64; 3],
+    period: f64,
+    /// Steps of the shortest firing; `None` for continuous thrust.
+    pulse: Option<u32>,
+    owed: [f64; THRUSTERS],
+    firing: [u32; THRUSTERS],
+}
+
+/// The axis along which the thrusters push that turn about `axis`.
+const fn push_axis(axis: usize) -> usize {
+    (axis + 1) % 3
+}
+
+impl Thrusters {
+    /// Thrusters at rest.
+    ///
+    /// # Errors
+    /// Names the parameter that is out of range.
+    pub fn new(parameters: &ThrusterParameters, period: f64) -> Result<Self, ParameterError> {
+        let shape = Shape::new(
+            "actuators.thrusters",
+            parameters.lag,
+            parameters.dead_zone.si(),
+            parameters.quantum.si(),
+            period,
+        )?;
+        for axis in 0..3 {
+            let of = [" along x", " along y", " along z"][axis];
+            not_negative::<Force>("actuators.thrusters.force", of, parameters.force.si()[axis])?;
+            let of = [" about x", " about y", " about z"][axis];
+            not_negative::<Length>("actuators.thrusters.lever_arm", of, parameters.lever_arm.si()[axis])?;
+        }
+        let pulse = match parameters.minimum_on.map(|on| on.si()) {
+            None => None,
+            Some(on) if on > 0.0 && on / period < 1e6 => Some((on / period).round_ties_even().max(1.0) as u32),
+            Some(on) => {
+                let reason = format!("{on} s is not a shortest firing; write for example \"20 ms\", or leave it out");
+                return Err(ParameterError::new("actuators.thrusters.minimum_on", reason));
+            }
+        };
+        // each thruster gives half of its axis' force
+        let full = parameters.force.si().map(|force| 0.5 * force);
+        Ok(Self {
+            channels: std::array::from_fn(|n| Channel::new(shape, full[n / 4])),
+            full,
+            lever_arm: parameters.lever_arm.si(),
+            period,
+            pulse,
+            owed: [0.0; THRUSTERS],
+            firing: [0; THRUSTERS],
+        })
+    }
+
+    pub fn state(&self) -> ThrustersState {
+        ThrustersState {
+            channels: self.channels.each_ref().map(Channel::state),
+            owed: self.owed,
+            firing: self.firing,
+        }
+    }
+
+    pub fn restore(&mut self, state: &ThrustersState) {
+        for (channel, state) in self.channels.iter_mut().zip(&state.channels) {
+            channel.restore(state);
+        }
+        self.owed = state.owed;
+        self.firing = state.firing;
+    }
+
+    /// Force, N, and torque, N m, on the base, for a force and a couple asked for.
+    pub fn apply(
+        &mut self,
+        force: &[f64; 3],
+        couple: &[f64; 3],
+        effect: impl Fn(usize) -> Option<Effect>,
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let (mut made_force, mut made_torque) = (Vector3::zeros(), Vector3::zeros());
+        for turn in 0..3 {
+            let (push, arm) = (push_axis(turn), self.lever_arm[turn]);
+            let difference = if arm > 0.0 { couple[turn] / arm } else { 0.0 };
+            let (first, second) = (0.5 * (force[push] + difference), 0.5 * (force[push] - difference));
+            let wanted = [first.max(0.0), second.max(0.0), (-first).max(0.0), (-second).max(0.0)];
+            let thrust: [f64; 4] = std::array::from_fn(|n| self.thrust(4 * push + n, wanted[n], effect(4 * push + n)));
+            let (first, second) = (thrust[0] - thrust[2], thrust[1] - thrust[3]);
+            made_force[push] = first + second;
+            made_torque[turn] = arm * (first - second);
+        }
+        (made_force, made_torque)
+    }
+
+    /// What thruster `n` does over a step, N.
+    fn thrust(&mut self, n: usize, wanted: f64, effect: Option<Effect>) -> f64 {
+        let Some(pulse) = self.pulse else {
+            return self.channels[n].apply(wanted, effect);
+        };
+        // Pulses: fire at full thrust for at least the shortest time as soon as that much impulse is owed.
+        let full = self.full[n / 4];
+        let smallest = full * self.period * f64::from(pulse);
+        self.owed[n] = (self.owed[n] + wanted * self.period).min(2.0 * smallest);
+        if self.firing[n] == 0 && self.owed[n] >= smallest && smallest > 0.0 {
+            self.firing[n] = pulse;
+        }
+        if self.firing[n] == 0 {
+            return self.channels[n].apply(0.0, effect);
+        }
+        self.firing[n] -= 1;
+        self.owed[n] -= full * self.period;
+        self.channels[n].apply(full, effect)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lockstep::units::Quantity;
+
+    #[test]
+    fn an_ideal_pack_gives_the_force_to_the_last_bit() {
+        let mut thrusters = Thrusters::new(&ThrusterParameters::default(), 0.001).unwrap();
+        let (force, torque) = thrusters.apply(&[0.123_456_789, -7.1, 20.0], &[0.0; 3], |_| None);
+        assert_eq!(force, Vector3::new(0.123_456_789, -7.1, 9.0));
+        assert_eq!(torque, Vector3::zeros());
+    }
+
+    #[test]
+    fn couples_turn_without_pushing() {
+        let mut thrusters = Thrusters::new(&ThrusterParameters::default(), 0.001).unwrap();
+        let (force, torque) = thrusters.apply(&[0.0, 1.0, 0.0], &[0.4, 0.0, -0.6], |_| None);
+        assert!((force - Vector3::new(0.0, 1.0, 0.0)).amax() < 1e-15);
+        assert!((torque - Vector3::new(0.4, 0.0, -0.6)).amax() < 1e-15);
+    }
+
+    #[test]
+    fn a_thruster_that_fails_halves_the_force_and_turns_the_base() {
+        let mut thrusters = Thrusters::new(&ThrusterParameters::default(), 0.001).unwrap();
+        let off = |n| (n == 0).then_some(Effect::Off);
+        let (force, torque) = thrusters.apply(&[8.0, 0.0, 0.0], &[0.0; 3], off);
+        assert_eq!(force.x, 4.0);
+        assert_eq!(torque, Vector3::new(0.0, 0.0, -2.0));
+    }
+
+    #[test]
+    fn pulses_are_whole_and_make_the_impulse() {
+        let parameters = ThrusterParameters {
+            minimum_on: Some(Quantity::of(0.02)),
+            ..ThrusterParameters::default()
+        };
+        let mut thrusters = Thrusters::new(&parameters, 0.001).unwrap();
+        let (mut impulse, mut run, mut shortest) = (0.0, 0, u32::MAX);
+        for _ in 0..60_000 {
+            let force = thrusters.apply(&[0.7, 0.0, 0.0], &[0.0; 3], |_| None).0.x;
+            assert!(force == 0.0 || force == 9.0, "{force}");
+            impulse += force * 0.001;
+            if force > 0.0 {
+                run += 1;
+            } else if run > 0 {
+                shortest = shortest.min(run);
+                run = 0;
+            }
+        }
+        assert_eq!(shortest, 20);
+        assert!((impulse - 42.0).abs() <= 0.18 + 1e-9, "{impulse}");
+    }
+}

@@ -1,0 +1,63 @@
+//! Momentum and energy of everything, and what is missing in them.
+
+use nalgebra::Vector3;
+
+use super::{Model, Motion, Target};
+
+/// Momentum and energy of servicer, wheels and target at an instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Totals {
+    /// Linear momentum, world axes, kg m/s.
+    pub linear: Vector3<f64>,
+    /// Angular momentum about the world's origin, world axes, N m s.
+    pub angular: Vector3<f64>,
+    /// Kinetic and spring energy, without the wheels' spin, J.
+    pub energy: f64,
+}
+
+/// What was there at the start, and what has gone since in ways that are no step of the integrator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Books {
+    /// At the first instant.
+    pub start: Totals,
+    /// Energy lost in impacts so far, J.
+    pub impact_loss: f64,
+}
+
+impl Totals {
+    /// The sums over servicer, wheels and, while it is not `carried` as a part of the servicer, target.
+    pub fn of(model: &Model, motion: &Motion, target: &Target, carried: bool) -> Self {
+        let servicer = &motion.servicer;
+        let kinematics = model.kinematics(servicer);
+        let momentum = model.tree.momentum(&kinematics);
+        let to_world = |vector: &Vector3<f64>| servicer.quat_nb.rotate(vector);
+        let centre = servicer.p_nb + to_world(&momentum.p_bc);
+        let mut linear = to_world(&momentum.linear_b);
+        let mut angular = centre.cross(&linear) + to_world(&(momentum.angular_b + motion.wheel_momentum));
+        let mut energy = model.tree.kinetic_energy(&kinematics) + model.tree.potential_energy(servicer);
+        if !carried {
+            let (omega, v) = (target.omega(), target.velocity());
+            let (mass, inertia) = (model.target_inertia.mass, model.target_inertia.about_com);
+            let p = target.quat_nb.rotate(&(v * mass));
+            linear += p;
+            angular += target.p_nb.cross(&p) + target.quat_nb.rotate(&(inertia * omega));
+            energy += 0.5 * omega.dot(&(inertia * omega)) + 0.5 * mass * v.norm_squared();
+        }
+        Self {
+            linear,
+            angular,
+            energy,
+        }
+    }
+}
+
+impl Books {
+    /// What is missing in `now`: momentum less impulse, angular momentum less angular impulse, energy less work plus losses.
+    pub fn residual(&self, now: &Totals, motion: &Motion) -> Totals {
+        Totals {
+            linear: now.linear - self.start.linear - motion.impulse,
+            angular: now.angular - self.start.angular - motion.angular_impulse,
+            energy: now.energy - self.start.energy - motion.work + motion.loss + self.impact_loss,
+        }
+    }
+}

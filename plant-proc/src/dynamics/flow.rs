@@ -1,0 +1,131 @@
+//! The servicer's motion as a differential equation, with wheel momentum, impulses, work and losses integrated beside it:
+//! with the same stages, so that the books close as well as the integrator is good.
+
+use multibody::{Flow, Rate};
+use nalgebra::Vector3;
+
+use super::constraint::hold_joints;
+use super::{COORDINATES, Generalised, Servicer, Tree, VELOCITIES};
+
+/// Everything that is integrated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    /// The servicer.
+    pub servicer: Servicer,
+    /// Angular momentum in the wheels, base axes, N m s.
+    pub wheel_momentum: Vector3<f64>,
+    /// Impulse of the thrusters since the start, world axes, N s.
+    pub impulse: Vector3<f64>,
+    /// Angular impulse of the thrusters about the world's origin since the start, world axes, N m s.
+    pub angular_impulse: Vector3<f64>,
+    /// Work of all actuators on the servicer since the start, J.
+    pub work: f64,
+    /// Energy that dampers have taken out since the start, J.
+    pub loss: f64,
+}
+
+/// Rates of a [`Motion`].
+#[derive(Debug, Clone, Copy)]
+pub struct MotionRate {
+    servicer: Rate<COORDINATES, VELOCITIES>,
+    wheel_momentum: Vector3<f64>,
+    impulse: Vector3<f64>,
+    angular_impulse: Vector3<f64>,
+    work: f64,
+    loss: f64,
+}
+
+/// What the actuators do over a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Forces {
+    /// Torque of the wheels' motors on the base, base axes, N m.
+    pub wheel_torque: Vector3<f64>,
+    /// Force of the thrusters, base axes, N.
+    pub thruster_force: Vector3<f64>,
+    /// Torque of the thrusters, base axes, N m.
+    pub thruster_torque: Vector3<f64>,
+    /// Torques of the joint motors, N m.
+    pub joint_torque: [f64; interfaces::JOINTS],
+    /// Joints that a brake holds; their motors do nothing.
+    pub braked: [bool; interfaces::JOINTS],
+}
+
+/// The equation.
+#[derive(Debug, Clone, Copy)]
+pub struct Mechanics<'a> {
+    /// The mechanism.
+    pub tree: &'a Tree,
+    /// Whether the spinning wheels' gyroscopic torque reaches the base. Without it the wheels' own control compensates it:
+    /// the base feels the commanded torque alone. Momentum is conserved either way.
+    pub gyroscopic: bool,
+}
+
+impl Flow for Mechanics<'_> {
+    type State = Motion;
+    type Rate = MotionRate;
+    type Force = Forces;
+
+    #[inline]
+    fn rate(&self, motion: &Motion, forces: &Forces) -> MotionRate {
+        let servicer = &motion.servicer;
+        let omega = servicer.omega();
+        let turned = omega.cross(&motion.wheel_momentum);
+        let (wheel_torque, wheel_rate) = if self.gyroscopic {
+            (forces.wheel_torque - turned, -forces.wheel_torque)
+        } else {
+            (forces.wheel_torque, -forces.wheel_torque - turned)
+        };
+        let torque = wheel_torque + forces.thruster_torque;
+        let mut generalised = Generalised::zeros();
+        for axis in 0..3 {
+            generalised[axis] = torque[axis];
+            generalised[3 + axis] = forces.thruster_force[axis];
+        }
+        for (joint, torque) in forces.joint_torque.iter().enumerate() {
+            generalised[6 + joint] = *torque;
+        }
+        let mut rate = self.tree.rate(servicer, &generalised);
+        if forces.braked.contains(&true) {
+            // a brake does no work: what it holds does not move
+            hold_joints(self.tree, servicer, &forces.braked, &mut rate.nu);
+        }
+        let force_n = servicer.quat_nb.rotate(&forces.thruster_force);
+        MotionRate {
+            servicer: rate,
+            wheel_momentum: wheel_rate,
+            impulse: force_n,
+            angular_impulse: servicer.p_nb.cross(&force_n) + servicer.quat_nb.rotate(&forces.thruster_torque),
+            work: generalised.dot(&servicer.nu),
+            loss: -self.tree.damper_power(&servicer.nu),
+        }
+    }
+
+    #[inline]
+    fn moved(&self, motion: &Motion, by: &[(f64, &MotionRate)]) -> Motion {
+        // as many as any method has stages
+        let mut servicer: [(f64, &Rate<COORDINATES, VELOCITIES>); 16] = [(0.0, &by[0].1.servicer); 16];
+        for (slot, (k, rate)) in servicer.iter_mut().zip(by) {
+            *slot = (*k, &rate.servicer);
+        }
+        let mut out = Motion {
+            servicer: self.tree.moved(&motion.servicer, &servicer[..by.len()]),
+            ..*motion
+        };
+        for (k, rate) in by {
+            out.wheel_momentum += rate.wheel_momentum * *k;
+            out.impulse += rate.impulse * *k;
+            out.angular_impulse += rate.angular_impulse * *k;
+            out.work += rate.work * k;
+            out.loss += rate.loss * k;
+        }
+        out
+    }
+
+    #[inline]
+    fn restored(&self, motion: Motion) -> Motion {
+        Motion {
+            servicer: self.tree.restored(motion.servicer),
+            ..motion
+        }
+    }
+}

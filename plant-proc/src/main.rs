@@ -1,0 +1,10 @@
+//! The plant in a process of its own.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    lockstep::host::run(
+        plant_proc::factory,
+        concat!(env!("CARGO_PKG_NAME"), " ", env!("CARGO_PKG_VERSION")),
+    )
+}

@@ -1,0 +1,146 @@
+//! What a scenario may say about the plant. Every default is that of the ideal set: exact sensors, limits the only fault
+//! of the actuators.
+
+use interfaces::files::{Servicer, Target};
+use lockstep::units::{Angle, AngularRate, Each, Length, Quantity, Speed, Time, Vector};
+use serde::Deserialize;
+
+use crate::actuators::ActuatorParameters;
+use crate::actuators::FaultParameters;
+use crate::sensors::SensorParameters;
+
+/// `participants.NAME.parameters` of a plant.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// The mechanism, as URDF text.
+    pub urdf: String,
+    /// What the URDF cannot say.
+    pub servicer: Servicer,
+    /// The target.
+    pub target: Target,
+    /// The servicer at the first instant.
+    pub start: Start,
+    /// The target at the first instant.
+    pub target_start: TargetStart,
+    /// The integrator.
+    #[serde(default)]
+    pub integrator: Integrator,
+    /// The actuators.
+    #[serde(default)]
+    pub actuators: ActuatorParameters,
+    /// The sensors.
+    #[serde(default)]
+    pub sensors: SensorParameters,
+    /// What becomes of the target once the gripper has closed; nothing unless given.
+    pub after_grasp: Option<AfterGrasp>,
+    /// Actuators that fail.
+    #[serde(default)]
+    pub faults: Vec<FaultParameters>,
+}
+
+/// The servicer at the first instant.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Start {
+    /// Position of the base, world axes.
+    pub position: Vector<Length, 3>,
+    /// Roll, pitch and yaw of the base.
+    #[serde(default = "zero")]
+    pub attitude: Vector<Angle, 3>,
+    /// Velocity of the base's origin, base axes.
+    #[serde(default = "at_rest")]
+    pub velocity: Vector<Speed, 3>,
+    /// Angular velocity of the base, base axes.
+    #[serde(default = "not_turning")]
+    pub rate: Vector<AngularRate, 3>,
+    /// Joint angles.
+    pub joints: Each<Angle, 7>,
+    /// Joint rates.
+    #[serde(default = "joints_at_rest")]
+    pub joint_rates: Each<AngularRate, 7>,
+    /// Angles of the pendulum.
+    #[serde(default = "hanging")]
+    pub slosh: Each<Angle, 2>,
+    /// Rates of the pendulum.
+    #[serde(default = "hanging_still")]
+    pub slosh_rates: Each<AngularRate, 2>,
+}
+
+/// The target at the first instant.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TargetStart {
+    /// Position of its centre of mass, world axes.
+    #[serde(default = "at_origin")]
+    pub position: Vector<Length, 3>,
+    /// Roll, pitch and yaw.
+    #[serde(default = "zero")]
+    pub attitude: Vector<Angle, 3>,
+    /// Velocity of its centre of mass, world axes.
+    #[serde(default = "at_rest")]
+    pub velocity: Vector<Speed, 3>,
+    /// Angular velocity, target axes.
+    pub rate: Vector<AngularRate, 3>,
+}
+
+/// How the motion is integrated.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Integrator {
+    /// `rk4` or `dop853`, both with a fixed step.
+    pub method: String,
+    /// Equal steps within a period.
+    pub substeps: u32,
+}
+
+impl Default for Integrator {
+    fn default() -> Self {
+        Self {
+            method: "rk4".to_owned(),
+            substeps: 1,
+        }
+    }
+}
+
+/// The gripper.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AfterGrasp {
+    /// When it closes, if the end effector is near enough then; otherwise as soon as it is.
+    pub at: Quantity<Time>,
+    /// Distance between end effector and grasp frame within which it can close.
+    #[serde(default = "reach")]
+    pub within: Quantity<Length>,
+    /// Angle between the two within which it can close.
+    #[serde(default = "reach_angle")]
+    pub within_angle: Quantity<Angle>,
+}
+
+const fn zero() -> Vector<Angle, 3> {
+    Vector::of([0.0; 3])
+}
+const fn at_rest() -> Vector<Speed, 3> {
+    Vector::of([0.0; 3])
+}
+const fn not_turning() -> Vector<AngularRate, 3> {
+    Vector::of([0.0; 3])
+}
+const fn joints_at_rest() -> Each<AngularRate, 7> {
+    Each::of([0.0; 7])
+}
+const fn hanging() -> Each<Angle, 2> {
+    Each::of([0.0; 2])
+}
+const fn hanging_still() -> Each<AngularRate, 2> {
+    Each::of([0.0; 2])
+}
+const fn at_origin() -> Vector<Length, 3> {
+    Vector::of([0.0; 3])
+}
+const fn reach() -> Quantity<Length> {
+    Quantity::of(0.01)
+}
+const fn reach_angle() -> Quantity<Angle> {
+    Quantity::of(std::f64::consts::PI / 180.0)
+}

@@ -1,0 +1,290 @@
+//! The participant.
+
+use interfaces::{CameraPose, Command, Couples, Housekeeping, Measured, TargetState, Truth};
+use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::wire;
+use multibody::{Method, Quaternion, rotation};
+use nalgebra::Vector3;
+
+use crate::actuators::Actuators;
+use crate::dynamics::{
+    Books, Forces, Grasp, Mechanics, Model, Motion, Servicer, Target, Totals, quaternion_of, stop_joints,
+};
+use crate::parameters::{AfterGrasp, Parameters, Start, TargetStart};
+use crate::saved::Saved;
+use crate::sensors::{Sensors, Source};
+use crate::truth::TruthTeller;
+
+/// The input ports, by number.
+const COMMAND: usize = 0;
+const COUPLES: usize = 1;
+/// The output ports, by number.
+const MEASURED: usize = 0;
+const TARGET: usize = 1;
+const CAMERA: usize = 2;
+const HOUSEKEEPING: usize = 3;
+const TRUTH: usize = 4;
+
+/// The plant.
+#[derive(Debug)]
+pub struct Plant {
+    model: Model,
+    method: Method,
+    substeps: u32,
+    after_grasp: Option<AfterGrasp>,
+    actuators: Actuators,
+    sensors: Sensors,
+    motion: Motion,
+    target: Target,
+    forces: Forces,
+    books: Books,
+    grasp: Option<Grasp>,
+    teller: TruthTeller,
+}
+
+impl Plant {
+    /// A plant at its start.
+    ///
+    /// # Errors
+    /// Names the parameter that is refused.
+    pub fn new(setup: &Setup, parameters: &Parameters) -> Result<Self, ParameterError> {
+        let model = Model::new(&parameters.urdf, &parameters.servicer, &parameters.target)?;
+        let method = match parameters.integrator.method.parse() {
+            // the books are integrated with the motion, which the method on the group does not offer
+            Ok(method @ (Method::Rk4 | Method::Dop853)) => method,
+            _ => {
+                let reason = format!(
+                    "`{}` is not here; the plant's are rk4 and dop853",
+                    parameters.integrator.method
+                );
+                return Err(ParameterError::new("integrator.method", reason));
+            }
+        };
+        if !(1..=1000).contains(&parameters.integrator.substeps) {
+            let reason = format!("{} is not between 1 and 1000", parameters.integrator.substeps);
+            return Err(ParameterError::new("integrator.substeps", reason));
+        }
+        let actuators = Actuators::new(
+            &parameters.actuators,
+            &parameters.faults,
+            &parameters.servicer.arm.joints,
+            setup.period,
+        )?;
+        let source = Source {
+            seed: setup.seed,
+            participant: &setup.name,
+            period: setup.period,
+        };
+        let motion = Motion {
+            servicer: servicer_at(&parameters.start),
+            wheel_momentum: parameters.actuators.wheels.start_momentum.si().into(),
+            impulse: Vector3::zeros(),
+            angular_impulse: Vector3::zeros(),
+            work: 0.0,
+            loss: 0.0,
+        };
+        let target = target_at(&parameters.target_start);
+        let books = Books {
+            start: Totals::of(&model, &motion, &target, false),
+            impact_loss: 0.0,
+        };
+        Ok(Self {
+            model,
+            method,
+            substeps: parameters.integrator.substeps,
+            after_grasp: parameters.after_grasp.clone(),
+            actuators,
+            sensors: Sensors::new(&parameters.sensors, source)?,
+            motion,
+            target,
+            forces: Forces {
+                wheel_torque: Vector3::zeros(),
+                thruster_force: Vector3::zeros(),
+                thruster_torque: Vector3::zeros(),
+                joint_torque: [0.0; 7],
+                braked: [false; 7],
+            },
+            books,
+            grasp: None,
+            teller: TruthTeller::default(),
+        })
+    }
+
+    fn integrate(&mut self, period: f64) {
+        let mechanics = Mechanics {
+            tree: &self.model.tree,
+            gyroscopic: self.actuators.gyroscopic(),
+        };
+        let h = period / f64::from(self.substeps);
+        for _ in 0..self.substeps {
+            self.motion = match self.method {
+                Method::Dop853 => multibody::dop853(&mechanics, &self.motion, &self.forces, h),
+                _ => multibody::rk4(&mechanics, &self.motion, &self.forces, h),
+            };
+            if self.grasp.is_none() {
+                self.target = self
+                    .model
+                    .target
+                    .step(self.method, &self.target, &nalgebra::SVector::zeros(), h);
+            }
+        }
+        if let Some(grasp) = &self.grasp {
+            self.target = self.model.carried(&self.motion.servicer, &grasp.held);
+        }
+    }
+
+    /// Closes the gripper at `t` if it is time and the end effector is near enough. What was given out for `t` stays the
+    /// state just before the impact.
+    fn try_grasp(&mut self, t: f64) {
+        let Some(after) = &self.after_grasp else {
+            return;
+        };
+        // half a nanosecond: an instant of the plant and one of the scenario are rounded apart from each other
+        if self.grasp.is_some() || t < after.at.si() - 5e-10 {
+            return;
+        }
+        let (within, within_angle) = (after.within.si(), after.within_angle.si());
+        let truth = self.tell();
+        if truth.position_error <= within && truth.attitude_error <= within_angle {
+            self.grasp = self.model.grasp(&mut self.motion.servicer, &mut self.target);
+            self.books.impact_loss += self.grasp.map_or(0.0, |grasp| grasp.loss);
+        }
+    }
+
+    fn tell(&mut self) -> Truth {
+        let (forces, books) = (&self.forces, &self.books);
+        self.teller.tell(
+            &self.model,
+            &self.motion,
+            &self.target,
+            forces,
+            books,
+            self.grasp.is_some(),
+        )
+    }
+
+    /// Writes output number `k`, at `t`, s.
+    fn write(&mut self, k: u64, t: f64, outputs: &mut Outputs) {
+        let truth = self.tell();
+        *outputs.get_mut::<Truth>(TRUTH) = truth;
+        *outputs.get_mut::<Measured>(MEASURED) = *self.sensors.servicer.read(k, &self.motion.servicer);
+        *outputs.get_mut::<CameraPose>(CAMERA) = *self.sensors.camera.read(k, t, &self.target);
+        *outputs.get_mut::<TargetState>(TARGET) = TargetState {
+            stamp: t,
+            p_NT_N: truth.p_NT_N,
+            quat_NT: truth.quat_NT,
+            v_NT_N: truth.v_NT_N,
+            omega_NT_T: truth.omega_NT_T,
+        };
+        *outputs.get_mut::<Housekeeping>(HOUSEKEEPING) = Housekeeping {
+            wheel_momentum_B: truth.wheel_momentum_B,
+            grasped: truth.grasped,
+            p_ET_E: self.grasp.map_or([0.0; 3], |grasp| grasp.held.p.into()),
+            quat_ET: self
+                .grasp
+                .map_or([0.0; 4], |grasp| quaternion_of(&grasp.held.r).to_wxyz()),
+        };
+    }
+}
+
+impl Participant for Plant {
+    fn interface(&self) -> Interface {
+        Interface::new(Kind::Continuous)
+            .input::<Command>("command")
+            .optional_input::<Couples>("couples")
+            .output::<Measured>("measured")
+            .output::<TargetState>("target")
+            .output::<CameraPose>("camera")
+            .output::<Housekeeping>("housekeeping")
+            .output::<Truth>("truth")
+    }
+
+    fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        self.write(0, t, outputs);
+        Ok(())
+    }
+
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        self.try_grasp(step.t);
+        let forces = self.actuators.apply(
+            step.t,
+            inputs.get::<Command>(COMMAND),
+            inputs.get::<Couples>(COUPLES),
+            &self.motion.wheel_momentum,
+        );
+        if forces
+            .braked
+            .iter()
+            .zip(&self.forces.braked)
+            .any(|(now, before)| *now && !before)
+        {
+            self.books.impact_loss += stop_joints(&self.model.tree, &mut self.motion.servicer, &forces.braked);
+        }
+        self.forces = forces;
+        self.integrate(step.period);
+        self.write(step.index + 1, step.t_next, outputs);
+        Ok(())
+    }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        let saved = Saved::of(
+            &self.motion,
+            &self.target,
+            &self.forces,
+            (self.actuators.state(), self.sensors.state()),
+            &self.books,
+            self.grasp.as_ref(),
+            self.teller.last,
+        );
+        wire::encode("the plant's state", &saved).ok()
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
+        let saved: Saved = wire::decode("the plant's state", state)?;
+        let (motion, target) = saved
+            .motion()
+            .ok_or("the state is of a plant with another number of joints")?;
+        let grasp = saved.grasp();
+        match (&grasp, &self.grasp) {
+            (Some(grasp), None) => self.model.restore_grasp(&grasp.held),
+            (None, None) => {}
+            _ => return Err("a plant that has grasped its target cannot be restored: start a new one".into()),
+        }
+        (self.motion, self.target, self.grasp) = (motion, target, grasp);
+        self.forces = saved.forces();
+        self.books = saved.books();
+        self.actuators.restore(&saved.actuators);
+        self.sensors.restore(&saved.sensors);
+        self.teller.last = saved.signs;
+        Ok(())
+    }
+}
+
+fn quaternion([roll, pitch, yaw]: [f64; 3]) -> Quaternion {
+    if [roll, pitch, yaw] == [0.0; 3] {
+        return Quaternion::IDENTITY;
+    }
+    quaternion_of(&rotation::roll_pitch_yaw(roll, pitch, yaw))
+}
+
+fn servicer_at(start: &Start) -> Servicer {
+    let mut state = Servicer::rest();
+    state.p_nb = start.position.si().into();
+    state.quat_nb = quaternion(start.attitude.si());
+    let q = start.joints.si().into_iter().chain(start.slosh.si());
+    state.q.iter_mut().zip(q).for_each(|(slot, value)| *slot = value);
+    let nu = start.rate.si().into_iter().chain(start.velocity.si());
+    let nu = nu.chain(start.joint_rates.si()).chain(start.slosh_rates.si());
+    state.nu.iter_mut().zip(nu).for_each(|(slot, value)| *slot = value);
+    state
+}
+
+fn target_at(start: &TargetStart) -> Target {
+    let mut state = Target::rest();
+    state.p_nb = start.position.si().into();
+    state.quat_nb = quaternion(start.attitude.si());
+    let v = state.quat_nb.rotate_back(&start.velocity.si().into());
+    let nu = start.rate.si().into_iter().chain(v.iter().copied());
+    state.nu.iter_mut().zip(nu).for_each(|(slot, value)| *slot = value);
+    state
+}

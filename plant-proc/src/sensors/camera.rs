@@ -1,0 +1,123 @@
+//! The camera: a pose of the target every now and then.
+
+use interfaces::CameraPose;
+use lockstep::participant::ParameterError;
+use lockstep::units::{Angle, Length, Quantity, Time};
+use multibody::Quaternion;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::errors::samples_every;
+use super::{ErrorParameters, ErrorState, Errors, Source};
+use crate::dynamics::Target;
+
+/// The camera of a scenario.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CameraParameters {
+    /// Time between two pictures, a multiple of the plant's period. How long a picture takes to be understood is a delay
+    /// of the link.
+    pub period: Quantity<Time>,
+    /// Errors of the position, world axes; `period` in it is not used.
+    pub position: ErrorParameters<Length, 3>,
+    /// Errors of the attitude: small turns about target axes; `period` in it is not used.
+    pub attitude: ErrorParameters<Angle, 3>,
+}
+
+impl Default for CameraParameters {
+    /// Exact, ten pictures a second.
+    fn default() -> Self {
+        Self {
+            period: Quantity::of(0.1),
+            position: ErrorParameters::default(),
+            attitude: ErrorParameters::default(),
+        }
+    }
+}
+
+/// All that the camera remembers: its errors, and the last picture.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct CameraState {
+    errors: [ErrorState; 2],
+    held: [f64; 8],
+}
+
+/// The camera.
+#[derive(Debug, Clone)]
+pub struct Camera {
+    position: Errors<3>,
+    attitude: Errors<3>,
+    held: CameraPose,
+}
+
+impl Camera {
+    /// A camera that has seen nothing yet.
+    ///
+    /// # Errors
+    /// Names the parameter that is out of range.
+    pub fn new(parameters: &CameraParameters, source: Source) -> Result<Self, ParameterError> {
+        samples_every(Some(parameters.period), source.period)
+            .map_err(|reason| ParameterError::new("sensors.camera.period", reason))?;
+        let mut parameters = parameters.clone();
+        for (key, given) in [
+            ("position", &parameters.position.period),
+            ("attitude", &parameters.attitude.period),
+        ] {
+            if given.is_some() {
+                let reason = "position and attitude come from one picture; set sensors.camera.period";
+                return Err(ParameterError::new(format!("sensors.camera.{key}.period"), reason));
+            }
+        }
+        parameters.position.period = Some(parameters.period);
+        parameters.attitude.period = Some(parameters.period);
+        Ok(Self {
+            position: Errors::new("sensors.camera.position", &parameters.position, source)?,
+            attitude: Errors::new("sensors.camera.attitude", &parameters.attitude, source)?,
+            held: CameraPose::default(),
+        })
+    }
+
+    pub fn state(&self) -> CameraState {
+        let CameraPose {
+            stamp,
+            p_NT_N: [x, y, z],
+            quat_NT: [a, b, c, d],
+        } = self.held;
+        CameraState {
+            errors: [self.position.state(), self.attitude.state()],
+            held: [stamp, x, y, z, a, b, c, d],
+        }
+    }
+
+    pub fn restore(&mut self, state: &CameraState) {
+        self.position.restore(&state.errors[0]);
+        self.attitude.restore(&state.errors[1]);
+        let [stamp, x, y, z, a, b, c, d] = state.held;
+        self.held = CameraPose {
+            stamp,
+            p_NT_N: [x, y, z],
+            quat_NT: [a, b, c, d],
+        };
+    }
+
+    /// The last picture, with the plant's output number `k` at `t`, s.
+    pub fn read(&mut self, k: u64, t: f64, target: &Target) -> &CameraPose {
+        if let Some(n) = self.position.due(k) {
+            let error = self.attitude.read(n, [0.0; 3]);
+            let attitude = if error == [0.0; 3] {
+                target.quat_nb
+            } else {
+                target
+                    .quat_nb
+                    .times(Quaternion::exp(&Vector3::from(error)))
+                    .normalized()
+            };
+            self.held = CameraPose {
+                stamp: t,
+                p_NT_N: self.position.read(n, target.p_nb.into()),
+                quat_NT: attitude.to_wxyz(),
+            };
+        }
+        &self.held
+    }
+}

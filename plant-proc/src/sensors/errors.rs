@@ -1,0 +1,288 @@
+//! The errors of one sensor with `N` channels.
+
+use lockstep::participant::ParameterError;
+use lockstep::random::Stream;
+use lockstep::units::{Each, Kind, Quantity, Time};
+use serde::{Deserialize, Serialize};
+
+use super::Source;
+
+/// Errors of a sensor, all zero unless given.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default, bound = "K: Kind")]
+pub struct ErrorParameters<K, const N: usize> {
+    /// Time between two samples, a multiple of the plant's period; the last sample is held. Every period unless given.
+    pub period: Option<Quantity<Time>>,
+    /// Constant error of each channel.
+    pub bias: Each<K, N>,
+    /// Standard deviation that a random walk of each channel's error gains in one second.
+    pub walk: Quantity<K>,
+    /// Standard deviation of a slow error of each channel, first-order Gauss-Markov.
+    pub drift: Quantity<K>,
+    /// Time constant of the slow error.
+    pub drift_time: Option<Quantity<Time>>,
+    /// Standard deviation of each sample's own error.
+    pub white: Quantity<K>,
+    /// Step of the reading.
+    pub quantum: Quantity<K>,
+}
+
+impl<K, const N: usize> Default for ErrorParameters<K, N> {
+    fn default() -> Self {
+        Self {
+            period: None,
+            bias: Each::of([0.0; N]),
+            walk: Quantity::of(0.0),
+            drift: Quantity::of(0.0),
+            drift_time: None,
+            white: Quantity::of(0.0),
+            quantum: Quantity::of(0.0),
+        }
+    }
+}
+
+/// All that the errors of a sensor remember.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct ErrorState {
+    walk: Vec<f64>,
+    drift: Vec<f64>,
+}
+
+/// The errors of a sensor.
+#[derive(Debug, Clone)]
+pub struct Errors<const N: usize> {
+    every: u64,
+    bias: [f64; N],
+    /// Growth of the walk a sample.
+    walk_step: f64,
+    /// What is left of the drift a sample later, its standard deviation, and that of what comes new.
+    drift: (f64, f64, f64),
+    white: f64,
+    quantum: f64,
+    streams: [[Stream; N]; 3],
+    walked: [f64; N],
+    drifted: [f64; N],
+}
+
+impl<const N: usize> Errors<N> {
+    /// The errors of the sensor whose parameters stand at `key`.
+    ///
+    /// # Errors
+    /// Names the parameter that is out of range.
+    pub fn new<K: Kind>(key: &str, parameters: &ErrorParameters<K, N>, source: Source) -> Result<Self, ParameterError> {
+        let refuse = |name: &str, reason: String| ParameterError::new(format!("{key}.{name}"), reason);
+        for (name, value) in [
+            ("walk", parameters.walk.si()),
+            ("drift", parameters.drift.si()),
+            ("white", parameters.white.si()),
+            ("quantum", parameters.quantum.si()),
+        ] {
+            if value < 0.0 {
+                let reason = format!(
+                    "{value} {} is negative; write a size such as \"{}\"",
+                    K::DIMENSION,
+                    K::EXAMPLE
+                );
+                return Err(refuse(name, reason));
+            }
+        }
+        let every = samples_every(parameters.period, source.period).map_err(|reason| refuse("period", reason))?;
+        let period = every as f64 * source.period;
+        let sigma = parameters.drift.si();
+        let left = match parameters.drift_time.map(|time| time.si()) {
+            Some(time) if time > 0.0 => libm::exp(-period / time),
+            Some(time) => return Err(refuse("drift_time", format!("{time} s is not above zero"))),
+            None if sigma > 0.0 => {
+                return Err(refuse(
+                    "drift_time",
+                    "a drift needs its time constant, such as \"5 s\"".to_owned(),
+                ));
+            }
+            None => 0.0,
+        };
+        let streams = ["walk", "drift", "white"].map(|what| {
+            std::array::from_fn(|channel| {
+                let name = format!("{} {key} {what} {channel}", source.participant);
+                Stream::new(source.seed, &name)
+            })
+        });
+        let mut errors = Self {
+            every,
+            bias: parameters.bias.si(),
+            walk_step: parameters.walk.si() * period.sqrt(),
+            drift: (left, sigma, sigma * (1.0 - left * left).sqrt()),
+            white: parameters.white.si(),
+            quantum: parameters.quantum.si(),
+            streams,
+            walked: [0.0; N],
+            drifted: [0.0; N],
+        };
+        // the drift is stationary from the start
+        for channel in 0..N {
+            errors.drifted[channel] = sigma * gaussian(&errors.streams[1][channel], 0);
+        }
+        Ok(errors)
+    }
+
+    /// All that they remember.
+    pub fn state(&self) -> ErrorState {
+        ErrorState {
+            walk: self.walked.to_vec(),
+            drift: self.drifted.to_vec(),
+        }
+    }
+
+    /// Continues from `state`; one of another sensor is ignored.
+    pub fn restore(&mut self, state: &ErrorState) {
+        if let (Ok(walk), Ok(drift)) = (state.walk[..].try_into(), state.drift[..].try_into()) {
+            (self.walked, self.drifted) = (walk, drift);
+        }
+    }
+
+    /// The number of the sample that is taken with the plant's output number `k`, if there is one.
+    pub fn due(&self, k: u64) -> Option<u64> {
+        k.is_multiple_of(self.every).then(|| k / self.every)
+    }
+
+    /// The error of sample number `n`, without quantisation. Samples are taken in order.
+    pub fn error(&mut self, n: u64) -> [f64; N] {
+        let [walk, drift, white] = &self.streams;
+        let (left, sigma, fresh) = self.drift;
+        std::array::from_fn(|channel| {
+            if n > 0 && self.walk_step > 0.0 {
+                self.walked[channel] += self.walk_step * gaussian(&walk[channel], n);
+            }
+            if n > 0 && sigma > 0.0 {
+                self.drifted[channel] = left * self.drifted[channel] + fresh * gaussian(&drift[channel], n);
+            }
+            let mut error = self.bias[channel] + self.walked[channel] + self.drifted[channel];
+            if self.white > 0.0 {
+                error += self.white * gaussian(&white[channel], n);
+            }
+            error
+        })
+    }
+
+    /// The reading nearest to `value`.
+    pub fn quantised(&self, value: f64) -> f64 {
+        if self.quantum > 0.0 {
+            (value / self.quantum).round_ties_even() * self.quantum
+        } else {
+            value
+        }
+    }
+
+    /// What the sensor reads in sample number `n` of these values.
+    pub fn read(&mut self, n: u64, values: [f64; N]) -> [f64; N] {
+        let error = self.error(n);
+        std::array::from_fn(|channel| self.quantised(values[channel] + error[channel]))
+    }
+}
+
+/// How many of the plant's periods make one of the sensor's.
+pub fn samples_every(period: Option<Quantity<Time>>, plant: f64) -> Result<u64, String> {
+    let Some(period) = period.map(|period| period.si()) else {
+        return Ok(1);
+    };
+    let every = (period / plant).round_ties_even();
+    if !(1.0..1e9).contains(&every) || (every * plant - period).abs() > 1e-9 * period {
+        return Err(format!(
+            "{period} s is not a multiple of the plant's period, {plant} s; a sensor samples at the plant's instants"
+        ));
+    }
+    Ok(every as u64)
+}
+
+/// Draw number `n` of a standard normal distribution (Box and Muller).
+pub fn gaussian(stream: &Stream, n: u64) -> f64 {
+    // the first uniform number is above zero, so that its logarithm is finite
+    let radius = (-2.0 * libm::log(1.0 - stream.uniform(2 * n))).sqrt();
+    radius * libm::cos(std::f64::consts::TAU * stream.uniform(2 * n + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lockstep::units::Length;
+
+    fn errors(parameters: &ErrorParameters<Length, 3>) -> Errors<3> {
+        let source = Source {
+            seed: 7,
+            participant: "plant",
+            period: 0.001,
+        };
+        Errors::new("sensors.position", parameters, source).unwrap()
+    }
+
+    #[test]
+    fn exact_unless_asked_otherwise() {
+        let mut exact = errors(&ErrorParameters::default());
+        assert_eq!(exact.read(0, [0.1, -0.2, 1e9]), [0.1, -0.2, 1e9]);
+    }
+
+    #[test]
+    fn draws_are_normal_and_independent_of_order() {
+        let stream = Stream::new(3, "x");
+        let n = 200_000;
+        let draws: Vec<f64> = (0..n).map(|i| gaussian(&stream, i)).collect();
+        let moment = |k: i32| draws.iter().map(|z| z.powi(k)).sum::<f64>() / n as f64;
+        assert!(moment(1).abs() < 0.01 && (moment(2) - 1.0).abs() < 0.01);
+        assert!(moment(3).abs() < 0.05 && (moment(4) - 3.0).abs() < 0.1);
+        assert_eq!(gaussian(&stream, 17), draws[17]);
+    }
+
+    #[test]
+    fn drift_has_its_size_and_time_constant() {
+        let mut drifting = errors(&ErrorParameters {
+            drift: Quantity::of(0.003),
+            drift_time: Some(Quantity::of(5.0)),
+            period: Some(Quantity::of(0.1)),
+            ..ErrorParameters::default()
+        });
+        let n = 200_000;
+        let x: Vec<f64> = (0..n).map(|i| drifting.error(i)[0]).collect();
+        let correlation = |lag: usize| x.iter().zip(&x[lag..]).map(|(a, b)| a * b).sum::<f64>() / n as f64;
+        assert!(
+            (correlation(0).sqrt() - 0.003).abs() < 0.0003,
+            "{}",
+            correlation(0).sqrt()
+        );
+        // after 5 s, fifty samples, 1/e is left
+        assert!((correlation(50) / correlation(0) - 0.3679).abs() < 0.06);
+    }
+
+    #[test]
+    fn a_walk_grows_with_the_root_of_time() {
+        let parameters = ErrorParameters::<Length, 3> {
+            walk: Quantity::of(0.01),
+            ..ErrorParameters::default()
+        };
+        let ends: Vec<f64> = (0..300)
+            .flat_map(|seed| {
+                let source = Source {
+                    seed,
+                    participant: "plant",
+                    period: 0.001,
+                };
+                let mut walking = Errors::new("a", &parameters, source).unwrap();
+                (0..4000).map(|n| walking.error(n)).last().unwrap()
+            })
+            .collect();
+        let sigma = (ends.iter().map(|x| x * x).sum::<f64>() / ends.len() as f64).sqrt();
+        assert!((sigma - 0.02).abs() < 0.002, "{sigma}");
+    }
+
+    #[test]
+    fn samples_are_taken_at_multiples_of_the_plants_period() {
+        let slow = errors(&ErrorParameters {
+            period: Some(Quantity::of(0.01)),
+            ..ErrorParameters::default()
+        });
+        assert_eq!((slow.due(0), slow.due(9), slow.due(30)), (Some(0), None, Some(3)));
+        assert!(
+            samples_every(Some(Quantity::of(0.0015)), 0.001)
+                .unwrap_err()
+                .contains("multiple")
+        );
+    }
+}

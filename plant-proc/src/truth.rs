@@ -1,0 +1,102 @@
+//! What the truth port tells.
+
+use interfaces::Truth;
+use multibody::Quaternion;
+use nalgebra::Vector3;
+
+use crate::dynamics::{Books, Forces, Model, Motion, Target, Totals, quaternion_of};
+
+/// Fills a [`Truth`]. Keeps the signs of the quaternions that come from rotation matrices, so that they do not jump.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TruthTeller {
+    /// Attitudes of end effector and grasp frame as they were given out last; zeros before.
+    pub last: [[f64; 4]; 2],
+}
+
+impl TruthTeller {
+    /// The truth about this motion, with `forces` the actuators' over the step that led here.
+    pub fn tell(
+        &mut self,
+        model: &Model,
+        motion: &Motion,
+        target: &Target,
+        forces: &Forces,
+        books: &Books,
+        grasped: bool,
+    ) -> Truth {
+        let servicer = &motion.servicer;
+        let kinematics = model.kinematics(servicer);
+        let p_BE = model.tree.placement(&kinematics, model.end_effector);
+        let (omega_NE_E, v_NE_E) = model.twist(&kinematics, servicer);
+        let quat_NE = servicer.quat_nb.times(quaternion_of(&p_BE.r));
+        let p_NE = servicer.p_nb + servicer.quat_nb.rotate(&p_BE.p);
+        let v_NE = quat_NE.rotate(&v_NE_E);
+
+        let quat_TG = quaternion_of(&model.grasp.r);
+        let quat_NG = target.quat_nb.times(quat_TG);
+        let p_NG = target.p_nb + target.quat_nb.rotate(&model.grasp.p);
+        let omega_NT = target.omega();
+        let v_NT = target.quat_nb.rotate(&target.velocity());
+        let v_NG = v_NT + target.quat_nb.rotate(&omega_NT.cross(&model.grasp.p));
+
+        let apart = quat_NG.conjugate().times(quat_NE);
+        let relative_rate = quat_NE.rotate(&omega_NE_E) - target.quat_nb.rotate(&omega_NT);
+        let totals = Totals::of(model, motion, target, grasped);
+        let residual = books.residual(&totals, motion);
+        let [quat_NE, quat_NG] = [(0, quat_NE), (1, quat_NG)].map(|(at, quat)| self.continuous(at, quat));
+        Truth {
+            p_NB_N: servicer.p_nb.into(),
+            quat_NB: servicer.quat_nb.to_wxyz(),
+            q: std::array::from_fn(|joint| servicer.q[joint]),
+            slosh: [servicer.q[7], servicer.q[8]],
+            omega_NB_B: servicer.omega().into(),
+            v_NB_B: servicer.velocity().into(),
+            qdot: std::array::from_fn(|joint| servicer.nu[6 + joint]),
+            slosh_rate: [servicer.nu[13], servicer.nu[14]],
+            wheel_torque_B: forces.wheel_torque.into(),
+            thruster_force_B: forces.thruster_force.into(),
+            thruster_torque_B: forces.thruster_torque.into(),
+            tau: forces.joint_torque,
+            wheel_momentum_B: motion.wheel_momentum.into(),
+            p_NE_N: p_NE.into(),
+            quat_NE,
+            v_NE_N: v_NE.into(),
+            omega_NE_E: omega_NE_E.into(),
+            p_NT_N: target.p_nb.into(),
+            quat_NT: target.quat_nb.to_wxyz(),
+            v_NT_N: v_NT.into(),
+            omega_NT_T: omega_NT.into(),
+            p_NG_N: p_NG.into(),
+            quat_NG,
+            position_error: (p_NE - p_NG).norm(),
+            attitude_error: angle_of(apart),
+            relative_speed: (v_NE - v_NG).norm(),
+            relative_rate: relative_rate.norm(),
+            grasped: f64::from(u8::from(grasped)),
+            linear_momentum_N: totals.linear.into(),
+            angular_momentum_N: totals.angular.into(),
+            energy: totals.energy,
+            actuator_work: motion.work,
+            damper_loss: motion.loss,
+            impact_loss: books.impact_loss,
+            linear_residual_N: residual.linear.into(),
+            angular_residual_N: residual.angular.into(),
+            energy_residual: residual.energy,
+        }
+    }
+
+    fn continuous(&mut self, at: usize, quat: Quaternion) -> [f64; 4] {
+        let mut quat = quat.to_wxyz();
+        let along: f64 = quat.iter().zip(&self.last[at]).map(|(new, old)| new * old).sum();
+        if along < 0.0 {
+            quat = quat.map(|value| -value);
+        }
+        self.last[at] = quat;
+        quat
+    }
+}
+
+/// The angle of a rotation, the short way, rad.
+pub fn angle_of(q: Quaternion) -> f64 {
+    2.0 * libm::atan2(Vector3::new(q.x, q.y, q.z).norm(), q.w.abs())
+}

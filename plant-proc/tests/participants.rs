@@ -1,0 +1,174 @@
+//! What every stock participant promises: no allocation in a step, and a state that is complete.
+
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use common::{load, make};
+use interfaces::{CameraPose, Command, Housekeeping, Measured, SetPoint, TargetState};
+use lockstep::participant::{Inputs, Outputs, Participant, Setup, Step};
+use toml::Table;
+
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: every call goes to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// A participant with its ports.
+struct Seat {
+    setup: Setup,
+    participant: Box<dyn Participant>,
+    inputs: Inputs,
+    outputs: Outputs,
+    steps: u64,
+}
+
+impl Seat {
+    fn new(scenario: &Table, name: &str) -> Seat {
+        let (setup, mut participant) = make(scenario, name);
+        let interface = participant.interface();
+        let mut outputs = Outputs::zeroed(&interface);
+        participant.initialise(0.0, &mut outputs).unwrap();
+        Seat {
+            setup,
+            participant,
+            inputs: Inputs::zeroed(&interface),
+            outputs,
+            steps: 0,
+        }
+    }
+
+    fn step(&mut self) {
+        let (k, period) = (self.steps, self.setup.period);
+        let step = Step {
+            index: k,
+            t: k as f64 * period,
+            t_next: (k + 1) as f64 * period,
+            period,
+        };
+        self.participant.step(&step, &self.inputs, &mut self.outputs).unwrap();
+        self.steps += 1;
+    }
+}
+
+/// Plant, guidance and controller wired by hand, without delays.
+struct World {
+    plant: Seat,
+    guidance: Seat,
+    controller: Seat,
+}
+
+impl World {
+    fn new(name: &str) -> World {
+        let mut scenario = load(name);
+        // early, so that a short run sees it
+        if let Some(after) = scenario["participants"]["plant"]["parameters"].get_mut("after_grasp") {
+            after["at"] = "0.15 s".into();
+            after["within"] = "10 m".into();
+            after["within_angle"] = "180 deg".into();
+        }
+        World {
+            plant: Seat::new(&scenario, "plant"),
+            guidance: Seat::new(&scenario, "guidance"),
+            controller: Seat::new(&scenario, "controller"),
+        }
+    }
+
+    /// Ten milliseconds.
+    fn advance(&mut self) {
+        let (plant, guidance, controller) = (&mut self.plant, &mut self.guidance, &mut self.controller);
+        *guidance.inputs.get_mut::<Measured>(0) = *plant.outputs.get(0);
+        *guidance.inputs.get_mut::<TargetState>(1) = *plant.outputs.get(1);
+        *guidance.inputs.get_mut::<CameraPose>(2) = *plant.outputs.get(2);
+        guidance.step();
+        *controller.inputs.get_mut::<Measured>(0) = *plant.outputs.get(0);
+        *controller.inputs.get_mut::<SetPoint>(1) = *guidance.outputs.get(0);
+        *controller.inputs.get_mut::<SetPoint>(2) = *guidance.outputs.get(1);
+        *controller.inputs.get_mut::<Housekeeping>(3) = *plant.outputs.get(3);
+        controller.step();
+        *plant.inputs.get_mut::<Command>(0) = *controller.outputs.get(0);
+        for _ in 0..10 {
+            plant.step();
+        }
+    }
+
+    fn seats(&mut self) -> [&mut Seat; 3] {
+        [&mut self.plant, &mut self.guidance, &mut self.controller]
+    }
+
+    /// All outputs as bits.
+    fn outputs(&mut self) -> Vec<u8> {
+        let mut all = Vec::new();
+        for seat in self.seats() {
+            let ports = seat.participant.interface().outputs.len();
+            (0..ports).for_each(|port| all.extend_from_slice(seat.outputs.bytes_mut(port)));
+        }
+        all
+    }
+}
+
+#[test]
+fn no_step_allocates() {
+    for name in ["close", "realistic", "reference-close", "capture-and-stabilise"] {
+        let mut world = World::new(name);
+        world.advance();
+        let before = ALLOCATIONS.with(Cell::get);
+        (0..40).for_each(|_| world.advance());
+        assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0, "{name}");
+    }
+}
+
+#[test]
+fn a_restored_participant_continues_to_the_last_bit() {
+    for name in ["close", "realistic", "reference-close", "capture-and-stabilise"] {
+        let mut original = World::new(name);
+        (0..23).for_each(|_| original.advance());
+        let mut restored = World::new(name);
+        for (from, to) in original.seats().into_iter().zip(restored.seats()) {
+            let state = from.participant.save().unwrap();
+            to.participant.restore(&state).unwrap();
+            to.steps = from.steps;
+            let ports = from.participant.interface().outputs.len();
+            (0..ports).for_each(|port| to.outputs.bytes_mut(port).copy_from_slice(from.outputs.bytes_mut(port)));
+        }
+        for _ in 0..23 {
+            original.advance();
+            restored.advance();
+            assert!(original.outputs() == restored.outputs(), "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_state_that_is_none_is_refused() {
+    let mut world = World::new("close");
+    for seat in world.seats() {
+        let state = seat.participant.save().unwrap();
+        for bad in [&state[..state.len() - 1], &[], &[7; 40]] {
+            assert!(seat.participant.restore(bad).is_err(), "{}", seat.setup.name);
+        }
+    }
+}

@@ -1,0 +1,524 @@
+//! The rules of the code base's layout, over `cargo metadata` and the sources: what may depend on what, and what must not be
+//! said where. `ARCHITECTURE.md` gives the reasons.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use escapement_tests::program::root;
+
+/// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
+/// link anything and is linked by nobody.
+const ARROWS: [(&str, &[&str]); 11] = [
+    ("lockstep", &[]),
+    ("multibody", &[]),
+    ("guidance-laws", &["multibody"]),
+    ("control-laws", &["guidance-laws", "multibody"]),
+    ("synthesis", &["control-laws", "multibody"]),
+    ("interfaces", &["lockstep", "multibody"]),
+    ("recorder", &["lockstep", "multibody"]),
+    ("plant-proc", &["interfaces", "lockstep", "multibody"]),
+    (
+        "controller-proc",
+        &["control-laws", "guidance-laws", "interfaces", "lockstep", "multibody"],
+    ),
+    (
+        "guidance-proc",
+        &["guidance-laws", "interfaces", "lockstep", "multibody"],
+    ),
+    (
+        "orchestrator",
+        &[
+            "control-laws",
+            "controller-proc",
+            "guidance-laws",
+            "guidance-proc",
+            "interfaces",
+            "lockstep",
+            "multibody",
+            "plant-proc",
+            "recorder",
+            "synthesis",
+        ],
+    ),
+];
+
+/// Values in, values out.
+const MODELS: [&str; 4] = ["multibody", "control-laws", "guidance-laws", "synthesis"];
+
+/// A package of the workspace.
+struct Package {
+    name: String,
+    folder: PathBuf,
+    /// What it is linked with, tests and benches left out.
+    dependencies: Vec<String>,
+}
+
+fn packages() -> &'static [Package] {
+    static READ: OnceLock<Vec<Package>> = OnceLock::new();
+    READ.get_or_init(|| {
+        let said = Command::new(env!("CARGO"))
+            .current_dir(root())
+            .args(["metadata", "--format-version", "1", "--offline", "--no-deps"])
+            .output()
+            .expect("cargo can be started");
+        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+        let all: serde_json::Value = serde_json::from_slice(&said.stdout).expect("cargo metadata gives JSON");
+        let list = |value: &serde_json::Value| value.as_array().cloned().unwrap_or_default();
+        let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
+        list(&all["packages"])
+            .iter()
+            .map(|package| Package {
+                name: text(&package["name"]),
+                folder: Path::new(&text(&package["manifest_path"])).parent().unwrap().to_owned(),
+                dependencies: list(&package["dependencies"])
+                    .iter()
+                    .filter(|one| one["kind"] != "dev")
+                    .map(|one| text(&one["name"]))
+                    .collect(),
+            })
+            .collect()
+    })
+}
+
+fn package(name: &str) -> &'static Package {
+    let found = packages().iter().find(|package| package.name == name);
+    found.unwrap_or_else(|| panic!("there is no package `{name}`"))
+}
+
+/// A line of a source file.
+struct Line {
+    path: String,
+    number: usize,
+    /// Everything.
+    whole: String,
+    /// Without what stands behind `//`.
+    code: String,
+    /// Part of what `#[cfg(test)]` is about.
+    test: bool,
+}
+
+/// Where a line stands.
+#[derive(Clone, Copy, PartialEq)]
+enum Part {
+    Shipped,
+    /// The line `#[cfg(test)]`, or another attribute below it.
+    Marked,
+    /// In a module or function of tests.
+    Test,
+    /// The one line, or the last line, that belongs to the tests.
+    Single,
+}
+
+/// The files with the given ending below `folder`, build products left out.
+fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if path.is_dir() {
+                if !matches!(name.as_str(), "target" | "runs") && !name.starts_with('.') {
+                    folders.push(path);
+                }
+            } else if name.ends_with(ending) {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn lines(path: &Path) -> Vec<Line> {
+    let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let shown = path.strip_prefix(root()).unwrap_or(path).display().to_string();
+    let mut part = Part::Shipped;
+    let numbered = text.lines().enumerate().map(|(number, whole)| {
+        part = match part {
+            Part::Shipped | Part::Single if whole == "#[cfg(test)]" => Part::Marked,
+            Part::Marked if whole.starts_with('#') => Part::Marked,
+            Part::Marked if whole.ends_with('{') => Part::Test,
+            Part::Marked => Part::Single,
+            Part::Test if whole == "}" => Part::Single,
+            Part::Single => Part::Shipped,
+            other => other,
+        };
+        let test = part != Part::Shipped;
+        // Two slashes behind a colon are an address, not a comment.
+        let comment = whole.match_indices("//").find(|&(at, _)| !whole[..at].ends_with(':'));
+        Line {
+            path: shown.clone(),
+            number: number + 1,
+            code: comment.map_or(whole, |(at, _)| &whole[..at]).to_owned(),
+            whole: whole.to_owned(),
+            test,
+        }
+    });
+    numbered.collect()
+}
+
+/// The lines of the sources that a package ships.
+fn shipped(package: &Package) -> Vec<Line> {
+    files(&package.folder.join("src"), ".rs")
+        .iter()
+        .flat_map(|path| lines(path))
+        .collect()
+}
+
+/// Every Rust source of the workspace.
+fn sources() -> Vec<PathBuf> {
+    files(&root(), ".rs")
+}
+
+/// Fails with file and line of everything found.
+fn none(rule: &str, found: impl IntoIterator<Item = (Line, String)>) {
+    let found: Vec<String> = found
+        .into_iter()
+        .map(|(line, what)| format!("  {}:{}: {what}: {}", line.path, line.number, line.whole.trim()))
+        .collect();
+    assert!(found.is_empty(), "{rule}\n{}", found.join("\n"));
+}
+
+/// The words in `words` that occur in `text` as words of their own, capital letters or not.
+fn says<'a>(text: &str, words: &[&'a str]) -> Option<&'a str> {
+    let lower = text.to_lowercase();
+    let parts: Vec<&str> = lower.split(|c: char| !c.is_ascii_alphanumeric()).collect();
+    // A plural is the same word.
+    words
+        .iter()
+        .find(|word| {
+            parts
+                .iter()
+                .any(|part| part.strip_suffix('s').unwrap_or(part) == **word || part == *word)
+        })
+        .copied()
+}
+
+/// The modules of the standard library that a line of code names, also in `use std::{a, b::c}`.
+fn of_std(code: &str, modules: &[&str]) -> Option<String> {
+    for (at, _) in code.match_indices("std::") {
+        let rest = &code[at + 5..];
+        let names: Vec<&str> = match rest.strip_prefix('{') {
+            Some(group) => group.split(['{', '}', ',']).map(str::trim).collect(),
+            None => vec![rest],
+        };
+        for name in names {
+            let first = name.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').next();
+            if let Some(module) = first.filter(|first| modules.contains(first)) {
+                return Some(format!("std::{module}"));
+            }
+        }
+    }
+    None
+}
+
+#[test]
+fn arrows_only_point_down() {
+    let arrows: BTreeMap<&str, &[&str]> = ARROWS.into_iter().collect();
+    let ours: Vec<&str> = packages().iter().map(|package| package.name.as_str()).collect();
+    let mut wrong = Vec::new();
+    for package in packages() {
+        let inner = package
+            .folder
+            .strip_prefix(root())
+            .unwrap_or(&package.folder)
+            .starts_with("crates");
+        let allowed = arrows.get(package.name.as_str());
+        if inner && allowed.is_none() {
+            wrong.push(format!(
+                "  {} is not in the table ARROWS of this test: say what it may link",
+                package.name
+            ));
+        }
+        for dependency in package.dependencies.iter().filter(|name| ours.contains(&name.as_str())) {
+            if allowed.is_some_and(|allowed| !allowed.contains(&dependency.as_str())) {
+                let manifest = package.folder.join("Cargo.toml");
+                wrong.push(format!(
+                    "  {}: {} must not link {dependency}",
+                    manifest.display(),
+                    package.name
+                ));
+            }
+            if !arrows.contains_key(dependency.as_str()) {
+                wrong.push(format!(
+                    "  {} links {dependency}, which is nobody's library",
+                    package.name
+                ));
+            }
+        }
+    }
+    assert!(
+        wrong.is_empty(),
+        "an arrow between packages points up:\n{}",
+        wrong.join("\n")
+    );
+}
+
+#[test]
+fn models_know_no_process_file_clock_or_log() {
+    let modules = ["process", "fs", "time", "env", "net", "thread"];
+    let crates = ["log", "tracing", "rustix", "libc", "iceoryx2", "lockstep"];
+    for name in MODELS {
+        let package = package(name);
+        for dependency in &package.dependencies {
+            assert!(
+                !crates.contains(&dependency.as_str()),
+                "{name} links {dependency}: values in, values out"
+            );
+        }
+        let found = shipped(package)
+            .into_iter()
+            .filter(|line| !line.test)
+            .filter_map(|line| {
+                let what = of_std(&line.code, &modules);
+                let logs = ["log::", "tracing::"].into_iter().find(|log| line.code.contains(log));
+                let what = what.or_else(|| logs.map(str::to_owned))?;
+                Some((line, what))
+            });
+        none(
+            &format!("{name} takes values and gives values, and knows nothing else:"),
+            found,
+        );
+    }
+}
+
+#[test]
+fn the_framework_knows_no_space() {
+    let words = [
+        "spacecraft",
+        "servicer",
+        "satellite",
+        "thruster",
+        "slosh",
+        "propellant",
+        "orbit",
+        "rocket",
+        "grasp",
+        "arm",
+    ];
+    let found = files(&package("lockstep").folder, ".rs")
+        .into_iter()
+        .flat_map(|path| lines(&path))
+        .filter_map(|line| says(&line.whole, &words).map(|word| (line, word.to_owned())));
+    none("lockstep is for any simulator:", found);
+}
+
+#[test]
+fn only_the_orchestrator_starts_processes_and_handles_signals() {
+    let names = ["Command::new", "signal_hook", "process::Command", "kill_process"];
+    for package in packages() {
+        if matches!(package.name.as_str(), "orchestrator" | "escapement-tests") {
+            continue;
+        }
+        let manifest = package.dependencies.iter().any(|name| name == "signal-hook");
+        assert!(!manifest, "{} links signal-hook", package.name);
+        let found = shipped(package).into_iter().filter_map(|line| {
+            let name = names.into_iter().find(|name| line.code.contains(name))?;
+            Some((line, name.to_owned()))
+        });
+        none(
+            "a process is started or a signal handled outside of the orchestrator:",
+            found,
+        );
+    }
+}
+
+/// Every line of code outside of `home` that names the crate `name`, and every package that links it besides lockstep.
+fn only_at(home: &str, name: &str) {
+    let (path, uses) = (format!("{name}::"), format!("use {name}"));
+    let found = sources()
+        .into_iter()
+        .filter(|file| !file.starts_with(root().join(home)) && !file.ends_with("tests/tests/layout.rs"))
+        .flat_map(|file| lines(&file))
+        .filter_map(|line| {
+            // `lockstep::transport::iceoryx::…` is ours.
+            let named = line.code.contains(&path) || line.code.trim_start().starts_with(&uses);
+            named.then(|| (line, name.to_owned()))
+        });
+    none(&format!("only {home} names {name}:"), found);
+    for package in packages().iter().filter(|package| package.name != "lockstep") {
+        assert!(
+            !package.dependencies.iter().any(|one| one == name),
+            "{} links {name}",
+            package.name
+        );
+    }
+}
+
+#[test]
+fn one_module_names_iceoryx2() {
+    only_at("crates/lockstep/src/transport/iceoryx", "iceoryx2");
+}
+
+#[test]
+fn one_file_names_bincode() {
+    only_at("crates/lockstep/src/wire.rs", "bincode");
+}
+
+#[test]
+fn matrices_have_static_sizes() {
+    // A dynamic product in nalgebra picks its kernel by CPU feature, which changes bits. Synthesis runs before any run.
+    let names = ["DMatrix", "DVector", "OMatrix<f64, Dyn", "nalgebra::Dyn"];
+    for name in MODELS.into_iter().filter(|name| *name != "synthesis") {
+        let found = shipped(package(name)).into_iter().filter_map(|line| {
+            let name = names.into_iter().find(|name| line.code.contains(name))?;
+            Some((line, name.to_owned()))
+        });
+        none("matrices of models have static sizes:", found);
+    }
+}
+
+#[test]
+fn files_are_short() {
+    const MAX: usize = 600;
+    let long: Vec<String> = sources()
+        .into_iter()
+        .map(|file| (lines(&file).len(), file))
+        .filter(|(count, _)| *count > MAX)
+        .map(|(count, file)| format!("  {}:{count}: more than {MAX} lines", file.display()))
+        .collect();
+    assert!(long.is_empty(), "split these files:\n{}", long.join("\n"));
+}
+
+#[test]
+fn nothing_is_left_for_later() {
+    // Put together here, so that this file does not find itself.
+    let words = [
+        ["to", "do!("],
+        ["unimple", "mented!("],
+        ["FIX", "ME"],
+        ["XX", "X:"],
+        ["dbg", "!("],
+    ]
+    .map(|two| two.concat());
+    let found = sources().into_iter().flat_map(|file| lines(&file)).filter_map(|line| {
+        let word = words.iter().find(|word| line.whole.contains(word.as_str()))?.clone();
+        Some((line, word))
+    });
+    none("finish it or leave it out:", found);
+}
+
+fn read(name: &str) -> String {
+    std::fs::read_to_string(root().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+#[test]
+fn bincode_stays_at_the_version_that_compiles() {
+    let manifest: toml::Table = read("Cargo.toml").parse().expect("the manifest is TOML");
+    let pinned = manifest["workspace"]["dependencies"]["bincode"]["version"].as_str();
+    assert_eq!(
+        pinned,
+        Some("=2.0.1"),
+        "Cargo.toml: bincode 3.0.0 is a tombstone; see deny.toml"
+    );
+    let deny: toml::Table = read("deny.toml").parse().expect("deny.toml is TOML");
+    let waivers = deny["advisories"]["ignore"]
+        .as_array()
+        .expect("advisories.ignore is a list");
+    for waiver in waivers {
+        let reason = waiver.get("reason").and_then(toml::Value::as_str).unwrap_or_default();
+        assert!(reason.len() > 40, "deny.toml: {waiver} has no reason");
+    }
+    let bincode = waivers
+        .iter()
+        .any(|waiver| waiver["id"].as_str() == Some("RUSTSEC-2025-0141"));
+    assert!(bincode, "deny.toml: the waiver for bincode is missing");
+}
+
+#[test]
+fn one_package_says_what_cargo_run_runs() {
+    let saying: Vec<&str> = packages()
+        .iter()
+        .filter(|package| {
+            let text = std::fs::read_to_string(package.folder.join("Cargo.toml")).unwrap_or_default();
+            let manifest: toml::Table = text.parse().expect("a manifest is TOML");
+            manifest["package"].get("default-run").is_some()
+        })
+        .map(|package| package.name.as_str())
+        .collect();
+    assert_eq!(saying, ["orchestrator"], "`cargo run` must find one program");
+    let manifest: toml::Table = read("Cargo.toml").parse().expect("the manifest is TOML");
+    let narrow = manifest["workspace"].get("default-members").is_some();
+    assert!(!narrow, "Cargo.toml: default-members would narrow `cargo test`");
+}
+
+#[test]
+fn the_continuous_integration_runs_what_the_readme_says() {
+    let (readme, script) = (read("README.md"), read(".ci/run"));
+    let command = "cargo test --release";
+    assert!(
+        readme.lines().any(|line| line.trim() == command),
+        "README.md does not give `{command}`"
+    );
+    let run = script.lines().any(|line| line.trim().starts_with(command));
+    assert!(run, ".ci/run does not run `{command}`");
+}
+
+#[test]
+fn the_readme_quotes_the_example_that_compiles() {
+    let readme = read("README.md");
+    for file in ["examples/spring/src/main.rs", "examples/spring/spring.toml"] {
+        assert!(
+            readme.contains(read(file).trim_end()),
+            "README.md: its copy of {file} differs from the file"
+        );
+    }
+}
+
+#[test]
+fn the_architecture_page_stays_short() {
+    let count = read("ARCHITECTURE.md").lines().count();
+    assert!(count < 400, "ARCHITECTURE.md:{count}: 400 lines are the limit");
+}
+
+/// The pages for people, with their names.
+fn pages() -> Vec<(PathBuf, String)> {
+    let pages = files(&root(), ".md").into_iter();
+    pages
+        .map(|path| (path.clone(), std::fs::read_to_string(&path).unwrap_or_default()))
+        .collect()
+}
+
+#[test]
+fn tests_that_pages_name_exist() {
+    let mut missing = Vec::new();
+    for (page, text) in pages() {
+        for (number, line) in text.lines().enumerate() {
+            // `path/to/file.rs::name`
+            for quoted in line.split('`').skip(1).step_by(2) {
+                let Some((file, name)) = quoted.split_once(".rs::") else {
+                    continue;
+                };
+                let source = std::fs::read_to_string(root().join(format!("{file}.rs"))).unwrap_or_default();
+                if !source.contains(&format!("fn {name}(")) {
+                    missing.push(format!("  {}:{}: {quoted}", page.display(), number + 1));
+                }
+            }
+        }
+    }
+    assert!(
+        missing.is_empty(),
+        "pages name tests that are not there:\n{}",
+        missing.join("\n")
+    );
+}
+
+#[test]
+fn links_between_pages_lead_somewhere() {
+    let mut broken = Vec::new();
+    for (page, text) in pages() {
+        for (number, line) in text.lines().enumerate() {
+            for target in line.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+                let file = target.split('#').next().unwrap_or_default();
+                let outside = file.is_empty() || file.contains("://") || file.contains(char::is_whitespace);
+                if !outside && !page.parent().unwrap_or(&root()).join(file).exists() {
+                    broken.push(format!("  {}:{}: {target}", page.display(), number + 1));
+                }
+            }
+        }
+    }
+    assert!(broken.is_empty(), "links lead nowhere:\n{}", broken.join("\n"));
+}

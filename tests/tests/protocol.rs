@@ -1,0 +1,246 @@
+//! The bytes that `docs/protocol.md` shows to writers of other languages are the bytes that travel.
+
+use escapement_tests::parts::Damper;
+use escapement_tests::program::root;
+use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
+use lockstep::link;
+use lockstep::participant::{Input, Interface, Kind, Participant};
+use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
+use lockstep::time::Rational;
+use lockstep::wire::{decode, encode};
+use serde_json::Value;
+
+lockstep::message! {
+    /// One number.
+    struct Angle {
+        q: f64 = "rad" in "B",
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let words: Vec<String> = bytes
+        .chunks(4)
+        .map(|word| word.iter().map(|byte| format!("{byte:02x}")).collect())
+        .collect();
+    words.join(" ")
+}
+
+/// What the page shows, from the values themselves.
+fn examples() -> Vec<(&'static str, Vec<u8>)> {
+    let request = |request: Request| encode("a request", &request).unwrap();
+    let reply = |reply: Reply| encode("a reply", &reply).unwrap();
+    let note = |note: Note| encode("a note", &note).unwrap();
+    vec![
+        (
+            "Request Hello, protocol 1",
+            request(Request::Hello { protocol: PROTOCOL }),
+        ),
+        (
+            "Reply Hello, protocol 1, program `toy 1`",
+            reply(Reply::Hello {
+                protocol: PROTOCOL,
+                program: "toy 1".into(),
+            }),
+        ),
+        (
+            "Request Configure, name `a`, parameters `x = 1`, seed 7, period 0.5 s, offset 0 s",
+            request(Request::Configure {
+                name: "a".into(),
+                parameters: "x = 1".into(),
+                seed: 7,
+                period: 0.5,
+                offset: 0.0,
+            }),
+        ),
+        (
+            "Reply Described: sampled, no input, output `q` of message `Angle` with the scalar `q` in rad, frame B",
+            reply(Reply::Described {
+                interface: Interface::new(Kind::Sampled).output::<Angle>("q"),
+            }),
+        ),
+        ("Request Terminate", request(Request::Terminate)),
+        ("Reply Done", reply(Reply::Done)),
+        ("Reply State, none", reply(Reply::State(None))),
+        (
+            "Note AtRest, horizon 1000, next activation 100",
+            note(Note::AtRest {
+                horizon: 1000,
+                next: 100,
+            }),
+        ),
+        (
+            "Note Finished, one input, 1 ns in total, all else zero",
+            note(Note::Finished(Timing {
+                total_ns: 1,
+                inputs_ns: vec![0],
+                ..Timing::default()
+            })),
+        ),
+    ]
+}
+
+#[test]
+fn the_examples_of_the_page_are_what_travels() {
+    let page = std::fs::read_to_string(root().join("docs/protocol.md")).expect("the page is there");
+    let table: String = examples()
+        .iter()
+        .map(|(what, bytes)| format!("| {what} | `{}` |\n", hex(bytes)))
+        .collect();
+    for line in table.lines() {
+        assert!(page.contains(line), "docs/protocol.md should have\n\n{table}");
+    }
+}
+
+/// A reader that knows nothing but the page.
+struct Plain<'a>(&'a [u8]);
+
+impl Plain<'_> {
+    fn take<const N: usize>(&mut self) -> [u8; N] {
+        let (head, rest) = self.0.split_first_chunk::<N>().expect("the message goes on");
+        self.0 = rest;
+        *head
+    }
+    fn u8(&mut self) -> u8 {
+        self.take::<1>()[0]
+    }
+    fn u32(&mut self) -> u32 {
+        u32::from_le_bytes(self.take())
+    }
+    fn u64(&mut self) -> u64 {
+        u64::from_le_bytes(self.take())
+    }
+    fn i64(&mut self) -> i64 {
+        i64::from_le_bytes(self.take())
+    }
+    fn i128(&mut self) -> i128 {
+        i128::from_le_bytes(self.take())
+    }
+    fn text(&mut self) -> String {
+        let bytes = self.bytes();
+        String::from_utf8(bytes).expect("text is UTF-8")
+    }
+    fn bytes(&mut self) -> Vec<u8> {
+        let count = self.u64();
+        (0..count).map(|_| self.u8()).collect()
+    }
+    fn list<T>(&mut self, mut one: impl FnMut(&mut Self) -> T) -> Vec<T> {
+        let count = self.u64();
+        (0..count).map(|_| one(self)).collect()
+    }
+    fn descriptor(&mut self) -> Value {
+        let (name, size) = (self.text(), self.u32());
+        let fields = self.list(|this| {
+            let (name, element) = (this.text(), this.u32());
+            let shape = this.list(Self::u32);
+            serde_json::json!([name, element, shape, this.text(), this.text(), this.u32()])
+        });
+        serde_json::json!([name, size, fields])
+    }
+    fn interface(&mut self) -> Value {
+        let kind = self.u32();
+        let inputs = self.list(|this| serde_json::json!([this.text(), this.descriptor(), this.u8()]));
+        let outputs = self.list(|this| serde_json::json!([this.text(), this.descriptor()]));
+        serde_json::json!([kind, inputs, outputs])
+    }
+    /// Producer's offset and period; base, spread and scale; drop_below, hold, key.
+    fn visibility(&mut self) -> ([i64; 2], [i128; 3], u64, u32, u64) {
+        let producer = [self.i64(), self.i64()];
+        let delay = [self.i128(), self.i128(), self.i128()];
+        (producer, delay, self.u64(), self.u32(), self.u64())
+    }
+}
+
+#[test]
+fn the_part_of_a_plan_reads_as_the_page_says() {
+    let plan = plan();
+    let request = Request::Connect {
+        assignment: plan.assignment(1),
+        cores: vec![3],
+        waiting: lockstep::control::Waiting { spins: 5, yields: 6 },
+    };
+    let bytes = encode("", &request).unwrap();
+    assert_eq!(decode::<Request>("", &bytes).unwrap(), request);
+    let mut plain = Plain(&bytes);
+    assert_eq!(plain.u32(), 2);
+    assert_eq!((plain.text().as_str(), plain.text().as_str()), ("damper", "1 ms"));
+    assert_eq!((plain.i64(), plain.i64(), plain.u64()), (0, 10, 100));
+    let interface = plain.interface();
+    assert_eq!(interface[0], 0);
+    assert_eq!(interface[1][0][0], "motion");
+    assert_eq!(
+        interface[1][0][1][2][0],
+        serde_json::json!(["position", 0, [], "m", "N", 0])
+    );
+    assert_eq!(interface[1][0][2], 1);
+    // One input: link 0 from the plant, 2 ms late with up to 1 ms more.
+    assert_eq!((plain.u64(), plain.u8(), plain.u32()), (1, 1, 0));
+    assert_eq!(plain.text(), "plant.motion");
+    let (producer, [base, spread, scale], drop_below, hold, key) = plain.visibility();
+    assert_eq!((producer, drop_below, hold), ([0, 1], 1 << 30, 1));
+    assert!(
+        base == 2 * scale && spread * (1 << 32) == scale,
+        "{base} {spread} {scale}"
+    );
+    assert_ne!(key, 0);
+    assert_eq!((plain.u32(), plain.bytes()), (0, vec![0; 16]));
+    assert_eq!(u64::from(plain.u32()), plan.links[0].capacity as u64);
+    // One output: stream 1 for one consumer.
+    assert_eq!((plain.u64(), plain.u32(), plain.u64()), (1, 1, 1));
+    assert_eq!((plain.u32(), plain.text().as_str(), plain.u32()), (1, "plant.push", 0));
+    let (producer, [base, spread, scale], drop_below, hold, _) = plain.visibility();
+    assert_eq!((producer, base, spread, drop_below, hold), ([0, 10], 0, 0, 0, 0));
+    assert_eq!(scale, 1);
+    assert_eq!((plain.i64(), plain.i64(), plain.u8()), (0, 1, 0));
+    assert_eq!(u64::from(plain.u32()), plan.links[1].capacity as u64);
+    assert_eq!(plain.i64(), 1000);
+    assert_eq!(plain.list(Plain::u32), [3]);
+    assert_eq!((plain.u32(), plain.u32()), (5, 6));
+    assert!(plain.0.is_empty());
+}
+
+/// A damper and something that gives it a motion, 1 s long.
+fn plan() -> Plan {
+    let damper = Damper::default().interface();
+    let Input { descriptor, .. } = damper.inputs[0].clone();
+    let mut plant = Interface::new(Kind::Continuous);
+    plant.inputs.push(Input {
+        name: "push".into(),
+        descriptor: damper.outputs[0].descriptor.clone(),
+        required: true,
+    });
+    plant.outputs.push(lockstep::participant::Output {
+        name: "motion".into(),
+        descriptor,
+    });
+    let participant = |name: &str, millis, interface| ParticipantSpec {
+        name: name.into(),
+        period: Rational::from_millis(millis),
+        offset: Rational::ZERO,
+        interface,
+    };
+    let port = |participant: &str, port: &str| (participant.to_owned(), port.to_owned());
+    let late = link::Timing {
+        delay: Rational::from_millis(2),
+        jitter: Rational::from_millis(1),
+        drop: 0.25,
+        hold: link::Hold::Initial,
+    };
+    let links = [
+        LinkSpec {
+            name: "motion".into(),
+            from: port("plant", "motion"),
+            to: port("damper", "motion"),
+            timing: late,
+            initial: None,
+        },
+        LinkSpec {
+            name: "push".into(),
+            from: port("damper", "push"),
+            to: port("plant", "push"),
+            timing: link::Timing::default(),
+            initial: None,
+        },
+    ];
+    let participants = vec![participant("plant", 1, plant), participant("damper", 10, damper)];
+    Plan::build(participants, &links, Rational::from_millis(1000), 1).expect("a sound plan")
+}
