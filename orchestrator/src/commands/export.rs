@@ -51,7 +51,10 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
         }
     };
     for torn in reader.torn() {
-        eprintln!("note: stream `{}` ends in an incomplete record, which is left out", torn.stream);
+        eprintln!(
+            "note: stream `{}` ends in an incomplete record, which is left out",
+            torn.stream
+        );
     }
     let out = args.out.clone().unwrap_or_else(|| args.run.join("export"));
     let result = match args.to {
