@@ -67,6 +67,15 @@ fn a_healthy_run_leaves_nothing_but_its_folder() {
 }
 
 #[test]
+fn nothing_allocates_between_the_first_step_and_the_last() {
+    for wait in ["yield", "sleep"] {
+        let (folder, said) = ended("counting", &["--wait", wait]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(is_prefix(&folder), 1000);
+    }
+}
+
+#[test]
 fn an_abort_is_named_with_its_signal_and_time() {
     let (folder, said) = ended("crash_at", &[]);
     assert_eq!(said.code, Some(1), "{said:?}");

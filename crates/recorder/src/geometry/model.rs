@@ -148,6 +148,13 @@ pub(crate) fn read(text: &str, arm: usize, slosh: usize) -> Result<Model, ModelE
         }
         next += 1;
     }
+    if let Some(lost) = links.iter().find(|link| {
+        let name = link.attribute("name").unwrap_or_default();
+        model.bodies.iter().all(|body| body.name != name)
+    }) {
+        let name = lost.attribute("name").unwrap_or_default();
+        return Err(ModelError::Structure(format!("`{name}` does not hang on the rest")));
+    }
     if model.bodies.iter().all(|body| body.shapes.is_empty()) {
         invent_shapes(&mut model, &links);
     }

@@ -69,7 +69,7 @@ pub(crate) struct Run {
     participants: Vec<ParticipantTime>,
 }
 
-/// How a participant spent its wall time; from `participants` of `run.json` or `summary.json`.
+/// How a participant spent its wall time.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct ParticipantTime {
     name: String,
@@ -182,8 +182,8 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
     let folder = RunFolder::open(root);
     let plan = fs::read_to_string(folder.plan()).unwrap_or_default();
     let summary = read_json(&folder.summary())?;
-    let about = read_json(&folder.run())?;
-    let mut notes: Vec<String> = Vec::new();
+    let geometry = Geometry::read(&reader, root, models)?;
+    let mut notes = geometry.notes.clone();
     for torn in reader.torn() {
         notes.push(format!(
             "Stream {} ends in an incomplete record after {} complete ones.",
@@ -202,11 +202,11 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
         notes,
         events: reader.events()?,
         figures: series::extract(&reader)?,
-        limits: limits_of(&summary),
-        participants: participants_of(&about, &summary),
+        limits: limits_of(&plan),
+        participants: participants_of(&summary),
         plan,
         motion: motion::extract(&reader)?,
-        geometry: Geometry::read(&reader, root, models)?,
+        geometry,
         summary,
     })
 }
@@ -224,34 +224,144 @@ fn read_json(path: &Path) -> Result<Value, ReportError> {
     }
 }
 
-/// `limits` of a summary: numbers or lists of numbers by name.
-fn limits_of(summary: &Value) -> Limits {
-    let entries = summary.get("limits").and_then(Value::as_object).into_iter().flatten();
-    Limits(
-        entries
-            .map(|(key, value)| {
-                let values = match value {
-                    Value::Array(items) => items.iter().filter_map(Value::as_f64).collect(),
-                    value => value.as_f64().into_iter().collect(),
-                };
-                (key.clone(), values)
-            })
-            .collect(),
-    )
+/// The limits of the actuators, from the tables `actuators` of the participants in the plan, else from
+/// `assessment.limits`. The plan is the scenario as the user wrote it with its defaults, so quantities are texts with
+/// units; a plan of another program has other tables, and no limits are drawn then.
+fn limits_of(plan: &str) -> Limits {
+    let mut limits = BTreeMap::new();
+    let Ok(plan) = plan.parse::<toml::Table>() else {
+        return Limits(limits);
+    };
+    let lookup = |table: &toml::Table, path: &[&str]| {
+        let (last, folders) = path.split_last()?;
+        let inner = folders
+            .iter()
+            .try_fold(table, |table, key| table.get(*key)?.as_table())?;
+        let numbers = base_units(inner.get(*last)?);
+        (!numbers.is_empty()).then_some(numbers)
+    };
+    let participants = plan
+        .get("participants")
+        .and_then(toml::Value::as_table)
+        .into_iter()
+        .flatten();
+    let actuators = participants.filter_map(|(_, entry)| {
+        let parameters = entry.as_table()?.get("parameters")?.as_table()?;
+        parameters.get("actuators")?.as_table()
+    });
+    for table in actuators {
+        for (key, path) in [
+            ("base_torque", ["wheels", "torque"]),
+            ("wheel_momentum", ["wheels", "momentum"]),
+            ("base_force", ["thrusters", "force"]),
+            ("joint_torque", ["joints", "torque"]),
+        ] {
+            if let Some(numbers) = lookup(table, &path) {
+                limits.insert(key.to_owned(), numbers);
+            }
+        }
+    }
+    for (key, name) in [
+        ("base_torque", "torque"),
+        ("base_force", "force"),
+        ("joint_torque", "joint_torque"),
+    ] {
+        if let (false, Some(numbers)) = (limits.contains_key(key), lookup(&plan, &["assessment", "limits", name])) {
+            limits.insert(key.to_owned(), numbers);
+        }
+    }
+    Limits(limits)
 }
 
-fn participants_of(about: &Value, summary: &Value) -> Vec<ParticipantTime> {
-    let of = |value: &Value| value.get("participants").and_then(Value::as_object).cloned();
-    let Some(entries) = of(about).or_else(|| of(summary)) else {
-        return Vec::new();
+/// The numbers of `"0.2 N m"`, `"[320, 40] N m"`, `9.0`; nothing for a unit with a prefix, rather than a wrong line.
+fn base_units(value: &toml::Value) -> Vec<f64> {
+    let text = match value {
+        toml::Value::Float(x) => return vec![*x],
+        toml::Value::Integer(x) => return vec![*x as f64],
+        toml::Value::Array(items) => return items.iter().flat_map(base_units).collect(),
+        toml::Value::String(text) => text.replace(['[', ']', ','], " "),
+        _ => return Vec::new(),
     };
-    let times = entries.into_iter().filter_map(|(name, entry)| {
-        let waiting = entry.get("waiting_s").and_then(Value::as_object).into_iter().flatten();
+    let words = text.split_whitespace();
+    let (numbers, unit): (Vec<&str>, Vec<&str>) = words.partition(|word| word.parse::<f64>().is_ok());
+    if ["N m", "N", "N m s"].contains(&&*unit.join(" ")) {
+        numbers.iter().filter_map(|number| number.parse().ok()).collect()
+    } else {
+        Vec::new()
+    }
+}
+
+/// `timing` of a summary: per participant `total_ns`, and of it `inputs_ns` (one number per input, or by name), `room_ns`,
+/// `recorder_ns` and `horizon_ns` waiting. What is left was computing.
+fn participants_of(summary: &Value) -> Vec<ParticipantTime> {
+    let seconds = |value: &Value| value.as_f64().map(|ns| ns * 1e-9);
+    let entries = summary.get("timing").and_then(Value::as_object).into_iter().flatten();
+    let times = entries.filter_map(|(name, entry)| {
+        let mut waiting_s = BTreeMap::new();
+        match &entry["inputs_ns"] {
+            Value::Array(inputs) => {
+                let numbered = inputs.iter().enumerate();
+                waiting_s.extend(numbered.filter_map(|(i, s)| Some((format!("input {}", i + 1), seconds(s)?))));
+            }
+            Value::Object(inputs) => {
+                waiting_s.extend(inputs.iter().filter_map(|(on, s)| Some((on.clone(), seconds(s)?))))
+            }
+            _ => {}
+        }
+        for (key, on) in [
+            ("room_ns", "room at a reader"),
+            ("recorder_ns", "the recorder"),
+            ("horizon_ns", "the clock"),
+        ] {
+            waiting_s.extend(seconds(&entry[key]).map(|s| (on.to_owned(), s)));
+        }
+        let waited: f64 = waiting_s.values().sum();
         Some(ParticipantTime {
-            name,
-            computing_s: entry.get("computing_s")?.as_f64()?,
-            waiting_s: waiting.filter_map(|(on, s)| Some((on.clone(), s.as_f64()?))).collect(),
+            name: name.clone(),
+            computing_s: (seconds(&entry["total_ns"])? - waited).max(0.0),
+            waiting_s,
         })
     });
     times.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_come_from_the_plan() {
+        let plan = r#"
+            [participants.plant.parameters.actuators]
+            wheels = { torque = "0.2 N m", momentum = "12 N m s" }
+            thrusters = { force = "9 kN" }
+            joints = { torque = "[320, 40.5] N m" }
+            [assessment.limits]
+            force = "[9, 9, 8] N"
+            torque = "1 N m"
+        "#;
+        let limits = limits_of(plan).0;
+        assert_eq!(limits["base_torque"], [0.2]);
+        assert_eq!(limits["wheel_momentum"], [12.0]);
+        assert_eq!(limits["joint_torque"], [320.0, 40.5]);
+        assert_eq!(limits["base_force"], [9.0, 9.0, 8.0]);
+        assert!(limits_of("not toml [").0.is_empty());
+    }
+
+    #[test]
+    fn what_is_not_waiting_is_computing() {
+        let summary = serde_json::json!({ "timing": { "plant": {
+            "total_ns": 5_000_000_000_u64, "inputs_ns": [1_000_000_000, 500_000_000], "room_ns": 250_000_000,
+            "recorder_ns": 0, "horizon_ns": 0, "sleeps": 3,
+        } } });
+        let [plant] = &participants_of(&summary)[..] else {
+            panic!("one participant")
+        };
+        assert_eq!(plant.computing_s, 3.25);
+        assert_eq!(
+            (plant.waiting_s["input 2"], plant.waiting_s["room at a reader"]),
+            (0.5, 0.25)
+        );
+        assert!(participants_of(&Value::Null).is_empty());
+    }
 }

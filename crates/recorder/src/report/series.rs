@@ -169,7 +169,7 @@ impl Thinner {
 }
 
 /// The field of `spec` under one of its names, with at least `least` elements.
-pub(crate) fn find<'a>(spec: &'a StreamSpec, names: Names, least: usize) -> Option<&'a Field> {
+pub(crate) fn find(spec: &StreamSpec, names: Names, least: usize) -> Option<&Field> {
     let mut found = names.iter().filter_map(|name| spec.descriptor.field(name));
     found.find(|field| field.len() >= least)
 }
@@ -309,4 +309,97 @@ fn scan(source: &(impl Source + ?Sized), stream: usize, bound: &mut [&mut Bound]
         thin.close(record_number);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tape::{MemoryTape, Sink};
+    use lockstep::port::{Descriptor, Element, Field};
+    use lockstep::time::Rational;
+    use proptest::prelude::*;
+
+    /// A tape with a stream `plant.truth` that has a base position.
+    fn tape(values: &[f64], first_index: u64) -> MemoryTape {
+        let descriptor = Descriptor {
+            name: "T".into(),
+            size: 24,
+            fields: vec![Field {
+                name: "p_NB_N".into(),
+                element: Element::F64,
+                shape: vec![3],
+                unit: "m".into(),
+                frame: "N".into(),
+                offset: 0,
+            }],
+        };
+        let period = Rational::from_millis(250);
+        let mut spec = StreamSpec::new("plant", "truth", descriptor, Rational::ZERO, period);
+        spec.first_index = first_index;
+        let mut tape = MemoryTape::new(vec![spec]).unwrap();
+        for (k, value) in values.iter().enumerate() {
+            let payload: Vec<u8> = [*value, 0.0, -value].into_iter().flat_map(f64::to_le_bytes).collect();
+            let index = first_index + k as u64;
+            tape.sample(0, index, index as f64 / 4.0, &payload).unwrap();
+        }
+        tape
+    }
+
+    fn first_curve(values: &[f64], first_index: u64) -> Series {
+        let figures = extract(&tape(values, first_index)).unwrap();
+        let figure = figures.iter().find(|figure| figure.id == "base-position").unwrap();
+        assert_eq!(figure.series.len(), 3);
+        figure.series[0].clone()
+    }
+
+    #[test]
+    fn a_short_curve_keeps_every_sample() {
+        let values: Vec<f64> = (0..500).map(|k| f64::from(k).sin()).collect();
+        let series = first_curve(&values, 7);
+        assert_eq!((&series.y, series.samples, &*series.label), (&values, 500, "x"));
+        assert_eq!((series.x(0), series.x(4)), (1.75, 2.75));
+        assert_eq!(series.origin, "plant.truth.p_NB_N");
+    }
+
+    #[test]
+    fn tapes_without_known_fields_have_no_figures() {
+        assert!(extract(&MemoryTape::new(Vec::new()).unwrap()).unwrap().is_empty());
+        assert_eq!(first_curve(&[], 0).y.len(), 0);
+    }
+
+    #[test]
+    fn small_angles_keep_their_digits() {
+        let angle = 1e-9_f64;
+        let q = [(angle / 2.0).cos(), 0.0, (angle / 2.0).sin(), 0.0];
+        assert!((rotation_vector(q)[1] - angle).abs() < 1e-24);
+        assert!((rotation_vector(q.map(|x| -x))[1] - angle).abs() < 1e-24);
+        assert_eq!(rotation_vector([1.0, 0.0, 0.0, 0.0]), [0.0; 3]);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// Of a thinned curve every point is a sample at its own stamp, in order, and no bucket lost its extremes.
+        #[test]
+        fn a_long_curve_keeps_its_peaks(seed in any::<u32>(), count in 8193_usize..30_000, peak in any::<prop::sample::Index>()) {
+            let mut values: Vec<f64> = (0..count)
+                .map(|k| (k as f64 * 1e-3 + f64::from(seed)).sin() + (k as u32).wrapping_mul(seed | 1) as f64 * 1e-11)
+                .collect();
+            let peak = peak.index(count);
+            values[peak] = 1e6;
+            let series = first_curve(&values, 0);
+            let index = series.index.clone().unwrap();
+            prop_assert!(index.len() == series.y.len() && index.len() <= 4096);
+            prop_assert!(index.windows(2).all(|pair| pair[0] < pair[1]));
+            prop_assert!(index.iter().zip(&series.y).all(|(k, y)| values[*k as usize] == *y));
+            prop_assert!(index.contains(&(peak as u32)));
+            let bucket = count.div_ceil(2048);
+            for (at, part) in values.chunks(bucket).enumerate() {
+                let kept = index.iter().map(|k| *k as usize).filter(|k| k / bucket == at).map(|k| values[k]);
+                let (low, high) = kept.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y)));
+                prop_assert_eq!(low, part.iter().copied().fold(f64::MAX, f64::min));
+                prop_assert_eq!(high, part.iter().copied().fold(f64::MIN, f64::max));
+            }
+        }
+    }
 }

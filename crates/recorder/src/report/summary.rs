@@ -16,13 +16,15 @@ pub(crate) struct Row {
     pub(crate) met: Vec<Option<bool>>,
     /// The criterion in words, where there is one.
     pub(crate) criterion: String,
+    /// Whether it belongs to what a reader looks for first.
+    pub(crate) main: bool,
 }
 
 /// Units at the end of a key, longest first, with how they are written.
 const UNITS: &[(&str, &str)] = &[
-    ("_rad_per_s", "rad/s"),
+    ("_m2_s5", "m²/s⁵"),
+    ("_kg_m_s", "kg m/s"),
     ("_n_m_s", "N m s"),
-    ("_m_per_s", "m/s"),
     ("_rad_s", "rad/s"),
     ("_deg_s", "deg/s"),
     ("_n_m", "N m"),
@@ -39,7 +41,7 @@ const UNITS: &[(&str, &str)] = &[
 ];
 
 /// Keys with a line of their own elsewhere on the page, or none at all.
-const HIDDEN: &[&str] = &["tape_digest", "criteria", "limits", "participants"];
+const HIDDEN: &[&str] = &["tape_digest", "criteria", "timing", "placement"];
 
 /// What people look for first comes first; the rest follows by name.
 const ORDER: &[&str] = &[
@@ -69,6 +71,7 @@ pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
                     values: vec![String::new(); summaries.len()],
                     met: vec![None; summaries.len()],
                     criterion: String::new(),
+                    main: ORDER.contains(&&*key),
                     key: key.clone(),
                 });
                 rows.len() - 1
@@ -77,6 +80,7 @@ pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
             row.values[run] = text(&value);
             if let Some((criterion, met)) = criterion(summary, &key) {
                 row.criterion = criterion;
+                row.main = true;
                 row.met[run] = met;
             } else if let Value::Bool(yes) = value {
                 row.met[run] = (key == "captured").then_some(yes);
@@ -106,18 +110,26 @@ fn flatten(prefix: &str, value: &Value, leaves: &mut Vec<(String, Value)>) {
     }
 }
 
-/// `criteria` of a summary is a list of `{ "key", "text", "met" }`.
+/// `criteria` of a summary is a list of `{ name, limit, unit, met }`; the name is that of the figure without its unit.
 fn criterion(summary: &Value, key: &str) -> Option<(String, Option<bool>)> {
-    let entry = summary.get("criteria")?.as_array()?.iter().find(|c| c["key"] == key)?;
-    let text = entry["text"].as_str().unwrap_or_default().to_owned();
-    Some((text, entry["met"].as_bool()))
+    let (stem, _) = split_unit(key);
+    let all = summary.get("criteria")?.as_array()?;
+    let entry = all.iter().find(|c| c["name"] == stem || c["name"] == key)?;
+    let limit = entry["limit"].as_f64().map(short)?;
+    let unit = entry["unit"].as_str().filter(|unit| *unit != "1").unwrap_or_default();
+    Some((
+        format!("≤ {limit} {unit}").trim_end().to_owned(),
+        entry["met"].as_bool(),
+    ))
+}
+
+fn split_unit(key: &str) -> (&str, &'static str) {
+    let known = |(suffix, unit): &(&str, &'static str)| Some((key.strip_suffix(suffix)?, *unit));
+    UNITS.iter().find_map(known).unwrap_or((key, ""))
 }
 
 fn name(key: &str) -> (String, &'static str) {
-    let (stem, unit) = UNITS
-        .iter()
-        .find_map(|(suffix, unit)| Some((key.strip_suffix(suffix)?, *unit)))
-        .unwrap_or((key, ""));
+    let (stem, unit) = split_unit(key);
     let words = stem.replace(['_', '.'], " ");
     let mut letters = words.chars();
     let label = letters
@@ -131,8 +143,17 @@ fn text(value: &Value) -> String {
         Value::String(text) => text.clone(),
         Value::Bool(yes) => if *yes { "yes" } else { "no" }.to_owned(),
         Value::Number(number) => number.as_f64().map_or_else(|| number.to_string(), short),
-        Value::Array(items) => items.iter().map(text).collect::<Vec<_>>().join(", "),
+        Value::Array(items) => items.iter().map(terse).collect::<Vec<_>>().join(", "),
         other => other.to_string(),
+    }
+}
+
+/// A number of a list: lists are read for their sizes.
+fn terse(value: &Value) -> String {
+    match value.as_f64() {
+        Some(x) if x != 0.0 && x.abs() < 1e-4 => format!("{x:.1e}"),
+        Some(x) => format!("{x:.3}").trim_end_matches('0').trim_end_matches('.').to_owned(),
+        None => text(value),
     }
 }
 
@@ -157,7 +178,7 @@ mod tests {
     #[test]
     fn keys_become_words_with_units() {
         let a = json!({"captured": true, "peak_base_torque_n_m": 0.073_912_34, "saturated_fraction": 0.0,
-            "criteria": [{"key": "peak_base_torque_n_m", "text": "at most 0.2", "met": true}], "tape_digest": "x"});
+            "criteria": [{"name": "peak_base_torque", "value": 0.07, "limit": 0.2, "unit": "N m", "met": true}], "tape_digest": "x"});
         let b = json!({"captured": false, "wall_time_s": 1.0});
         let rows = rows(&[a, b]);
         let lines: Vec<_> = rows
@@ -171,7 +192,7 @@ mod tests {
         );
         assert_eq!(lines[2], ("Saturated fraction", "", "0", "", vec![None, None]));
         assert_eq!(lines[3], ("Wall time", "s", "", "1", vec![None, None]));
-        assert_eq!(rows[1].criterion, "at most 0.2");
+        assert_eq!(rows[1].criterion, "≤ 0.2 N m");
     }
 
     #[test]

@@ -61,9 +61,12 @@ const P_NE: Names = &["p_NE_N"];
 const QUAT_NE: Names = &["quat_NE"];
 const P_NG: Names = &["p_NG_N"];
 const QUAT_NG: Names = &["quat_NG"];
-const TORQUE: Names = &["base_torque", "m_b", "torque_b", "m_B", "torque_B"];
-const FORCE: Names = &["base_force", "f_b", "force_b", "f_B", "force_B"];
-const JOINT_TORQUE: Names = &["joint_torque", "tau", "torque_joint"];
+const P_NT: Names = &["p_NT_N"];
+const QUAT_NT: Names = &["quat_NT"];
+const P_ND: Names = &["p_ND_N"];
+const TORQUE: Names = &["torque_B", "base_torque", "wheel_torque_B"];
+const FORCE: Names = &["force_B", "base_force", "thruster_force_B"];
+const JOINT_TORQUE: Names = &["tau", "joint_torque"];
 const JOINTS: &[&str] = &["A1", "A2", "A3", "A4", "A5", "A6", "A7"];
 const CHANNELS: &[&str] = &[
     "torque x", "torque y", "torque z", "force x", "force y", "force z", "A1", "A2", "A3", "A4", "A5", "A6", "A7",
@@ -99,6 +102,7 @@ const fn limited(mut figure: FigureSpec, key: &'static str) -> FigureSpec {
 const CAPTURE: &str = "Capture";
 const ACTIONS: &str = "Control actions";
 const INSIDE: &str = "Inside the controller";
+const GUIDANCE: &str = "Guidance and navigation";
 const MOTION: &str = "Motion";
 const BALANCE: &str = "Momentum and energy";
 
@@ -123,11 +127,7 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         "tracking-error",
         "End effector to set-point, distance",
         ("m", 1.0),
-        &[curve(
-            "telemetry",
-            Norm(&["p_e", "position_error", "p_DE_N"]),
-            &["distance"],
-        )],
+        &[curve("telemetry", Norm(&["p_DE_N"]), &["distance"])],
     ),
     limited(
         figure(
@@ -179,19 +179,39 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         ),
         "base_force",
     ),
+    limited(
+        figure(
+            ACTIONS,
+            "joint-torque-applied",
+            "Joint torques applied",
+            ("N m", 1.0),
+            &[curve("truth", Each(JOINT_TORQUE), JOINTS)],
+        ),
+        "joint_torque",
+    ),
+    figure(
+        ACTIONS,
+        "thruster-torque",
+        "Torque that the thrusters make on the base",
+        ("N m", 1.0),
+        &[curve("truth", Each(&["thruster_torque_B"]), &[])],
+    ),
     figure(
         INSIDE,
         "epsilon",
         "Weight of the arm in the pseudoinverse, ε",
         ("1", 1.0),
-        &[curve("telemetry", Each(&["epsilon", "eps"]), &["ε"])],
+        &[
+            curve("telemetry", Each(&["epsilon"]), &["ε"]),
+            curve("telemetry", Each(&["epsilon_clamped"]), &["held at zero"]),
+        ],
     ),
     figure(
         INSIDE,
         "hybrid-variable",
         "Hybrid variable h",
         ("1", 1.0),
-        &[curve("telemetry", Each(&["h", "hybrid"]), &["h"])],
+        &[curve("telemetry", Each(&["h"]), &["h"])],
     ),
     figure(
         INSIDE,
@@ -209,10 +229,65 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
     ),
     figure(
         INSIDE,
+        "feedback-torque",
+        "Feedback part of the base torque",
+        ("N m", 1.0),
+        &[curve("telemetry", Each(&["feedback_torque_B"]), &[])],
+    ),
+    figure(
+        INSIDE,
+        "feedback-force",
+        "Feedback part of the base force",
+        ("N", 1.0),
+        &[curve("telemetry", Each(&["feedback_force_B"]), &[])],
+    ),
+    figure(
+        INSIDE,
+        "feedback-joints",
+        "Feedback part of the joint torques",
+        ("N m", 1.0),
+        &[curve("telemetry", Each(&["feedback_tau"]), JOINTS)],
+    ),
+    figure(
+        INSIDE,
         "saturation",
         "Channels in saturation",
         ("1", 1.0),
-        &[curve("telemetry", Part(&["saturated", "saturation"], 0, 13), CHANNELS)],
+        &[
+            curve("telemetry", Each(&["feedback_saturated"]), &["number of channels"]),
+            curve("telemetry", Part(&["saturated"], 0, 13), CHANNELS),
+        ],
+    ),
+    figure(
+        GUIDANCE,
+        "progress",
+        "Progress of the set-point",
+        ("1", 1.0),
+        &[
+            curve("telemetry", Each(&["progress_position"]), &["position"]),
+            curve("telemetry", Each(&["progress_attitude"]), &["attitude"]),
+        ],
+    ),
+    figure(
+        GUIDANCE,
+        "set-point",
+        "Set-point of the end effector",
+        ("m", 1.0),
+        &[curve("setpoint", Each(P_ND), &[])],
+    ),
+    figure(
+        GUIDANCE,
+        "target-uncertainty",
+        "Standard deviation of the target's position",
+        ("m", 1.0),
+        &[curve("telemetry", Each(&["sigma_position"]), &["position"])],
+    ),
+    figure(
+        GUIDANCE,
+        "target-age",
+        "Age of what guidance knows of the target",
+        ("s", 1.0),
+        &[curve("telemetry", Each(&["target_age"]), &["age"])],
     ),
     figure(
         MOTION,
@@ -220,6 +295,13 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         "Slosh pendulum",
         ("deg", DEGREES),
         &[curve("truth", Each(SLOSH_ANGLES), &["first joint", "second joint"])],
+    ),
+    figure(
+        MOTION,
+        "end-effector-position",
+        "End effector position",
+        ("m", 1.0),
+        &[curve("truth", Each(P_NE), &[])],
     ),
     figure(
         MOTION,
@@ -247,7 +329,7 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         "base-rate",
         "Base rate, body axes",
         ("deg/s", DEGREES),
-        &[curve("truth", Each(&["omega_NB_B", "w_NB_B"]), &[])],
+        &[curve("truth", Each(&["omega_NB_B"]), &[])],
     ),
     figure(
         MOTION,
@@ -261,29 +343,21 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         "joint-rates",
         "Joint rates",
         ("deg/s", DEGREES),
-        &[curve("truth", Each(&["qd", "q_dot", "dq"]), JOINTS)],
+        &[curve("truth", Each(&["qdot"]), JOINTS)],
     ),
     figure(
         BALANCE,
         "linear-momentum",
-        "Linear momentum",
+        "Linear momentum of servicer and target",
         ("N s", 1.0),
-        &[curve(
-            "truth",
-            Each(&["momentum_linear_N", "linear_momentum_N", "linear_momentum"]),
-            &[],
-        )],
+        &[curve("truth", Each(&["linear_momentum_N"]), &[])],
     ),
     figure(
         BALANCE,
         "angular-momentum",
-        "Angular momentum",
+        "Angular momentum about the world's origin",
         ("N m s", 1.0),
-        &[curve(
-            "truth",
-            Each(&["momentum_angular_N", "angular_momentum_N", "angular_momentum"]),
-            &[],
-        )],
+        &[curve("truth", Each(&["angular_momentum_N", "momentum_angular_N"]), &[])],
     ),
     limited(
         figure(
@@ -291,11 +365,7 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
             "wheel-momentum",
             "Momentum stored in the wheels",
             ("N m s", 1.0),
-            &[curve(
-                "truth",
-                Each(&["wheel_momentum", "wheel_momentum_B", "h_w"]),
-                &[],
-            )],
+            &[curve("truth", Each(&["wheel_momentum_B"]), &[])],
         ),
         "wheel_momentum",
     ),
@@ -305,10 +375,25 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         "Energy",
         ("J", 1.0),
         &[
-            curve("truth", Each(&["energy", "kinetic_energy"]), &["kinetic"]),
-            curve("truth", Each(&["work", "work_actuators"]), &["actuator work"]),
-            curve("truth", Each(&["dissipated", "work_dampers"]), &["dissipated"]),
+            curve("truth", Each(&["energy"]), &["kinetic and spring"]),
+            curve("truth", Each(&["actuator_work"]), &["actuator work"]),
+            curve("truth", Each(&["damper_loss"]), &["lost in dampers"]),
+            curve("truth", Each(&["impact_loss"]), &["lost in impacts"]),
         ],
+    ),
+    figure(
+        BALANCE,
+        "momentum-residual",
+        "Angular momentum that the books do not explain",
+        ("N m s", 1.0),
+        &[curve("truth", Each(&["angular_residual_N"]), &[])],
+    ),
+    figure(
+        BALANCE,
+        "energy-residual",
+        "Energy that the books do not explain",
+        ("J", 1.0),
+        &[curve("truth", Each(&["energy_residual"]), &["residual"])],
     ),
 ];
 
@@ -324,9 +409,11 @@ pub(crate) const PLAYBACK: &[(&str, &str, Names)] = &[
     ("quat_NG", "truth", QUAT_NG),
     ("torque", "truth", TORQUE),
     ("force", "truth", FORCE),
-    ("p_NT", "target", &["p_NT_N"]),
-    ("quat_NT", "target", &["quat_NT"]),
-    ("p_ND", "setpoint", &["p_ND_N", "p_d_N", "p_NE_d_N", "p_NEd_N", "p_d"]),
+    ("p_NT", "truth", P_NT),
+    ("quat_NT", "truth", QUAT_NT),
+    ("p_NT", "target", P_NT),
+    ("quat_NT", "target", QUAT_NT),
+    ("p_ND", "setpoint", P_ND),
     ("command_torque", "command", TORQUE),
     ("command_force", "command", FORCE),
 ];

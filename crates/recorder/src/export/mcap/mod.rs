@@ -108,12 +108,12 @@ pub(super) fn write(
         message.clear();
         topic.schema.encode(&topic.payload, &mut message);
         file.message(topic.channel, topic.index as u32, time, &message)?;
-        if let (Some(poses), Some(channel)) = (&mut topic.poses, transforms) {
-            if poses.due(topic.stamp_s, 1.0 / TRANSFORM_RATE) {
-                message.clear();
-                poses.encode(&topic.payload, time, geometry, &mut message);
-                file.message(channel, topic.index as u32, time, &message)?;
-            }
+        if let (Some(poses), Some(channel)) = (&mut topic.poses, transforms)
+            && poses.due(topic.stamp_s, 1.0 / TRANSFORM_RATE)
+        {
+            message.clear();
+            poses.encode(&topic.payload, time, geometry, &mut message);
+            file.message(channel, topic.index as u32, time, &message)?;
         }
         topic.advance()?;
     }

@@ -40,9 +40,7 @@ pub(super) fn schema(columns: &[Column<'_>]) -> Vec<u8> {
     let mut buffer = vec![0; 4];
     let root = table(&mut buffer, &message);
     buffer[..4].copy_from_slice(&root.to_le_bytes());
-    while buffer.len() % 8 != 0 {
-        buffer.push(0);
-    }
+    align(&mut buffer, 8);
     let mut out = 0xffff_ffff_u32.to_le_bytes().to_vec();
     out.extend((buffer.len() as i32).to_le_bytes());
     out.extend(buffer);

@@ -21,13 +21,18 @@ function summaryCard() {
   const captured = DATA.summary.find((row) => row.key === "captured");
   if (captured) card.append(el("div", { class: "verdicts" }, ...RUNS.map((run, i) => captured.met[i] === null ? null
     : el("span", { class: "verdict " + (captured.met[i] ? "yes" : "no") }, `${many ? run.name + ": " : ""}${captured.met[i] ? "captured" : "not captured"}`))));
-  const head = el("tr", {}, el("th", {}, ""), ...RUNS.map((run, i) => el("th", {}, many ? el("span", { class: "swatch", style: `background:var(--c${i})` }) : "", many ? run.name : "value")), el("th", {}, ""));
-  const body = DATA.summary.filter((row) => row.key !== "captured").map((row) => el("tr", { "data-key": row.key },
-    el("td", { title: row.criterion ? `${row.key}: ${row.criterion}` : row.key }, row.label),
-    ...row.values.map((value, i) => el("td", {}, row.met[i] === null ? "" : el("span", { class: "mark " + (row.met[i] ? "yes" : "no") }, row.met[i] ? "✓" : "✗"), value)),
-    el("td", { class: "unit" }, row.unit)));
-  card.append(el("table", {}, el("thead", {}, head), el("tbody", {}, ...body)));
+  card.append(summaryTable(DATA.summary.filter((row) => row.main && row.key !== "captured")));
   return card;
+}
+
+function summaryTable(rows) {
+  const many = RUNS.length > 1;
+  const head = el("tr", {}, el("th", {}, ""), ...RUNS.map((run, i) => el("th", {}, many ? el("span", { class: "swatch", style: `background:var(--c${i})` }) : "", many ? run.name : "")), el("th", {}, ""), el("th", {}, ""));
+  const body = rows.map((row) => el("tr", { "data-key": row.key },
+    el("td", { title: row.key }, row.label),
+    ...row.values.map((value, i) => el("td", {}, row.met[i] === null ? "" : el("span", { class: "mark " + (row.met[i] ? "yes" : "no") }, row.met[i] ? "✓" : "✗"), value)),
+    el("td", { class: "unit" }, row.unit), el("td", { class: "unit" }, row.criterion)));
+  return el("table", {}, el("thead", {}, head), el("tbody", {}, ...body));
 }
 
 function timesCard(run) {
@@ -118,6 +123,8 @@ function main() {
   }
   const timed = RUNS.filter((run) => run.participants.length);
   if (timed.length) section("time", "Computing and waiting").append(...timed.map(timesCard));
+  const rest = DATA.summary.filter((row) => !row.main);
+  if (rest.length) section("all-figures-of-merit", "All figures of merit").append(el("div", { class: "card" }, summaryTable(rest)));
   about();
   // For scripts that look at the page: the curves as drawn, the clock, the playback.
   window.escapement = { data: DATA, figures, clock, range, player, setTheme };

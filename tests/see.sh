@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# Looks at a run as its user does: exports read back by the tools' own packages, the report opened in a real browser.
+#
+#     tests/see.sh [ORCHESTRATOR [SCREENSHOTS]]
+#
+# Installs what is missing: Chromium with its driver (Debian packages) and the Python packages of the requirements.txt files.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+orchestrator=${1:-target/release/orchestrator}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+if ! command -v chromium >/dev/null || ! command -v chromedriver >/dev/null; then
+    apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium chromium-driver
+fi
+python=python3
+if ! "$python" -c "import mcap_protobuf, numpy, pyarrow, selenium" 2>/dev/null; then
+    "$python" -m venv "$work/venv"
+    python=$work/venv/bin/python
+    "$python" -m pip install --quiet -r tests/exports/requirements.txt -r tests/pages/requirements.txt
+fi
+
+"$orchestrator" run scenarios/close.toml --in-process --quiet --out "$work/close"
+# A second run to lay over the first: the same capture with a slower controller. Whether it succeeds does not matter here.
+"$orchestrator" run scenarios/close.toml --in-process --quiet --set participants.controller.period=20ms --out "$work/slower" || [ $? -eq 3 ]
+"$python" tests/exports/check_exports.py "$orchestrator" "$work/close"
+"$python" tests/pages/check_report.py "$orchestrator" "$work/close" "$work/slower" ${2:+--screenshots "$2"}
