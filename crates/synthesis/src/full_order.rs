@@ -41,11 +41,11 @@ pub fn full_order_optimum(
     let size = |x: f64| if x > 0.0 { 1.0 / x.sqrt() } else { 1.0 };
     let mut right = vec![1.0; plant.inputs()];
     let mut left = vec![1.0; plant.outputs()];
-    for j in first_u..plant.inputs() {
-        right[j] = size((0..first_y).map(|i| plant.d[(i, j)].powi(2)).sum());
+    for (j, r) in right.iter_mut().enumerate().skip(first_u) {
+        *r = size((0..first_y).map(|i| plant.d[(i, j)].powi(2)).sum());
     }
-    for i in first_y..plant.outputs() {
-        left[i] = size((0..first_u).map(|j| plant.d[(i, j)].powi(2)).sum());
+    for (i, l) in left.iter_mut().enumerate().skip(first_y) {
+        *l = size((0..first_u).map(|j| plant.d[(i, j)].powi(2)).sum());
     }
     let p = balance::balanced_system(&plant.scaled(&left, &right));
     let n = p.states();

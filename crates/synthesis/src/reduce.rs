@@ -35,9 +35,9 @@ fn spread(n: usize, seed: impl Fn(usize) -> bool, edge: impl Fn(usize, usize) ->
     let mut marked: Vec<bool> = (0..n).map(seed).collect();
     let mut queue: Vec<usize> = (0..n).filter(|&i| marked[i]).collect();
     while let Some(from) = queue.pop() {
-        for to in 0..n {
-            if !marked[to] && edge(from, to) {
-                marked[to] = true;
+        for (to, mark) in marked.iter_mut().enumerate() {
+            if !*mark && edge(from, to) {
+                *mark = true;
                 queue.push(to);
             }
         }

@@ -88,7 +88,7 @@ fn rank_one_and_triangular_matrices() {
         to_complex(&from_rows(&[vec![0.5, 10.0, 100.0], vec![0.0, -0.7, 10.0], vec![0.0, 0.0, 0.6]]).unwrap());
     let (lower, upper) = bounds(&triangular, &[Block::Complex(1); 3]);
     close(lower, 0.7, 1e-5);
-    assert!(upper < 0.75 && upper >= 0.7, "{upper}");
+    assert!((0.7..0.75).contains(&upper), "{upper}");
 }
 
 /// Morton and Doyle's example, as printed by Packard and Doyle 1993 (section 9.2): four complex scalars, D-bound 1,

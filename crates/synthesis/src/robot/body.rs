@@ -352,7 +352,7 @@ impl Spec {
             // Start gains have their own message, from the tuner, because they are matrices there.
             if let Some(&value) = list
                 .iter()
-                .find(|x| !(x.is_finite() && **x > 0.0) && !what.starts_with("gains"))
+                .find(|x| !(what.starts_with("gains") || x.is_finite() && **x > 0.0))
             {
                 return Err(RobotError::Value {
                     what: what.into(),

@@ -112,8 +112,8 @@ fn cholesky(mut m: Vec<Vec<f64>>) -> Option<Vec<Vec<f64>>> {
     for j in 0..m.len() {
         for k in 0..j {
             let factor = m[j][k];
-            for i in j..m.len() {
-                m[i][j] -= m[i][k] * factor;
+            for row in m.iter_mut().skip(j) {
+                row[j] -= row[k] * factor;
             }
         }
         if m[j][j].is_nan() || m[j][j] <= 0.0 {
