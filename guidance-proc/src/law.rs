@@ -11,9 +11,9 @@ use crate::parameters::{LawName, Parameters, refused};
 #[derive(Debug, Clone)]
 pub enum Law {
     /// The paper's.
-    Capture(CaptureGuidance),
+    Capture(Box<CaptureGuidance>),
     /// The one it is compared with.
-    Reference(ReferenceGuidance),
+    Reference(Box<ReferenceGuidance>),
 }
 
 /// What a law answers.
@@ -32,8 +32,10 @@ impl Law {
     /// Names the parameter that is refused.
     pub fn new(parameters: &Parameters) -> Result<Self, ParameterError> {
         match parameters.law {
-            LawName::Capture => CaptureGuidance::new(parameters.capture()).map(Law::Capture),
-            LawName::Reference => ReferenceGuidance::new(parameters.comparison()).map(Law::Reference),
+            LawName::Capture => CaptureGuidance::new(parameters.capture()).map(|law| Law::Capture(Box::new(law))),
+            LawName::Reference => {
+                ReferenceGuidance::new(parameters.comparison()).map(|law| Law::Reference(Box::new(law)))
+            }
         }
         .map_err(|error| refused(&error))
     }

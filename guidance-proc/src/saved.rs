@@ -113,7 +113,7 @@ pub fn restore(guidance: &mut Guidance, state: &[u8]) -> Result<(), Failure> {
     let saved: Saved = wire::decode("the guidance's state", state)?;
     match (&mut guidance.law, saved.base) {
         (Law::Capture(law), None) => {
-            *law = capture::CaptureGuidance::from_state(*law.parameters(), &saved.end_effector.into())?;
+            **law = capture::CaptureGuidance::from_state(*law.parameters(), &saved.end_effector.into())?;
         }
         (Law::Reference(law), Some(base)) => {
             let state = reference::State {
@@ -122,7 +122,7 @@ pub fn restore(guidance: &mut Guidance, state: &[u8]) -> Result<(), Failure> {
                 base_position: base.position,
                 base_attitude: base.attitude,
             };
-            *law = reference::ReferenceGuidance::from_state(*law.parameters(), &state)?;
+            **law = reference::ReferenceGuidance::from_state(*law.parameters(), &state)?;
         }
         _ => {
             return Err(

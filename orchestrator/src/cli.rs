@@ -7,7 +7,9 @@ use lockstep::time::Rational;
 
 use crate::commands::compare::CompareArgs;
 use crate::commands::export::ExportArgs;
+use crate::commands::margins::MarginsArgs;
 use crate::commands::report::ReportArgs;
+use crate::commands::tune::TuneArgs;
 use crate::run::Wait;
 
 /// Co-simulation in lockstep over shared memory.
@@ -39,6 +41,12 @@ pub enum Command {
     Export(ExportArgs),
     /// Look at this machine, and at what dead runs left behind
     Doctor(DoctorArgs),
+    /// Print a model's tree, or everything about given states, to compare with another engine
+    Model(ModelArgs),
+    /// Tune gains by structured H-infinity
+    Tune(TuneArgs),
+    /// Verify gains: norms, mu, margins, the sampled loop
+    Margins(MarginsArgs),
     /// Measure what lockstep costs on this machine
     Bench(BenchArgs),
     /// Be a participant of a run (started by the orchestrator itself)
@@ -168,4 +176,13 @@ pub struct BenchArgs {
     /// The largest ring
     #[arg(long, default_value_t = 64)]
     pub participants: usize,
+}
+
+/// Arguments of `model`.
+#[derive(Debug, Args)]
+pub struct ModelArgs {
+    /// The model, a URDF file
+    pub model: PathBuf,
+    /// States in JSON; without them the tree is printed
+    pub states: Option<PathBuf>,
 }

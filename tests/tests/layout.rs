@@ -259,6 +259,7 @@ fn arrows_only_point_down() {
 
 #[test]
 fn models_know_no_process_file_clock_or_log() {
+    // Synthesis runs on a desk, before any run; whoever is in a step has one thread.
     let modules = ["process", "fs", "time", "env", "net", "thread"];
     let crates = ["log", "tracing", "rustix", "libc", "iceoryx2", "lockstep"];
     for name in MODELS {
@@ -273,7 +274,12 @@ fn models_know_no_process_file_clock_or_log() {
             .into_iter()
             .filter(|line| !line.test)
             .filter_map(|line| {
-                let what = of_std(&line.code, &modules);
+                let known = if name == "synthesis" {
+                    &modules[..5]
+                } else {
+                    &modules[..]
+                };
+                let what = of_std(&line.code, known);
                 let logs = ["log::", "tracing::"].into_iter().find(|log| line.code.contains(log));
                 let what = what.or_else(|| logs.map(str::to_owned))?;
                 Some((line, what))

@@ -55,7 +55,7 @@
 //! Only operations that IEEE 754 rounds correctly are used (fused multiply-adds are explicit, and the compiler never
 //! contracts by itself); sines and cosines are our own polynomial ([`sin_cos`]). So the same state gives the same bits on
 //! every processor, in [`Tree`], [`DynTree`] and in each lane of a batch alike. Compile with FMA enabled
-//! (`-C target-cpu=x86-64-v3` on x86-64): without it the same bits come from a software routine, some fifty times slower.
+//! (`-C target-cpu=x86-64-v3` on x86-64): without it the same bits come from a software routine, far more slowly.
 
 mod description;
 mod dynamic;

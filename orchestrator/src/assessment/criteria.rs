@@ -96,6 +96,16 @@ pub fn judge(criteria: &Criteria, summary: &mut Summary) {
         of(summary.energy_residual_j),
         criteria.energy_residual.map(|limit| limit.si()),
     );
+    let (low, high) = (&summary.joint_angles_min_deg, &summary.joint_angles_max_deg);
+    at_most(
+        "joint_ranges",
+        "1",
+        criteria.joint_ranges.map(|ranges| {
+            let used = (0..7).map(|joint| low[joint].abs().max(high[joint].abs()) * DEGREE / ranges.si()[joint]);
+            used.fold(0.0, f64::max)
+        }),
+        criteria.joint_ranges.map(|_| 1.0),
+    );
     at_most(
         "base_rate_at_end",
         "deg/s",

@@ -84,6 +84,8 @@ pub struct Criteria {
     pub momentum_residual: Option<f64>,
     /// Largest missing energy.
     pub energy_residual: Option<Quantity<Energy>>,
+    /// Range of each joint, either way from zero: the part of it that is used must not exceed one.
+    pub joint_ranges: Option<Each<Angle, 7>>,
     /// Angular speed of the base at the end.
     pub base_rate_at_end: Option<Quantity<AngularRate>>,
     /// Largest angular speed of a joint at the end.
@@ -105,6 +107,7 @@ impl Default for Criteria {
             wheel_momentum_max: None,
             momentum_residual: None,
             energy_residual: None,
+            joint_ranges: None,
             base_rate_at_end: None,
             joint_rate_at_end: None,
         }

@@ -73,7 +73,7 @@ pub fn make(scenario: &Table, name: &str) -> (Setup, Box<dyn Participant>) {
 /// Every output of a run.
 pub struct Tape {
     pub streams: Vec<(String, Descriptor)>,
-    pub samples: Vec<Vec<(f64, Vec<u8>)>>,
+    pub samples: Vec<Vec<Sample>>,
 }
 
 impl Tape {
@@ -102,9 +102,12 @@ impl Tape {
     }
 }
 
+/// Stamp, s, and payload.
+type Sample = (f64, Vec<u8>);
+
 #[derive(Clone)]
 struct Sink {
-    samples: Arc<Mutex<Vec<Vec<(f64, Vec<u8>)>>>>,
+    samples: Arc<Mutex<Vec<Vec<Sample>>>>,
     timebase: lockstep::time::Timebase,
 }
 

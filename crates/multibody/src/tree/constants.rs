@@ -5,7 +5,7 @@ use crate::kernel::jacobian::FrameConsts;
 use crate::kernel::{BASE, Link, Rigid};
 use nalgebra::Matrix3;
 
-/// A frame of one tree, found by name with [`Tree::frame`].
+/// A frame of one tree, found by name with [`Tree::frame`](crate::Tree::frame).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FrameId(pub(crate) usize);
 

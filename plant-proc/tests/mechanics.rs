@@ -1,0 +1,171 @@
+//! The grasp and the failures of actuators: what they must conserve.
+
+mod common;
+
+use common::{Tape, load, run};
+use toml::{Table, Value};
+
+/// The close capture, cut short, with other parameters of the plant.
+fn short(duration: &str, plant: &str) -> Tape {
+    let mut scenario = load("close");
+    scenario["duration"] = duration.into();
+    let extra: Table = toml::from_str(plant).unwrap();
+    let parameters = scenario["participants"]["plant"]["parameters"].as_table_mut().unwrap();
+    for (key, value) in extra {
+        match (parameters.get_mut(&key), value) {
+            (Some(Value::Table(old)), Value::Table(new)) => old.extend(new),
+            (_, value) => {
+                parameters.insert(key, value);
+            }
+        }
+    }
+    run(&scenario)
+}
+
+fn residuals(tape: &Tape) -> f64 {
+    ["linear_residual_N", "angular_residual_N", "energy_residual"]
+        .map(|field| tape.peak("plant.truth", field))
+        .into_iter()
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn a_hard_grasp_conserves_momentum_and_loses_energy() {
+    // the gripper closes on a target that passes by at 0.2 m/s, turning fast
+    let tape = short(
+        "0.3 s",
+        "after_grasp = { at = '0.1 s', within = '10 m', within_angle = '180 deg' }\n\
+         target_start = { velocity = '[0.1, -0.1, 0.15] m/s', rate = '[5, -3, 10] deg/s' }",
+    );
+    assert_eq!(tape.at("plant.truth", "grasped", 0, 0.1), 0.0);
+    assert_eq!(tape.at("plant.truth", "grasped", 0, 0.101), 1.0);
+    // a plastic impact loses energy, and no more than there was
+    let (loss, before) = (
+        tape.at("plant.truth", "impact_loss", 0, 0.3),
+        tape.at("plant.truth", "energy", 0, 0.1),
+    );
+    assert!(loss > 1e-3 * before && loss < before, "{loss} of {before}");
+    assert!(residuals(&tape) < 1e-8, "{:e}", residuals(&tape));
+    // held for good: the distance of end effector and grasp frame does not change any more
+    let distance = |t| tape.at("plant.truth", "position_error", 0, t);
+    assert!((distance(0.101) - distance(0.3)).abs() < 1e-9);
+    assert!(tape.at("plant.truth", "relative_rate", 0, 0.2) < 1e-12);
+}
+
+#[test]
+fn a_locked_joint_stays_where_it_is_and_books_close() {
+    let tape = short(
+        "12 s",
+        "faults = [{ actuator = 'joint.A4', effect = 'locked', from = '8 s', until = '10 s' }]",
+    );
+    let angle = |t| tape.at("plant.truth", "q", 3, t);
+    assert!((angle(7.9) - angle(8.0)).abs() > 1e-5, "it moved before");
+    assert_eq!(angle(8.002), angle(9.999));
+    assert!((angle(10.001) - angle(11.0)).abs() > 1e-5, "it moves again");
+    assert!(tape.at("plant.truth", "impact_loss", 0, 12.0) > 0.0);
+    assert!(residuals(&tape) < 1e-8, "{:e}", residuals(&tape));
+}
+
+#[test]
+fn failures_act_in_their_window_and_on_their_actuator() {
+    let tape = short(
+        "6 s",
+        "faults = [{ actuator = 'wheel.y', effect = 'weak', factor = 0.5, from = '3 s', until = '4 s' },\n\
+         { actuator = 'thruster.8', effect = 'on', from = '5 s' }]",
+    );
+    let made = |axis, t| tape.at("plant.truth", "wheel_torque_B", axis, t);
+    let asked = |axis, t| tape.at("controller.command", "torque_B", axis, t);
+    // the truth stamped t holds what was done over the period that ended there, with the command of the last 10 ms
+    for (t, factor) in [(2.5, 1.0), (3.5, 0.5), (4.5, 1.0)] {
+        assert_eq!(made(1, t), factor * asked(1, t - 0.01), "{t}");
+        assert_eq!(made(0, t), asked(0, t - 0.01), "{t}");
+    }
+    // thruster 8, the first of two along +z, pushes with 4.5 N and turns the base about y on its arm of half a metre
+    let torque = tape.at("plant.truth", "thruster_torque_B", 1, 5.5);
+    let force = tape.at("plant.truth", "thruster_force_B", 2, 5.5);
+    assert!(torque > 1.0 && force > 1.0, "{torque} {force}");
+    assert_eq!(tape.at("plant.truth", "thruster_torque_B", 1, 4.5), 0.0);
+    assert!(residuals(&tape) < 1e-8);
+}
+
+#[test]
+fn wheels_conserve_momentum_with_and_without_their_gyroscopic_torque() {
+    for gyroscopic in [false, true] {
+        let wheels = format!(
+            "actuators = {{ wheels = {{ torque = '0.2 N m', momentum = '12 N m s', start_momentum = '[3, -4, 5] N m s', \
+             gyroscopic = {gyroscopic} }} }}\nstart = {{ rate = '[1, 2, -1] deg/s' }}"
+        );
+        let tape = short("3 s", &wheels);
+        assert!(residuals(&tape) < 1e-9, "{gyroscopic}: {:e}", residuals(&tape));
+    }
+}
+
+#[test]
+fn mistakes_are_refused_with_key_value_and_remedy() {
+    let refuse = |plant: &str| {
+        let scenario = load("close");
+        let mut parameters = scenario["participants"]["plant"]["parameters"]
+            .as_table()
+            .unwrap()
+            .clone();
+        parameters.extend(toml::from_str::<Table>(plant).unwrap());
+        let setup = lockstep::participant::Setup {
+            name: "plant".to_owned(),
+            parameters,
+            seed: 1,
+            period: 0.001,
+            offset: 0.0,
+        };
+        let error = plant_proc::factory(&setup).err().unwrap();
+        (error.key, error.reason)
+    };
+    for (plant, key, part) in [
+        ("starts = 1", "starts", "unknown field"),
+        (
+            "integrator = { method = 'euler' }",
+            "integrator.method",
+            "rk4 and dop853",
+        ),
+        ("integrator = { substeps = 0 }", "integrator.substeps", "between 1"),
+        (
+            "faults = [{ actuator = 'wheel.w', effect = 'off' }]",
+            "faults[0].actuator",
+            "wheel.x",
+        ),
+        (
+            "faults = [{ actuator = 'wheel.x', effect = 'locked' }]",
+            "faults[0].effect",
+            "joints",
+        ),
+        (
+            "faults = [{ actuator = 'wheel.x', effect = 'weak' }]",
+            "faults[0].factor",
+            "factor = 0.5",
+        ),
+        (
+            "actuators = { wheels = { torque = '0.2 N' } }",
+            "actuators.wheels.torque",
+            "a torque",
+        ),
+        (
+            "actuators = { wheels = { torque = '-1 N m' } }",
+            "actuators.wheels.torque",
+            "negative",
+        ),
+        (
+            "sensors = { rate = { drift = '1 deg/s' } }",
+            "sensors.rate.drift_time",
+            "time constant",
+        ),
+        (
+            "sensors = { rate = { period = '1.5 ms' } }",
+            "sensors.rate.period",
+            "multiple",
+        ),
+        ("urdf = 'x'", "urdf", ""),
+    ] {
+        let (found, reason) = refuse(plant);
+        assert_eq!(found, key, "{reason}");
+        assert!(reason.contains(part), "{plant}: {reason}");
+    }
+}
