@@ -1,4 +1,42 @@
-//! Structured H-infinity tuning and mu analysis.
+//! Structured H-infinity tuning and mu analysis, for plants of any kind.
+//!
+//! ```
+//! use synthesis::matrices::PlantMatrices;
+//! use synthesis::tuner::{Flow, Options, tune};
+//!
+//! // ẋ = −2 x + w + u, z = (x, u), y = x: the best static gain is −1/2, with gamma = 1/√5.
+//! let plant = PlantMatrices {
+//!     name: "example".into(),
+//!     a: vec![vec![-2.0]],
+//!     b1: vec![vec![1.0]],
+//!     b: vec![vec![1.0]],
+//!     c1: vec![vec![1.0], vec![0.0]],
+//!     c: vec![vec![1.0]],
+//!     d12: vec![vec![0.0], vec![1.0]],
+//!     ..PlantMatrices::default()
+//! };
+//! let tuned = tune(&plant.static_output_feedback()?, &Options::default(), &|_progress| Flow::Continue)?;
+//! assert!((tuned.evaluation.gamma - 0.2f64.sqrt()).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`linalg`], [`state_space`], [`interconnect`], [`delay`], [`balance`], [`reduce`] | matrices, systems and their algebra |
+//! | [`norm`] | the exact H-infinity norm |
+//! | [`tuner`] | structured gains over several models and channels, with an optimality certificate |
+//! | [`full_order`] | what any controller could reach |
+//! | [`mu`] | robust stability margins: proofs for all frequencies, and perturbations |
+//! | [`matrices`] | a plant from matrices in a file |
+//! | [`robot`] | the velocity loop of a free-flying robot: specification, plant, margins, sampled loop, adversary |
+//! | [`plot`] | figures |
+//!
+//! Conventions: continuous time, SI units where units are known, frequencies in rad/s, `u = K y` (the sign is part of K),
+//! generalised plants with inputs [w; u] and outputs [z; y]. The crate reads no file and prints nothing.
+//!
+//! Determinism: single-threaded kernels and seeded searches give the same bits on the same kind of machine. Dense products
+//! use the instruction set they find, so another processor may differ in the last digits; tuning is done offline and its
+//! result is a file, so that is acceptable here and nothing in a simulation step uses this crate.
 
 pub mod balance;
 pub mod delay;

@@ -11,7 +11,7 @@ use crate::tuner::{Channel, GainBlock, GainKind, Model, Problem};
 /// Rows of numbers, row by row. A missing D is zero. In a file the keys are `A`, `B1`, `B`, `C1`, `C`, `D11`, `D12`,
 /// `D21`, `D22`, and optionally `name` and `K` (a gain to start from); other keys are ignored, so that problems from
 /// published collections, which carry their own remarks, can be read as they are.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct PlantMatrices {
     #[serde(default)]

@@ -282,3 +282,23 @@ fn bad_input_is_refused_with_the_reason() {
         Err(MuError::Unstable(a)) if a > 0.0
     ));
 }
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(24))]
+
+    /// The lower bound never exceeds the upper one, and neither exceeds the norm; `bounds` checks that the perturbation has the
+    /// structure and makes the matrix singular.
+    #[test]
+    fn bounds_are_ordered_for_any_matrix(entries in proptest::collection::vec(-1.0f64..1.0, 50), kind in 0usize..4) {
+        let m = CMatrix::from_fn(5, 5, |i, j| c64::new(entries[10 * i + 2 * j], entries[10 * i + 2 * j + 1]));
+        let blocks = match kind {
+            0 => vec![Block::Complex(1); 5],
+            1 => vec![Block::Real(1), Block::Real(2), Block::Complex(2)],
+            2 => vec![Block::Full { rows: 2, columns: 2 }, Block::Complex(1), Block::Real(2)],
+            _ => vec![Block::Complex(3), Block::Full { rows: 1, columns: 1 }, Block::Real(1)],
+        };
+        let (lower, upper) = bounds(&m, &blocks);
+        proptest::prop_assert!(lower <= upper * (1.0 + 1e-7));
+        proptest::prop_assert!(upper <= singular_values(&m).unwrap()[0] * (1.0 + 1e-9));
+    }
+}

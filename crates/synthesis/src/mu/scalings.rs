@@ -313,6 +313,16 @@ fn store(h: &CMatrix, rows: &mut crate::linalg::Matrix, at: usize, k: usize) -> 
     trace
 }
 
+/// Whether `level² D − Mᴴ D M − j (G M − Mᴴ G)` is positive definite at this matrix.
+pub(crate) fn holds(m: &CMatrix, s: &Scalings, level: f64) -> Result<bool, LinalgError> {
+    let gm = &s.g * m;
+    let dm = linalg::adjoint(m) * (&s.d_left * m);
+    let f = CMatrix::from_fn(dm.nrows(), dm.ncols(), |i, k| {
+        s.d_right[(i, k)] * (level * level) - dm[(i, k)] - c64::new(0.0, 1.0) * (gm[(i, k)] - gm[(k, i)].conj())
+    });
+    Ok(linalg::hermitian_eigen(&f)?.0.first().is_none_or(|least| *least > 0.0))
+}
+
 /// Upper bound of μ at one matrix, to the relative accuracy `tolerance` of the convex problem (1e-6 is comfortable).
 ///
 /// M has as many rows as Δ has columns and the other way round.
