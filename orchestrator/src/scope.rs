@@ -96,10 +96,17 @@ impl Scope {
             .create(&folder)
             .map_err(io_error(&folder, "cannot be made"))?;
         let lock = folder.join(LOCK);
-        let file = OpenOptions::new().create_new(true).write(true).mode(0o600).open(&lock);
-        let file = file.map_err(io_error(&lock, "cannot be made"))?;
+        // Locked under another name first: nobody ever sees the lock file of a living run unlocked.
+        let unborn = folder.join("lock.new");
+        let file = OpenOptions::new()
+            .create_new(true)
+            .write(true)
+            .mode(0o600)
+            .open(&unborn);
+        let file = file.map_err(io_error(&unborn, "cannot be made"))?;
         flock(&file, FlockOperation::NonBlockingLockExclusive)
-            .map_err(|error| io_error(&lock, "cannot be locked")(error.into()))?;
+            .map_err(|error| io_error(&unborn, "cannot be locked")(error.into()))?;
+        fs::rename(&unborn, &lock).map_err(io_error(&lock, "cannot be made"))?;
         Ok(Scope {
             address: Address {
                 prefix: format!("{MARK}{id}_"),
@@ -157,22 +164,14 @@ impl Leftover {
 /// Everything that dead runs of this user left behind.
 pub fn leftovers() -> Vec<Leftover> {
     let Ok(base) = trusted_base() else { return Vec::new() };
-    let mut ids: Vec<String> = fs::read_dir(&base)
+    // Objects in shared memory whose folder is not here may belong to a run with another TMPDIR, or in another container: only
+    // a folder with a lock that nobody holds proves that a run is dead. Its objects go first and the folder last.
+    let ids: Vec<String> = fs::read_dir(&base)
         .into_iter()
         .flatten()
         .flatten()
         .filter_map(|entry| entry.file_name().into_string().ok())
         .collect();
-    // Objects whose folder is gone: the folder is made before any object, so these are nobody's.
-    let own = rustix::process::getuid().as_raw();
-    for object in objects(MARK) {
-        let name = object.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        let id = name[MARK.len()..].split('_').next().unwrap_or_default();
-        let mine = fs::symlink_metadata(&object).is_ok_and(|about| about.uid() == own);
-        if mine && id.len() == ID && !ids.iter().any(|known| known == id) {
-            ids.push(id.to_owned());
-        }
-    }
     ids.into_iter()
         .filter(|id| id.len() == ID && dead(&base.join(id)))
         .map(|id| leftover(&base, &id))

@@ -232,12 +232,12 @@ mod tests {
     #[test]
     fn a_state_gives_every_quantity() {
         let d = Description::from_urdf(URDF).unwrap();
-        let state = json!({"p": [0, 0, 0], "quat_wxyz": [1, 0, 0, 0], "qj": [0; 9], "v": [0; 15]});
+        let state = json!({"p": [0, 0, 0], "quat_wxyz": [1, 0, 0, 0], "qj": vec![0; 9], "v": vec![0; 15]});
         let out = evaluate(&d, &state).unwrap();
         let first = &out["states"][0];
         assert_eq!(first["M"][3][3].as_f64().unwrap(), 450.2);
         assert_eq!(first["end_effector"], first["frames"]["end_effector"]);
-        let short = json!({"qj": [0; 9], "v": [0; 4]});
+        let short = json!({"qj": vec![0; 9], "v": vec![0; 4]});
         assert!(
             evaluate(&d, &short)
                 .unwrap_err()

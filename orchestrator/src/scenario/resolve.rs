@@ -243,7 +243,7 @@ impl Scenario {
                 let link = if all.len() == 1 {
                     name.clone()
                 } else {
-                    format!("{name}-{}", to_port.0)
+                    format!("{name}-{}-{}", to_port.0, to_port.1)
                 };
                 let timing: Timing = connection.timing();
                 links.push(LinkSpec {

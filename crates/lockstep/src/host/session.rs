@@ -279,7 +279,13 @@ fn connect(
         }
         ends.senders.push(senders);
     }
-    let record = SharedRecord(Rc::new(RefCell::new(RecordSender::open(domain, name)?)));
+    let sizes = assignment
+        .interface
+        .outputs
+        .iter()
+        .map(|port| port.descriptor.size as usize);
+    let payload_max = sizes.max().unwrap_or(0);
+    let record = SharedRecord(Rc::new(RefCell::new(RecordSender::open(domain, name, payload_max)?)));
     ends.recording = Box::new(record.clone());
     let timing = Timing {
         inputs_ns: vec![0; assignment.inputs.len()],
@@ -403,8 +409,12 @@ impl Ready {
     /// Sends a note to the recorder, behind all samples.
     fn hand_over(&mut self, note: &Note, sleeper: &mut Sleeper) -> Result<(), Broken> {
         use crate::transport::Recording;
-        self.record.0.borrow_mut().note(note)?;
-        while !self.record.try_flush()? {
+        let mut noted = false;
+        while !noted || !self.record.try_flush()? {
+            noted = noted || self.record.0.borrow_mut().note(note)?;
+            if noted && self.record.try_flush()? {
+                break;
+            }
             if self.clock.stopped() {
                 break;
             }

@@ -37,9 +37,9 @@ impl Patience {
         }
     }
 
-    /// True when it is time to look at the stop flag and the control service: not at every spin.
+    /// True when it is time to look at the stop flag and to say what is waited for: at every sleep, not at every spin.
     pub(super) fn is_long(&self) -> bool {
-        self.looks > self.strategy.spins && self.looks.is_multiple_of(64)
+        self.asleep || (self.looks > self.strategy.spins && self.looks.is_multiple_of(64))
     }
 
     /// Lets some time pass before the next look.

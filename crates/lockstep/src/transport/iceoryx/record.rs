@@ -21,8 +21,10 @@ use crate::wire;
 const NOTE: u64 = u64::MAX;
 /// The size of an entry's header, bytes.
 const ENTRY: usize = 32;
-/// A parcel is handed over when it has grown to this, bytes.
+/// The least room in a parcel, bytes. A parcel is handed over when the next entry does not fit.
 const PARCEL: usize = 8 * 1024;
+/// The longest reason that a failing participant may give, bytes: a note fits into a parcel.
+const REASON: usize = 6 * 1024;
 /// Parcels on their way: enough for participants that exchange samples every two microseconds while the recorder naps. Only
 /// what is used of them takes memory.
 const PARCELS: usize = 512;
@@ -43,20 +45,22 @@ fn builder(
 pub struct RecordSender {
     publisher: Publisher<Ipc, [u8], ()>,
     _service: Factory,
+    /// Its capacity is the size of a parcel and never changes: a segment that grows would allocate at every loan.
     parcel: Vec<u8>,
+    size: usize,
 }
 
 impl RecordSender {
-    /// Opens the way to the recorder.
-    pub fn open(domain: &Domain, participant: &str) -> Result<RecordSender, DomainError> {
+    /// Opens the way to the recorder for a participant whose largest payload has `payload_max` bytes.
+    pub fn open(domain: &Domain, participant: &str, payload_max: usize) -> Result<RecordSender, DomainError> {
         let what = || format!("opening the record of `{participant}`");
         let service = builder(domain, participant)?
             .open()
             .map_err(|error| domain.failed(what(), error))?;
+        let size = PARCEL.max((ENTRY + payload_max).next_multiple_of(8));
         let publisher = service
             .publisher_builder()
-            .initial_max_slice_len(PARCEL)
-            .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .initial_max_slice_len(size)
             .max_loaned_samples(1)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
@@ -64,7 +68,8 @@ impl RecordSender {
         Ok(RecordSender {
             publisher,
             _service: service,
-            parcel: Vec::with_capacity(2 * PARCEL),
+            parcel: Vec::with_capacity(size),
+            size,
         })
     }
 
@@ -74,11 +79,26 @@ impl RecordSender {
         self.parcel.resize(self.parcel.len().next_multiple_of(8), 0);
     }
 
-    /// Puts a note behind the samples so far; it travels with the next flush.
-    pub fn note(&mut self, note: &Note) -> Result<(), Broken> {
-        let bytes = wire::encode("a note", note).map_err(|error| Broken(error.to_string()))?;
+    /// Puts a note behind the samples so far; it travels with the next flush. `false` when there is no room now.
+    pub fn note(&mut self, note: &Note) -> Result<bool, Broken> {
+        let mut note = note.clone();
+        if let Note::Failed { reason, .. } = &mut note {
+            let end = (0..=REASON.min(reason.len()))
+                .rev()
+                .find(|&end| reason.is_char_boundary(end));
+            reason.truncate(end.unwrap_or(0));
+        }
+        let bytes = wire::encode("a note", &note).map_err(|error| Broken(error.to_string()))?;
+        if !self.fits(bytes.len()) && !self.flush()? {
+            return Ok(false);
+        }
         self.append([NOTE, bytes.len() as u64, 0, 0], &bytes);
-        Ok(())
+        Ok(true)
+    }
+
+    /// Whether an entry with a payload of `payload` bytes has room behind what is there.
+    fn fits(&self, payload: usize) -> bool {
+        self.parcel.len() + (ENTRY + payload).next_multiple_of(8) <= self.size
     }
 
     fn flush(&mut self) -> Result<bool, Broken> {
@@ -107,8 +127,7 @@ pub struct SharedRecord(pub Rc<RefCell<RecordSender>>);
 impl Recording for SharedRecord {
     fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
         let mut sender = self.0.borrow_mut();
-        let size = ENTRY + payload.len() + 8;
-        if sender.parcel.len() + size > PARCEL && !sender.flush()? {
+        if !sender.fits(payload.len()) && !sender.flush()? {
             return Ok(false);
         }
         sender.append(

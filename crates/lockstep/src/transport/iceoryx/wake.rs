@@ -3,7 +3,7 @@
 use std::sync::atomic::{Ordering, fence};
 use std::time::Duration;
 
-use iceoryx2::port::listener::Listener;
+use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::service::port_factory::event::PortFactory;
 
@@ -82,10 +82,11 @@ impl Sleeper {
 
     /// Sleeps until woken, or for `limit`.
     pub fn sleep(&mut self, limit: Duration) -> Result<(), Broken> {
-        self.listener
-            .timed_wait(|_| {}, limit)
-            .map(|_| ())
-            .map_err(|error| broken("sleeping", error))
+        match self.listener.timed_wait(|_| {}, limit) {
+            // A signal, such as that of a debugger, is as good as a wake-up.
+            Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
+            Err(error) => Err(broken("sleeping", error)),
+        }
     }
 }
 
