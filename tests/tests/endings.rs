@@ -67,7 +67,7 @@ fn a_healthy_run_leaves_nothing_but_its_folder() {
 }
 
 #[test]
-fn nothing_allocates_between_the_first_step_and_the_last() {
+fn memory_does_not_grow_between_the_second_step_and_the_last() {
     for wait in ["yield", "sleep"] {
         let (folder, said) = ended("counting", &["--wait", wait]);
         assert_eq!(said.code, Some(0), "{said:?}");

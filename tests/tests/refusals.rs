@@ -71,7 +71,11 @@ fn a_wrong_unit() {
 
 #[test]
 fn a_missing_connection() {
-    refused("[connections.command]", "[connections.unused]", &[]);
+    refused(
+        "to = \"plant.command\"",
+        "to = []",
+        &["connections.command.to", "names no input"],
+    );
 }
 
 #[test]
@@ -132,8 +136,18 @@ fn overrides_are_checked_like_the_file() {
         "connections.command.from=controller.comand",
         &["no output of `controller`", "`comand`", "`command`"],
     );
-    refused_with("connections.command.to=guidance.target", &["fed twice"]);
-    refused_with("connections.setpoint.to=plant.command", &["SetPoint", "Command"]);
+    refused_with(
+        "connections.command.to=guidance.target",
+        &["does not fit", "`plant.command` is not connected"],
+    );
+    refused_with(
+        "connections.target.to=[\"guidance.target\", \"guidance.target\"]",
+        &["`guidance.target` is fed twice"],
+    );
+    refused_with(
+        "connections.setpoint.to=plant.command",
+        &["does not fit", "f64 in s", "in N m, frame B"],
+    );
     refused_with(
         "participants.plant.period=0s",
         &["participants.plant.period", "must be positive"],
