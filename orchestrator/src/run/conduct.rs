@@ -52,7 +52,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         links.push(LinkService::create(&domain, number as u32, size, link.capacity)?);
     }
     let clock = ClockWriter::create(&domain, plan.participants.len())?;
-    let placement = crew::connect(&plan, &domain, &mut crew, options, &interrupt)?;
+    let placement = crew::connect(&plan, &mut crew, options, &interrupt)?;
     let mut conductor = Conductor {
         stops: prepare::stops(&plan, options)?,
         progress: Progress::new(scenario.duration.seconds(), options.quiet),

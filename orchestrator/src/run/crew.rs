@@ -215,7 +215,6 @@ fn introduce(
 /// Gives every participant its part of the plan and its core. Returns the choice of cores in words.
 pub(super) fn connect(
     plan: &Plan,
-    _domain: &Domain,
     crew: &mut [Member],
     options: &Options,
     interrupt: &Interrupt,

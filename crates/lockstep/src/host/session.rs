@@ -410,7 +410,7 @@ impl Ready {
     fn hand_over(&mut self, note: &Note, sleeper: &mut Sleeper) -> Result<(), Broken> {
         use crate::transport::Recording;
         let mut noted = false;
-        while !noted || !self.record.try_flush()? {
+        loop {
             noted = noted || self.record.0.borrow_mut().note(note)?;
             if noted && self.record.try_flush()? {
                 break;
