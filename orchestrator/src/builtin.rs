@@ -11,6 +11,7 @@ pub fn factory(name: &str) -> Option<Factory> {
         "plant" => Some(plant_proc::factory),
         "controller" => Some(controller_proc::factory),
         "guidance" => Some(guidance_proc::factory),
+        crate::replay::player::NAME => Some(crate::replay::player::factory),
         other => crate::bench::factory(other),
     }
 }

@@ -8,6 +8,7 @@ use lockstep::time::Rational;
 use crate::commands::compare::CompareArgs;
 use crate::commands::export::ExportArgs;
 use crate::commands::margins::MarginsArgs;
+use crate::commands::replay::ReplayArgs;
 use crate::commands::report::ReportArgs;
 use crate::commands::tune::TuneArgs;
 use crate::run::Wait;
@@ -35,6 +36,8 @@ pub enum Command {
     Graph(GraphArgs),
     /// Say whether two tapes are identical, else where they differ
     Compare(CompareArgs),
+    /// Run one participant of a recorded run again and compare what it says with the tape
+    Replay(ReplayArgs),
     /// Write a page with figures, summary and 3-D playback of one run or several side by side
     Report(ReportArgs),
     /// Write the tape of a run as CSV, Parquet or MCAP

@@ -8,6 +8,7 @@ mod bench;
 mod builtin;
 mod cli;
 mod commands;
+mod replay;
 mod run;
 mod scenario;
 mod scope;
@@ -34,6 +35,7 @@ fn main() -> ExitCode {
         Command::Check(args) => commands::check::run(args),
         Command::Graph(args) => commands::graph::run(args),
         Command::Compare(args) => commands::compare::run(args),
+        Command::Replay(args) => commands::replay::run(args),
         Command::Report(args) => commands::report::run(args),
         Command::Export(args) => commands::export::run(args),
         Command::Model(args) => commands::model::run(&args.model, args.states.as_deref()).map(|()| 0),

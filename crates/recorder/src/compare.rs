@@ -1,6 +1,7 @@
 //! Whether two tapes are the same bits, and if not, where they part and by how much.
 
 use std::cmp::Ordering;
+use std::fmt;
 
 use serde::Serialize;
 
@@ -55,6 +56,25 @@ pub enum StreamDifference {
         /// Samples in B.
         b: u64,
     },
+}
+
+impl fmt::Display for StreamDifference {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            StreamDifference::Missing { stream, missing_in } => {
+                write!(out, "stream {stream} is missing in {missing_in}")
+            }
+            StreamDifference::Description { stream, detail } => {
+                write!(out, "stream {stream} is described differently: {detail}")
+            }
+            StreamDifference::SampleTime { stream, detail } => {
+                write!(out, "stream {stream} has another sample time: {detail}")
+            }
+            StreamDifference::Length { stream, a, b } => {
+                write!(out, "stream {stream} has {a} samples in A and {b} in B")
+            }
+        }
+    }
 }
 
 /// The first element of the first sample that differs.

@@ -4,11 +4,11 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use recorder::compare::{Comparison, StreamDifference, compare};
+use recorder::compare::{Comparison, compare};
 use recorder::tape::Reader;
 
 /// Exit code: the tapes differ.
-const DIFFERENT: i32 = 3;
+pub(super) const DIFFERENT: i32 = 3;
 /// Exit code: a folder is not a tape, or cannot be read.
 const UNREADABLE: i32 = 2;
 
@@ -60,26 +60,14 @@ fn open(path: &Path) -> Result<Reader, recorder::tape::ReadError> {
     Ok(reader)
 }
 
-fn print(out: &mut impl Write, comparison: &Comparison) -> io::Result<()> {
+/// The result in words.
+pub(super) fn print(out: &mut impl Write, comparison: &Comparison) -> io::Result<()> {
     if comparison.identical {
         return writeln!(out, "identical: {} samples", comparison.samples);
     }
     writeln!(out, "different")?;
     for difference in &comparison.streams {
-        match difference {
-            StreamDifference::Missing { stream, missing_in } => {
-                writeln!(out, "  stream {stream} is missing in {missing_in}")?;
-            }
-            StreamDifference::Description { stream, detail } => {
-                writeln!(out, "  stream {stream} is described differently: {detail}")?;
-            }
-            StreamDifference::SampleTime { stream, detail } => {
-                writeln!(out, "  stream {stream} has another sample time: {detail}")?;
-            }
-            StreamDifference::Length { stream, a, b } => {
-                writeln!(out, "  stream {stream} has {a} samples in A and {b} in B")?;
-            }
-        }
+        writeln!(out, "  {difference}")?;
     }
     let Some(first) = &comparison.first else {
         return writeln!(out, "  the {} samples that both have are equal", comparison.samples);

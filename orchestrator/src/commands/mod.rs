@@ -9,6 +9,7 @@ pub mod graph;
 pub mod margins;
 pub mod model;
 pub mod participant;
+pub mod replay;
 pub mod report;
 pub mod run;
 pub mod tune;

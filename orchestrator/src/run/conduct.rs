@@ -263,7 +263,10 @@ impl Conductor<'_> {
             return None;
         }
         self.stops.remove(0);
-        if !prepare::pause(&self.plan, stop, &mut self.progress, &self.interrupt) {
+        let who: Vec<String> = (self.crew.iter())
+            .map(|member| format!("{} is process {}", member.process.name, member.process.pid()))
+            .collect();
+        if !prepare::pause(&self.plan, stop, &who.join(", "), &mut self.progress, &self.interrupt) {
             return Some(Ending::Stopped {
                 reason: format!("stopped at t = {} s", self.plan.timebase.seconds(stop)),
             });

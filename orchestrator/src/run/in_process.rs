@@ -49,7 +49,8 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
             ending = end;
             break;
         }
-        if stop < plan.end && !prepare::pause(&plan, stop, &mut progress, &interrupt) {
+        let who = format!("process {}", std::process::id());
+        if stop < plan.end && !prepare::pause(&plan, stop, &who, &mut progress, &interrupt) {
             ending = Ending::Stopped {
                 reason: format!("stopped at t = {} s", plan.timebase.seconds(stop)),
             };

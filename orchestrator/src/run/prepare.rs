@@ -140,10 +140,11 @@ pub(super) fn paced(plan: &Plan, pace: f64, started: Instant) -> Ticks {
     ((seconds * tick.denominator() as f64 / tick.numerator() as f64) as Ticks).clamp(0, plan.end)
 }
 
-/// Waits at rest for the user: Enter goes on, `q` or the end of the input ends the run.
-pub(super) fn pause(plan: &Plan, at: Ticks, progress: &mut Progress, interrupt: &Interrupt) -> bool {
+/// Waits at rest for the user: Enter goes on, `q` or the end of the input ends the run. `who` names the processes, for
+/// whoever wants to look at one of them with a debugger.
+pub(super) fn pause(plan: &Plan, at: Ticks, who: &str, progress: &mut Progress, interrupt: &Interrupt) -> bool {
     progress.say(&format!(
-        "paused at t = {} s: Enter goes on, q and Enter ends the run",
+        "paused at t = {} s ({who}): Enter goes on, q and Enter ends the run",
         plan.timebase.seconds(at)
     ));
     let (sender, receiver) = mpsc::channel();

@@ -63,7 +63,17 @@ pub struct Scenario {
 impl Scenario {
     /// Reads `file` and applies `overrides`, each `key.path=value`.
     pub fn read(file: &Path, overrides: &[String]) -> Result<Scenario, ScenarioError> {
-        let source = Source::read(file, overrides)?;
+        Scenario::read_with(file, overrides, |_| {})
+    }
+
+    /// Reads `file`, applies `overrides`, and lets `change` make something else of the whole before it is understood.
+    pub fn read_with(
+        file: &Path,
+        overrides: &[String],
+        change: impl FnOnce(&mut Table),
+    ) -> Result<Scenario, ScenarioError> {
+        let mut source = Source::read(file, overrides)?;
+        change(&mut source.table);
         let top: Top =
             typed(&source, "", Value::Table(source.table.clone())).map_err(|mistake| source.error(vec![mistake]))?;
         let mut mistakes = Vec::new();

@@ -1,0 +1,139 @@
+//! `orchestrator replay RUN --participant NAME`: one participant again, with the inputs it had.
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::Args;
+use lockstep::time::Rational;
+use serde_json::json;
+
+use super::compare::{DIFFERENT, print};
+use crate::replay::{Found, Replay, ReplayError, Request};
+use crate::run::{Ending, Options, Wait};
+
+/// Run one participant of a recorded run again, with the inputs it had then, and compare what it says with the tape.
+///
+/// It starts at the beginning, because only there its state is known. Exit code 0: identical. 3: different. 2: the
+/// participant or the tape does not fit. 1: the participant failed.
+#[derive(Debug, Args)]
+pub struct ReplayArgs {
+    /// The folder of a run
+    pub run: PathBuf,
+    /// Who is run again
+    #[arg(long, short)]
+    pub participant: String,
+    /// This program in its place, with the arguments behind `--`
+    #[arg(long, value_name = "PATH")]
+    pub exe: Option<PathBuf>,
+    /// In a process of its own over shared memory, as in the run; without it a participant that this program contains
+    /// runs in this process
+    #[arg(long)]
+    pub process: bool,
+    /// Change a key of the plan, such as participants.controller.parameters.law=\"reference\" (may be given more than once)
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Replay only what happens before this simulated time
+    #[arg(long, value_name = "TIME")]
+    pub to: Option<Rational>,
+    /// Come to rest before the first step, or at this simulated time, say the process number, and wait for Enter
+    #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true)]
+    pub wait_for_debugger: Option<Rational>,
+    /// Keep the replay as a run folder of its own
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// No progress line
+    #[arg(long)]
+    pub quiet: bool,
+    /// Give the replay up when nothing has moved for this long; not used while waiting for a debugger
+    #[arg(long, value_name = "TIME", default_value = "60 s")]
+    pub patience: Rational,
+    /// Arguments of the program named with --exe
+    #[arg(last = true, requires = "exe")]
+    pub args: Vec<String>,
+}
+
+/// Replays and prints; gives the exit code.
+pub fn run(args: &ReplayArgs) -> anyhow::Result<i32> {
+    match replay(args) {
+        Ok(found) => report(args, &found),
+        Err(error) => {
+            eprintln!("error: {error}");
+            Ok(error.exit_code())
+        }
+    }
+}
+
+fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
+    if let Some(to) = args.to.filter(|to| !to.is_positive()) {
+        return Err(ReplayError::Misfit(format!("--to takes a time above zero, not {to}")));
+    }
+    let exe = args.exe.as_ref().map(std::path::absolute).transpose();
+    let exe = exe.map_err(|error| ReplayError::Misfit(format!("--exe: {error}")))?;
+    let replay = Replay::plan(&Request {
+        folder: &args.run,
+        participant: &args.participant,
+        overrides: &args.set,
+        program: exe.as_deref().map(|exe| (exe, args.args.as_slice())),
+        to: args.to,
+    })?;
+    let in_process = !args.process && !replay.external();
+    replay.run(&Options {
+        in_process,
+        out: args.out.clone(),
+        quiet: args.quiet,
+        pause_at: args.wait_for_debugger.into_iter().collect(),
+        wait: Wait::Auto,
+        // Whoever stands in a debugger does not move, and should not be given up for it.
+        patience_s: match args.wait_for_debugger {
+            Some(_) => f64::INFINITY,
+            None => args.patience.seconds(),
+        },
+        ..Options::default()
+    })
+}
+
+fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
+    for note in &found.notes {
+        eprintln!("note: {note}");
+    }
+    let failed = match &found.ending {
+        Ending::Complete => false,
+        Ending::Stopped { reason } => {
+            eprintln!("{reason}");
+            true
+        }
+        Ending::Failed { participant, reason } => {
+            eprintln!("error: participant `{participant}` {reason}");
+            true
+        }
+    };
+    let mut out = io::stdout().lock();
+    if args.json {
+        let result = json!({
+            "participant": args.participant,
+            "ending": found.ending,
+            "to_s": found.to_s,
+            "notes": found.notes,
+            "comparison": found.comparison,
+        });
+        serde_json::to_writer_pretty(&mut out, &result)?;
+        writeln!(out)?;
+    } else {
+        writeln!(
+            out,
+            "`{}` of {} (A) and again (B), up to t = {} s:",
+            args.participant,
+            args.run.display(),
+            found.to_s
+        )?;
+        print(&mut out, &found.comparison)?;
+    }
+    Ok(match (failed, found.comparison.identical) {
+        (true, _) => 1,
+        (false, true) => 0,
+        (false, false) => DIFFERENT,
+    })
+}

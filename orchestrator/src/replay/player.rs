@@ -1,0 +1,166 @@
+//! A participant that says again what somebody has said in a recorded run, or that listens to whoever is run again.
+//!
+//! Somebody has to listen: a participant hands over its samples for the tape before it shows one to another. So what it said
+//! is on the replay's tape up to the activation in which it fails, as in the run.
+
+use std::path::Path;
+
+use lockstep::participant::{
+    Failure, Input, Inputs, Interface, Kind, Output, Outputs, ParameterError, Participant, Setup, Step,
+};
+use recorder::tape::{Reader, Source};
+use toml::Value;
+
+/// The name under which a replay's scenario asks for it.
+pub const NAME: &str = "recording";
+/// Bytes of a stream that are read at once.
+const CHUNK_BYTES: usize = 1 << 18;
+
+/// What the participant does with the streams on the tape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Role {
+    /// Says them, stamped at its activations, as a controller does.
+    Sampled,
+    /// Says them, with the first before the run starts, as a plant does.
+    Continuous,
+    /// Takes such samples as inputs.
+    Listener,
+}
+
+impl Role {
+    const ALL: [(&str, Role); 3] = [
+        ("sampled", Role::Sampled),
+        ("continuous", Role::Continuous),
+        ("listener", Role::Listener),
+    ];
+}
+
+/// The parameters are made by [`super::Replay`], never by a user.
+pub(super) fn parameters(tape: &Path, participant: &str, ports: &[String], role: Role) -> toml::Table {
+    let mut table = toml::Table::new();
+    table.insert("tape".into(), Value::String(tape.to_string_lossy().into_owned()));
+    table.insert("participant".into(), Value::String(participant.into()));
+    let ports = ports.iter().cloned().map(Value::String).collect();
+    table.insert("ports".into(), Value::Array(ports));
+    let (name, _) = Role::ALL
+        .iter()
+        .find(|(_, known)| *known == role)
+        .expect("all are listed");
+    table.insert("role".into(), Value::String((*name).into()));
+    table
+}
+
+/// Makes the participant.
+pub fn factory(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+    let text = |key: &str| {
+        let value = setup.parameters.get(key).and_then(Value::as_str);
+        value.ok_or_else(|| ParameterError::new(key, "missing: a recording is played by `orchestrator replay`"))
+    };
+    let participant = text("participant")?;
+    let reader = Reader::open(Path::new(text("tape")?)).map_err(|error| ParameterError::new("tape", error))?;
+    let ports = setup.parameters.get("ports").and_then(Value::as_array);
+    let mut tracks = Vec::new();
+    for port in ports.into_iter().flatten().filter_map(Value::as_str) {
+        let stream = reader.stream(&format!("{participant}.{port}"));
+        let stream = stream.map_err(|error| ParameterError::new("ports", error))?;
+        let stride = reader.streams()[stream].stride();
+        tracks.push(Track {
+            stream,
+            stride,
+            count: reader.count(stream),
+            chunk: vec![0; (CHUNK_BYTES / stride).max(1) * stride],
+            held: 0..0,
+        });
+    }
+    let name = text("role")?;
+    let role = Role::ALL.iter().find(|(known, _)| *known == name);
+    let &(_, role) = role.ok_or_else(|| ParameterError::new("role", format!("`{name}` is not known")))?;
+    Ok(Box::new(Player { role, reader, tracks }))
+}
+
+/// One stream of the tape, read in chunks.
+struct Track {
+    stream: usize,
+    stride: usize,
+    count: u64,
+    chunk: Vec<u8>,
+    /// The records in the chunk.
+    held: std::ops::Range<u64>,
+}
+
+impl Track {
+    /// The payload of record `index`; `None` behind the end of the tape.
+    fn payload(&mut self, reader: &Reader, index: u64) -> Result<Option<&[u8]>, Failure> {
+        if index >= self.count {
+            return Ok(None);
+        }
+        if !self.held.contains(&index) {
+            let records = ((self.chunk.len() / self.stride) as u64).min(self.count - index);
+            reader.read(self.stream, index, &mut self.chunk[..records as usize * self.stride])?;
+            self.held = index..index + records;
+        }
+        let at = (index - self.held.start) as usize * self.stride;
+        Ok(Some(&self.chunk[at + size_of::<f64>()..at + self.stride]))
+    }
+}
+
+struct Player {
+    role: Role,
+    reader: Reader,
+    tracks: Vec<Track>,
+}
+
+impl Player {
+    /// Behind the end of the tape the last value stays: nobody reads it, because the replay ends before.
+    fn say(&mut self, index: u64, outputs: &mut Outputs) -> Result<(), Failure> {
+        for (port, track) in self.tracks.iter_mut().enumerate() {
+            if let Some(payload) = track.payload(&self.reader, index)? {
+                outputs.bytes_mut(port).copy_from_slice(payload);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Participant for Player {
+    fn interface(&self) -> Interface {
+        let specs = self.tracks.iter().map(|track| &self.reader.streams()[track.stream]);
+        if self.role == Role::Listener {
+            let mut interface = Interface::new(Kind::Sampled);
+            interface.inputs = specs
+                .map(|spec| Input {
+                    name: spec.port.clone(),
+                    descriptor: spec.descriptor.clone(),
+                    required: true,
+                })
+                .collect();
+            return interface;
+        }
+        let mut interface = Interface::new(match self.role {
+            Role::Continuous => Kind::Continuous,
+            _ => Kind::Sampled,
+        });
+        interface.outputs = specs
+            .map(|spec| Output {
+                name: spec.port.clone(),
+                descriptor: spec.descriptor.clone(),
+            })
+            .collect();
+        interface
+    }
+
+    fn initialise(&mut self, _: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        match self.role {
+            Role::Continuous => self.say(0, outputs),
+            Role::Sampled | Role::Listener => Ok(()),
+        }
+    }
+
+    fn step(&mut self, step: &Step, _: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        match self.role {
+            Role::Continuous => self.say(step.index + 1, outputs),
+            Role::Sampled => self.say(step.index, outputs),
+            Role::Listener => Ok(()),
+        }
+    }
+}
