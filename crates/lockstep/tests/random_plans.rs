@@ -4,7 +4,8 @@ mod common;
 
 use common::{Shared, World, reference, worlds};
 use lockstep::executor::{InLoop, assemble, run_in_threads};
-use lockstep::plan::{Plan, PlanError};
+use lockstep::participant::Participant;
+use lockstep::plan::{Cut, Plan, PlanError};
 use proptest::prelude::*;
 
 fn planned(world: &World) -> Result<Plan, TestCaseError> {
@@ -17,6 +18,21 @@ fn planned(world: &World) -> Result<Plan, TestCaseError> {
             Err(TestCaseError::reject("loop"))
         }
     }
+}
+
+/// Goes on from `cut` with links that know nothing of what was before, and what is on the tape.
+fn go_on(plan: &Plan, cut: &Cut, participants: Vec<Box<dyn Participant>>, tape: &Shared) {
+    let read = |stream: u32, index: u64| {
+        let tape = tape.0.lock().unwrap();
+        let (found, _, payload) = &tape[stream as usize][index as usize];
+        assert_eq!(*found, index);
+        Ok::<_, String>(payload.clone())
+    };
+    let numbers = 0..plan.participants.len();
+    let positions = numbers.map(|number| plan.position(cut, number, read).unwrap()).collect();
+    let parts = assemble(plan, participants, |_| Box::new(tape.clone()));
+    let mut run = InLoop::resume(plan, parts, positions).unwrap();
+    run.run_to(plan.end, |_| {}).unwrap();
 }
 
 proptest! {
@@ -47,6 +63,44 @@ proptest! {
             }
         }
         run.run_to(plan.end, |_| {}).unwrap();
+        prop_assert_eq!(tape.take(), reference(&world, &plan));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, max_global_rejects: 20_000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn taken_up_again_at_any_instant_it_is_the_same_run(world in worlds(), stop in 0_i64..10_000) {
+        let plan = planned(&world)?;
+        let tape = Shared::new(&plan);
+        let mut run = InLoop::new(&plan, assemble(&plan, world.participants(), |_| Box::new(tape.clone())));
+        let stop = stop * plan.end / 10_000;
+        run.run_to(stop, |_| {}).unwrap();
+        go_on(&plan, &plan.cut_at(stop), run.into_participants(), &tape);
+        prop_assert_eq!(tape.take(), reference(&world, &plan));
+    }
+
+    #[test]
+    fn taken_up_again_wherever_everybody_happened_to_be_it_is_the_same_run(
+        world in worlds(),
+        turns in prop::collection::vec(0_usize..6, 0..200),
+    ) {
+        let plan = planned(&world)?;
+        let tape = Shared::new(&plan);
+        let parts = assemble(&plan, world.participants(), |_| Box::new(tape.clone()));
+        let mut steppers: Vec<_> = parts.into_iter().map(|part| part.stepper()).collect();
+        steppers.iter_mut().for_each(|stepper| stepper.extend_horizon(plan.end));
+        for turn in turns {
+            let number = turn % steppers.len();
+            steppers[number].poll().unwrap();
+        }
+        for stepper in &mut steppers {
+            prop_assert!(stepper.come_to_rest().unwrap());
+        }
+        let cut = Cut { next: steppers.iter().map(|stepper| stepper.next_activation()).collect() };
+        let participants = steppers.into_iter().map(|stepper| stepper.into_participant()).collect();
+        go_on(&plan, &cut, participants, &tape);
         prop_assert_eq!(tape.take(), reference(&world, &plan));
     }
 }

@@ -1,8 +1,9 @@
 //! All participants in one loop, in the order of simulated time.
 
 use super::{Part, RunError};
-use crate::plan::Plan;
-use crate::stepper::{Progress, Stepper};
+use crate::participant::Participant;
+use crate::plan::{Plan, Position};
+use crate::stepper::{PositionError, Progress, Stepper};
 use crate::time::Ticks;
 
 /// A run in one loop of one thread: the fastest way without parallelism, and the measure for the other executors.
@@ -16,7 +17,20 @@ pub struct InLoop {
 impl InLoop {
     /// A loop over parts that were assembled for `plan`.
     pub fn new(plan: &Plan, parts: Vec<Part>) -> InLoop {
-        let steppers: Vec<Stepper> = parts.into_iter().map(Part::stepper).collect();
+        InLoop::of(plan, parts.into_iter().map(Part::stepper).collect())
+    }
+
+    /// A loop that goes on where others have done the work before.
+    ///
+    /// # Errors
+    /// When a position does not belong to its part.
+    pub fn resume(plan: &Plan, parts: Vec<Part>, positions: Vec<Position>) -> Result<InLoop, PositionError> {
+        let steppers = parts.into_iter().zip(positions);
+        let steppers = steppers.map(|(part, position)| part.stepper_at(position));
+        Ok(InLoop::of(plan, steppers.collect::<Result<_, _>>()?))
+    }
+
+    fn of(plan: &Plan, steppers: Vec<Stepper>) -> InLoop {
         let mut by_rank: Vec<usize> = (0..steppers.len()).collect();
         by_rank.sort_by_key(|&number| plan.participants[number].rank);
         InLoop {
@@ -111,6 +125,11 @@ impl InLoop {
             t,
             waiting: waiting.join("; "),
         }
+    }
+
+    /// The participants, without their links.
+    pub fn into_participants(self) -> Vec<Box<dyn Participant>> {
+        self.steppers.into_iter().map(Stepper::into_participant).collect()
     }
 
     /// The participants, for figures that only they know.

@@ -9,8 +9,8 @@ pub use in_loop::InLoop;
 pub use threads::run_in_threads;
 
 use crate::participant::Participant;
-use crate::plan::{Assignment, Plan};
-use crate::stepper::{Ends, StepError, Stepper};
+use crate::plan::{Assignment, Plan, Position};
+use crate::stepper::{Ends, PositionError, StepError, Stepper};
 use crate::transport::local::{self, LocalReceiver, LocalSender};
 use crate::transport::{Receiver, Recording, Sender};
 
@@ -64,6 +64,17 @@ pub struct Part {
 impl Part {
     /// The stepper of this participant.
     pub fn stepper(self) -> Stepper {
+        let (participant, assignment, ends) = self.ends();
+        Stepper::new(participant, assignment, ends)
+    }
+
+    /// The stepper of this participant where others have done the work before.
+    pub fn stepper_at(self, position: Position) -> Result<Stepper, PositionError> {
+        let (participant, assignment, ends) = self.ends();
+        Stepper::resume(participant, assignment, ends, position)
+    }
+
+    fn ends(self) -> (Box<dyn Participant>, Assignment, Ends) {
         let boxed = |sender| Box::new(sender) as Box<dyn Sender>;
         let ends = Ends {
             receivers: self
@@ -78,7 +89,7 @@ impl Part {
                 .collect(),
             recording: self.recording,
         };
-        Stepper::new(self.participant, self.assignment, ends)
+        (self.participant, self.assignment, ends)
     }
 }
 

@@ -7,6 +7,7 @@
 mod build;
 mod capacity;
 mod components;
+mod cut;
 mod error;
 mod order;
 mod placement;
@@ -14,6 +15,7 @@ mod placement;
 use serde::{Deserialize, Serialize};
 
 pub use build::{Assignment, Consumer, InputLink, LinkSpec, OutputPort, ParticipantSpec};
+pub use cut::{Backlog, Cut, Position};
 pub use error::PlanError;
 pub use placement::{Placement, place};
 

@@ -36,3 +36,36 @@ pub enum StepError {
         source: Broken,
     },
 }
+
+/// Why a position cannot be taken up: it comes from another process or from a file.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PositionError {
+    /// More activations than the run has.
+    #[error("the position is at activation {next}; the participant has {activations}")]
+    Beyond {
+        /// Where it is to go on.
+        next: u64,
+        /// How many there are.
+        activations: u64,
+    },
+    /// For another number of ports.
+    #[error("the position has {given} {what}; the participant has {own}")]
+    Ports {
+        /// `inputs` or `outputs`.
+        what: &'static str,
+        /// In the position.
+        given: usize,
+        /// In the participant.
+        own: usize,
+    },
+    /// An output of another size.
+    #[error("the position has {given} bytes for output `{port}`, which has {own}")]
+    Size {
+        /// The output.
+        port: String,
+        /// In the position.
+        given: usize,
+        /// In the participant.
+        own: usize,
+    },
+}

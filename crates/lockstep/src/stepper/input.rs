@@ -1,12 +1,14 @@
 //! The receiving side of a stepper: nothing that comes in is trusted.
 
+use std::collections::VecDeque;
+
 use super::StepError;
 use crate::link::{Read, ReadSchedule};
 use crate::participant::{FiniteCheck, first_not_finite};
-use crate::plan::{Initial, InputLink};
+use crate::plan::{Backlog, Initial, InputLink};
 use crate::port::Descriptor;
 use crate::time::{SampleTime, Timebase};
-use crate::transport::{Header, Receiver};
+use crate::transport::{Broken, Header, Receiver};
 
 pub(super) struct InputState {
     receiver: Box<dyn Receiver>,
@@ -20,6 +22,8 @@ pub(super) struct InputState {
     /// The newest sample received: samples come in order, once each. It is the one in the buffer, unless `shows_initial`.
     received: Option<u64>,
     shows_initial: bool,
+    /// Samples that were sent before this participant took over, oldest first.
+    backlog: VecDeque<Backlog>,
 }
 
 impl InputState {
@@ -27,13 +31,17 @@ impl InputState {
         link: &InputLink,
         descriptor: &Descriptor,
         consumer: SampleTime,
+        next: u64,
         timebase: Timebase,
         receiver: Box<dyn Receiver>,
+        backlog: Vec<Backlog>,
     ) -> InputState {
-        let first_sample = link.initial == Initial::FirstSample;
+        let mut schedule = ReadSchedule::new(link.visibility, consumer, link.initial == Initial::FirstSample);
+        schedule.skip_to(next);
         InputState {
             receiver,
-            schedule: ReadSchedule::new(link.visibility, consumer, first_sample),
+            schedule,
+            backlog: backlog.into(),
             from: link.from.clone(),
             finite: FiniteCheck::new(descriptor),
             initial: match &link.initial {
@@ -63,7 +71,7 @@ impl InputState {
             return Ok(None);
         };
         while self.received.is_none_or(|received| received < index) {
-            let received = self.receiver.try_receive(payload).map_err(|source| StepError::Broken {
+            let received = self.receive(payload).map_err(|source| StepError::Broken {
                 way: format!("from `{}`", self.from),
                 source,
             })?;
@@ -73,6 +81,22 @@ impl InputState {
             self.shows_initial = false;
         }
         Ok(None)
+    }
+
+    /// The next sample: first what was sent before this participant took over, then what comes.
+    fn receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
+        let Some(sample) = self.backlog.pop_front() else {
+            return self.receiver.try_receive(payload);
+        };
+        if sample.payload.len() != payload.len() {
+            let (came, due) = (sample.payload.len(), payload.len());
+            return Err(Broken(format!("a sample of {came} bytes where {due} are expected")));
+        }
+        payload.copy_from_slice(&sample.payload);
+        Ok(Some(Header {
+            index: sample.index,
+            stamp: self.producer.instant(sample.index),
+        }))
     }
 
     /// A producer may send samples that nobody reads; it must not repeat, reorder or leave out, and it must not lie about

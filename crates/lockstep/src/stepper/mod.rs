@@ -7,15 +7,16 @@
 mod error;
 mod input;
 mod output;
+mod position;
 
-pub use error::StepError;
+pub use error::{PositionError, StepError};
 
 use input::InputState;
 use output::{ConsumerState, OutputState};
 
 use crate::link::Read;
 use crate::participant::{FiniteCheck, Inputs, Kind, Outputs, Participant, Step, first_not_finite};
-use crate::plan::Assignment;
+use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
 use crate::transport::{Header, Receiver, Recording, Sender};
 
@@ -101,21 +102,58 @@ pub struct Stepper {
 impl Stepper {
     /// A stepper at rest before its first activation, with a horizon that lets nothing happen yet.
     pub fn new(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends) -> Stepper {
+        let nothing = Position {
+            inputs: vec![Vec::new(); assignment.inputs.len()],
+            ..Position::default()
+        };
+        Stepper::at(participant, assignment, ends, nothing)
+    }
+
+    /// A stepper at rest at `position`, where others have done the work before. The participant is as it should be there:
+    /// initialised, with the state that `position` asks for.
+    ///
+    /// # Errors
+    /// When the position is not one of this participant.
+    pub fn resume(
+        participant: Box<dyn Participant>,
+        assignment: Assignment,
+        ends: Ends,
+        position: Position,
+    ) -> Result<Stepper, PositionError> {
+        position.check(&assignment)?;
+        let outputs = position.outputs.clone();
+        let mut stepper = Stepper::at(participant, assignment, ends, position);
+        for (buffer, bytes) in stepper.output_buffers.payloads.iter_mut().zip(&outputs) {
+            if !bytes.is_empty() {
+                buffer.bytes_mut().copy_from_slice(bytes);
+            }
+        }
+        stepper.initialised = true;
+        stepper.phase = Phase::Rest;
+        Ok(stepper)
+    }
+
+    fn at(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends, position: Position) -> Stepper {
         let interface = &assignment.interface;
         let sample_time = assignment.sample_time;
         let receivers = ends
             .receivers
             .into_iter()
             .zip(&assignment.inputs)
-            .zip(&interface.inputs);
-        let inputs = receivers.map(|((receiver, link), port)| {
+            .zip(&interface.inputs)
+            .zip(position.inputs);
+        let next = position.next;
+        let first_stamp = (next > 0).then(|| sample_time.instant(next));
+        let inputs = receivers.map(|(((receiver, link), port), backlog)| {
             let (receiver, link) = (receiver?, link.as_ref()?);
             Some(InputState::new(
                 link,
                 &port.descriptor,
                 sample_time,
+                next,
                 assignment.timebase,
                 receiver,
+                backlog,
             ))
         });
         let senders = ends
@@ -131,7 +169,7 @@ impl Stepper {
             consumers: senders
                 .into_iter()
                 .zip(&output.consumers)
-                .map(|(s, c)| ConsumerState::new(c, s))
+                .map(|(s, c)| ConsumerState::new(c, s, first_stamp))
                 .collect(),
         });
         Stepper {
@@ -142,7 +180,7 @@ impl Stepper {
             input_buffers: Inputs::zeroed(interface),
             output_buffers: Outputs::zeroed(interface),
             horizon: Ticks::MIN,
-            next: 0,
+            next,
             sample: 0,
             initialised: false,
             phase: Phase::Initialise,
@@ -178,6 +216,34 @@ impl Stepper {
     /// The participant inside.
     pub fn participant(&self) -> &dyn Participant {
         &*self.participant
+    }
+
+    /// The participant, without its links.
+    pub fn into_participant(self) -> Box<dyn Participant> {
+        self.participant
+    }
+
+    /// Comes to rest wherever it is: an activation that has been stepped is recorded, one that has not is left for later.
+    /// `false` when the recorder must take something first. Samples that were not sent yet are on the tape; whoever takes up
+    /// the run from here gets them from there.
+    pub fn come_to_rest(&mut self) -> Result<bool, StepError> {
+        loop {
+            match self.phase {
+                Phase::Initialise => self.initialise()?,
+                Phase::Gather { .. } => self.phase = Phase::Rest,
+                Phase::Record { output } => {
+                    if !self.record(output)? {
+                        return Ok(false);
+                    }
+                }
+                Phase::Flush | Phase::Publish { .. } => {
+                    self.next += u64::from(self.initialised);
+                    self.initialised = true;
+                    self.phase = Phase::Rest;
+                }
+                Phase::Rest => return self.flush(),
+            }
+        }
     }
 
     /// Works until an activation is complete, or until something is missing. Calling again goes on where it stopped.

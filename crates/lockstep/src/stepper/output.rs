@@ -4,6 +4,7 @@ use crate::link::{Read, ReadSchedule};
 use crate::participant::FiniteCheck;
 use crate::plan::Consumer;
 use crate::port::Descriptor;
+use crate::time::Ticks;
 use crate::transport::Sender;
 
 pub(super) struct OutputState {
@@ -27,12 +28,18 @@ pub(super) struct ConsumerState {
 }
 
 impl ConsumerState {
-    pub(super) fn new(consumer: &Consumer, sender: Box<dyn Sender>) -> ConsumerState {
+    /// For a producer whose next sample is the one stamped `from`; `None` when that is its first.
+    pub(super) fn new(consumer: &Consumer, sender: Box<dyn Sender>, from: Option<Ticks>) -> ConsumerState {
+        let mut schedule = consumer.schedule();
+        if let Some(from) = from {
+            // Nobody reads a sample before its stamp, so the reads before it need not be gone through.
+            schedule.skip_to(consumer.sample_time.count_before(from));
+        }
         ConsumerState {
             sender,
             to: consumer.to.clone(),
             wants: false,
-            schedule: consumer.schedule(),
+            schedule,
             activations: consumer.sample_time.count_before(consumer.end),
             next_read: None,
         }

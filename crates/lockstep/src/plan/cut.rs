@@ -1,0 +1,148 @@
+//! A cut through a run: where every participant stands, and what is still on its way to it.
+//!
+//! Which samples an input still needs is a pure function of the plan, and every sample is on the tape. So the queues of the
+//! links need not be saved: they are read back. That makes one way of taking up a run for all who need it: a resumed run, a
+//! restart after a death, a substitute in mid-run.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Initial, Plan};
+use crate::link::{Read, ReadSchedule};
+use crate::participant::Kind;
+use crate::time::Ticks;
+
+/// How many activations each participant has completed.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Cut {
+    /// The next activation of each participant, in the order of the plan.
+    pub next: Vec<u64>,
+}
+
+/// One sample on its way to an input.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Backlog {
+    /// Its index in the output's sequence.
+    pub index: u64,
+    /// The payload.
+    pub payload: Vec<u8>,
+}
+
+/// Everything besides its own state that a participant needs to go on from a cut.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Position {
+    /// The next activation; all before it are complete.
+    pub next: u64,
+    /// For each input the samples that were sent before and that it still reads, oldest first.
+    pub inputs: Vec<Vec<Backlog>>,
+    /// What each output holds: its newest sample. Empty where there is none yet.
+    pub outputs: Vec<Vec<u8>>,
+    /// The participant's own state, as it was saved. `None`: it keeps the state it has; one that has just been made starts
+    /// afresh at this instant.
+    pub state: Option<Vec<u8>>,
+}
+
+impl Plan {
+    /// The cut at which everybody has done exactly the activations before `horizon`.
+    pub fn cut_at(&self, horizon: Ticks) -> Cut {
+        let next = self.participants.iter();
+        Cut {
+            next: next
+                .map(|own| own.sample_time.count_before(horizon.min(self.end)))
+                .collect(),
+        }
+    }
+
+    /// How many samples each output of participant number `participant` has when its next activation is `next`.
+    pub fn samples_before(&self, participant: usize, next: u64) -> u64 {
+        let own = &self.participants[participant];
+        match own.interface.kind {
+            Kind::Continuous if own.activations > 0 => next + 1,
+            _ => next,
+        }
+    }
+
+    /// The next activation of a participant whose outputs have `samples` samples each; the inverse of
+    /// [`Plan::samples_before`].
+    pub fn activations_of(&self, participant: usize, samples: u64) -> u64 {
+        match self.participants[participant].interface.kind {
+            Kind::Continuous => samples.saturating_sub(1),
+            Kind::Sampled => samples,
+        }
+    }
+
+    /// The samples of link number `link` that its consumer still reads at `cut`, of those that its producer has sent.
+    fn underway(&self, cut: &Cut, link: usize) -> Vec<u64> {
+        let link = &self.links[link];
+        let sent = self.samples_before(link.from.0, cut.next[link.from.0]);
+        let consumer = &self.participants[link.to.0];
+        let Some(newest) = sent.checked_sub(1) else {
+            return Vec::new();
+        };
+        // From here on an activation reads the newest sample that was sent, or a later one, or none of these.
+        let settled = link
+            .visibility
+            .producer()
+            .instant(newest)
+            .saturating_add(link.visibility.delay_bounds().1);
+        let mut schedule = ReadSchedule::new(
+            link.visibility,
+            consumer.sample_time,
+            link.initial == Initial::FirstSample,
+        );
+        schedule.skip_to(cut.next[link.to.0]);
+        let mut underway: Vec<u64> = Vec::new();
+        while schedule.next_activation() < consumer.activations {
+            let t = consumer.sample_time.instant(schedule.next_activation());
+            match schedule.advance() {
+                Read::Sample(index) if index >= sent => break,
+                Read::Sample(index) if underway.last() != Some(&index) => underway.push(index),
+                _ => {}
+            }
+            if t >= settled {
+                break;
+            }
+        }
+        underway
+    }
+
+    /// The position of participant number `participant` at `cut`. `sample` reads one sample back from the tape, given the
+    /// number of its stream and its index.
+    ///
+    /// # Errors
+    /// What `sample` says.
+    pub fn position<E>(
+        &self,
+        cut: &Cut,
+        participant: usize,
+        mut sample: impl FnMut(u32, u64) -> Result<Vec<u8>, E>,
+    ) -> Result<Position, E> {
+        let own = &self.participants[participant];
+        let mut inputs = Vec::with_capacity(own.inputs.len());
+        for link in &own.inputs {
+            let mut backlog = Vec::new();
+            if let &Some(link) = link {
+                let (giver, output) = self.links[link].from;
+                let stream = self.participants[giver].first_stream + output as u32;
+                for index in self.underway(cut, link) {
+                    let payload = sample(stream, index)?;
+                    backlog.push(Backlog { index, payload });
+                }
+            }
+            inputs.push(backlog);
+        }
+        let newest = self.samples_before(participant, cut.next[participant]).checked_sub(1);
+        let mut outputs = Vec::with_capacity(own.interface.outputs.len());
+        for (number, _) in own.interface.outputs.iter().enumerate() {
+            outputs.push(match newest {
+                Some(index) => sample(own.first_stream + number as u32, index)?,
+                None => Vec::new(),
+            });
+        }
+        Ok(Position {
+            next: cut.next[participant],
+            inputs,
+            outputs,
+            state: None,
+        })
+    }
+}
