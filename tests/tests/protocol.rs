@@ -5,7 +5,7 @@ use escapement_tests::program::root;
 use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
 use lockstep::link;
 use lockstep::participant::{Input, Interface, Kind, Participant};
-use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
+use lockstep::plan::{Backlog, LinkSpec, ParticipantSpec, Plan, Position};
 use lockstep::time::Rational;
 use lockstep::wire::{decode, encode};
 use serde_json::Value;
@@ -58,6 +58,12 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
                 interface: Interface::new(Kind::Sampled).output::<Angle>("q"),
             }),
         ),
+        (
+            "Request Move, address `esc_a_@/tmp/a`",
+            request(Request::Move {
+                address: "esc_a_@/tmp/a".into(),
+            }),
+        ),
         ("Request Terminate", request(Request::Terminate)),
         ("Reply Done", reply(Reply::Done)),
         ("Reply State, none", reply(Reply::State(None))),
@@ -68,6 +74,7 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
                 next: 100,
             }),
         ),
+        ("Note Recalled, next activation 100", note(Note::Recalled { next: 100 })),
         (
             "Note Finished, one input, 1 ns in total, all else zero",
             note(Note::Finished(Timing {
@@ -157,6 +164,15 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
         assignment: plan.assignment(1),
         cores: vec![3],
         waiting: lockstep::control::Waiting { spins: 5, yields: 6 },
+        position: Some(Box::new(Position {
+            next: 7,
+            inputs: vec![vec![Backlog {
+                index: 66,
+                payload: vec![9; 16],
+            }]],
+            outputs: vec![vec![8; 8], Vec::new()],
+            state: Some(vec![1, 2]),
+        })),
     };
     let bytes = encode("", &request).unwrap();
     assert_eq!(decode::<Request>("", &bytes).unwrap(), request);
@@ -195,6 +211,14 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     assert_eq!(plain.i64(), 1000);
     assert_eq!(plain.list(Plain::u32), [3]);
     assert_eq!((plain.u32(), plain.u32()), (5, 6));
+    // A position: activation 7, one sample on its way, what the outputs hold, the state.
+    assert_eq!((plain.u8(), plain.u64()), (1, 7));
+    assert_eq!(
+        plain.list(|this| this.list(|this| (this.u64(), this.bytes()))),
+        [[(66, vec![9; 16])]]
+    );
+    assert_eq!(plain.list(Plain::bytes), [vec![8; 8], Vec::new()]);
+    assert_eq!((plain.u8(), plain.bytes()), (1, vec![1, 2]));
     assert!(plain.0.is_empty());
 }
 

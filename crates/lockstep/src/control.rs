@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::participant::Interface;
-use crate::plan::Assignment;
+use crate::plan::{Assignment, Position};
 
 /// The version of the protocol. Both sides must have the same.
 pub const PROTOCOL: u32 = 1;
@@ -37,13 +37,15 @@ pub enum Request {
         cores: Vec<u32>,
         /// How to wait.
         waiting: Waiting,
+        /// Where to take up the work; nothing at the start of a run.
+        position: Option<Box<Position>>,
     },
     /// Give your state. Only at rest.
     Save,
-    /// Take this state. Only at rest.
-    Restore {
-        /// What a [`Reply::State`] held.
-        state: Vec<u8>,
+    /// Leave all links and enter the run again at this address, with the model as it is. Only at rest.
+    Move {
+        /// The new address, in the form of the environment variable.
+        address: String,
     },
     /// Leave.
     Terminate,
@@ -125,6 +127,11 @@ pub enum Note {
         t: String,
         /// Why.
         reason: String,
+    },
+    /// At rest because the clock said so, wherever that was; every sample before this note is all there is.
+    Recalled {
+        /// The next activation.
+        next: u64,
     },
 }
 

@@ -29,7 +29,9 @@ fn go_on(plan: &Plan, cut: &Cut, participants: Vec<Box<dyn Participant>>, tape: 
         Ok::<_, String>(payload.clone())
     };
     let numbers = 0..plan.participants.len();
-    let positions = numbers.map(|number| plan.position(cut, number, read).unwrap()).collect();
+    let positions = numbers
+        .map(|number| plan.position(cut, number, read).unwrap())
+        .collect();
     let parts = assemble(plan, participants, |_| Box::new(tape.clone()));
     let mut run = InLoop::resume(plan, parts, positions).unwrap();
     run.run_to(plan.end, |_| {}).unwrap();

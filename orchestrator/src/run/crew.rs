@@ -63,6 +63,7 @@ impl Member {
                 Recorded::Note(Note::Finished(spent)) => *timing = Some(spent),
                 Recorded::Note(Note::AtRest { horizon, .. }) => *at_rest = Some(horizon),
                 Recorded::Note(note @ Note::Failed { .. }) => *failed = Some(note),
+                Recorded::Note(Note::Recalled { .. }) => {}
             }
             Ok(())
         })
@@ -225,6 +226,7 @@ pub(super) fn connect(
             assignment: plan.assignment(number),
             cores: placement.cores[number].iter().map(|&core| core as u32).collect(),
             waiting: options.wait.strategy(placement.sharing[number]),
+            position: None,
         };
         match member.ask(&request, interrupt)? {
             Reply::Done => {}

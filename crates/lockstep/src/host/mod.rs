@@ -1,6 +1,7 @@
 //! The life of a participant in a process of its own: from the first request of the orchestrator to the last.
 
 mod error;
+mod ready;
 mod session;
 mod waiting;
 
@@ -36,7 +37,13 @@ pub fn run(factory: Factory, program: &str) -> ExitCode {
         // A participant must not outlive its orchestrator, however that ends.
         rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))
             .map_err(|error| HostError::Orphan(error.to_string()))?;
-        session::Session::open(address, &name, program, factory)?.run()
+        let mut seat = session::Seat::empty(&name, program, factory);
+        let mut address = Some(address);
+        // Whoever is moved leaves everything of the old address first.
+        while let Some(at) = address {
+            (address, seat) = session::Session::open(at, seat)?.run()?;
+        }
+        Ok(())
     });
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -45,4 +52,11 @@ pub fn run(factory: Factory, program: &str) -> ExitCode {
             ExitCode::from(1)
         }
     }
+}
+
+/// What a panic said.
+fn message(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "without a message".to_owned())
 }

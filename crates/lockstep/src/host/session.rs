@@ -1,131 +1,148 @@
 //! One participant's session: requests while it is at rest, steps while it may step.
 
-use std::cell::RefCell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::rc::Rc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use super::HostError;
-use super::waiting::Patience;
+use super::ready::{Pause, Ready, connect};
+use super::{HostError, message};
 use crate::control::{Note, PROTOCOL, Reply, Request, Timing, Waiting};
-use crate::participant::{Factory, Participant, Setup};
-use crate::plan::Assignment;
-use crate::stepper::{Ends, Progress, Stepper, Wait};
+use crate::participant::{Factory, Outputs, Participant, Setup};
+use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
-use crate::transport::iceoryx::{
-    Activity, Address, ClockReader, ControlServer, Domain, DomainError, LinkService, RecordSender, SharedRecord,
-    Sleeper, Status, StatusWriter, Waker,
-};
-use crate::transport::{Broken, Receiver, Sender};
+use crate::transport::iceoryx::{Address, ControlServer, Domain, Order, Sleeper, StatusWriter};
+
+/// Who sits at a session, besides everything that belongs to one place in shared memory.
+pub(super) struct Seat {
+    name: String,
+    program: String,
+    factory: Factory,
+    stage: Stage,
+    timing: Timing,
+}
 
 /// How far a participant has come with its requests.
 enum Stage {
     Unknown,
-    Described(Box<dyn Participant>),
+    /// Made, or moved here with what it was (`worked`).
+    Described {
+        participant: Box<dyn Participant>,
+        worked: bool,
+    },
     Ready(Box<Ready>),
     Leaving,
 }
 
-/// A participant with all of its links.
-struct Ready {
-    stepper: Stepper,
-    clock: ClockReader,
-    record: SharedRecord,
-    /// Whoever may be waiting for a sample of an output, or for room on the link into an input; once each.
-    neighbours: Vec<Waker>,
-    patience: Patience,
-    timing: Timing,
-    /// Keeps the services of the links open.
-    _links: Vec<LinkService>,
+impl Seat {
+    pub(super) fn empty(name: &str, program: &str, factory: Factory) -> Seat {
+        Seat {
+            name: name.to_owned(),
+            program: program.to_owned(),
+            factory,
+            stage: Stage::Unknown,
+            timing: Timing::default(),
+        }
+    }
 }
 
-/// Why a stretch of steps ended.
-enum Pause {
-    AtHorizon(Ticks),
-    Finished,
-    Stopped,
-}
-
+/// A seat in one place in shared memory.
 pub(super) struct Session {
     domain: Domain,
-    name: String,
-    program: String,
-    factory: Factory,
     control: ControlServer,
     status: StatusWriter,
     sleeper: Sleeper,
-    stage: Stage,
+    seat: Seat,
+    /// Where to go when the clock says leave; to nowhere when it is not known.
+    destination: Option<Address>,
 }
 
 impl Session {
-    pub(super) fn open(address: Address, name: &str, program: &str, factory: Factory) -> Result<Session, HostError> {
-        let domain = Domain::enter(address, name)?;
-        let status = StatusWriter::open(&domain, name)?;
-        let sleeper = Sleeper::open(&domain, name)?;
+    pub(super) fn open(address: Address, seat: Seat) -> Result<Session, HostError> {
+        let domain = Domain::enter(address, &seat.name)?;
+        let status = StatusWriter::open(&domain, &seat.name)?;
+        let sleeper = Sleeper::open(&domain, &seat.name)?;
         // The server last: once it is there the orchestrator asks.
-        let control = ControlServer::open(&domain, name)?;
-        let (name, program) = (name.to_owned(), program.to_owned());
+        let control = ControlServer::open(&domain, &seat.name)?;
         Ok(Session {
             domain,
-            name,
-            program,
-            factory,
             control,
             status,
             sleeper,
-            stage: Stage::Unknown,
+            seat,
+            destination: None,
         })
     }
 
-    /// Serves requests and steps until told to leave.
-    pub(super) fn run(mut self) -> Result<(), HostError> {
+    /// Serves requests and steps until told to leave. Gives the address to go to, if there is one, and who goes there.
+    pub(super) fn run(mut self) -> Result<(Option<Address>, Seat), HostError> {
         let mut rested_at = None;
+        let mut recalled = false;
         loop {
-            match &mut self.stage {
-                Stage::Leaving => return Ok(()),
-                Stage::Unknown | Stage::Described(_) => {
+            match &mut self.seat.stage {
+                Stage::Leaving => return Ok((None, self.seat)),
+                Stage::Unknown | Stage::Described { .. } => {
                     if !self.serve()? {
-                        self.sleeper.sleep(std::time::Duration::from_millis(1))?;
+                        self.sleeper.sleep(Duration::from_millis(1))?;
                     }
                 }
                 Stage::Ready(ready) => {
                     let horizon = ready.clock.horizon();
-                    if ready.clock.stopped() {
-                        return Ok(());
+                    match ready.clock.order() {
+                        Order::Leave => return Ok(self.leave()),
+                        Order::Rest if !recalled => {
+                            let result = ready.recall(&mut self.status, &mut self.sleeper);
+                            self.explain(result)?;
+                            recalled = true;
+                            continue;
+                        }
+                        Order::Rest | Order::GoOn => {}
                     }
-                    if horizon == Ticks::MIN || rested_at == Some(horizon) {
+                    if recalled || horizon == Ticks::MIN || rested_at == Some(horizon) {
                         let since = Instant::now();
                         ready.patience.doze(&mut self.sleeper)?;
                         ready.timing.horizon_ns += since.elapsed().as_nanos() as u64;
                         self.serve()?;
                         continue;
                     }
-                    match self.advance(horizon)? {
+                    let result = ready.advance(horizon, &mut self.status, &mut self.sleeper);
+                    match self.explain(result)? {
                         Pause::AtHorizon(horizon) => rested_at = Some(horizon),
-                        // Stay for requests (a last state to save) until the stop flag or the request to leave.
+                        // Stay for requests (a last state to save) until the order or the request to leave.
                         Pause::Finished => rested_at = Some(horizon),
-                        Pause::Stopped => return Ok(()),
+                        Pause::Ordered => {}
                     }
                 }
             }
         }
     }
 
+    /// Takes the participant out of its links, for the place where it goes next.
+    fn leave(self) -> (Option<Address>, Seat) {
+        let mut seat = self.seat;
+        if let Stage::Ready(ready) = std::mem::replace(&mut seat.stage, Stage::Leaving)
+            && self.destination.is_some()
+        {
+            seat.timing = ready.timing;
+            seat.stage = Stage::Described {
+                participant: ready.stepper.into_participant(),
+                worked: true,
+            };
+        }
+        (self.destination, seat)
+    }
+
     /// Answers one request; whether there was one.
     fn serve(&mut self) -> Result<bool, HostError> {
         let Session {
             domain,
-            name,
-            program,
-            factory,
             control,
-            stage,
+            seat,
+            destination,
             ..
         } = self;
         let served = control.serve(|request| match request {
             Request::Hello { .. } => Reply::Hello {
                 protocol: PROTOCOL,
-                program: program.clone(),
+                program: seat.program.clone(),
             },
             Request::Configure {
                 name,
@@ -133,10 +150,11 @@ impl Session {
                 seed,
                 period,
                 offset,
-            } => match configure(*factory, name, &parameters, seed, period, offset) {
+            } => match configure(seat.factory, name, &parameters, seed, period, offset) {
                 Ok(participant) => {
                     let interface = participant.interface();
-                    *stage = Stage::Described(participant);
+                    let worked = false;
+                    seat.stage = Stage::Described { participant, worked };
                     Reply::Described { interface }
                 }
                 Err((key, reason)) => Reply::Refused { key, reason },
@@ -145,45 +163,32 @@ impl Session {
                 assignment,
                 cores,
                 waiting,
-            } => match std::mem::replace(stage, Stage::Unknown) {
-                Stage::Described(participant) => {
-                    match connect(domain, name, participant, assignment, &cores, waiting) {
-                        Ok(ready) => {
-                            *stage = Stage::Ready(Box::new(ready));
-                            Reply::Done
-                        }
-                        Err(error) => Reply::Refused {
-                            key: String::new(),
-                            reason: error.to_string(),
-                        },
-                    }
-                }
-                other => {
-                    *stage = other;
-                    refused("it is not time to connect: configure first")
-                }
-            },
-            Request::Save => match stage {
-                Stage::Ready(ready) => Reply::State(ready.stepper.participant().save()),
+                position,
+            } => seat.connect(domain, assignment, &cores, waiting, position.map(|boxed| *boxed)),
+            Request::Save => match &seat.stage {
+                Stage::Ready(ready) => saved(ready.stepper.participant()),
                 _ => refused("it has no state yet: connect first"),
             },
-            Request::Restore { .. } => refused("states are restored only before a run"),
+            Request::Move { address } => match (&seat.stage, address.parse()) {
+                (Stage::Ready(_), Ok(address)) => {
+                    *destination = Some(address);
+                    Reply::Done
+                }
+                (_, Err(error)) => refused(&error.to_string()),
+                _ => refused("it is nowhere yet: connect first"),
+            },
             Request::Terminate => {
-                *stage = Stage::Leaving;
+                seat.stage = Stage::Leaving;
                 Reply::Done
             }
         })?;
         Ok(served)
     }
 
-    /// Steps until `horizon`, the end, or the stop flag.
-    fn advance(&mut self, horizon: Ticks) -> Result<Pause, HostError> {
-        let Stage::Ready(ready) = &mut self.stage else {
-            return Ok(Pause::Stopped);
-        };
-        let result = ready.advance(horizon, &mut self.status, &mut self.sleeper);
-        if let Err(error) = &result {
-            // What was complete reaches the tape, and the orchestrator learns the reason in the participant's own words.
+    /// When `result` is a failure: what was complete reaches the tape, and the orchestrator learns the reason in the
+    /// participant's own words.
+    fn explain<T>(&mut self, result: Result<T, HostError>) -> Result<T, HostError> {
+        if let (Err(error), Stage::Ready(ready)) = (&result, &mut self.seat.stage) {
             let stepper = &ready.stepper;
             let (t, activation) = (stepper.next_seconds(), stepper.next_activation());
             let reason = match error {
@@ -198,6 +203,74 @@ impl Session {
             ready.hand_over(&note, &mut self.sleeper)?;
         }
         result
+    }
+}
+
+impl Seat {
+    fn connect(
+        &mut self,
+        domain: &Domain,
+        assignment: Assignment,
+        cores: &[u32],
+        waiting: Waiting,
+        mut position: Option<Position>,
+    ) -> Reply {
+        let Stage::Described { participant, worked } = &mut self.stage else {
+            return refused("it is not time to connect: configure first");
+        };
+        match &mut position {
+            None if *worked => return refused("it has worked already and must be told where to go on"),
+            None => {}
+            Some(position) => {
+                let instant = assignment.sample_time.instant(position.next);
+                let t = assignment.timebase.seconds(instant);
+                let state = position.state.take();
+                if let Err(reason) = prepare(participant.as_mut(), t, *worked, state.as_deref()) {
+                    return refused(&reason);
+                }
+            }
+        }
+        let Stage::Described { participant, .. } = std::mem::replace(&mut self.stage, Stage::Unknown) else {
+            unreachable!("looked at above");
+        };
+        let inputs = assignment.inputs.len();
+        match connect(domain, &self.name, participant, assignment, cores, waiting, position) {
+            Ok(mut ready) => {
+                if self.timing.inputs_ns.len() == inputs {
+                    ready.timing = std::mem::take(&mut self.timing);
+                }
+                self.stage = Stage::Ready(Box::new(ready));
+                Reply::Done
+            }
+            Err(error) => refused(&error.to_string()),
+        }
+    }
+}
+
+/// Brings a participant to where it takes up the work. One that has not worked yet is initialised there first; what it
+/// gives out then is not published, because that instant has its samples already.
+fn prepare(participant: &mut dyn Participant, t: f64, worked: bool, state: Option<&[u8]>) -> Result<(), String> {
+    let work = || {
+        if !worked {
+            let mut nobody_reads = Outputs::zeroed(&participant.interface());
+            participant
+                .initialise(t, &mut nobody_reads)
+                .map_err(|error| format!("it cannot be initialised: {error}"))?;
+        }
+        match state {
+            Some(state) => participant
+                .restore(state)
+                .map_err(|error| format!("it cannot take the state: {error}")),
+            None => Ok(()),
+        }
+    };
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(format!("it panicked: {}", message(&*panic))))
+}
+
+fn saved(participant: &dyn Participant) -> Reply {
+    match catch_unwind(AssertUnwindSafe(|| participant.save())) {
+        Ok(state) => Reply::State(state),
+        Err(panic) => refused(&format!("it panicked: {}", message(&*panic))),
     }
 }
 
@@ -229,217 +302,4 @@ fn configure(
     catch_unwind(|| factory(&setup))
         .map_err(|panic| (String::new(), format!("it panicked: {}", message(&*panic))))?
         .map_err(|error| (error.key, error.reason))
-}
-
-fn connect(
-    domain: &Domain,
-    name: &str,
-    participant: Box<dyn Participant>,
-    assignment: Assignment,
-    cores: &[u32],
-    waiting: Waiting,
-) -> Result<Ready, DomainError> {
-    if !cores.is_empty() {
-        let mut set = rustix::thread::CpuSet::new();
-        cores.iter().for_each(|&core| set.set(core as usize));
-        // A hint: without it the run is slower, not different.
-        let _ = rustix::thread::sched_setaffinity(None, &set);
-    }
-    let mut links = Vec::new();
-    let mut ends = Ends {
-        receivers: Vec::new(),
-        senders: Vec::new(),
-        recording: Box::new(crate::transport::NoRecording),
-    };
-    let mut neighbours = Vec::<(String, Waker)>::new();
-    let mut meet = |port: &str| -> Result<(), DomainError> {
-        let neighbour = port.split('.').next().unwrap_or(port);
-        if neighbour != name && !neighbours.iter().any(|(known, _)| known == neighbour) {
-            neighbours.push((neighbour.to_owned(), Waker::open(domain, neighbour)?));
-        }
-        Ok(())
-    };
-    for (link, port) in assignment.inputs.iter().zip(&assignment.interface.inputs) {
-        let mut receiver = None;
-        if let Some(link) = link {
-            let service = LinkService::open(domain, link.link, port.descriptor.size as usize, link.capacity as usize)?;
-            receiver = Some(Box::new(service.receiver(domain)?) as Box<dyn Receiver>);
-            meet(&link.from)?;
-            links.push(service);
-        }
-        ends.receivers.push(receiver);
-    }
-    for (output, port) in assignment.outputs.iter().zip(&assignment.interface.outputs) {
-        let mut senders = Vec::new();
-        for to in &output.consumers {
-            let service = LinkService::open(domain, to.link, port.descriptor.size as usize, to.capacity as usize)?;
-            senders.push(Box::new(service.sender(domain)?) as Box<dyn Sender>);
-            links.push(service);
-            meet(&to.to)?;
-        }
-        ends.senders.push(senders);
-    }
-    let sizes = assignment
-        .interface
-        .outputs
-        .iter()
-        .map(|port| port.descriptor.size as usize);
-    let payload_max = sizes.max().unwrap_or(0);
-    let record = SharedRecord(Rc::new(RefCell::new(RecordSender::open(domain, name, payload_max)?)));
-    ends.recording = Box::new(record.clone());
-    let timing = Timing {
-        inputs_ns: vec![0; assignment.inputs.len()],
-        ..Timing::default()
-    };
-    Ok(Ready {
-        stepper: Stepper::new(participant, assignment, ends),
-        clock: ClockReader::open(domain)?,
-        record,
-        neighbours: neighbours.into_iter().map(|(_, waker)| waker).collect(),
-        patience: Patience::new(waiting),
-        timing,
-        _links: links,
-    })
-}
-
-impl Ready {
-    fn advance(
-        &mut self,
-        horizon: Ticks,
-        status: &mut StatusWriter,
-        sleeper: &mut Sleeper,
-    ) -> Result<Pause, HostError> {
-        let started = Instant::now();
-        let count = self.stepper.assignment().activations;
-        self.stepper.extend_horizon(horizon);
-        let mut waiting: Option<(Wait, Instant)> = None;
-        status.set(Status {
-            next: self.stepper.next_activation(),
-            activity: Activity::Computing,
-        });
-        loop {
-            let (activation, t) = (self.stepper.next_activation(), self.stepper.next_seconds());
-            let progress = match catch_unwind(AssertUnwindSafe(|| self.stepper.poll())) {
-                Ok(progress) => progress.map_err(|source| HostError::Step { activation, t, source })?,
-                Err(panic) => {
-                    return Err(HostError::Panic {
-                        activation,
-                        t,
-                        message: message(&*panic),
-                    });
-                }
-            };
-            if let Progress::Waiting(wait) = progress {
-                if waiting.is_none_or(|(known, _)| known != wait) {
-                    if let Some((known, since)) = waiting.replace((wait, Instant::now())) {
-                        self.account(known, since);
-                    }
-                    // Whoever is waited for may itself sleep until it hears of what this participant has taken or given.
-                    // Once is enough: who falls asleep later looks again first.
-                    self.neighbours.iter().for_each(Waker::wake);
-                }
-                if self.patience.is_long() {
-                    status.set(Status {
-                        next: activation,
-                        activity: activity(wait),
-                    });
-                    if self.clock.stopped() {
-                        return Ok(Pause::Stopped);
-                    }
-                }
-                self.patience.pause(status, sleeper)?;
-                continue;
-            }
-            if let Some((wait, since)) = waiting.take() {
-                self.account(wait, since);
-                self.patience.rest(status);
-            }
-            match progress {
-                Progress::Stepped => {
-                    self.neighbours.iter().for_each(Waker::wake);
-                    status.set(Status {
-                        next: activation + 1,
-                        activity: Activity::Computing,
-                    });
-                    if activation % 256 == 255 && self.clock.stopped() {
-                        return Ok(Pause::Stopped);
-                    }
-                }
-                Progress::AtHorizon => {
-                    self.timing.total_ns += started.elapsed().as_nanos() as u64;
-                    self.neighbours.iter().for_each(Waker::wake);
-                    status.set(Status {
-                        next: activation,
-                        activity: Activity::Rest,
-                    });
-                    self.hand_over(
-                        &Note::AtRest {
-                            horizon,
-                            next: activation,
-                        },
-                        sleeper,
-                    )?;
-                    return Ok(Pause::AtHorizon(horizon));
-                }
-                Progress::Finished => {
-                    self.timing.total_ns += started.elapsed().as_nanos() as u64;
-                    self.timing.sleeps = self.patience.sleeps;
-                    self.neighbours.iter().for_each(Waker::wake);
-                    status.set(Status {
-                        next: count,
-                        activity: Activity::Finished,
-                    });
-                    self.hand_over(&Note::Finished(self.timing.clone()), sleeper)?;
-                    return Ok(Pause::Finished);
-                }
-                Progress::Waiting(_) => {}
-            }
-        }
-    }
-
-    fn account(&mut self, wait: Wait, since: Instant) {
-        let nanos = since.elapsed().as_nanos() as u64;
-        match wait {
-            Wait::Sample { input, .. } => self.timing.inputs_ns[input] += nanos,
-            Wait::Room { .. } => self.timing.room_ns += nanos,
-            Wait::Recording => self.timing.recorder_ns += nanos,
-        }
-    }
-
-    /// Sends a note to the recorder, behind all samples.
-    fn hand_over(&mut self, note: &Note, sleeper: &mut Sleeper) -> Result<(), Broken> {
-        use crate::transport::Recording;
-        let mut noted = false;
-        loop {
-            noted = noted || self.record.0.borrow_mut().note(note)?;
-            if noted && self.record.try_flush()? {
-                break;
-            }
-            if self.clock.stopped() {
-                break;
-            }
-            sleeper.sleep(std::time::Duration::from_millis(1))?;
-        }
-        Ok(())
-    }
-}
-
-fn activity(wait: Wait) -> Activity {
-    match wait {
-        Wait::Sample { input, index } => Activity::Input {
-            input: input as u32,
-            index,
-        },
-        Wait::Room { output, consumer } => Activity::Room {
-            output: output as u32,
-            consumer: consumer as u32,
-        },
-        Wait::Recording => Activity::Recorder,
-    }
-}
-
-fn message(panic: &(dyn std::any::Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-    text.or_else(|| panic.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "without a message".to_owned())
 }

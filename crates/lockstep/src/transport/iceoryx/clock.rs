@@ -1,4 +1,4 @@
-//! The horizon and the stop flag: one small board that everyone reads at any time and only the orchestrator writes.
+//! The horizon and what everybody is to do: one small board that everyone reads at any time and only the orchestrator writes.
 
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
@@ -10,12 +10,27 @@ use crate::time::Ticks;
 
 const SERVICE: &str = "clock";
 const HORIZON: u64 = 0;
-const STOP: u64 = 1;
+const ORDER: u64 = 1;
+
+const GO_ON: u64 = 0;
+const LEAVE: u64 = 1;
+const REST: u64 = 2;
+
+/// What everybody is to do besides stepping up to the horizon.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// Nothing else.
+    GoOn,
+    /// Come to rest wherever you are, and wait for requests.
+    Rest,
+    /// Leave.
+    Leave,
+}
 
 /// The orchestrator's end. Before the horizon is moved for the first time nobody does anything.
 pub struct ClockWriter {
     horizon: EntryHandleMut<Ipc, u64, i64>,
-    stop: EntryHandleMut<Ipc, u64, u64>,
+    order: EntryHandleMut<Ipc, u64, u64>,
     now: Ticks,
     _writer: Writer<Ipc, u64>,
     _service: PortFactory<Ipc, u64>,
@@ -29,7 +44,7 @@ impl ClockWriter {
             .service(SERVICE)?
             .blackboard_creator::<u64>()
             .add::<i64>(HORIZON, Ticks::MIN)
-            .add::<u64>(STOP, 0)
+            .add::<u64>(ORDER, GO_ON)
             .max_readers(readers)
             .max_nodes(readers + 1)
             .create()
@@ -37,7 +52,7 @@ impl ClockWriter {
         let writer = service.writer_builder().create().map_err(|error| failed(&error))?;
         Ok(ClockWriter {
             horizon: writer.entry::<i64>(&HORIZON).map_err(|error| failed(&error))?,
-            stop: writer.entry::<u64>(&STOP).map_err(|error| failed(&error))?,
+            order: writer.entry::<u64>(&ORDER).map_err(|error| failed(&error))?,
             now: Ticks::MIN,
             _writer: writer,
             _service: service,
@@ -59,14 +74,19 @@ impl ClockWriter {
 
     /// Tells everybody to leave at the next opportunity.
     pub fn stop(&mut self) {
-        self.stop.update_with_copy(1);
+        self.order.update_with_copy(LEAVE);
+    }
+
+    /// Tells everybody to come to rest wherever they are.
+    pub fn recall(&mut self) {
+        self.order.update_with_copy(REST);
     }
 }
 
 /// A participant's end.
 pub struct ClockReader {
     horizon: EntryHandle<Ipc, u64, i64>,
-    stop: EntryHandle<Ipc, u64, u64>,
+    order: EntryHandle<Ipc, u64, u64>,
     _reader: Reader<Ipc, u64>,
     _service: PortFactory<Ipc, u64>,
 }
@@ -83,7 +103,7 @@ impl ClockReader {
         let reader = service.reader_builder().create().map_err(|error| failed(&error))?;
         Ok(ClockReader {
             horizon: reader.entry::<i64>(&HORIZON).map_err(|error| failed(&error))?,
-            stop: reader.entry::<u64>(&STOP).map_err(|error| failed(&error))?,
+            order: reader.entry::<u64>(&ORDER).map_err(|error| failed(&error))?,
             _reader: reader,
             _service: service,
         })
@@ -94,8 +114,12 @@ impl ClockReader {
         *self.horizon.get()
     }
 
-    /// Whether everybody is to leave.
-    pub fn stopped(&self) -> bool {
-        *self.stop.get() != 0
+    /// What everybody is to do. An order that is not known is one to leave.
+    pub fn order(&self) -> Order {
+        match *self.order.get() {
+            GO_ON => Order::GoOn,
+            REST => Order::Rest,
+            _ => Order::Leave,
+        }
     }
 }

@@ -5,7 +5,7 @@
 //! | samples on link number n | publish-subscribe, one publisher, one subscriber | `link/n` |
 //! | samples and notes of a participant to the recorder | publish-subscribe | `record/NAME` |
 //! | requests to a participant | request-response | `control/NAME` |
-//! | the horizon and the stop flag | blackboard | `clock` |
+//! | the horizon and the order to rest or leave | blackboard | `clock` |
 //! | what a participant is doing, and whether it sleeps | blackboard | `status/NAME` |
 //! | waking a participant | event | `wake/NAME` |
 
@@ -18,7 +18,7 @@ mod record;
 mod status;
 mod wake;
 
-pub use clock::{ClockReader, ClockWriter};
+pub use clock::{ClockReader, ClockWriter, Order};
 pub use control::{ControlClient, ControlServer};
 pub use domain::{Address, Domain, DomainError};
 pub use link::{LinkReceiver, LinkSender, LinkService};

@@ -41,6 +41,11 @@ fn builder(
     Ok(builder.payload_alignment(Alignment::ALIGN_8))
 }
 
+/// The bytes of an entry with a payload of `size` bytes.
+fn entry(size: usize) -> usize {
+    (ENTRY + size).next_multiple_of(8)
+}
+
 /// The participant's end.
 pub struct RecordSender {
     publisher: Publisher<Ipc, [u8], ()>,
@@ -48,16 +53,20 @@ pub struct RecordSender {
     /// Its capacity is the size of a parcel and never changes: a segment that grows would allocate at every loan.
     parcel: Vec<u8>,
     size: usize,
+    /// The participant's first stream, and the bytes of the entries of one activation.
+    first: u32,
+    activation: usize,
 }
 
 impl RecordSender {
-    /// Opens the way to the recorder for a participant whose largest payload has `payload_max` bytes.
-    pub fn open(domain: &Domain, participant: &str, payload_max: usize) -> Result<RecordSender, DomainError> {
+    /// Opens the way to the recorder for a participant whose outputs, from stream `first` on, have payloads of `sizes` bytes.
+    pub fn open(domain: &Domain, participant: &str, first: u32, sizes: &[usize]) -> Result<RecordSender, DomainError> {
         let what = || format!("opening the record of `{participant}`");
         let service = builder(domain, participant)?
             .open()
             .map_err(|error| domain.failed(what(), error))?;
-        let size = PARCEL.max((ENTRY + payload_max).next_multiple_of(8));
+        let activation = sizes.iter().map(|&size| entry(size)).sum();
+        let size = PARCEL.max(activation);
         let publisher = service
             .publisher_builder()
             .initial_max_slice_len(size)
@@ -70,6 +79,8 @@ impl RecordSender {
             _service: service,
             parcel: Vec::with_capacity(size),
             size,
+            first,
+            activation,
         })
     }
 
@@ -89,16 +100,16 @@ impl RecordSender {
             reason.truncate(end.unwrap_or(0));
         }
         let bytes = wire::encode("a note", &note).map_err(|error| Broken(error.to_string()))?;
-        if !self.fits(bytes.len()) && !self.flush()? {
+        if !self.fits(entry(bytes.len())) && !self.flush()? {
             return Ok(false);
         }
         self.append([NOTE, bytes.len() as u64, 0, 0], &bytes);
         Ok(true)
     }
 
-    /// Whether an entry with a payload of `payload` bytes has room behind what is there.
-    fn fits(&self, payload: usize) -> bool {
-        self.parcel.len() + (ENTRY + payload).next_multiple_of(8) <= self.size
+    /// Whether `bytes` more have room behind what is there.
+    fn fits(&self, bytes: usize) -> bool {
+        self.parcel.len() + bytes <= self.size
     }
 
     fn flush(&mut self) -> Result<bool, Broken> {
@@ -127,7 +138,8 @@ pub struct SharedRecord(pub Rc<RefCell<RecordSender>>);
 impl Recording for SharedRecord {
     fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
         let mut sender = self.0.borrow_mut();
-        if !sender.fits(payload.len()) && !sender.flush()? {
+        // The samples of one activation travel together, so that whoever dies leaves whole activations.
+        if stream == sender.first && !sender.fits(sender.activation) && !sender.flush()? {
             return Ok(false);
         }
         sender.append(

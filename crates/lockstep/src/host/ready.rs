@@ -1,0 +1,286 @@
+//! A participant with all of its links: stepping, waiting, coming to rest.
+
+use std::cell::RefCell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use super::waiting::Patience;
+use super::{HostError, message};
+use crate::control::{Note, Timing, Waiting};
+use crate::participant::Participant;
+use crate::plan::{Assignment, Position};
+use crate::stepper::{Ends, PositionError, Progress, Stepper, Wait};
+use crate::time::Ticks;
+use crate::transport::iceoryx::{
+    Activity, ClockReader, Domain, DomainError, LinkService, Order, RecordSender, SharedRecord, Sleeper, Status,
+    StatusWriter, Waker,
+};
+use crate::transport::{Broken, Receiver, Recording, Sender};
+
+/// How long a participant sleeps between two looks when it must hand something over and there is no room.
+const NAP: Duration = Duration::from_millis(1);
+
+/// Why a participant cannot take its place.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum ConnectError {
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    #[error(transparent)]
+    Position(#[from] PositionError),
+}
+
+/// A participant with all of its links.
+pub(super) struct Ready {
+    pub(super) stepper: Stepper,
+    pub(super) clock: ClockReader,
+    record: SharedRecord,
+    /// Whoever may be waiting for a sample of an output, or for room on the link into an input; once each.
+    neighbours: Vec<Waker>,
+    pub(super) patience: Patience,
+    pub(super) timing: Timing,
+    /// Keeps the services of the links open.
+    _links: Vec<LinkService>,
+}
+
+/// Why a stretch of steps ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pause {
+    /// Everything before this horizon is done.
+    AtHorizon(Ticks),
+    /// Everything is done.
+    Finished,
+    /// The clock has an order for everybody.
+    Ordered,
+}
+
+/// Opens all links of `participant`.
+pub(super) fn connect(
+    domain: &Domain,
+    name: &str,
+    participant: Box<dyn Participant>,
+    assignment: Assignment,
+    cores: &[u32],
+    waiting: Waiting,
+    position: Option<Position>,
+) -> Result<Ready, ConnectError> {
+    if !cores.is_empty() {
+        let mut set = rustix::thread::CpuSet::new();
+        cores.iter().for_each(|&core| set.set(core as usize));
+        // A hint: without it the run is slower, not different.
+        let _ = rustix::thread::sched_setaffinity(None, &set);
+    }
+    let mut links = Vec::new();
+    let mut ends = Ends {
+        receivers: Vec::new(),
+        senders: Vec::new(),
+        recording: Box::new(crate::transport::NoRecording),
+    };
+    let mut neighbours = Vec::<(String, Waker)>::new();
+    let mut meet = |port: &str| -> Result<(), DomainError> {
+        let neighbour = port.split('.').next().unwrap_or(port);
+        if neighbour != name && !neighbours.iter().any(|(known, _)| known == neighbour) {
+            neighbours.push((neighbour.to_owned(), Waker::open(domain, neighbour)?));
+        }
+        Ok(())
+    };
+    for (link, port) in assignment.inputs.iter().zip(&assignment.interface.inputs) {
+        let mut receiver = None;
+        if let Some(link) = link {
+            let service = LinkService::open(domain, link.link, port.descriptor.size as usize, link.capacity as usize)?;
+            receiver = Some(Box::new(service.receiver(domain)?) as Box<dyn Receiver>);
+            meet(&link.from)?;
+            links.push(service);
+        }
+        ends.receivers.push(receiver);
+    }
+    for (output, port) in assignment.outputs.iter().zip(&assignment.interface.outputs) {
+        let mut senders = Vec::new();
+        for to in &output.consumers {
+            let service = LinkService::open(domain, to.link, port.descriptor.size as usize, to.capacity as usize)?;
+            senders.push(Box::new(service.sender(domain)?) as Box<dyn Sender>);
+            links.push(service);
+            meet(&to.to)?;
+        }
+        ends.senders.push(senders);
+    }
+    let outputs = assignment.interface.outputs.iter();
+    let sizes: Vec<usize> = outputs.map(|port| port.descriptor.size as usize).collect();
+    let first = assignment.outputs.first().map_or(0, |output| output.stream);
+    let record = RecordSender::open(domain, name, first, &sizes)?;
+    let record = SharedRecord(Rc::new(RefCell::new(record)));
+    ends.recording = Box::new(record.clone());
+    let timing = Timing {
+        inputs_ns: vec![0; assignment.inputs.len()],
+        ..Timing::default()
+    };
+    let stepper = match position {
+        None => Stepper::new(participant, assignment, ends),
+        Some(position) => Stepper::resume(participant, assignment, ends, position)?,
+    };
+    Ok(Ready {
+        stepper,
+        clock: ClockReader::open(domain)?,
+        record,
+        neighbours: neighbours.into_iter().map(|(_, waker)| waker).collect(),
+        patience: Patience::new(waiting),
+        timing,
+        _links: links,
+    })
+}
+
+impl Ready {
+    /// Steps until `horizon`, the end, or an order of the clock.
+    pub(super) fn advance(
+        &mut self,
+        horizon: Ticks,
+        status: &mut StatusWriter,
+        sleeper: &mut Sleeper,
+    ) -> Result<Pause, HostError> {
+        let started = Instant::now();
+        let count = self.stepper.assignment().activations;
+        self.stepper.extend_horizon(horizon);
+        let mut waiting: Option<(Wait, Instant)> = None;
+        status.set(Status {
+            next: self.stepper.next_activation(),
+            activity: Activity::Computing,
+        });
+        loop {
+            let (activation, t) = (self.stepper.next_activation(), self.stepper.next_seconds());
+            let progress = match catch_unwind(AssertUnwindSafe(|| self.stepper.poll())) {
+                Ok(progress) => progress.map_err(|source| HostError::Step { activation, t, source })?,
+                Err(panic) => {
+                    return Err(HostError::Panic {
+                        activation,
+                        t,
+                        message: message(&*panic),
+                    });
+                }
+            };
+            if let Progress::Waiting(wait) = progress {
+                if waiting.is_none_or(|(known, _)| known != wait) {
+                    if let Some((known, since)) = waiting.replace((wait, Instant::now())) {
+                        self.account(known, since);
+                    }
+                    // Whoever is waited for may itself sleep until it hears of what this participant has taken or given.
+                    // Once is enough: who falls asleep later looks again first.
+                    self.neighbours.iter().for_each(Waker::wake);
+                }
+                if self.patience.is_long() {
+                    status.set(Status {
+                        next: activation,
+                        activity: activity(wait),
+                    });
+                    if self.clock.order() != Order::GoOn {
+                        return Ok(Pause::Ordered);
+                    }
+                }
+                self.patience.pause(status, sleeper)?;
+                continue;
+            }
+            if let Some((wait, since)) = waiting.take() {
+                self.account(wait, since);
+                self.patience.rest(status);
+            }
+            match progress {
+                Progress::Stepped => {
+                    self.neighbours.iter().for_each(Waker::wake);
+                    status.set(Status {
+                        next: activation + 1,
+                        activity: Activity::Computing,
+                    });
+                    if activation % 256 == 255 && self.clock.order() != Order::GoOn {
+                        return Ok(Pause::Ordered);
+                    }
+                }
+                Progress::AtHorizon => {
+                    self.timing.total_ns += started.elapsed().as_nanos() as u64;
+                    self.neighbours.iter().for_each(Waker::wake);
+                    status.set(Status {
+                        next: activation,
+                        activity: Activity::Rest,
+                    });
+                    self.hand_over(
+                        &Note::AtRest {
+                            horizon,
+                            next: activation,
+                        },
+                        sleeper,
+                    )?;
+                    return Ok(Pause::AtHorizon(horizon));
+                }
+                Progress::Finished => {
+                    self.timing.total_ns += started.elapsed().as_nanos() as u64;
+                    self.timing.sleeps = self.patience.sleeps;
+                    self.neighbours.iter().for_each(Waker::wake);
+                    status.set(Status {
+                        next: count,
+                        activity: Activity::Finished,
+                    });
+                    self.hand_over(&Note::Finished(self.timing.clone()), sleeper)?;
+                    return Ok(Pause::Finished);
+                }
+                Progress::Waiting(_) => {}
+            }
+        }
+    }
+
+    /// Comes to rest wherever it is, and says where that is.
+    pub(super) fn recall(&mut self, status: &mut StatusWriter, sleeper: &mut Sleeper) -> Result<(), HostError> {
+        let (activation, t) = (self.stepper.next_activation(), self.stepper.next_seconds());
+        while !self
+            .stepper
+            .come_to_rest()
+            .map_err(|source| HostError::Step { activation, t, source })?
+        {
+            if self.clock.order() == Order::Leave {
+                return Ok(());
+            }
+            sleeper.sleep(NAP)?;
+        }
+        self.patience.rest(status);
+        let next = self.stepper.next_activation();
+        let activity = Activity::Rest;
+        status.set(Status { next, activity });
+        Ok(self.hand_over(&Note::Recalled { next }, sleeper)?)
+    }
+
+    fn account(&mut self, wait: Wait, since: Instant) {
+        let nanos = since.elapsed().as_nanos() as u64;
+        match wait {
+            Wait::Sample { input, .. } => self.timing.inputs_ns[input] += nanos,
+            Wait::Room { .. } => self.timing.room_ns += nanos,
+            Wait::Recording => self.timing.recorder_ns += nanos,
+        }
+    }
+
+    /// Sends a note to the recorder, behind all samples.
+    pub(super) fn hand_over(&mut self, note: &Note, sleeper: &mut Sleeper) -> Result<(), Broken> {
+        let mut noted = false;
+        loop {
+            noted = noted || self.record.0.borrow_mut().note(note)?;
+            if noted && self.record.try_flush()? {
+                break;
+            }
+            if self.clock.order() == Order::Leave {
+                break;
+            }
+            sleeper.sleep(NAP)?;
+        }
+        Ok(())
+    }
+}
+
+fn activity(wait: Wait) -> Activity {
+    match wait {
+        Wait::Sample { input, index } => Activity::Input {
+            input: input as u32,
+            index,
+        },
+        Wait::Room { output, consumer } => Activity::Room {
+            output: output as u32,
+            consumer: consumer as u32,
+        },
+        Wait::Recording => Activity::Recorder,
+    }
+}
