@@ -65,6 +65,10 @@ pub struct ScenarioArgs {
     /// Change a key of the scenario, such as connections.measured.delay=10ms (may be given more than once)
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
+    /// Add a fault, such as at=12s,until=14s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg (may be given
+    /// more than once; docs/scenarios.md has the keys)
+    #[arg(long = "fault", value_name = "KEY=VALUE,…")]
+    pub fault: Vec<String>,
     /// The seed of every random stream, in place of the scenario's
     #[arg(long)]
     pub seed: Option<u64>,
@@ -74,9 +78,10 @@ pub struct ScenarioArgs {
 }
 
 impl ScenarioArgs {
-    /// All changes in the form of `--set`.
+    /// All changes in the form that [`crate::scenario::Scenario::read`] takes.
     pub fn overrides(&self) -> Vec<String> {
         let mut all = self.set.clone();
+        all.extend(self.fault.iter().map(|fault| format!("faults+={fault}")));
         all.extend(self.seed.map(|seed| format!("seed={seed}")));
         all.extend(self.duration.map(|duration| format!("duration={duration}")));
         all

@@ -3,9 +3,10 @@
 use escapement_tests::parts::Damper;
 use escapement_tests::program::root;
 use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
+use lockstep::fault::{Effect, LinkFault, Place, SignalFault, Slot, Span};
 use lockstep::link;
 use lockstep::participant::{Input, Interface, Kind, Participant};
-use lockstep::plan::{Backlog, LinkSpec, ParticipantSpec, Plan, Position};
+use lockstep::plan::{Backlog, Held, LinkSpec, ParticipantSpec, Plan, Position};
 use lockstep::time::Rational;
 use lockstep::wire::{decode, encode};
 use serde_json::Value;
@@ -119,6 +120,9 @@ impl Plain<'_> {
     fn i64(&mut self) -> i64 {
         i64::from_le_bytes(self.take())
     }
+    fn f64(&mut self) -> f64 {
+        f64::from_le_bytes(self.take())
+    }
     fn i128(&mut self) -> i128 {
         i128::from_le_bytes(self.take())
     }
@@ -155,6 +159,14 @@ impl Plain<'_> {
         let delay = [self.i128(), self.i128(), self.i128()];
         (producer, delay, self.u64(), self.u32(), self.u64())
     }
+    /// From, until, extra, drop_below; the key is left out.
+    fn disruptions(&mut self) -> Vec<(i64, i64, i128, u64)> {
+        self.list(|this| {
+            let one = (this.i64(), this.i64(), this.i128(), this.u64());
+            this.u64();
+            one
+        })
+    }
 }
 
 #[test]
@@ -171,6 +183,10 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
                 payload: vec![9; 16],
             }]],
             outputs: vec![vec![8; 8], Vec::new()],
+            held: Held {
+                inputs: vec![vec![vec![7; 8]]],
+                outputs: Vec::new(),
+            },
             state: Some(vec![1, 2]),
         })),
     };
@@ -198,17 +214,26 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
         "{base} {spread} {scale}"
     );
     assert_ne!(key, 0);
+    // A fault of the link: 3 ms more from 100 ms to 200 ms, and half of the samples lost.
+    assert_eq!(plain.disruptions(), [(100, 200, 3 * scale, 1 << 31)]);
     assert_eq!((plain.u32(), plain.bytes()), (0, vec![0; 16]));
     assert_eq!(u64::from(plain.u32()), plan.links[0].capacity as u64);
+    // A fault of the input: the velocity is stuck at 0.5 m/s from 0.3 s on. What it shows is stream 2.
+    assert_eq!((plain.u8(), plain.u64(), plain.text().as_str()), (0, 1, "frozen"));
+    assert_eq!((plain.i64(), plain.i64(), plain.f64()), (300, i64::MAX, 0.3));
+    assert_eq!(plain.list(|this| (this.u32(), this.u32())), [(8, 0)]);
+    assert_eq!((plain.u32(), plain.u8(), plain.list(Plain::f64)), (4, 1, vec![0.5]));
+    assert_ne!(plain.u64(), 0);
+    assert_eq!((plain.u8(), plain.u32()), (1, 2));
     // One output: stream 1 for one consumer.
     assert_eq!((plain.u64(), plain.u32(), plain.u64()), (1, 1, 1));
     assert_eq!((plain.u32(), plain.text().as_str(), plain.u32()), (1, "plant.push", 0));
     let (producer, [base, spread, scale], drop_below, hold, _) = plain.visibility();
     assert_eq!((producer, base, spread, drop_below, hold), ([0, 10], 0, 0, 0, 0));
-    assert_eq!(scale, 1);
+    assert_eq!((scale, plain.u64()), (1, 0));
     assert_eq!((plain.i64(), plain.i64(), plain.u8()), (0, 1, 0));
     assert_eq!(u64::from(plain.u32()), plan.links[1].capacity as u64);
-    assert_eq!(plain.i64(), 1000);
+    assert_eq!((plain.i64(), plain.u64()), (1000, 0));
     assert_eq!(plain.list(Plain::u32), [3]);
     assert_eq!((plain.u32(), plain.u32()), (5, 6));
     // A position: activation 7, one sample on its way, what the outputs hold, the state.
@@ -218,6 +243,8 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
         [[(66, vec![9; 16])]]
     );
     assert_eq!(plain.list(Plain::bytes), [vec![8; 8], Vec::new()]);
+    assert_eq!(plain.list(|this| this.list(Plain::bytes)), [[vec![7; 8]]]);
+    assert_eq!(plain.list(|this| this.list(Plain::bytes)).len(), 0);
     assert_eq!((plain.u8(), plain.bytes()), (1, vec![1, 2]));
     assert!(plain.0.is_empty());
 }
@@ -256,6 +283,16 @@ fn plan() -> Plan {
             to: port("damper", "motion"),
             timing: late,
             initial: None,
+            faults: vec![LinkFault {
+                name: "storm".into(),
+                span: Span {
+                    at: Rational::from_millis(100),
+                    until: Some(Rational::from_millis(200)),
+                },
+                drop: 0.5,
+                extra_delay: Rational::from_millis(3),
+                words: String::new(),
+            }],
         },
         LinkSpec {
             name: "push".into(),
@@ -263,8 +300,26 @@ fn plan() -> Plan {
             to: port("plant", "push"),
             timing: link::Timing::default(),
             initial: None,
+            faults: Vec::new(),
         },
     ];
     let participants = vec![participant("plant", 1, plant), participant("damper", 10, damper)];
-    Plan::build(participants, &links, Rational::from_millis(1000), 1).expect("a sound plan")
+    let mut plan = Plan::build(participants, &links, Rational::from_millis(1000), 1).expect("a sound plan");
+    let (_, slots) = Slot::named(&plan.participants[1].interface.inputs[0].descriptor, "velocity").expect("it has one");
+    plan.disturb(vec![SignalFault {
+        name: "frozen".into(),
+        place: Place::Input {
+            participant: 1,
+            port: 0,
+        },
+        span: Span {
+            at: Rational::from_millis(300),
+            until: None,
+        },
+        slots,
+        effect: Effect::Stuck(Some(vec![0.5])),
+        words: String::new(),
+    }])
+    .expect("a sound fault");
+    plan
 }

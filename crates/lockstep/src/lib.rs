@@ -2,6 +2,7 @@
 
 pub mod control;
 pub mod executor;
+pub mod fault;
 pub mod host;
 pub mod link;
 pub mod participant;

@@ -41,6 +41,15 @@ impl Stream {
     pub fn uniform(&self, index: u64) -> f64 {
         (self.bits(index) >> 11) as f64 * f64::EPSILON * 0.5
     }
+
+    /// Draw number `index` of a standard normal distribution (Box and Muller), from the uniform draws `2 index` and
+    /// `2 index + 1`.
+    pub fn normal(&self, index: u64) -> f64 {
+        let first = index.wrapping_mul(2);
+        // The first uniform number is taken away from one, so that its logarithm is finite.
+        let radius = (-2.0 * libm::log(1.0 - self.uniform(first))).sqrt();
+        radius * libm::cos(std::f64::consts::TAU * self.uniform(first.wrapping_add(1)))
+    }
 }
 
 #[cfg(test)]
@@ -61,6 +70,17 @@ mod tests {
             / n as f64
             * 12.0;
         assert!(lagged.abs() < 0.015, "{lagged}");
+    }
+
+    #[test]
+    fn normal_draws_have_the_moments_of_a_normal_distribution() {
+        let stream = Stream::new(3, "x");
+        let n = 200_000;
+        let draws: Vec<f64> = (0..n).map(|i| stream.normal(i)).collect();
+        let moment = |k: i32| draws.iter().map(|z| z.powi(k)).sum::<f64>() / n as f64;
+        assert!(moment(1).abs() < 0.01 && (moment(2) - 1.0).abs() < 0.01);
+        assert!(moment(3).abs() < 0.05 && (moment(4) - 3.0).abs() < 0.1);
+        assert_eq!(stream.normal(17), draws[17], "the order of calls does not matter");
     }
 
     /// The numbers other languages must reproduce (docs/protocol.md).

@@ -32,7 +32,7 @@ pub fn stream(
     let fit: Vec<usize> = all
         .iter()
         .copied()
-        .filter(|&number| streams[number].descriptor.name == message)
+        .filter(|&number| streams[number].descriptor.name == message && !streams[number].is_seen())
         .collect();
     match fit[..] {
         [number] => Ok(number),

@@ -4,7 +4,7 @@ use lockstep::plan::Plan;
 use serde_json::json;
 
 use crate::cli::CheckArgs;
-use crate::run::{Options, check, crew};
+use crate::run::{Options, check, crew, faults};
 use crate::scenario::{Program, Scenario};
 
 /// Plans and says what would run.
@@ -40,6 +40,13 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
     Ok(0)
 }
 
+fn program(program: &Program) -> String {
+    match program {
+        Program::Builtin(name) => format!("builtin {name}"),
+        Program::External { exe, .. } => exe.display().to_string(),
+    }
+}
+
 fn describe(scenario: &Scenario, plan: &Plan) {
     println!("{}: {}", scenario.name, scenario.title);
     println!(
@@ -53,10 +60,7 @@ fn describe(scenario: &Scenario, plan: &Plan) {
     println!("participants, in the order of activations at one instant:");
     for number in order {
         let own = &plan.participants[number];
-        let program = match &scenario.participants[number].program {
-            Program::Builtin(name) => format!("builtin {name}"),
-            Program::External { exe, .. } => exe.display().to_string(),
-        };
+        let program = program(&scenario.participants[number].program);
         println!(
             "  {:<16} {:?} every {} from {}, {} activations ({program})",
             own.name, own.interface.kind, own.period, own.offset, own.activations
@@ -77,6 +81,28 @@ fn describe(scenario: &Scenario, plan: &Plan) {
             plan.output_name(link.from),
             plan.input_name(link.to),
             link.capacity
+        );
+    }
+    let faults = faults::notices(plan);
+    if !faults.is_empty() {
+        println!("faults:");
+    }
+    for fault in faults {
+        println!("  {:<24} {}, {}", fault.name, fault.words, fault.when());
+    }
+    for substitution in &scenario.substitutions {
+        println!(
+            "  {:<24} {} takes the place of {} at {}, {} state, {} parameters",
+            substitution.name,
+            program(&substitution.program),
+            scenario.participants[substitution.participant].setup.name,
+            substitution.at,
+            substitution.state.name(),
+            if substitution.parameters.is_some() {
+                "its own"
+            } else {
+                "the same"
+            },
         );
     }
 }

@@ -1,10 +1,12 @@
 //! `orchestrator graph SCENARIO`: a drawing of who tells whom what, how often and how late.
 
+use lockstep::fault::Place;
 use lockstep::participant::Kind;
 use lockstep::plan::{Link, Plan};
 
 use crate::cli::{GraphArgs, GraphFormat};
 use crate::run::check;
+use crate::run::faults::notices;
 use crate::scenario::Scenario;
 
 /// Prints the drawing.
@@ -44,6 +46,29 @@ fn label(link: &Link, plan: &Plan) -> String {
     label
 }
 
+/// A line for each fault that link number `link` or what its reader sees suffers from.
+fn faults(plan: &Plan, link: &Link) -> Vec<String> {
+    let places = [
+        Place::Output {
+            participant: link.from.0,
+            port: link.from.1,
+        },
+        Place::Input {
+            participant: link.to.0,
+            port: link.to.1,
+        },
+    ];
+    let signals = plan.faults.iter().filter(|fault| places.contains(&fault.place));
+    let names: Vec<&str> = signals
+        .map(|fault| fault.name.as_str())
+        .chain(link.faults.iter().map(|fault| fault.name.as_str()))
+        .collect();
+    let notices = notices(plan).into_iter().filter(|notice| names.contains(&notice.name));
+    notices
+        .map(|notice| format!("fault {} {}", notice.name, notice.when()))
+        .collect()
+}
+
 fn mermaid(plan: &Plan) -> String {
     let mut text = String::from("flowchart LR\n");
     for (number, own) in plan.participants.iter().enumerate() {
@@ -61,7 +86,12 @@ fn mermaid(plan: &Plan) -> String {
         );
     }
     for link in &plan.links {
-        text += &format!("    p{} -->|\"{}\"| p{}\n", link.from.0, label(link, plan), link.to.0);
+        let mut label = label(link, plan);
+        let faults = faults(plan, link);
+        faults.iter().for_each(|fault| label += &format!("<br/>{fault}"));
+        // A faulty link is drawn thick.
+        let arrow = if faults.is_empty() { "-->" } else { "==>" };
+        text += &format!("    p{} {arrow}|\"{label}\"| p{}\n", link.from.0, link.to.0);
     }
     text
 }
@@ -84,12 +114,11 @@ fn dot(plan: &Plan) -> String {
         );
     }
     for link in &plan.links {
-        text += &format!(
-            "    p{} -> p{} [label=\"{}\"];\n",
-            link.from.0,
-            link.to.0,
-            label(link, plan)
-        );
+        let mut label = label(link, plan);
+        let faults = faults(plan, link);
+        faults.iter().for_each(|fault| label += &format!("\\n{fault}"));
+        let style = if faults.is_empty() { "" } else { ", style=bold" };
+        text += &format!("    p{} -> p{} [label=\"{label}\"{style}];\n", link.from.0, link.to.0);
     }
     text + "}\n"
 }

@@ -18,7 +18,7 @@ use recorder::tape::{ReadError, Reader, Selection, Source};
 use toml::{Table, Value};
 
 use crate::run::{self, Ending, Options, RunFailure};
-use crate::scenario::{Program, Scenario, ScenarioError};
+use crate::scenario::{Program, Scenario, ScenarioError, fault_name};
 use crate::scope::{Scope, ScopeError};
 use player::Role;
 
@@ -299,7 +299,8 @@ fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) -> Result<(
     for (producer, (ports, role)) in played {
         stand(stand_in(&producer, subject), &producer, &ports, role)?;
     }
-    let said = reader.streams().iter().filter(|spec| spec.participant == subject);
+    let said = reader.streams().iter();
+    let said = said.filter(|spec| spec.participant == subject && !spec.is_seen());
     let said: Vec<String> = said.map(|spec| spec.port.clone()).collect();
     stand(listener(subject), subject, &said, Role::Listener)?;
     for port in said {
@@ -308,10 +309,48 @@ fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) -> Result<(
         connection.insert("to".into(), Value::String(format!("{}.{port}", listener(subject))));
         connections.insert(format!("{}-{port}", listener(subject)), Value::Table(connection));
     }
+    keep_faults(table, subject, &kept, &connections);
     table.insert("participants".into(), Value::Table(kept));
     table.insert("connections".into(), Value::Table(connections));
     table.remove("assessment");
     Ok(())
+}
+
+/// Leaves of a plan's faults those that disturb what the participant sees, under the names that their draws go by.
+fn keep_faults(table: &mut Table, subject: &str, participants: &Table, connections: &Table) {
+    let Some(Value::Array(faults)) = table.get_mut("faults") else {
+        return;
+    };
+    for (position, fault) in faults.iter_mut().enumerate() {
+        if let Value::Table(fault) = fault {
+            let name = fault_name(fault.get("name").and_then(Value::as_str), position);
+            fault.insert("name".into(), Value::String(name));
+        }
+    }
+    faults.retain_mut(|fault| {
+        let text = |key: &str| fault.get(key).and_then(Value::as_str).map(str::to_owned);
+        if let Some(connection) = text("connection") {
+            return connections.contains_key(&connection);
+        }
+        if let Some(input) = text("input") {
+            return input
+                .split_once('.')
+                .is_some_and(|(participant, _)| participant == subject);
+        }
+        let output = text("output");
+        let Some((producer, port)) = output.as_deref().and_then(|output| output.split_once('.')) else {
+            return false;
+        };
+        let player = stand_in(producer, subject);
+        let played = participants
+            .get(&player)
+            .and_then(|player| player.get("parameters")?.get("ports")?.as_array())
+            .is_some_and(|ports| ports.iter().any(|played| played.as_str() == Some(port)));
+        if let Value::Table(fault) = fault {
+            fault.insert("output".into(), Value::String(format!("{player}.{port}")));
+        }
+        played
+    });
 }
 
 /// The name of a player: the one it stands for, except where a participant feeds itself.
@@ -362,8 +401,8 @@ fn check_sample_times(scenario: &Scenario, reader: &Reader, subject: &str) -> Re
 
 /// Every recorded output must still be there, as it was.
 fn check_outputs(interface: &Interface, reader: &Reader, subject: &str) -> Result<(), ReplayError> {
-    let recorded = reader.streams().iter().filter(|spec| spec.participant == subject);
-    for spec in recorded {
+    let recorded = reader.streams().iter();
+    for spec in recorded.filter(|spec| spec.participant == subject && !spec.is_seen()) {
         let output = interface.outputs.iter().find(|output| output.name == spec.port);
         let difference = match output {
             None => Some(format!("it has no output `{}`", spec.port)),

@@ -81,6 +81,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         .filter_map(|member| Some((member.process.name.clone(), member.timing.clone()?)));
     let timing: BTreeMap<_, _> = timing.collect();
     let simulated_s = plan.timebase.seconds(recorder.newest.clamp(0, plan.end));
+    let ending = recorder.with_active_faults(ending);
     let (digest, figures) = recorder.finish()?;
     // Ports before the domain, the domain before its files.
     drop((crew, links, clock));

@@ -76,6 +76,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
             text,
         })?;
     }
+    let ending = recorder.with_active_faults(ending);
     let (digest, figures) = recorder.finish()?;
     Ok(Outcome {
         folder: folder.root().to_owned(),

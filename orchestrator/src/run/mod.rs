@@ -4,6 +4,7 @@ mod child;
 mod conduct;
 pub(crate) mod crew;
 mod explain;
+pub(crate) mod faults;
 mod in_process;
 mod outcome;
 pub(crate) mod prepare;
@@ -77,6 +78,11 @@ pub struct Options {
 /// # Errors
 /// What stopped the run before there was anything to record; what went wrong later is in the [`Outcome`].
 pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
+    if let Some(first) = scenario.substitutions.first() {
+        let name = &scenario.participants[first.participant].setup.name;
+        let reason = format!("another program cannot take the place of `{name}` in mid-run yet: leave this entry out");
+        return Err(scenario.substitution_refusal(first, &reason).into());
+    }
     if options.in_process {
         in_process::run(scenario, options)
     } else {

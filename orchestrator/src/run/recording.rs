@@ -1,11 +1,15 @@
 //! From participants' samples to the tape and the figures of merit.
 
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use lockstep::plan::Plan;
+use lockstep::time::Ticks;
 use lockstep::transport::{Broken, Header, Recording};
 use recorder::tape::{AppendError, Digest, Event, StreamSpec, Writer};
 
+use super::faults;
+use super::outcome::Ending;
 use crate::assessment::{Assessment, Summary};
 
 /// The streams of a run, in the order of their numbers.
@@ -23,6 +27,17 @@ pub fn streams(plan: &Plan) -> Vec<StreamSpec> {
             ));
         }
     }
+    for seen in &plan.seen {
+        let participant = &plan.participants[seen.participant];
+        let input = &participant.interface.inputs[seen.input];
+        streams.push(StreamSpec::seen(
+            participant.name.clone(),
+            &input.name,
+            input.descriptor.clone(),
+            participant.offset,
+            participant.period,
+        ));
+    }
     streams
 }
 
@@ -33,6 +48,8 @@ pub struct Recorder {
     plan: Plan,
     /// The participant that owns each stream.
     owners: Vec<usize>,
+    /// What is still to be told of faults.
+    faults: VecDeque<(Ticks, Event)>,
     /// The newest stamp of anybody, ticks.
     pub newest: i64,
     error: Option<AppendError>,
@@ -41,13 +58,13 @@ pub struct Recorder {
 impl Recorder {
     /// Records onto `writer`, which was made for the streams of `plan`.
     pub fn new(plan: Plan, writer: Writer, assessment: Option<Box<dyn Assessment>>) -> Recorder {
-        let owners = plan.participants.iter().enumerate();
-        let owners = owners
-            .flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number))
-            .collect();
+        let outputs = plan.participants.iter().enumerate();
+        let outputs = outputs.flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number));
+        let owners = outputs.chain(plan.seen.iter().map(|seen| seen.participant)).collect();
         Recorder {
             writer,
             assessment,
+            faults: faults::events(&plan),
             plan,
             owners,
             newest: i64::MIN,
@@ -88,8 +105,37 @@ impl Recorder {
         if let Some(assessment) = &mut self.assessment {
             assessment.sample(number, stamp, payload);
         }
-        self.newest = self.newest.max(header.stamp);
+        if header.stamp > self.newest {
+            self.newest = header.stamp;
+            self.tell_of_faults()?;
+        }
         Ok(())
+    }
+
+    /// Notes the faults that begin or end by now.
+    fn tell_of_faults(&mut self) -> Result<(), Broken> {
+        while self.faults.front().is_some_and(|(when, _)| *when <= self.newest) {
+            let Some((_, event)) = self.faults.pop_front() else {
+                break;
+            };
+            if let Err(error) = self.writer.event(&event) {
+                let text = error.to_string();
+                self.error = Some(error);
+                return Err(Broken(text));
+            }
+        }
+        Ok(())
+    }
+
+    /// The ending with the faults that were active when somebody failed: they may be the reason.
+    pub fn with_active_faults(&self, ending: Ending) -> Ending {
+        match ending {
+            Ending::Failed { participant, reason } => Ending::Failed {
+                participant,
+                reason: reason + &faults::active(&self.plan, self.newest),
+            },
+            other => other,
+        }
     }
 
     /// Notes an event.

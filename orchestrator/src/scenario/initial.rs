@@ -1,7 +1,7 @@
 //! The value of an input before anything is visible.
 
 use lockstep::plan::Initial;
-use lockstep::port::{Descriptor, Element, Field};
+use lockstep::port::{Descriptor, Field};
 use toml::Value;
 
 /// Reads `"zero"`, `"first-sample"` or a table of fields, in the units of the descriptor.
@@ -46,15 +46,7 @@ fn write(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
         ));
     }
     for (number, slot) in numbers.iter().zip(bytes.chunks_exact_mut(field.element.size())) {
-        match field.element {
-            Element::F64 => slot.copy_from_slice(&number.to_le_bytes()),
-            Element::F32 => slot.copy_from_slice(&(*number as f32).to_le_bytes()),
-            Element::I64 => slot.copy_from_slice(&(*number as i64).to_le_bytes()),
-            Element::I32 => slot.copy_from_slice(&(*number as i32).to_le_bytes()),
-            Element::U64 => slot.copy_from_slice(&(*number as u64).to_le_bytes()),
-            Element::U32 => slot.copy_from_slice(&(*number as u32).to_le_bytes()),
-            Element::U8 => slot.copy_from_slice(&[*number as u8]),
-        }
+        field.element.put(*number, slot);
     }
     Ok(())
 }

@@ -1,10 +1,14 @@
 //! The file that a user writes, and what it means.
 
 mod error;
+mod faults;
 mod initial;
+mod program;
 mod resolve;
 mod source;
 mod types;
 
 pub use error::ScenarioError;
-pub use resolve::{Entry, Program, Scenario};
+pub use program::Program;
+pub use resolve::{Entry, Scenario};
+pub use source::fault_name;

@@ -11,23 +11,12 @@ use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::error::{Mistake, ScenarioError};
+pub use super::faults::Substitution;
+use super::faults::{self, Faults};
+use super::program::{Program, program};
 use super::source::Source;
 use super::types::{ConnectionEntry, ParticipantEntry, Top};
 use crate::builtin;
-
-/// What runs in a participant's place.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Program {
-    /// A participant that this program contains.
-    Builtin(String),
-    /// Somebody's program.
-    External {
-        /// The file.
-        exe: PathBuf,
-        /// Its arguments.
-        args: Vec<String>,
-    },
-}
 
 /// A participant of a scenario.
 #[derive(Debug, Clone)]
@@ -56,12 +45,15 @@ pub struct Scenario {
     pub participants: Vec<Entry>,
     /// The table `assessment`, if there is one.
     pub assessment: Option<Table>,
+    /// The participants that another program replaces in mid-run.
+    pub substitutions: Vec<Substitution>,
     connections: Vec<(String, ConnectionEntry)>,
+    faults: Faults,
     source: Source,
 }
 
 impl Scenario {
-    /// Reads `file` and applies `overrides`, each `key.path=value`.
+    /// Reads `file` and applies `overrides`, each `key.path=value` or `faults+=key=value,…`.
     pub fn read(file: &Path, overrides: &[String]) -> Result<Scenario, ScenarioError> {
         Scenario::read_with(file, overrides, |_| {})
     }
@@ -79,6 +71,7 @@ impl Scenario {
         let mut mistakes = Vec::new();
         let folder = file.parent().map(Path::to_owned).unwrap_or_default();
         let mut participants = Vec::new();
+        let names: Vec<String> = top.participants.keys().cloned().collect();
         for (name, value) in top.participants {
             let key = format!("participants.{name}");
             let read = typed::<ParticipantEntry>(&source, &key, value);
@@ -87,6 +80,11 @@ impl Scenario {
                 Err(mistake) => mistakes.push(mistake),
             }
         }
+        let faults = faults::read(&source, &folder, &names, &top.connections, top.faults);
+        let (faults, substitutions) = faults.unwrap_or_else(|wrong| {
+            mistakes.extend(wrong);
+            Default::default()
+        });
         let mut connections = Vec::new();
         for (name, value) in top.connections {
             match typed::<ConnectionEntry>(&source, &format!("connections.{name}"), value) {
@@ -106,6 +104,8 @@ impl Scenario {
             participants,
             connections,
             assessment: top.assessment,
+            substitutions,
+            faults,
             source,
         })
     }
@@ -143,6 +143,11 @@ impl Scenario {
     /// A refusal of a parameter, with its place in the file.
     pub fn refusal(&self, participant: &str, key: &str, reason: &str) -> ScenarioError {
         self.source.error(vec![self.parameter(participant, key, reason)])
+    }
+
+    /// A refusal of a substitution, with its place in the file.
+    pub fn substitution_refusal(&self, substitution: &Substitution, reason: &str) -> ScenarioError {
+        self.source.error(vec![self.source.mistake(&substitution.key, reason)])
     }
 
     /// A mistake in the table `assessment`.
@@ -262,6 +267,7 @@ impl Scenario {
                     to: to_port,
                     timing,
                     initial: initial.clone(),
+                    faults: self.faults.of_connection(name),
                 });
             }
         }
@@ -278,12 +284,17 @@ impl Scenario {
                 offset: entry.offset,
                 interface: interface.clone(),
             });
-        Plan::build(specs.collect(), &links, self.duration, self.seed).map_err(|errors| {
+        let refuse = |errors: Vec<PlanError>| {
             let mistakes = errors
                 .iter()
                 .map(|error| self.source.mistake(&self.place(error), error.to_string()));
             self.source.error(mistakes.collect())
-        })
+        };
+        let mut plan = Plan::build(specs.collect(), &links, self.duration, self.seed).map_err(refuse)?;
+        let faults = self.faults.signals(&self.source, &plan, certain);
+        plan.disturb(faults.map_err(|mistakes| self.source.error(mistakes))?)
+            .map_err(refuse)?;
+        Ok(plan)
     }
 
     /// The key that a plan's error is about.
@@ -313,6 +324,7 @@ impl Scenario {
             | PlanError::FirstSampleLate { link, .. }
             | PlanError::Capacity { link, .. } => connection(link),
             PlanError::FedTwice { second, .. } => connection(second),
+            PlanError::Fault { fault, .. } => format!("faults.{fault}"),
             PlanError::NotConnected { .. } | PlanError::AlgebraicLoop { .. } | PlanError::TooManyCircles => {
                 "connections".into()
             }
@@ -338,17 +350,17 @@ fn unknown_payload() -> Descriptor {
     }
 }
 
-fn port(text: &str) -> Option<(String, String)> {
+pub(super) fn port(text: &str) -> Option<(String, String)> {
     let (participant, port) = text.split_once('.')?;
     (!participant.is_empty() && !port.is_empty()).then(|| (participant.to_owned(), port.to_owned()))
 }
 
-fn not_a_port(text: &str) -> String {
+pub(super) fn not_a_port(text: &str) -> String {
     format!("`{text}` is not a port: write \"PARTICIPANT.PORT\"")
 }
 
 /// Reads one section; a mistake gets the key it is about.
-fn typed<T: DeserializeOwned>(source: &Source, key: &str, value: Value) -> Result<T, Mistake> {
+pub(super) fn typed<T: DeserializeOwned>(source: &Source, key: &str, value: Value) -> Result<T, Mistake> {
     let table = value.clone();
     value.try_into::<T>().map_err(|error: toml::de::Error| {
         let reason = error.message().to_owned();
@@ -388,30 +400,7 @@ fn offending<T: DeserializeOwned>(value: &Value) -> Option<String> {
 }
 
 fn resolve(source: &Source, folder: &Path, name: &str, entry: ParticipantEntry, seed: u64) -> Result<Entry, Mistake> {
-    let key = format!("participants.{name}.run");
-    let program = match (entry.run.builtin, entry.run.exe) {
-        (Some(builtin), None) => {
-            if builtin::factory(&builtin).is_none() {
-                let known: Vec<String> = builtin::NAMES.iter().map(|name| format!("`{name}`")).collect();
-                let reason = format!("there is no builtin `{builtin}`; there is {}", known.join(", "));
-                return Err(source.mistake(&key, reason));
-            }
-            if !entry.run.args.is_empty() {
-                return Err(source.mistake(&key, "a builtin takes no args: use `parameters`"));
-            }
-            Program::Builtin(builtin)
-        }
-        (None, Some(exe)) => Program::External {
-            exe: find(folder, &exe).map_err(|r| source.mistake(&key, r))?,
-            args: entry.run.args,
-        },
-        _ => {
-            return Err(source.mistake(
-                &key,
-                "write either { builtin = \"NAME\" } or { exe = \"FILE\", args = […] }",
-            ));
-        }
-    };
+    let program = program(source, folder, &format!("participants.{name}.run"), entry.run)?;
     if !entry.period.is_positive() {
         let reason = format!("the period is {}; it must be positive", entry.period);
         return Err(source.mistake(&format!("participants.{name}.period"), reason));
@@ -429,26 +418,4 @@ fn resolve(source: &Source, folder: &Path, name: &str, entry: ParticipantEntry, 
         offset: entry.offset,
         setup,
     })
-}
-
-/// A program named with a slash is relative to the scenario; a bare name is looked for in PATH.
-fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
-    use std::os::unix::fs::PermissionsExt;
-    let runs = |path: &Path| {
-        std::fs::metadata(path).is_ok_and(|about| about.is_file() && about.permissions().mode() & 0o111 != 0)
-    };
-    if exe.contains('/') {
-        let path = folder.join(exe);
-        return if runs(&path) {
-            std::path::absolute(&path).map_err(|error| error.to_string())
-        } else {
-            Err(format!("`{}` is not an executable file", path.display()))
-        };
-    }
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let found = std::env::split_paths(&path)
-        .map(|folder| folder.join(exe))
-        .find(|path| runs(path));
-    found
-        .ok_or_else(|| format!("there is no program `{exe}` in PATH; name a file with its folder, such as \"./{exe}\""))
 }

@@ -7,20 +7,22 @@ use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
 use super::error::{Mistake, ScenarioError};
+use super::faults;
 
 /// A scenario as it was read, before anything is understood.
 pub(super) struct Source {
     file: PathBuf,
     text: String,
     pub(super) table: Table,
-    /// The keys that were given on the command line.
-    overridden: Vec<String>,
+    /// The keys that were given on the command line, with the option.
+    overridden: Vec<(String, &'static str)>,
     /// The files whose contents stand in the table, for the run's record.
     pub(super) files: Vec<PathBuf>,
 }
 
 impl Source {
-    /// Reads `file`, puts files in place of `{ file = "…" }`, and applies `overrides` of the form `key.path=value`.
+    /// Reads `file`, puts files in place of `{ file = "…" }`, and applies `overrides` of the form `key.path=value` or
+    /// `faults+=entry`.
     pub(super) fn read(file: &Path, overrides: &[String]) -> Result<Source, ScenarioError> {
         let whole = |line, reason: String| ScenarioError {
             file: file.to_owned(),
@@ -46,7 +48,10 @@ impl Source {
         };
         source.fill_in_files()?;
         for one in overrides {
-            source.set(one)?;
+            match one.strip_prefix("faults+=") {
+                Some(entry) => source.add_fault(entry)?,
+                None => source.set(one)?,
+            }
         }
         source.fill_in_files()?;
         Ok(source)
@@ -55,12 +60,9 @@ impl Source {
     /// An error about `key`, with the line it stands on.
     pub(super) fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {
         let mut reason = reason.into();
-        if self
-            .overridden
-            .iter()
-            .any(|given| key == given || key.starts_with(&format!("{given}.")))
-        {
-            reason += " (given with --set)";
+        let given = |(given, _): &&(String, _)| key == given || key.starts_with(&format!("{given}."));
+        if let Some((_, option)) = self.overridden.iter().find(given) {
+            reason += &format!(" (given with {option})");
             return Mistake {
                 line: None,
                 key: key.to_owned(),
@@ -86,13 +88,27 @@ impl Source {
         let document = DeTable::parse(&self.text).ok()?;
         let mut table = document.get_ref();
         let mut span: Option<Range<usize>> = None;
-        for part in key.split('.').filter(|part| !part.is_empty()) {
+        let mut parts = key.split('.').filter(|part| !part.is_empty());
+        while let Some(part) = parts.next() {
             let Some((name, value)) = table.iter().find(|(name, _)| name.get_ref() == part) else {
                 break;
             };
             span = Some(name.span());
             match value.get_ref() {
                 DeValue::Table(inner) => table = inner,
+                DeValue::Array(items) => {
+                    // A list of tables: the next part names one of them.
+                    let wanted = parts.next();
+                    let named = items.iter().enumerate().find_map(|(position, item)| {
+                        let inner = item.get_ref().as_table()?;
+                        let name = inner.iter().find(|(name, _)| name.get_ref() == "name");
+                        let name = name.and_then(|(_, value)| value.get_ref().as_str());
+                        (Some(fault_name(name, position).as_str()) == wanted).then_some((item.span(), inner))
+                    });
+                    let Some((place, inner)) = named else { break };
+                    span = Some(place);
+                    table = inner;
+                }
                 _ => break,
             }
         }
@@ -115,12 +131,7 @@ impl Source {
             ));
         };
         let (key, text) = (key.trim(), text.trim());
-        // What reads as TOML is taken as TOML; anything else is text, so that quotes need not survive the shell.
-        let value = format!("x = {text}")
-            .parse::<Table>()
-            .ok()
-            .and_then(|mut table| table.remove("x"));
-        let value = value.unwrap_or_else(|| Value::String(text.to_owned()));
+        let value = value(text);
         let parts: Vec<&str> = key.split('.').collect();
         let (last, above) = parts.split_last().expect("split gives at least one part");
         if parts.iter().any(|part| part.is_empty()) {
@@ -157,7 +168,24 @@ impl Source {
             };
         }
         table.insert((*last).to_owned(), value);
-        self.overridden.push(key.to_owned());
+        self.overridden.push((key.to_owned(), "--set"));
+        Ok(())
+    }
+
+    fn add_fault(&mut self, text: &str) -> Result<(), ScenarioError> {
+        let refuse = |reason: String| ScenarioError {
+            file: self.file.clone(),
+            mistakes: vec![Mistake {
+                line: None,
+                key: "faults".into(),
+                reason: format!("{reason} (given with --fault)"),
+            }],
+        };
+        let entry = faults::table(text).map_err(refuse)?;
+        let position = self.table.get("faults").and_then(Value::as_array).map_or(0, Vec::len);
+        let name = fault_name(entry.get("name").and_then(Value::as_str), position);
+        faults::append(&mut self.table, entry).map_err(refuse)?;
+        self.overridden.push((format!("faults.{name}"), "--fault"));
         Ok(())
     }
 
@@ -170,6 +198,11 @@ impl Source {
                 fill_in(value, section, &folder, &mut files, &mut mistakes);
             }
         }
+        let faults = self.table.get_mut("faults").and_then(Value::as_array_mut);
+        for (position, fault) in faults.into_iter().flatten().enumerate() {
+            let name = fault_name(fault.get("name").and_then(Value::as_str), position);
+            fill_in(fault, &format!("faults.{name}"), &folder, &mut files, &mut mistakes);
+        }
         self.files.extend(files);
         if mistakes.is_empty() {
             return Ok(());
@@ -180,6 +213,21 @@ impl Source {
             .collect();
         Err(self.error(mistakes))
     }
+}
+
+/// What a fault is called: its own name, or its number in the list, from 1.
+pub fn fault_name(own: Option<&str>, position: usize) -> String {
+    own.map_or_else(|| format!("fault-{}", position + 1), str::to_owned)
+}
+
+/// What reads as TOML is taken as TOML; anything else is text, so that quotes need not survive the shell.
+pub(super) fn value(text: &str) -> Value {
+    let read = format!("x = {text}").parse::<Table>().ok();
+    // More than one key: the text had a line of its own.
+    let one = read
+        .filter(|table| table.len() == 1)
+        .and_then(|mut table| table.remove("x"));
+    one.unwrap_or_else(|| Value::String(text.to_owned()))
 }
 
 fn fill_in(

@@ -96,6 +96,8 @@ pub(super) struct Top {
     pub(super) connections: BTreeMap<String, Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) assessment: Option<Table>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) faults: Vec<Value>,
 }
 
 fn one() -> u64 {

@@ -171,6 +171,7 @@ pub fn links(scenario: &Table) -> Vec<LinkSpec> {
             other => panic!("{other}"),
         };
         let specs = to.into_iter().enumerate().map(|(at, to)| LinkSpec {
+            faults: Vec::new(),
             name: format!("{name}{at}"),
             from: end(text(connection, "from").unwrap()),
             to: end(to),

@@ -104,9 +104,8 @@ pub(super) fn connect(
         }
         ends.senders.push(senders);
     }
-    let outputs = assignment.interface.outputs.iter();
-    let sizes: Vec<usize> = outputs.map(|port| port.descriptor.size as usize).collect();
-    let first = assignment.outputs.first().map_or(0, |output| output.stream);
+    let (streams, sizes): (Vec<u32>, Vec<usize>) = assignment.streams().unzip();
+    let first = streams.first().copied().unwrap_or(0);
     let record = RecordSender::open(domain, name, first, &sizes)?;
     let record = SharedRecord(Rc::new(RefCell::new(record)));
     ends.recording = Box::new(record.clone());

@@ -116,6 +116,7 @@ impl ReadSchedule {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fault::{LinkFault, Span};
     use crate::link::Timing;
     use crate::time::{Rational, Timebase};
     use proptest::prelude::*;
@@ -144,6 +145,10 @@ mod tests {
             (offset, period, consumer_offset, consumer_period) in (0_i64..30, 1_i64..20, 0_i64..30, 1_i64..25),
             (delay, delay_parts, jitter) in (0_i64..100, 1_i64..7, 0_i64..60),
             drop in prop_oneof![Just(0.0), Just(1.0), 0.0..1.0],
+            faults in prop::collection::vec(
+                (0_i64..800, prop_oneof![Just(None), (0_i64..300).prop_map(Some)], prop_oneof![Just(0.0), 0.0..=1.0], 0_i64..90, 1_i64..7),
+                0..4,
+            ),
             initial_on_drop in any::<bool>(),
             first_sample in any::<bool>(),
             seed in any::<u64>(),
@@ -155,10 +160,21 @@ mod tests {
                 drop,
                 hold: if initial_on_drop { Hold::Initial } else { Hold::Last },
             };
+            let fault = |(number, (at, length, drop, extra, parts)): (usize, &(i64, Option<i64>, f64, i64, i64))| LinkFault {
+                name: format!("f{number}"),
+                span: Span {
+                    at: Rational::from_millis(*at),
+                    until: length.map(|length| Rational::from_millis(at + length)),
+                },
+                drop: *drop,
+                extra_delay: Rational::new(i128::from(*extra), i128::from(*parts) * 1000).unwrap(),
+                words: String::new(),
+            };
+            let faults: Vec<LinkFault> = faults.iter().enumerate().map(fault).collect();
             let producer = SampleTime { offset, period };
-            let visibility = Visibility::new(&timing, producer, &timebase, seed, "x").unwrap();
+            let visibility = Visibility::new(&timing, &faults, producer, &timebase, seed, "x").unwrap();
             let consumer = SampleTime { offset: consumer_offset, period: consumer_period };
-            let mut schedule = ReadSchedule::new(visibility, consumer, first_sample);
+            let mut schedule = ReadSchedule::new(visibility.clone(), consumer, first_sample);
             let mut last = 0;
             for k in 0..consumer.count_before(200 * period.min(5)) {
                 let read = schedule.advance();
@@ -171,6 +187,44 @@ mod tests {
         }
 
         #[test]
+        fn a_link_fault_concerns_the_samples_stamped_within_its_span(
+            (at, length) in (0_i64..60, 0_i64..60),
+            (delay, extra, parts) in (0_i64..40, 0_i64..40, 1_i64..7),
+            (before, drop) in (prop_oneof![Just(0.0), 0.0..1.0], prop_oneof![Just(0.0), Just(1.0), 0.0..1.0]),
+            seed in any::<u64>(),
+        ) {
+            let timebase = Timebase::measuring([Rational::from_millis(1)]).unwrap();
+            let producer = SampleTime { offset: 3, period: 2 };
+            let thirds = |n: i64| Rational::new(i128::from(n), 3000).unwrap();
+            let timing = Timing { delay: thirds(delay), drop: before, ..Timing::default() };
+            let fault = LinkFault {
+                name: "f".into(),
+                span: Span { at: thirds(at), until: Some(thirds(at + length)) },
+                drop,
+                extra_delay: Rational::new(i128::from(extra), i128::from(parts) * 1000).unwrap(),
+                words: String::new(),
+            };
+            let rule = |faults: &[LinkFault]| Visibility::new(&timing, faults, producer, &timebase, seed, "x").unwrap();
+            let (healthy, faulty) = (rule(&[]), rule(std::slice::from_ref(&fault)));
+            prop_assert_eq!(faulty.delay_bounds().0, healthy.delay_bounds().0, "no loop is opened, none is made");
+            for k in 0..60 {
+                let stamp = 3 * producer.instant(k);
+                if stamp < at || stamp >= at + length {
+                    prop_assert_eq!(faulty.delay(k), healthy.delay(k));
+                    prop_assert_eq!(faulty.dropped(k), healthy.dropped(k));
+                    continue;
+                }
+                let late = timing.delay.seconds() + fault.extra_delay.seconds();
+                let ticks = faulty.delay(k) as f64;
+                prop_assert!((late * 1000.0 - 1e-9..late * 1000.0 + 1.0).contains(&ticks), "{} {}", late, ticks);
+                prop_assert!(ticks <= faulty.delay_bounds().1 as f64);
+                prop_assert!(faulty.dropped(k) >= healthy.dropped(k));
+                prop_assert!(drop < 1.0 || faulty.dropped(k));
+                prop_assert!(drop > 0.0 || faulty.dropped(k) == healthy.dropped(k));
+            }
+        }
+
+        #[test]
         fn delays_are_exact(delay in 0_i128..1_000_000, jitter in 0_i128..1_000_000, parts in 1_i128..1000, seed in any::<u64>()) {
             let timebase = Timebase::measuring([Rational::new(1, 300).unwrap(), Rational::from_millis(1)]).unwrap();
             let timing = Timing {
@@ -179,7 +233,7 @@ mod tests {
                 ..Timing::default()
             };
             let producer = SampleTime { offset: 0, period: 10 };
-            let visibility = Visibility::new(&timing, producer, &timebase, seed, "x").unwrap();
+            let visibility = Visibility::new(&timing, &[], producer, &timebase, seed, "x").unwrap();
             let (least, most) = visibility.delay_bounds();
             prop_assert_eq!(least, timebase.ceil(timing.delay).unwrap());
             for k in 0..50 {

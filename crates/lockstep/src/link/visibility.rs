@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::fault::LinkFault;
 use crate::random::Stream;
-use crate::time::{Rational, SampleTime, Ticks, Timebase};
+use crate::time::{Rational, SampleTime, TickError, Ticks, Timebase};
 
 /// What an input sees where the newest sample did not come through.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,7 +37,7 @@ impl Default for Rational {
 }
 
 /// Why a link's timing cannot be used.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TimingError {
     /// A delay or a jitter below zero would let an input see the future.
     #[error("{what} is {value}: it must not be negative")]
@@ -57,10 +58,18 @@ pub enum TimingError {
         /// The jitter.
         jitter: Rational,
     },
+    /// A fault's times cannot be counted in ticks.
+    #[error("fault `{fault}`: {source}")]
+    Fault {
+        /// The fault.
+        fault: String,
+        /// Why not.
+        source: TickError,
+    },
 }
 
 /// A link's rule of visibility against the tick of a plan: a pure function of the scenario and the run's seed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Visibility {
     /// When the samples are stamped: sample k carries the instant k of this sample time.
     producer: SampleTime,
@@ -72,14 +81,33 @@ pub struct Visibility {
     drop_below: u64,
     hold: Hold,
     random: Stream,
+    faults: Vec<Disruption>,
+}
+
+/// A link fault in ticks: what is different for samples stamped from `from` on and before `until`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+struct Disruption {
+    from: Ticks,
+    until: Ticks,
+    /// Belongs to `base` for these samples.
+    extra: i128,
+    drop_below: u64,
+    random: Stream,
+}
+
+impl Disruption {
+    fn concerns(&self, stamp: Ticks) -> bool {
+        (self.from..self.until).contains(&stamp)
+    }
 }
 
 const DRAWS: i128 = 1 << 32;
 
 impl Visibility {
-    /// The rule for a link called `link` that carries the samples of `producer`.
+    /// The rule for a link called `link` that carries the samples of `producer` and suffers from `faults`.
     pub fn new(
         timing: &Timing,
+        faults: &[LinkFault],
         producer: SampleTime,
         timebase: &Timebase,
         seed: u64,
@@ -93,43 +121,82 @@ impl Visibility {
         if !(0.0..=1.0).contains(&timing.drop) {
             return Err(TimingError::Probability(timing.drop));
         }
-        let (base, spread, scale) = Self::coefficients(timing, timebase).ok_or(TimingError::Precision {
-            delay: timing.delay,
-            jitter: timing.jitter,
-        })?;
+        for fault in faults {
+            if fault.extra_delay.is_negative() {
+                return Err(TimingError::Negative {
+                    what: "extra-delay",
+                    value: fault.extra_delay,
+                });
+            }
+            if !(0.0..=1.0).contains(&fault.drop) {
+                return Err(TimingError::Probability(fault.drop));
+            }
+        }
+        let [base, spread, scale, extras @ ..] =
+            &Self::coefficients(timing, faults, timebase).ok_or(TimingError::Precision {
+                delay: timing.delay,
+                jitter: timing.jitter,
+            })?[..]
+        else {
+            unreachable!("three and one for each fault")
+        };
+        let disruption = |(fault, &extra): (&LinkFault, &i128)| {
+            let ticks = |time| {
+                timebase.ceil(time).map_err(|source| TimingError::Fault {
+                    fault: fault.name.clone(),
+                    source,
+                })
+            };
+            Ok(Disruption {
+                from: ticks(fault.span.at)?,
+                until: fault.span.until.map_or(Ok(Ticks::MAX), ticks)?,
+                extra,
+                drop_below: (fault.drop * DRAWS as f64) as u64,
+                random: Stream::new(seed, &format!("fault {} {link}", fault.name)),
+            })
+        };
         Ok(Visibility {
             producer,
-            base,
-            spread,
-            scale,
+            base: *base,
+            spread: *spread,
+            scale: *scale,
             drop_below: (timing.drop * DRAWS as f64) as u64,
             hold: timing.hold,
             random: Stream::new(seed, &format!("link {link}")),
+            faults: faults.iter().zip(extras).map(disruption).collect::<Result<_, _>>()?,
         })
     }
 
     /// With tick a/b, delay c/d and jitter e/f: delay + jitter r / 2^32 = (c D/d 2^32 + e D/f r) / (D 2^32) where D is a
-    /// common denominator, and ticks are that times b/a. A common factor of the three changes nothing.
-    fn coefficients(timing: &Timing, timebase: &Timebase) -> Option<(i128, i128, i128)> {
-        let (d, f) = (
-            i128::from(timing.delay.denominator()),
-            i128::from(timing.jitter.denominator()),
-        );
-        let common = d / crate::time::gcd(d, f) * f;
+    /// common denominator, and ticks are that times b/a. Extra delays of faults are like the delay. A common factor of all
+    /// changes nothing. Gives base, spread, scale, and the extra of each fault.
+    fn coefficients(timing: &Timing, faults: &[LinkFault], timebase: &Timebase) -> Option<Vec<i128>> {
+        let times = [timing.delay, timing.jitter].into_iter();
+        let mut times = times.chain(faults.iter().map(|fault| fault.extra_delay));
+        let common = times.clone().try_fold(1_i128, |common, time| {
+            let own = i128::from(time.denominator());
+            (common / crate::time::gcd(common, own)).checked_mul(own)
+        })?;
         let tick = timebase.tick();
-        let per_tick = i128::from(tick.denominator());
-        let base = (common / d)
-            .checked_mul(i128::from(timing.delay.numerator()))?
-            .checked_mul(per_tick)?
-            .checked_mul(DRAWS)?;
-        let spread = (common / f)
-            .checked_mul(i128::from(timing.jitter.numerator()))?
-            .checked_mul(per_tick)?;
+        let scaled = |time: Rational| {
+            (common / i128::from(time.denominator()))
+                .checked_mul(i128::from(time.numerator()))?
+                .checked_mul(i128::from(tick.denominator()))
+        };
+        let base = scaled(times.next()?)?.checked_mul(DRAWS)?;
+        let spread = scaled(times.next()?)?;
         let scale = common.checked_mul(i128::from(tick.numerator()))?.checked_mul(DRAWS)?;
+        let mut all = vec![base, spread, scale];
         // The largest value ever formed must fit, and the largest delay must be a tick count.
-        let largest = base.checked_add(spread.checked_mul(DRAWS)?)?.checked_add(scale)?;
-        let shared = crate::time::gcd(crate::time::gcd(base, spread), scale).max(1);
-        (largest / scale < 1 << 62).then_some((base / shared, spread / shared, scale / shared))
+        let mut largest = base.checked_add(spread.checked_mul(DRAWS)?)?.checked_add(scale)?;
+        for extra in times {
+            let extra = scaled(extra)?.checked_mul(DRAWS)?;
+            largest = largest.checked_add(extra)?;
+            all.push(extra);
+        }
+        let shared = all.iter().fold(0, |shared, &one| crate::time::gcd(shared, one)).max(1);
+        all.iter_mut().for_each(|one| *one /= shared);
+        (largest / scale < 1 << 62).then_some(all)
     }
 
     /// The sample time of the producer.
@@ -144,25 +211,49 @@ impl Visibility {
         } else {
             i128::from(self.random.bits(2 * k) >> 32)
         };
-        self.delay_at(draw)
+        self.delay_at(draw, self.extra_at(k))
     }
 
-    fn delay_at(&self, draw: i128) -> Ticks {
-        let ticks = self.base + self.spread * draw;
+    /// What faults add to the delay of sample `k`, as a part of `base`.
+    fn extra_at(&self, k: u64) -> i128 {
+        if self.faults.is_empty() {
+            return 0;
+        }
+        self.extra_of(self.producer.instant(k))
+    }
+
+    fn extra_of(&self, stamp: Ticks) -> i128 {
+        let concerned = self.faults.iter().filter(|fault| fault.concerns(stamp));
+        concerned.map(|fault| fault.extra).sum()
+    }
+
+    fn delay_at(&self, draw: i128, extra: i128) -> Ticks {
+        let ticks = self.base + extra + self.spread * draw;
         (ticks / self.scale + i128::from(ticks % self.scale != 0)) as Ticks
     }
 
     /// The least and the largest delay that any sample can have, ticks.
+    ///
+    /// The least is that without faults: a fault that delays samples for a while makes no algebraic loop and opens none.
     pub fn delay_bounds(&self) -> (Ticks, Ticks) {
+        // Spans that overlap do so where one of them begins.
+        let most = self.faults.iter().map(|fault| self.extra_of(fault.from)).max();
         (
-            self.delay_at(0),
-            self.delay_at(if self.spread == 0 { 0 } else { DRAWS - 1 }),
+            self.delay_at(0, 0),
+            self.delay_at(if self.spread == 0 { 0 } else { DRAWS - 1 }, most.unwrap_or(0)),
         )
     }
 
     /// True when sample `k` never arrives.
     pub fn dropped(&self, k: u64) -> bool {
-        self.drop_below > 0 && (self.random.bits(2 * k + 1) >> 32) < self.drop_below
+        let lost = self.drop_below > 0 && (self.random.bits(2 * k + 1) >> 32) < self.drop_below;
+        lost || (!self.faults.is_empty() && self.lost_to_a_fault(k))
+    }
+
+    fn lost_to_a_fault(&self, k: u64) -> bool {
+        let stamp = self.producer.instant(k);
+        let lost = |fault: &Disruption| fault.concerns(stamp) && (fault.random.bits(k) >> 32) < fault.drop_below;
+        self.faults.iter().any(lost)
     }
 
     /// What an input sees in place of a dropped sample.

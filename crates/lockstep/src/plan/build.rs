@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Initial, Link, PARTICIPANTS_MAX, Participant, Plan, PlanError, capacity, order};
+use crate::fault::{Disturbance, LinkFault, Place};
 use crate::link::{ReadSchedule, Timing, Visibility};
 use crate::participant::{Interface, Kind};
 use crate::port::Descriptor;
@@ -34,6 +35,8 @@ pub struct LinkSpec {
     pub timing: Timing,
     /// What is read before anything is visible; zeros unless given.
     pub initial: Option<Initial>,
+    /// What is wrong with it for a while.
+    pub faults: Vec<LinkFault>,
 }
 
 impl Plan {
@@ -63,6 +66,8 @@ impl Plan {
             seed,
             participants: Vec::new(),
             links: Vec::new(),
+            faults: Vec::new(),
+            seen: Vec::new(),
         };
         let mut first_stream = 0;
         for spec in participants {
@@ -179,19 +184,25 @@ impl Plan {
         }
         // An input has one source, so its name names the link: the draws stay when a connection is renamed or gets more readers.
         let draws = format!("{}.{}", spec.to.0, spec.to.1);
-        let visibility =
-            Visibility::new(&spec.timing, from.sample_time, &self.timebase, self.seed, &draws).map_err(|source| {
-                PlanError::Timing {
-                    link: spec.name.clone(),
-                    source,
-                }
-            })?;
+        let visibility = Visibility::new(
+            &spec.timing,
+            &spec.faults,
+            from.sample_time,
+            &self.timebase,
+            self.seed,
+            &draws,
+        )
+        .map_err(|source| PlanError::Timing {
+            link: spec.name.clone(),
+            source,
+        })?;
         let capacity = capacity::capacity(&spec.name, &visibility, to.sample_time)?;
         Ok(Link {
             name: spec.name.clone(),
             from: (producer, output),
             to: (consumer, input),
             timing: spec.timing,
+            faults: spec.faults.clone(),
             visibility,
             initial,
             capacity,
@@ -305,6 +316,17 @@ pub struct Assignment {
     pub outputs: Vec<OutputPort>,
 }
 
+impl Assignment {
+    /// The streams that the participant puts on the tape, in the order in which an activation does, with the bytes of a
+    /// payload.
+    pub(crate) fn streams(&self) -> impl Iterator<Item = (u32, usize)> + '_ {
+        let outputs = self.outputs.iter().zip(&self.interface.outputs);
+        let outputs = outputs.map(|(output, port)| (output.stream, port.descriptor.size as usize));
+        let inputs = self.inputs.iter().zip(&self.interface.inputs);
+        outputs.chain(inputs.filter_map(|(link, port)| Some((link.as_ref()?.seen?, port.descriptor.size as usize))))
+    }
+}
+
 /// What a consumer knows of a link.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct InputLink {
@@ -318,6 +340,12 @@ pub struct InputLink {
     pub initial: Initial,
     /// Samples that fit.
     pub capacity: u32,
+    /// Whether a fault at the output may have made its samples NaN or infinite.
+    pub disturbed: bool,
+    /// What is wrong at the input itself.
+    pub faults: Vec<Disturbance>,
+    /// The number in the run's list of streams of what the participant sees, where that is recorded.
+    pub seen: Option<u32>,
 }
 
 /// What a producer knows of an output.
@@ -327,6 +355,8 @@ pub struct OutputPort {
     pub stream: u32,
     /// Everybody who reads it.
     pub consumers: Vec<Consumer>,
+    /// What is done to its samples on the way to them.
+    pub faults: Vec<Disturbance>,
 }
 
 /// What a producer knows of a link.
@@ -353,7 +383,7 @@ pub struct Consumer {
 impl Consumer {
     /// The reads of the link.
     pub fn schedule(&self) -> ReadSchedule {
-        ReadSchedule::new(self.visibility, self.sample_time, self.first_sample)
+        ReadSchedule::new(self.visibility.clone(), self.sample_time, self.first_sample)
     }
 }
 
@@ -361,15 +391,21 @@ impl Plan {
     /// The part of the plan that participant number `participant` works from.
     pub fn assignment(&self, participant: usize) -> Assignment {
         let own = &self.participants[participant];
-        let inputs = own.inputs.iter().map(|link| {
+        let inputs = own.inputs.iter().enumerate().map(|(input, link)| {
             link.map(|number| {
                 let link = &self.links[number];
                 InputLink {
                     link: number as u32,
                     from: self.output_name(link.from),
-                    visibility: link.visibility,
+                    visibility: link.visibility.clone(),
                     initial: link.initial.clone(),
                     capacity: link.capacity as u32,
+                    disturbed: self.disturbed(link.from),
+                    faults: self.disturbances(Place::Input {
+                        participant,
+                        port: input,
+                    }),
+                    seen: self.seen_stream(participant, input),
                 }
             })
         });
@@ -383,7 +419,7 @@ impl Plan {
                 link: number as u32,
                 to: self.input_name(link.to),
                 participant: link.to.0 as u32,
-                visibility: link.visibility,
+                visibility: link.visibility.clone(),
                 sample_time: self.participants[link.to.0].sample_time,
                 first_sample: link.initial == Initial::FirstSample,
                 capacity: link.capacity as u32,
@@ -392,6 +428,10 @@ impl Plan {
             OutputPort {
                 stream: own.first_stream + output as u32,
                 consumers: consumers.collect(),
+                faults: self.disturbances(Place::Output {
+                    participant,
+                    port: output,
+                }),
             }
         });
         Assignment {

@@ -27,6 +27,15 @@ pub struct Backlog {
     pub payload: Vec<u8>,
 }
 
+/// What the faults of each port remember: for each of them, in the order of the plan, what its elements are stuck at.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Held {
+    /// For each input.
+    pub inputs: Vec<Vec<Vec<u8>>>,
+    /// For each output.
+    pub outputs: Vec<Vec<Vec<u8>>>,
+}
+
 /// Everything besides its own state that a participant needs to go on from a cut.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Position {
@@ -36,6 +45,8 @@ pub struct Position {
     pub inputs: Vec<Vec<Backlog>>,
     /// What each output holds: its newest sample. Empty where there is none yet.
     pub outputs: Vec<Vec<u8>>,
+    /// What its ports are stuck at.
+    pub held: Held,
     /// The participant's own state, as it was saved. `None`: it keeps the state it has; one that has just been made starts
     /// afresh at this instant.
     pub state: Option<Vec<u8>>,
@@ -85,7 +96,7 @@ impl Plan {
             .instant(newest)
             .saturating_add(link.visibility.delay_bounds().1);
         let mut schedule = ReadSchedule::new(
-            link.visibility,
+            link.visibility.clone(),
             consumer.sample_time,
             link.initial == Initial::FirstSample,
         );
@@ -124,7 +135,7 @@ impl Plan {
                 let (giver, output) = self.links[link].from;
                 let stream = self.participants[giver].first_stream + output as u32;
                 for index in self.underway(cut, link) {
-                    let payload = sample(stream, index)?;
+                    let payload = self.sent((giver, output), index, &mut |index| sample(stream, index))?;
                     backlog.push(Backlog { index, payload });
                 }
             }
@@ -142,6 +153,7 @@ impl Plan {
             next: cut.next[participant],
             inputs,
             outputs,
+            held: self.held(cut, participant, &mut sample)?,
             state: None,
         })
     }

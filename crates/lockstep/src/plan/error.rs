@@ -101,6 +101,14 @@ pub enum PlanError {
         /// What is wrong.
         source: TimingError,
     },
+    /// A fault that cannot be.
+    #[error("fault `{fault}`: {reason}")]
+    Fault {
+        /// The fault.
+        fault: String,
+        /// What is wrong with it.
+        reason: String,
+    },
     /// An initial value of the wrong size.
     #[error("connection `{link}`: the initial value has {given} bytes; the message has {needed}")]
     InitialSize {

@@ -9,16 +9,19 @@ mod capacity;
 mod components;
 mod cut;
 mod error;
+mod faults;
 mod order;
 mod placement;
 
 use serde::{Deserialize, Serialize};
 
 pub use build::{Assignment, Consumer, InputLink, LinkSpec, OutputPort, ParticipantSpec};
-pub use cut::{Backlog, Cut, Position};
+pub use cut::{Backlog, Cut, Held, Position};
 pub use error::PlanError;
+pub use faults::Seen;
 pub use placement::{Placement, place};
 
+use crate::fault::{LinkFault, SignalFault};
 use crate::link::{ReadSchedule, Timing, Visibility};
 use crate::participant::Interface;
 use crate::time::{Rational, SampleTime, Ticks, Timebase};
@@ -69,6 +72,8 @@ pub struct Link {
     pub to: (usize, usize),
     /// The timing as the user wrote it.
     pub timing: Timing,
+    /// What is wrong with it for a while, as the user wrote it.
+    pub faults: Vec<LinkFault>,
     /// The rule of visibility in ticks.
     pub visibility: Visibility,
     /// What is read before anything is visible.
@@ -90,6 +95,10 @@ pub struct Plan {
     pub participants: Vec<Participant>,
     /// The links.
     pub links: Vec<Link>,
+    /// What is wrong with signals for a while, in the order of the scenario.
+    pub faults: Vec<SignalFault>,
+    /// What participants see where a fault is on the way: streams behind those of the outputs, in this order.
+    pub seen: Vec<Seen>,
 }
 
 impl Plan {
@@ -97,7 +106,7 @@ impl Plan {
     pub fn schedule(&self, link: usize) -> ReadSchedule {
         let link = &self.links[link];
         let consumer = self.participants[link.to.0].sample_time;
-        ReadSchedule::new(link.visibility, consumer, link.initial == Initial::FirstSample)
+        ReadSchedule::new(link.visibility.clone(), consumer, link.initial == Initial::FirstSample)
     }
 
     /// `producer.port` or `consumer.port`.
@@ -119,8 +128,12 @@ impl Plan {
             .position(|participant| participant.name == name)
     }
 
-    /// How many output streams the run has.
+    /// How many streams the run has: one for each output, and one for each input that a fault may disturb.
     pub fn stream_count(&self) -> usize {
+        self.output_count() + self.seen.len()
+    }
+
+    fn output_count(&self) -> usize {
         self.participants
             .iter()
             .map(|participant| participant.interface.outputs.len())

@@ -66,6 +66,20 @@ impl Element {
             Element::U8 => f64::from(bytes[0]),
         }
     }
+
+    /// Puts a double into the bytes of an element: integers take the nearest whole number that they can hold (NaN is zero).
+    pub fn put(self, value: f64, bytes: &mut [u8]) {
+        let whole = value.round_ties_even();
+        match self {
+            Element::F64 => bytes.copy_from_slice(&value.to_le_bytes()),
+            Element::F32 => bytes.copy_from_slice(&(value as f32).to_le_bytes()),
+            Element::I64 => bytes.copy_from_slice(&(whole as i64).to_le_bytes()),
+            Element::I32 => bytes.copy_from_slice(&(whole as i32).to_le_bytes()),
+            Element::U64 => bytes.copy_from_slice(&(whole as u64).to_le_bytes()),
+            Element::U32 => bytes.copy_from_slice(&(whole as u32).to_le_bytes()),
+            Element::U8 => bytes.copy_from_slice(&[whole as u8]),
+        }
+    }
 }
 
 /// One named field of a payload.

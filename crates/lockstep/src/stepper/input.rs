@@ -3,11 +3,12 @@
 use std::collections::VecDeque;
 
 use super::StepError;
+use crate::fault::Injector;
 use crate::link::{Read, ReadSchedule};
-use crate::participant::{FiniteCheck, first_not_finite};
+use crate::participant::{FiniteCheck, Payload, first_not_finite};
 use crate::plan::{Backlog, Initial, InputLink};
 use crate::port::Descriptor;
-use crate::time::{SampleTime, Timebase};
+use crate::time::{SampleTime, Ticks, Timebase};
 use crate::transport::{Broken, Header, Receiver};
 
 pub(super) struct InputState {
@@ -24,6 +25,17 @@ pub(super) struct InputState {
     shows_initial: bool,
     /// Samples that were sent before this participant took over, oldest first.
     backlog: VecDeque<Backlog>,
+    /// Whether a fault on the way may have made samples NaN or infinite.
+    disturbed: bool,
+    pub(super) seen: Option<SeenState>,
+}
+
+/// What the participant sees where that is not what came in.
+pub(super) struct SeenState {
+    pub(super) stream: u32,
+    /// What came in, as long as the buffer shows what faults have made of it.
+    came_in: Payload,
+    injector: Option<Injector>,
 }
 
 impl InputState {
@@ -36,7 +48,7 @@ impl InputState {
         receiver: Box<dyn Receiver>,
         backlog: Vec<Backlog>,
     ) -> InputState {
-        let mut schedule = ReadSchedule::new(link.visibility, consumer, link.initial == Initial::FirstSample);
+        let mut schedule = ReadSchedule::new(link.visibility.clone(), consumer, link.initial == Initial::FirstSample);
         schedule.skip_to(next);
         InputState {
             receiver,
@@ -53,12 +65,43 @@ impl InputState {
             timebase,
             received: None,
             shows_initial: false,
+            disturbed: link.disturbed,
+            seen: link.seen.map(|stream| SeenState {
+                stream,
+                came_in: Payload::zeroed(descriptor.size as usize),
+                injector: Injector::new(&link.faults, timebase),
+            }),
         }
     }
 
-    /// What the next activation reads. To be asked once per activation.
-    pub(super) fn next_read(&mut self) -> Read {
+    pub(super) fn injector(&mut self) -> Option<&mut Injector> {
+        self.seen.as_mut()?.injector.as_mut()
+    }
+
+    /// What the next activation reads. To be asked once per activation; `payload` becomes what came in again.
+    pub(super) fn next_read(&mut self, payload: &mut [u8]) -> Read {
+        if let Some(SeenState {
+            came_in,
+            injector: Some(_),
+            ..
+        }) = &self.seen
+        {
+            payload.copy_from_slice(came_in.bytes());
+        }
         self.schedule.advance()
+    }
+
+    /// Makes of what came in what activation `k` at `t` sees. To be called once per activation.
+    pub(super) fn disturb(&mut self, k: u64, t: Ticks, payload: &mut [u8]) {
+        if let Some(SeenState {
+            came_in,
+            injector: Some(injector),
+            ..
+        }) = &mut self.seen
+        {
+            came_in.bytes_mut().copy_from_slice(payload);
+            injector.apply(k, t, payload);
+        }
     }
 
     /// Brings the sample that `read` names into `payload`; `Some(index)` when it is not there yet.
@@ -129,7 +172,7 @@ impl InputState {
                 self.timebase.seconds(due)
             ));
         }
-        if !self.finite.passes(payload) {
+        if !self.disturbed && !self.finite.passes(payload) {
             let (element, value) = first_not_finite(&self.descriptor, payload).unwrap_or_default();
             return bad(format!(
                 "sample #{} with {element} = {value}: a sample must be finite",

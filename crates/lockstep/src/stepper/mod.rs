@@ -12,8 +12,9 @@ mod position;
 pub use error::{PositionError, StepError};
 
 use input::InputState;
-use output::{ConsumerState, OutputState};
+use output::{ConsumerState, Disturbed, OutputState};
 
+use crate::fault::Injector;
 use crate::link::Read;
 use crate::participant::{FiniteCheck, Inputs, Kind, Outputs, Participant, Step, first_not_finite};
 use crate::plan::{Assignment, Position};
@@ -65,6 +66,8 @@ enum Phase {
     Gather { input: usize, read: Option<Read> },
     /// Putting this output on the tape.
     Record { output: usize },
+    /// Putting on the tape what this input has shown, where a fault may have changed it.
+    Look { input: usize },
     /// Handing the tape over, before anybody else sees the sample.
     Flush,
     /// Sending this output to this consumer.
@@ -97,6 +100,8 @@ pub struct Stepper {
     sample: u64,
     initialised: bool,
     phase: Phase,
+    /// Whether what some input shows goes onto the tape.
+    looks: bool,
 }
 
 impl Stepper {
@@ -142,7 +147,7 @@ impl Stepper {
             .zip(&assignment.inputs)
             .zip(&interface.inputs)
             .zip(position.inputs);
-        let next = position.next;
+        let (next, held) = (position.next, position.held);
         let first_stamp = (next > 0).then(|| sample_time.instant(next));
         let inputs = receivers.map(|(((receiver, link), port), backlog)| {
             let (receiver, link) = (receiver?, link.as_ref()?);
@@ -171,11 +176,24 @@ impl Stepper {
                 .zip(&output.consumers)
                 .map(|(s, c)| ConsumerState::new(c, s, first_stamp))
                 .collect(),
+            disturbed: Injector::new(&output.faults, assignment.timebase)
+                .map(|injector| Disturbed::new(injector, port.descriptor.size as usize)),
         });
+        let mut inputs: Vec<_> = inputs.collect();
+        let mut outputs: Vec<_> = outputs.collect();
+        for (input, held) in inputs.iter_mut().zip(&held.inputs) {
+            let injector = input.as_mut().and_then(InputState::injector);
+            injector.into_iter().for_each(|injector| injector.remember(held));
+        }
+        for (output, held) in outputs.iter_mut().zip(&held.outputs) {
+            let disturbed = output.disturbed.iter_mut();
+            disturbed.for_each(|disturbed| disturbed.injector.remember(held));
+        }
         Stepper {
             participant,
-            inputs: inputs.collect(),
-            outputs: outputs.collect(),
+            looks: inputs.iter().flatten().any(|input| input.seen.is_some()),
+            inputs,
+            outputs,
             recording: ends.recording,
             input_buffers: Inputs::zeroed(interface),
             output_buffers: Outputs::zeroed(interface),
@@ -236,6 +254,11 @@ impl Stepper {
                         return Ok(false);
                     }
                 }
+                Phase::Look { input } => {
+                    if !self.look(input)? {
+                        return Ok(false);
+                    }
+                }
                 Phase::Flush | Phase::Publish { .. } => {
                     self.next += u64::from(self.initialised);
                     self.initialised = true;
@@ -268,6 +291,11 @@ impl Stepper {
                 Phase::Gather { input, read } => {
                     if let Some(wait) = self.gather(input, read)? {
                         return Ok(Progress::Waiting(wait));
+                    }
+                }
+                Phase::Look { input } => {
+                    if !self.look(input)? {
+                        return Ok(Progress::Waiting(Wait::Recording));
                     }
                 }
                 Phase::Record { output } => {
@@ -316,12 +344,16 @@ impl Stepper {
 
     fn gather(&mut self, number: usize, read: Option<Read>) -> Result<Option<Wait>, StepError> {
         let Some(slot) = self.inputs.get_mut(number) else {
+            if self.looks {
+                self.disturb_inputs();
+            }
             self.step()?;
             return Ok(None);
         };
         if let Some(input) = slot {
-            let read = read.unwrap_or_else(|| input.next_read());
-            if let Some(index) = input.fetch(read, self.input_buffers.payloads[number].bytes_mut())? {
+            let payload = self.input_buffers.payloads[number].bytes_mut();
+            let read = read.unwrap_or_else(|| input.next_read(payload));
+            if let Some(index) = input.fetch(read, payload)? {
                 self.phase = Phase::Gather {
                     input: number,
                     read: Some(read),
@@ -334,6 +366,38 @@ impl Stepper {
             read: None,
         };
         Ok(None)
+    }
+
+    /// Everything has come in and has been checked: now faults may change it.
+    fn disturb_inputs(&mut self) {
+        let t = self.next_instant();
+        for (input, payload) in self.inputs.iter_mut().zip(&mut self.input_buffers.payloads) {
+            if let Some(input) = input {
+                input.disturb(self.next, t, payload.bytes_mut());
+            }
+        }
+    }
+
+    /// Puts what input `number` has shown to this activation on the tape, behind the outputs.
+    fn look(&mut self, number: usize) -> Result<bool, StepError> {
+        let Some(slot) = self.inputs.get(number) else {
+            self.prepare_to_publish();
+            return Ok(true);
+        };
+        let seen = slot.as_ref().and_then(|input| input.seen.as_ref());
+        if let Some(seen) = seen {
+            let header = Header {
+                index: self.next,
+                stamp: self.assignment.sample_time.instant(self.next),
+            };
+            let payload = self.input_buffers.payloads[number].bytes();
+            let appended = self.recording.try_append(seen.stream, header, payload);
+            if !appended.map_err(to_the_recorder)? {
+                return Ok(false);
+            }
+        }
+        self.phase = Phase::Look { input: number + 1 };
+        Ok(true)
     }
 
     fn step(&mut self) -> Result<(), StepError> {
@@ -385,15 +449,10 @@ impl Stepper {
     fn record(&mut self, number: usize) -> Result<bool, StepError> {
         let header = self.header();
         let Some(output) = self.outputs.get_mut(number) else {
-            // Samples that nobody reads need only reach the tape, and that can wait until somebody is shown something.
-            self.phase = Phase::Publish {
-                output: self.outputs.len(),
-                consumer: 0,
-            };
-            for consumer in self.outputs.iter_mut().flat_map(|output| &mut output.consumers) {
-                if consumer.look_at(header.index) {
-                    self.phase = Phase::Flush;
-                }
+            if self.looks && self.initialised {
+                self.phase = Phase::Look { input: 0 };
+            } else {
+                self.prepare_to_publish();
             }
             return Ok(true);
         };
@@ -408,29 +467,42 @@ impl Stepper {
         Ok(appended)
     }
 
+    /// Everything is on its way to the tape.
+    fn prepare_to_publish(&mut self) {
+        let header = self.header();
+        // Samples that nobody reads need only reach the tape, and that can wait until somebody is shown something.
+        self.phase = Phase::Publish {
+            output: self.outputs.len(),
+            consumer: 0,
+        };
+        for (output, payload) in self.outputs.iter_mut().zip(&self.output_buffers.payloads) {
+            output.disturb(header, payload.bytes());
+        }
+        for consumer in self.outputs.iter_mut().flat_map(|output| &mut output.consumers) {
+            if consumer.look_at(header.index) {
+                self.phase = Phase::Flush;
+            }
+        }
+    }
+
     fn flush(&mut self) -> Result<bool, StepError> {
         self.recording.try_flush().map_err(to_the_recorder)
     }
 
     fn publish(&mut self, output: usize, consumer: usize) -> Result<bool, StepError> {
         let header = self.header();
-        let Some(reader) = self.outputs[output].consumers.get_mut(consumer) else {
+        let state = &mut self.outputs[output];
+        if consumer >= state.consumers.len() {
             self.phase = Phase::Publish {
                 output: output + 1,
                 consumer: 0,
             };
             return Ok(true);
-        };
-        if reader.wants {
-            let payload = self.output_buffers.payloads[output].bytes();
-            let sent = reader.sender.try_send(header, payload);
-            let sent = sent.map_err(|source| StepError::Broken {
-                way: format!("to `{}`", reader.to),
-                source,
-            })?;
-            if !sent {
-                return Ok(false);
-            }
+        }
+        if state.consumers[consumer].wants
+            && !state.send(consumer, header, self.output_buffers.payloads[output].bytes())?
+        {
+            return Ok(false);
         }
         self.phase = Phase::Publish {
             output,

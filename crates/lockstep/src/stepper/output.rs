@@ -1,11 +1,13 @@
 //! The sending side of a stepper.
 
+use super::StepError;
+use crate::fault::Injector;
 use crate::link::{Read, ReadSchedule};
-use crate::participant::FiniteCheck;
+use crate::participant::{FiniteCheck, Payload};
 use crate::plan::Consumer;
 use crate::port::Descriptor;
 use crate::time::Ticks;
-use crate::transport::Sender;
+use crate::transport::{Header, Sender};
 
 pub(super) struct OutputState {
     pub(super) stream: u32,
@@ -13,6 +15,48 @@ pub(super) struct OutputState {
     pub(super) descriptor: Descriptor,
     pub(super) finite: FiniteCheck,
     pub(super) consumers: Vec<ConsumerState>,
+    pub(super) disturbed: Option<Disturbed>,
+}
+
+/// What goes out where that is not what the participant gave.
+pub(super) struct Disturbed {
+    pub(super) injector: Injector,
+    payload: Payload,
+}
+
+impl Disturbed {
+    pub(super) fn new(injector: Injector, size: usize) -> Disturbed {
+        Disturbed {
+            injector,
+            payload: Payload::zeroed(size),
+        }
+    }
+}
+
+impl OutputState {
+    /// Makes of sample `header`, which is on the tape, what readers are sent. To be called once for each sample.
+    pub(super) fn disturb(&mut self, header: Header, given: &[u8]) {
+        if let Some(Disturbed { injector, payload }) = &mut self.disturbed {
+            payload.bytes_mut().copy_from_slice(given);
+            injector.apply(header.index, header.stamp, payload.bytes_mut());
+        }
+    }
+
+    /// Sends what has been made of the sample that the participant gave to one consumer; `false` when there is no room.
+    pub(super) fn send(&mut self, consumer: usize, header: Header, given: &[u8]) -> Result<bool, StepError> {
+        let reader = &mut self.consumers[consumer];
+        let payload = self
+            .disturbed
+            .as_ref()
+            .map_or(given, |disturbed| disturbed.payload.bytes());
+        reader
+            .sender
+            .try_send(header, payload)
+            .map_err(|source| StepError::Broken {
+                way: format!("to `{}`", reader.to),
+                source,
+            })
+    }
 }
 
 pub(super) struct ConsumerState {

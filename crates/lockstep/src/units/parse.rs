@@ -53,6 +53,16 @@ pub enum UnitError {
         /// A good one.
         example: &'static str,
     },
+    /// A value for something whose unit is known only when it is met.
+    #[error("`{text}` is not a value in {unit}: {reason}; write for example \"0.5 {unit}\"")]
+    Unit {
+        /// The text.
+        text: String,
+        /// The unit that is needed.
+        unit: String,
+        /// What is wrong.
+        reason: String,
+    },
     /// A list of another length, or a list where one number belongs, or the other way round.
     #[error("`{text}` has {found}, but {needed} needed; write for example \"{example}\"")]
     Count {
@@ -139,21 +149,11 @@ pub fn parse(
     example: &'static str,
     mut put: impl FnMut(usize, f64),
 ) -> Result<(usize, bool), UnitError> {
-    let trimmed = text.trim();
     let no_number = || UnitError::Number {
         text: text.to_owned(),
         example,
     };
-    let (numbers, unit, listed) = match trimmed.strip_prefix('[') {
-        Some(rest) => {
-            let (inside, unit) = rest.split_once(']').ok_or_else(no_number)?;
-            (inside, unit, true)
-        }
-        None => {
-            let end = number_end(trimmed);
-            (&trimmed[..end], &trimmed[end..], false)
-        }
-    };
+    let (numbers, unit, listed) = split(text.trim()).ok_or_else(no_number)?;
     if numbers.split(',').any(|number| number.trim().parse::<f64>().is_err()) {
         return Err(no_number());
     }
@@ -189,6 +189,61 @@ pub fn parse(
         count += 1;
     }
     Ok((count, listed))
+}
+
+/// Reads `text` as numbers and gives them in the unit called `unit`, with whether they stood in brackets. A unit that this
+/// module does not know, of a message that somebody else defined, must stand in `text` as it is called there.
+///
+/// # Errors
+/// Names the text, the unit that is needed and a good example.
+pub fn convert(text: &str, unit: &str) -> Result<(Vec<f64>, bool), UnitError> {
+    let refuse = |reason: String| UnitError::Unit {
+        text: text.to_owned(),
+        unit: unit.to_owned(),
+        reason,
+    };
+    let (numbers, own, listed) =
+        split(text.trim()).ok_or_else(|| refuse("it does not start with a number".to_owned()))?;
+    if !listed && numbers.parse::<f64>().is_err() {
+        return Err(refuse("it does not start with a number".to_owned()));
+    }
+    let own = own.trim();
+    let factor = if own.is_empty() {
+        return Err(refuse("it has no unit".to_owned()));
+    } else if own == unit {
+        1.0
+    } else {
+        let ((factor, odd_angle), found) = unit_of(own, text)?;
+        let Ok(((scale, _), needed)) = unit_of(unit, unit) else {
+            return Err(refuse(format!("`{own}` is another unit")));
+        };
+        let angle_matters = found.angle != needed.angle && (odd_angle || is_angle(needed));
+        if !found.same_but_for_angle(needed) || angle_matters {
+            return Err(refuse(format!("it has the dimension {found}, not {needed}")));
+        }
+        factor / scale
+    };
+    let number = |number: &str| {
+        let value = number.trim().parse::<f64>();
+        let value = value.map_err(|_| refuse(format!("`{}` is not a number", number.trim())))? * factor;
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(refuse("it is not finite".to_owned()))
+        }
+    };
+    Ok((numbers.split(',').map(number).collect::<Result<_, _>>()?, listed))
+}
+
+/// Numbers, unit, and whether the numbers stand in brackets.
+fn split(text: &str) -> Option<(&str, &str, bool)> {
+    match text.strip_prefix('[') {
+        Some(rest) => rest.split_once(']').map(|(inside, unit)| (inside, unit, true)),
+        None => {
+            let end = number_end(text);
+            Some((&text[..end], &text[end..], false))
+        }
+    }
 }
 
 /// Angles, and rates of angles: there a missing `rad` is a likely mistake.
@@ -302,6 +357,41 @@ mod tests {
             assert!((value - expected).abs() <= 1e-15 * expected.abs(), "{text}: {value}");
         }
         assert_eq!(si("[-0.42, 0, -2.85] m", M).unwrap(), [-0.42, 0.0, -2.85]);
+    }
+
+    #[test]
+    fn values_are_given_in_the_unit_of_a_message() {
+        for (text, unit, expected) in [
+            ("0.1 rad", "rad", 0.1),
+            ("180 deg", "rad", std::f64::consts::PI),
+            ("2 mm", "m", 0.002),
+            ("90 deg", "deg", 90.0),
+            ("0.5 rad", "mrad", 500.0),
+            ("3 V", "V", 3.0),
+            ("0.1 m/s^2", "m/s/s", 0.1),
+            ("4 1", "1", 4.0),
+            ("2 1/s", "1/s", 2.0),
+        ] {
+            let (values, listed) = convert(text, unit).unwrap_or_else(|error| panic!("{text}: {error}"));
+            assert!(
+                (values[0] - expected).abs() <= 1e-15 * expected.abs() && !listed,
+                "{text}: {values:?}"
+            );
+        }
+        assert_eq!(convert("[1, 2] mm", "mm").unwrap(), (vec![1.0, 2.0], true));
+        for (text, unit, part) in [
+            ("0.1", "rad", "no unit"),
+            ("0.1 m", "rad", "dimension m"),
+            ("0.1 1", "rad", "dimension 1"),
+            ("0.1 mV", "V", "`mV`"),
+            ("0.1 m", "V", "another unit"),
+            ("much rad", "rad", "start with a number"),
+            ("[1, x] rad", "rad", "`x` is not a number"),
+            ("1e999 rad", "rad", "not finite"),
+        ] {
+            let message = convert(text, unit).expect_err(text).to_string();
+            assert!(message.contains(part), "{text}: {message}");
+        }
     }
 
     #[test]

@@ -1,8 +1,11 @@
 //! Random plans, a participant whose outputs depend on everything it ever read, and a reference executor that is simple
 //! enough to be obviously right.
 
+mod faults;
+
 use std::sync::{Arc, Mutex};
 
+use lockstep::fault::{LinkFault, Place};
 use lockstep::link::{Hold, Timing};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 use lockstep::plan::{Initial, LinkSpec, ParticipantSpec, Plan, PlanError};
@@ -119,9 +122,15 @@ pub struct World {
     pub links: Vec<(usize, usize, usize, usize, Timing, bool)>,
     pub duration: Rational,
     pub seed: u64,
+    pub faults: faults::Faults,
 }
 
 impl World {
+    fn link_faults(&self, link: usize) -> Vec<LinkFault> {
+        let own = self.faults.links.iter().filter(|(at, _)| *at == link);
+        own.map(|(_, fault)| fault.clone()).collect()
+    }
+
     pub fn participants(&self) -> Vec<Box<dyn Participant>> {
         let mixers = self.mixers.iter().enumerate();
         mixers
@@ -152,6 +161,7 @@ impl World {
                 } else {
                     Some(Initial::Value(vec![number as u8; 16]))
                 },
+                faults: self.link_faults(number),
             });
         }
         let specs = self
@@ -167,7 +177,9 @@ impl World {
                     interface,
                 }
             });
-        Plan::build(specs.collect(), &links, self.duration, self.seed)
+        let mut plan = Plan::build(specs.collect(), &links, self.duration, self.seed)?;
+        plan.disturb(self.faults.signals(&plan))?;
+        Ok(plan)
     }
 }
 
@@ -206,12 +218,14 @@ pub fn worlds() -> impl Strategy<Value = World> {
         prop::collection::vec(link, 0..12),
         time(20..90),
         any::<u64>(),
+        faults::faults(),
     )
-        .prop_map(|(mixers, links, duration, seed)| World {
+        .prop_map(|(mixers, links, duration, seed, faults)| World {
             mixers,
             links,
             duration,
             seed,
+            faults,
         })
 }
 
@@ -237,6 +251,12 @@ pub fn reference(world: &World, plan: &Plan) -> Tape {
         }
         buffers.push((Inputs::zeroed(&own.interface), outputs));
     }
+    // What came into each input at each activation, before faults.
+    let mut came_in: Vec<Vec<Vec<Vec<u8>>>> = plan
+        .participants
+        .iter()
+        .map(|own| vec![Vec::new(); own.inputs.len()])
+        .collect();
     let mut todo: Vec<(Ticks, usize, u64)> = (0..plan.participants.len())
         .flat_map(|number| (0..plan.participants[number].activations).map(move |k| (number, k)))
         .map(|(number, k)| (plan.participants[number].sample_time.instant(k), number, k))
@@ -280,13 +300,39 @@ pub fn reference(world: &World, plan: &Plan) -> Tape {
                     .next()
                     .map(|sample| (!link.visibility.dropped(sample.0)).then_some(sample)),
             };
+            let sent = |index: u64| {
+                let producer = &plan.participants[link.from.0];
+                let place = Place::Output {
+                    participant: link.from.0,
+                    port: link.from.1,
+                };
+                let given = |index: u64| tape[stream][index as usize].2.clone();
+                let instant = |index| producer.sample_time.instant(index);
+                faults::disturbed(plan, place, plan.faults.len(), index, &instant, &given)
+            };
             let bytes = match (newest, &link.initial) {
-                (Some(Some((.., bytes))), _) => bytes.clone(),
-                (None, Initial::FirstSample) => tape[stream][0].2.clone(),
+                (Some(Some((index, ..))), _) => sent(*index),
+                (None, Initial::FirstSample) => sent(0),
                 (_, Initial::Value(bytes)) => bytes.clone(),
                 (Some(None), Initial::FirstSample) => vec![0; 16],
             };
-            *inputs.get_mut::<Mixed>(input) = bytemuck::pod_read_unaligned(&bytes);
+            came_in[number][input].push(bytes);
+            let place = Place::Input {
+                participant: number,
+                port: input,
+            };
+            let (history, instant) = (&came_in[number][input], |index| own.sample_time.instant(index));
+            let truth = |index: u64| history[index as usize].clone();
+            let shown = faults::disturbed(plan, place, plan.faults.len(), k, &instant, &truth);
+            let seen = plan
+                .seen
+                .iter()
+                .position(|seen| (seen.participant, seen.input) == (number, input));
+            if let Some(position) = seen {
+                let outputs: usize = plan.participants.iter().map(|own| own.interface.outputs.len()).sum();
+                tape[outputs + position].push((k, now, shown.clone()));
+            }
+            *inputs.get_mut::<Mixed>(input) = bytemuck::pod_read_unaligned(&shown);
         }
         let step = Step {
             index: k,

@@ -17,6 +17,9 @@ pub(crate) const FORMAT_NAME: &str = "escapement-tape";
 /// The stamp in front of every payload, bytes.
 pub(crate) const STAMP_BYTES: usize = 8;
 
+/// What stands before the name of an input in the name of the stream that has what the participant saw there.
+const SEEN: &str = "seen.";
+
 /// No run has more output ports than this; an index that claims so is damaged.
 const MAX_STREAMS: usize = 1 << 16;
 
@@ -29,7 +32,7 @@ const MAX_INDEX: u64 = 1 << 62;
 pub struct StreamSpec {
     /// The participant that owns the port: letters, digits, `_` and `-`.
     pub participant: String,
-    /// The port: letters, digits, `_` and `-`.
+    /// The port: letters, digits, `_` and `-`; `seen.` before an input of which the stream has what the participant saw.
     pub port: String,
     /// The stamp of sample 0.
     pub offset: Rational,
@@ -60,6 +63,22 @@ impl StreamSpec {
         }
     }
 
+    /// The stream of what `participant` sees at its input `port`, a sample for each activation, stamped with its instant.
+    pub fn seen(
+        participant: impl Into<String>,
+        port: &str,
+        descriptor: Descriptor,
+        offset: Rational,
+        period: Rational,
+    ) -> StreamSpec {
+        StreamSpec::new(participant, format!("{SEEN}{port}"), descriptor, offset, period)
+    }
+
+    /// True when this is what somebody saw at an input, not what somebody gave out.
+    pub fn is_seen(&self) -> bool {
+        self.port.starts_with(SEEN)
+    }
+
     /// `participant.port`, the name of the stream everywhere.
     pub fn name(&self) -> String {
         format!("{}.{}", self.participant, self.port)
@@ -88,11 +107,12 @@ impl StreamSpec {
                     .bytes()
                     .all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
         };
-        for (what, text) in [("participant", &self.participant), ("port", &self.port)] {
+        let port = self.port.strip_prefix(SEEN).unwrap_or(&self.port);
+        for (what, text) in [("participant", self.participant.as_str()), ("port", port)] {
             if !plain(text) {
                 return Err(SpecError::Name {
                     what,
-                    name: text.clone(),
+                    name: text.to_owned(),
                 });
             }
         }

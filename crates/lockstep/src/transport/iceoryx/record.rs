@@ -59,7 +59,8 @@ pub struct RecordSender {
 }
 
 impl RecordSender {
-    /// Opens the way to the recorder for a participant whose outputs, from stream `first` on, have payloads of `sizes` bytes.
+    /// Opens the way to the recorder for a participant whose activations append payloads of `sizes` bytes, that of stream
+    /// `first` at first.
     pub fn open(domain: &Domain, participant: &str, first: u32, sizes: &[usize]) -> Result<RecordSender, DomainError> {
         let what = || format!("opening the record of `{participant}`");
         let service = builder(domain, participant)?

@@ -1,0 +1,53 @@
+//! The elements of a payload that a fault concerns.
+
+use serde::{Deserialize, Serialize};
+
+use crate::port::{Descriptor, Element, Field};
+
+/// One element of a payload.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Slot {
+    /// Where it starts, bytes.
+    pub offset: u32,
+    /// What it is.
+    pub element: Element,
+}
+
+impl Slot {
+    /// Every element of a payload.
+    pub fn all(descriptor: &Descriptor) -> Vec<Slot> {
+        descriptor.fields.iter().flat_map(Slot::of).collect()
+    }
+
+    /// The elements of a field.
+    fn of(field: &Field) -> Vec<Slot> {
+        let slot = |index: usize| Slot {
+            offset: field.offset + (index * field.element.size()) as u32,
+            element: field.element,
+        };
+        (0..field.len()).map(slot).collect()
+    }
+
+    /// The elements that `name` names: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the field they
+    /// are of. `None` when the payload has nothing of that name.
+    pub fn named<'a>(descriptor: &'a Descriptor, name: &str) -> Option<(&'a Field, Vec<Slot>)> {
+        let bare = name.split('[').next().unwrap_or(name);
+        let field = descriptor.field(bare)?;
+        let slots = Slot::of(field);
+        if bare == name {
+            return Some((field, slots));
+        }
+        let index = (0..slots.len()).find(|&index| field.element_name(index) == name)?;
+        Some((field, vec![slots[index]]))
+    }
+
+    /// The bytes of the element.
+    pub(super) fn bytes(self, payload: &mut [u8]) -> &mut [u8] {
+        &mut payload[self.offset as usize..][..self.element.size()]
+    }
+
+    /// True when the element lies inside a payload of `descriptor`.
+    pub(crate) fn fits(self, descriptor: &Descriptor) -> bool {
+        Slot::all(descriptor).contains(&self)
+    }
+}

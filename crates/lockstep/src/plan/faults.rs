@@ -1,0 +1,250 @@
+//! Signal faults in a plan: where they act, and the streams that show what came of them.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Cut, Held, Initial, Plan, PlanError};
+use crate::fault::{Disturbance, Effect, Injector, Place, SignalFault, Slot};
+use crate::link::Read;
+use crate::port::Descriptor;
+use crate::random::Stream;
+use crate::time::{Rational, TickError, Ticks};
+
+/// An input of which the tape has what the participant saw: a sample for each activation, stamped with its instant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Seen {
+    /// The participant.
+    pub participant: usize,
+    /// The input.
+    pub input: usize,
+}
+
+impl Plan {
+    /// Adds signal faults. Whatever an input shows, it shows disturbed by them, and every input that they reach gets a
+    /// stream of its own on the tape.
+    ///
+    /// # Errors
+    /// Every fault that cannot be.
+    pub fn disturb(&mut self, faults: Vec<SignalFault>) -> Result<(), Vec<PlanError>> {
+        let mut errors = Vec::new();
+        for fault in faults {
+            match self.check_fault(&fault) {
+                Ok(()) => {
+                    self.seen.extend(self.reached(fault.place));
+                    self.faults.push(fault);
+                }
+                Err(reason) => errors.push(PlanError::Fault {
+                    fault: fault.name,
+                    reason,
+                }),
+            }
+        }
+        self.seen.sort_unstable();
+        self.seen.dedup();
+        if errors.is_empty() { Ok(()) } else { Err(errors) }
+    }
+
+    /// The payload at `place`.
+    fn descriptor(&self, place: Place) -> Option<&Descriptor> {
+        match place {
+            Place::Input { participant, port } => {
+                let interface = &self.participants.get(participant)?.interface;
+                Some(&interface.inputs.get(port)?.descriptor)
+            }
+            Place::Output { participant, port } => {
+                let interface = &self.participants.get(participant)?.interface;
+                Some(&interface.outputs.get(port)?.descriptor)
+            }
+        }
+    }
+
+    fn check_fault(&self, fault: &SignalFault) -> Result<(), String> {
+        let descriptor = self.descriptor(fault.place).ok_or("there is no such port")?;
+        if fault.slots.is_empty() || !fault.slots.iter().all(|slot| slot.fits(descriptor)) {
+            return Err(format!("`{}` has no such elements", descriptor.name));
+        }
+        fault.effect.check(&fault.slots)?;
+        if let Place::Input { participant, port } = fault.place
+            && self.participants[participant].inputs[port].is_none()
+        {
+            let input = self.input_name((participant, port));
+            return Err(format!(
+                "the input `{input}` is not connected: there is nothing to disturb"
+            ));
+        }
+        self.window(fault.span.at, fault.span.until)
+            .map_err(|error| error.to_string())?;
+        Ok(())
+    }
+
+    /// The inputs that show what happens at `place`.
+    fn reached(&self, place: Place) -> Vec<Seen> {
+        match place {
+            Place::Input { participant, port } => vec![Seen {
+                participant,
+                input: port,
+            }],
+            Place::Output { participant, port } => {
+                let links = self.links.iter().filter(|link| link.from == (participant, port));
+                links
+                    .map(|link| Seen {
+                        participant: link.to.0,
+                        input: link.to.1,
+                    })
+                    .collect()
+            }
+        }
+    }
+
+    /// For whole ticks t, `at <= t < until` and `ceil(at) <= t < ceil(until)` say the same.
+    fn window(&self, at: Rational, until: Option<Rational>) -> Result<(Ticks, Ticks), TickError> {
+        let until = until.map_or(Ok(Ticks::MAX), |until| self.timebase.ceil(until))?;
+        Ok((self.timebase.ceil(at)?, until))
+    }
+
+    pub(super) fn disturbances(&self, place: Place) -> Vec<Disturbance> {
+        let here = self.faults.iter().filter(|fault| fault.place == place);
+        here.filter_map(|fault| {
+            let (from, until) = self.window(fault.span.at, fault.span.until).ok()?;
+            Some(Disturbance {
+                name: fault.name.clone(),
+                from,
+                until,
+                at: fault.span.at.seconds(),
+                slots: fault.slots.clone(),
+                effect: fault.effect.clone(),
+                random: Stream::new(self.seed, &format!("fault {}", fault.name)),
+            })
+        })
+        .collect()
+    }
+
+    /// What readers are sent of sample `index` of an output, of which the tape has `truth`.
+    pub(super) fn sent<E>(
+        &self,
+        (participant, port): (usize, usize),
+        index: u64,
+        truth: &mut impl FnMut(u64) -> Result<Vec<u8>, E>,
+    ) -> Result<Vec<u8>, E> {
+        let mut payload = truth(index)?;
+        let faults = self.disturbances(Place::Output { participant, port });
+        if let Some(mut injector) = Injector::new(&faults, self.timebase) {
+            let instants = self.participants[participant].sample_time;
+            injector.recall(index, instants, &mut *truth)?;
+            injector.apply(index, instants.instant(index), &mut payload);
+        }
+        Ok(payload)
+    }
+
+    /// What came into an input for activation `k`, before anything was done to it there. `sample` reads the tape.
+    fn came_in<E>(
+        &self,
+        link: usize,
+        k: u64,
+        sample: &mut impl FnMut(u32, u64) -> Result<Vec<u8>, E>,
+    ) -> Result<Vec<u8>, E> {
+        let mut schedule = self.schedule(link);
+        schedule.skip_to(k);
+        let link = &self.links[link];
+        match schedule.advance() {
+            Read::Sample(index) => {
+                let stream = self.participants[link.from.0].first_stream + link.from.1 as u32;
+                self.sent(link.from, index, &mut |index| sample(stream, index))
+            }
+            Read::Initial => Ok(match &link.initial {
+                Initial::Value(bytes) => bytes.clone(),
+                Initial::FirstSample => {
+                    let (participant, port) = link.to;
+                    let descriptor = self.descriptor(Place::Input { participant, port });
+                    vec![0; descriptor.map_or(0, |descriptor| descriptor.size as usize)]
+                }
+            }),
+        }
+    }
+
+    /// What the faults of a participant's ports remember at `cut`. `sample` reads the tape.
+    pub(super) fn held<E>(
+        &self,
+        cut: &Cut,
+        participant: usize,
+        sample: &mut impl FnMut(u32, u64) -> Result<Vec<u8>, E>,
+    ) -> Result<Held, E> {
+        let own = &self.participants[participant];
+        let (instants, next) = (own.sample_time, cut.next[participant]);
+        let mut held = Held::default();
+        for (port, link) in own.inputs.iter().enumerate() {
+            let faults = self.disturbances(Place::Input { participant, port });
+            held.inputs.push(match (Injector::new(&faults, self.timebase), *link) {
+                (Some(mut injector), Some(link)) => injector
+                    .recall(next, instants, |k| self.came_in(link, k, sample))?
+                    .to_vec(),
+                _ => Vec::new(),
+            });
+        }
+        let samples = self.samples_before(participant, next);
+        for port in 0..own.interface.outputs.len() {
+            let faults = self.disturbances(Place::Output { participant, port });
+            let stream = own.first_stream + port as u32;
+            held.outputs.push(match Injector::new(&faults, self.timebase) {
+                Some(mut injector) => injector
+                    .recall(samples, instants, |index| sample(stream, index))?
+                    .to_vec(),
+                None => Vec::new(),
+            });
+        }
+        Ok(held)
+    }
+
+    pub(super) fn disturbed(&self, (participant, port): (usize, usize)) -> bool {
+        let place = Place::Output { participant, port };
+        self.faults.iter().any(|fault| fault.place == place)
+    }
+
+    /// The number of the stream that shows what this input shows.
+    pub(super) fn seen_stream(&self, participant: usize, input: usize) -> Option<u32> {
+        let position = self.seen.binary_search(&Seen { participant, input }).ok()?;
+        Some((self.output_count() + position) as u32)
+    }
+}
+
+impl Effect {
+    /// Whether it can be done to `slots`.
+    fn check(&self, slots: &[Slot]) -> Result<(), String> {
+        let finite = |values: &[f64]| {
+            if values.len() != slots.len() {
+                Err(format!("{} values for {} elements", values.len(), slots.len()))
+            } else if let Some(bad) = values.iter().find(|value| !value.is_finite()) {
+                Err(format!("the value {bad} is not finite"))
+            } else {
+                Ok(())
+            }
+        };
+        let probable = |p: f64| match (0.0..=1.0).contains(&p) {
+            true => Ok(()),
+            false => Err(format!("the probability {p} does not lie between 0 and 1")),
+        };
+        match self {
+            Effect::Bias(values) | Effect::Scale(values) | Effect::Ramp(values) | Effect::Stuck(Some(values)) => {
+                finite(values)
+            }
+            Effect::Noise(sigma) => match sigma.iter().find(|sigma| **sigma < 0.0) {
+                Some(sigma) => Err(format!("the standard deviation {sigma} is negative")),
+                None => finite(sigma),
+            },
+            Effect::Stuck(None) => Ok(()),
+            Effect::Dropout(probability) => probable(*probability),
+            Effect::BitFlip { bit, probability } => {
+                let width = slots
+                    .iter()
+                    .map(|slot| slot.element.size() as u32 * 8)
+                    .min()
+                    .unwrap_or(0);
+                match bit {
+                    Some(bit) if *bit >= width => {
+                        Err(format!("there is no bit {bit}: an element has bits 0 to {}", width - 1))
+                    }
+                    _ => probable(*probability),
+                }
+            }
+        }
+    }
+}

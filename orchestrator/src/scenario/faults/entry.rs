@@ -1,0 +1,170 @@
+//! One entry of `[[faults]]` as it is written.
+
+use lockstep::fault::{LinkFault, Span};
+use lockstep::time::Rational;
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use crate::scenario::types::RunEntry;
+
+/// What a program that takes over in mid-run starts with.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum State {
+    /// Nothing: as at the start of a run.
+    #[default]
+    Cold,
+    /// What the one before had saved.
+    Keep,
+}
+
+impl State {
+    /// As it is written.
+    pub fn name(self) -> &'static str {
+        match self {
+            State::Cold => "cold",
+            State::Keep => "keep",
+        }
+    }
+}
+
+/// What a signal fault does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Kind {
+    Bias,
+    Scale,
+    Ramp,
+    Noise,
+    Stuck,
+    Dropout,
+    BitFlip,
+}
+
+impl Kind {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Kind::Bias => "bias",
+            Kind::Scale => "scale",
+            Kind::Ramp => "ramp",
+            Kind::Noise => "noise",
+            Kind::Stuck => "stuck",
+            Kind::Dropout => "dropout",
+            Kind::BitFlip => "bit-flip",
+        }
+    }
+}
+
+/// Every key that any entry may have.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub(super) struct FaultEntry {
+    name: Option<String>,
+    pub(super) at: Rational,
+    pub(super) until: Option<Rational>,
+    input: Option<String>,
+    output: Option<String>,
+    pub(super) field: Option<String>,
+    pub(super) kind: Option<Kind>,
+    pub(super) value: Option<Value>,
+    pub(super) bit: Option<u32>,
+    pub(super) probability: Option<f64>,
+    connection: Option<String>,
+    drop: Option<f64>,
+    extra_delay: Option<Rational>,
+    substitute: Option<String>,
+    pub(super) run: Option<RunEntry>,
+    pub(super) parameters: Option<Table>,
+    pub(super) state: Option<State>,
+}
+
+/// The sorts of faults, by the key that tells them apart.
+pub(super) enum Sort {
+    Signal { port: String, output: bool },
+    Link { connection: String },
+    Substitution { participant: String },
+}
+
+/// The key of an entry that is wrong, and why.
+pub(super) type Refusal = (String, String);
+
+const SORTS: [(&str, &[&str]); 4] = [
+    ("input", &["until", "field", "kind", "value", "bit", "probability"]),
+    ("output", &["until", "field", "kind", "value", "bit", "probability"]),
+    ("connection", &["until", "drop", "extra-delay"]),
+    ("substitute", &["run", "parameters", "state"]),
+];
+
+impl FaultEntry {
+    /// Which sort it is, and that it has no key of another one; `given` are the keys that it has.
+    pub(super) fn sort(&self, given: &[String]) -> Result<Sort, Refusal> {
+        let marks: Vec<&str> = SORTS
+            .iter()
+            .map(|(mark, _)| *mark)
+            .filter(|mark| given.iter().any(|key| key == mark))
+            .collect();
+        let [mark] = marks[..] else {
+            let reason = format!(
+                "a fault has exactly one of `input`, `output`, `connection` and `substitute`; this one has {}",
+                if marks.is_empty() {
+                    "none".to_owned()
+                } else {
+                    marks.join(" and ")
+                }
+            );
+            return Err((marks.last().copied().unwrap_or_default().to_owned(), reason));
+        };
+        let (_, allowed) = SORTS.iter().find(|(own, _)| *own == mark).expect("it is one of them");
+        let known = |key: &String| ["name", "at", mark].contains(&key.as_str()) || allowed.contains(&key.as_str());
+        if let Some(odd) = given.iter().find(|key| !known(key)) {
+            let reason = format!(
+                "does not belong to a fault with `{mark}`, which may have {}",
+                allowed.join(", ")
+            );
+            return Err((odd.clone(), reason));
+        }
+        Ok(match (&self.input, &self.output, &self.connection, &self.substitute) {
+            (Some(port), ..) => Sort::Signal {
+                port: port.clone(),
+                output: false,
+            },
+            (_, Some(port), ..) => Sort::Signal {
+                port: port.clone(),
+                output: true,
+            },
+            (.., Some(connection), _) => Sort::Link {
+                connection: connection.clone(),
+            },
+            (.., participant) => Sort::Substitution {
+                participant: participant.clone().unwrap_or_default(),
+            },
+        })
+    }
+
+    pub(super) fn link_fault(&self, name: &str, span: Span, connection: &str) -> Result<LinkFault, Refusal> {
+        if self.drop.is_none() && self.extra_delay.is_none() {
+            let reason = "says nothing that is wrong with the connection: write drop = 0.3 or extra-delay = \"20 ms\"";
+            return Err((String::new(), reason.to_owned()));
+        }
+        if let Some(drop) = self.drop.filter(|drop| !(0.0..=1.0).contains(drop)) {
+            return Err((
+                "drop".into(),
+                format!("{drop} is not a probability: it lies between 0 and 1"),
+            ));
+        }
+        if let Some(delay) = self.extra_delay.filter(|delay| delay.is_negative()) {
+            let reason = format!("{delay} would let an input see the future: it must not be negative");
+            return Err(("extra-delay".into(), reason));
+        }
+        let mut words = Vec::new();
+        words.extend(self.drop.map(|drop| format!("drops {} %", 100.0 * drop)));
+        words.extend(self.extra_delay.map(|delay| format!("{delay} more delay")));
+        Ok(LinkFault {
+            name: name.to_owned(),
+            span,
+            drop: self.drop.unwrap_or(0.0),
+            extra_delay: self.extra_delay.unwrap_or_default(),
+            words: format!("connection {connection}: {}", words.join(", ")),
+        })
+    }
+}

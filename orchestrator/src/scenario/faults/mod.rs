@@ -1,0 +1,206 @@
+//! `[[faults]]`: what shall go wrong, and when.
+
+mod entry;
+mod signal;
+mod text;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use lockstep::fault::{LinkFault, SignalFault, Span};
+use lockstep::plan::Plan;
+use lockstep::time::Rational;
+use toml::{Table, Value};
+
+use super::error::Mistake;
+use super::program::{Program, program};
+use super::resolve::typed;
+use super::source::Source;
+use entry::{FaultEntry, Sort};
+use signal::Signal;
+
+pub use entry::State;
+pub(super) use text::{append, table};
+
+/// Another program takes a participant's place in mid-run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Substitution {
+    /// The fault's name.
+    pub name: String,
+    /// When.
+    pub at: Rational,
+    /// The number of the participant that it replaces.
+    pub participant: usize,
+    /// What runs from then on.
+    pub program: Program,
+    /// Its parameters; those of the participant that it replaces when not given.
+    pub parameters: Option<Table>,
+    /// What it starts with.
+    pub state: State,
+    /// Where it stands in the scenario.
+    pub key: String,
+}
+
+/// The faults that act on samples.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Faults {
+    signals: Vec<Signal>,
+    /// With the connections that they concern.
+    links: Vec<(String, LinkFault)>,
+}
+
+impl Faults {
+    /// What is wrong with the connection called `name` for a while.
+    pub(super) fn of_connection(&self, name: &str) -> Vec<LinkFault> {
+        let own = self.links.iter().filter(|(connection, _)| connection == name);
+        own.map(|(_, fault)| fault.clone()).collect()
+    }
+
+    /// The signal faults against the ports of `plan`; where a participant's ports are not `certain`, what cannot be told
+    /// is left out.
+    pub(super) fn signals(
+        &self,
+        source: &Source,
+        plan: &Plan,
+        certain: impl Fn(usize) -> bool,
+    ) -> Result<Vec<SignalFault>, Vec<Mistake>> {
+        let (mut faults, mut mistakes) = (Vec::new(), Vec::new());
+        for signal in &self.signals {
+            match signal.resolve(plan, &certain) {
+                Ok(fault) => faults.extend(fault),
+                Err((key, reason)) => mistakes.push(source.mistake(&format!("{}.{key}", signal.key), reason)),
+            }
+        }
+        if mistakes.is_empty() { Ok(faults) } else { Err(mistakes) }
+    }
+}
+
+/// Reads all entries, as far as that goes without the ports of the participants.
+pub(super) fn read(
+    source: &Source,
+    folder: &Path,
+    participants: &[String],
+    connections: &BTreeMap<String, Value>,
+    entries: Vec<Value>,
+) -> Result<(Faults, Vec<Substitution>), Vec<Mistake>> {
+    let mut reader = Reader {
+        source,
+        folder,
+        participants,
+        connections,
+        faults: Faults::default(),
+        substitutions: Vec::new(),
+    };
+    let (mut mistakes, mut names) = (Vec::new(), Vec::new());
+    for (position, value) in entries.into_iter().enumerate() {
+        let name = super::source::fault_name(value.get("name").and_then(Value::as_str), position);
+        let key = format!("faults.{name}");
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
+            let reason = format!("`{name}` is not a name: use up to 64 letters, digits, `_` and `-`");
+            mistakes.push(source.mistake(&format!("{key}.name"), reason));
+        } else if names.contains(&name) {
+            let reason = format!("two faults are called `{name}`: give one of them another name");
+            mistakes.push(source.mistake(&format!("{key}.name"), reason));
+        } else if let Err(mistake) = reader.one(&name, &key, value) {
+            mistakes.push(mistake);
+        }
+        names.push(name);
+    }
+    if mistakes.is_empty() {
+        Ok((reader.faults, reader.substitutions))
+    } else {
+        Err(mistakes)
+    }
+}
+
+struct Reader<'a> {
+    source: &'a Source,
+    folder: &'a Path,
+    participants: &'a [String],
+    connections: &'a BTreeMap<String, Value>,
+    faults: Faults,
+    substitutions: Vec<Substitution>,
+}
+
+impl Reader<'_> {
+    fn one(&mut self, name: &str, key: &str, value: Value) -> Result<(), Mistake> {
+        let given: Vec<String> = value
+            .as_table()
+            .map(|table| table.keys().cloned().collect())
+            .unwrap_or_default();
+        let entry: FaultEntry = typed(self.source, key, value)?;
+        let refuse = |field: &str, reason: String| {
+            let key = if field.is_empty() {
+                key.to_owned()
+            } else {
+                format!("{key}.{field}")
+            };
+            self.source.mistake(&key, reason)
+        };
+        let sort = entry.sort(&given).map_err(|(field, reason)| refuse(&field, reason))?;
+        if entry.at.is_negative() {
+            return Err(refuse("at", format!("{} lies before the start", entry.at)));
+        }
+        if let Some(until) = entry.until.filter(|until| *until <= entry.at) {
+            let reason = format!("{until} is not after the begin at {}", entry.at);
+            return Err(refuse("until", reason));
+        }
+        let span = Span {
+            at: entry.at,
+            until: entry.until,
+        };
+        match sort {
+            Sort::Signal { port, output } => {
+                let signal = Signal::new(name, key, span, port, output, &entry);
+                let signal = signal.map_err(|(field, reason)| refuse(&field, reason))?;
+                if !self.participants.contains(&signal.port.0) {
+                    let reason = unknown("participant", &signal.port.0, self.participants.iter());
+                    return Err(refuse(if output { "output" } else { "input" }, reason));
+                }
+                self.faults.signals.push(signal);
+            }
+            Sort::Link { connection } => {
+                if !self.connections.contains_key(&connection) {
+                    let reason = unknown("connection", &connection, self.connections.keys());
+                    return Err(refuse("connection", reason));
+                }
+                let fault = entry.link_fault(name, span, &connection);
+                let fault = fault.map_err(|(field, reason)| refuse(&field, reason))?;
+                self.faults.links.push((connection, fault));
+            }
+            Sort::Substitution { participant } => {
+                let number = self.participants.iter().position(|own| *own == participant);
+                let number = number.ok_or_else(|| {
+                    refuse(
+                        "substitute",
+                        unknown("participant", &participant, self.participants.iter()),
+                    )
+                })?;
+                let run = entry
+                    .run
+                    .ok_or_else(|| refuse("", "`run` is missing: what takes its place?".to_owned()))?;
+                self.substitutions.push(Substitution {
+                    name: name.to_owned(),
+                    at: entry.at,
+                    participant: number,
+                    program: program(self.source, self.folder, &format!("{key}.run"), run)?,
+                    parameters: entry.parameters,
+                    state: entry.state.unwrap_or_default(),
+                    key: key.to_owned(),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a String>) -> String {
+    let known: Vec<String> = known.map(|name| format!("`{name}`")).collect();
+    let known = if known.is_empty() {
+        "none".to_owned()
+    } else {
+        known.join(", ")
+    };
+    format!("there is no {what} `{name}`; there is {known}")
+}

@@ -1,0 +1,270 @@
+//! Signal faults: from names and units to the elements and numbers of a payload.
+
+use lockstep::fault::{Effect, Place, SignalFault, Slot, Span};
+use lockstep::plan::Plan;
+use lockstep::port::{Descriptor, Field};
+use lockstep::units;
+use toml::Value;
+
+use super::entry::{FaultEntry, Kind, Refusal};
+use crate::scenario::resolve::{not_a_port, port};
+
+/// A signal fault that has been understood as far as that goes without the message that it disturbs.
+#[derive(Debug, Clone)]
+pub(super) struct Signal {
+    name: String,
+    /// Where it stands in the scenario.
+    pub(super) key: String,
+    span: Span,
+    /// Participant and port.
+    pub(super) port: (String, String),
+    output: bool,
+    field: Option<String>,
+    kind: Kind,
+    value: Option<Value>,
+    bit: Option<u32>,
+    probability: f64,
+}
+
+fn refusal(key: &str, reason: impl Into<String>) -> Refusal {
+    (key.to_owned(), reason.into())
+}
+
+impl Signal {
+    pub(super) fn new(
+        name: &str,
+        key: &str,
+        span: Span,
+        at: String,
+        output: bool,
+        entry: &FaultEntry,
+    ) -> Result<Signal, Refusal> {
+        let side = if output { "output" } else { "input" };
+        let kind = entry.kind.ok_or_else(|| {
+            refusal(
+                "",
+                "`kind` is missing: bias, scale, ramp, noise, stuck, dropout or bit-flip",
+            )
+        })?;
+        let signal = Signal {
+            name: name.to_owned(),
+            key: key.to_owned(),
+            span,
+            port: port(&at).ok_or_else(|| refusal(side, not_a_port(&at)))?,
+            output,
+            field: entry.field.clone(),
+            kind,
+            value: entry.value.clone(),
+            bit: entry.bit,
+            probability: entry.probability.unwrap_or(1.0),
+        };
+        signal.check(entry)?;
+        Ok(signal)
+    }
+
+    /// That everything is there that its kind needs, and nothing else.
+    fn check(&self, entry: &FaultEntry) -> Result<(), Refusal> {
+        let kind = self.kind.name();
+        let chance = matches!(self.kind, Kind::Dropout | Kind::BitFlip);
+        if entry.probability.is_some() && !chance {
+            return Err(refusal("probability", format!("a {kind} has none: it is always there")));
+        }
+        if !(0.0..=1.0).contains(&self.probability) {
+            let reason = format!("{} is not a probability: it lies between 0 and 1", self.probability);
+            return Err(refusal("probability", reason));
+        }
+        if self.bit.is_some() && self.kind != Kind::BitFlip {
+            return Err(refusal("bit", format!("a {kind} has none")));
+        }
+        if chance && self.value.is_some() {
+            return Err(refusal("value", format!("a {kind} has none")));
+        }
+        let example = match self.kind {
+            Kind::Bias | Kind::Noise => Some("\"0.2 deg\""),
+            Kind::Ramp => Some("\"0.2 deg/s\""),
+            Kind::Scale => Some("1.1"),
+            Kind::Stuck | Kind::Dropout | Kind::BitFlip => None,
+        };
+        if let (None, Some(example)) = (&self.value, example) {
+            return Err(refusal(
+                "",
+                format!("`value` is missing: a {kind} needs one, such as value = {example}"),
+            ));
+        }
+        if self.value.is_some() && self.field.is_none() && self.kind != Kind::Scale {
+            let reason = format!("`field` is missing: a {kind} with a value is one of a field, which has a unit");
+            return Err(refusal("", reason));
+        }
+        Ok(())
+    }
+
+    /// The fault against the ports of `plan`; `None` where the participant's ports are not certain and nothing can be told.
+    pub(super) fn resolve(
+        &self,
+        plan: &Plan,
+        certain: &impl Fn(usize) -> bool,
+    ) -> Result<Option<SignalFault>, Refusal> {
+        let side = if self.output { "output" } else { "input" };
+        let (participant, name) = (&self.port.0, &self.port.1);
+        let number = plan.participant(participant);
+        let number = number.ok_or_else(|| refusal(side, format!("there is no participant `{participant}`")))?;
+        let interface = &plan.participants[number].interface;
+        let ports: Vec<(&String, &Descriptor)> = if self.output {
+            interface
+                .outputs
+                .iter()
+                .map(|port| (&port.name, &port.descriptor))
+                .collect()
+        } else {
+            interface
+                .inputs
+                .iter()
+                .map(|port| (&port.name, &port.descriptor))
+                .collect()
+        };
+        let found = ports.iter().position(|(own, _)| *own == name);
+        let guessed = |at: usize| !certain(number) && ports[at].1.name == "unknown";
+        let position = match found {
+            Some(at) if guessed(at) => return Ok(None),
+            Some(at) => at,
+            None if !certain(number) => return Ok(None),
+            None => {
+                let known: Vec<String> = ports.iter().map(|(name, _)| format!("`{name}`")).collect();
+                let reason = format!("`{participant}` has no {side} `{name}`; it has {}", known.join(", "));
+                return Err(refusal(side, reason));
+            }
+        };
+        let (field, slots) = self.slots(ports[position].1)?;
+        let place = if self.output {
+            Place::Output {
+                participant: number,
+                port: position,
+            }
+        } else {
+            Place::Input {
+                participant: number,
+                port: position,
+            }
+        };
+        Ok(Some(SignalFault {
+            name: self.name.clone(),
+            place,
+            span: self.span,
+            effect: self.effect(field, &slots)?,
+            slots,
+            words: self.words(),
+        }))
+    }
+
+    fn slots<'a>(&self, descriptor: &'a Descriptor) -> Result<(Option<&'a Field>, Vec<Slot>), Refusal> {
+        let Some(name) = &self.field else {
+            return Ok((None, Slot::all(descriptor)));
+        };
+        match Slot::named(descriptor, name) {
+            Some((field, slots)) => Ok((Some(field), slots)),
+            None => {
+                let known: Vec<String> = descriptor.fields.iter().map(|field| format!("`{field}`")).collect();
+                let reason = format!(
+                    "`{}` has no field or element `{name}`; it has {}",
+                    descriptor.name,
+                    known.join("; ")
+                );
+                Err(refusal("field", reason))
+            }
+        }
+    }
+
+    fn effect(&self, field: Option<&Field>, slots: &[Slot]) -> Result<Effect, Refusal> {
+        let unit = field.map_or("1", |field| field.unit.as_str());
+        let given = |unit: &str| match &self.value {
+            Some(value) => values(value, unit, slots.len()).map_err(|reason| refusal("value", reason)),
+            None => Err(refusal("value", "is missing")),
+        };
+        Ok(match self.kind {
+            Kind::Bias => Effect::Bias(given(unit)?),
+            Kind::Scale => Effect::Scale(given("1")?),
+            Kind::Ramp => Effect::Ramp(given(&format!("{unit}/s"))?),
+            Kind::Noise => {
+                let sigma = given(unit)?;
+                if let Some(negative) = sigma.iter().find(|sigma| **sigma < 0.0) {
+                    let reason = format!("{negative} {unit} is negative: a noise is given by its standard deviation");
+                    return Err(refusal("value", reason));
+                }
+                Effect::Noise(sigma)
+            }
+            Kind::Stuck => Effect::Stuck(self.value.is_some().then(|| given(unit)).transpose()?),
+            Kind::Dropout => Effect::Dropout(self.probability),
+            Kind::BitFlip => {
+                let width = slots
+                    .iter()
+                    .map(|slot| slot.element.size() as u32 * 8)
+                    .min()
+                    .unwrap_or(0);
+                if let Some(bit) = self.bit.filter(|bit| *bit >= width) {
+                    let reason = format!(
+                        "there is no bit {bit}: the elements have bits 0 (the least) to {}",
+                        width - 1
+                    );
+                    return Err(refusal("bit", reason));
+                }
+                Effect::BitFlip {
+                    bit: self.bit,
+                    probability: self.probability,
+                }
+            }
+        })
+    }
+
+    /// `controller.measured q_m[3]: bias 0.2 deg`
+    fn words(&self) -> String {
+        let mut words = format!("{}.{}", self.port.0, self.port.1);
+        if let Some(field) = &self.field {
+            words += &format!(" {field}");
+        }
+        words += &format!(": {}", self.kind.name());
+        match &self.value {
+            Some(Value::String(text)) => words += &format!(" {text}"),
+            Some(other) => words += &format!(" {other}"),
+            None => {}
+        }
+        words.extend(self.bit.map(|bit| format!(" of bit {bit}")));
+        if self.probability < 1.0 {
+            words += &format!(" in {} % of the samples", 100.0 * self.probability);
+        }
+        words
+    }
+}
+
+/// One value for each of `count` elements, in `unit`: one for all, or a list.
+fn values(value: &Value, unit: &str, count: usize) -> Result<Vec<f64>, String> {
+    let (numbers, listed) = match value {
+        Value::String(text) => units::convert(text, unit).map_err(|error| error.to_string())?,
+        bare if unit == "1" => {
+            plain(bare).ok_or_else(|| format!("`{bare}` is neither a number nor a list of numbers"))?
+        }
+        other => {
+            return Err(format!(
+                "`{other}` has no unit; write it in {unit} or a unit that fits, such as \"{other} {unit}\""
+            ));
+        }
+    };
+    match (numbers.len(), listed) {
+        (1, false) => Ok(vec![numbers[0]; count]),
+        (given, true) if given == count => Ok(numbers),
+        (given, _) => Err(format!(
+            "{given} values are given for {count} elements: give one for all, or a list of {count}"
+        )),
+    }
+}
+
+fn plain(value: &Value) -> Option<(Vec<f64>, bool)> {
+    let number = |value: &Value| match value {
+        Value::Float(number) => Some(*number),
+        Value::Integer(number) => Some(*number as f64),
+        _ => None,
+    };
+    match value {
+        Value::Array(items) => Some((items.iter().map(number).collect::<Option<_>>()?, true)),
+        one => Some((vec![number(one).filter(|number| number.is_finite())?], false)),
+    }
+}

@@ -1,0 +1,89 @@
+//! A fault on the command line: `at=12s,until=14s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg`.
+
+use toml::{Table, Value};
+
+/// The entry of `[[faults]]` that `text` stands for. Values are read as TOML if they are TOML, else as text; commas inside
+/// brackets, braces and quotes belong to the value.
+pub(in crate::scenario) fn table(text: &str) -> Result<Table, String> {
+    let mut entry = Table::new();
+    for part in parts(text) {
+        let Some((key, value)) = part.split_once('=') else {
+            return Err(format!(
+                "`{}` is not KEY=VALUE; write for example at=12s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg",
+                part.trim()
+            ));
+        };
+        let (key, value) = (key.trim(), value.trim());
+        if key.is_empty() {
+            return Err(format!("`{}` has no key", part.trim()));
+        }
+        if entry
+            .insert(key.to_owned(), crate::scenario::source::value(value))
+            .is_some()
+        {
+            return Err(format!("`{key}` is given twice"));
+        }
+    }
+    Ok(entry)
+}
+
+/// The text between commas that stand in nothing.
+fn parts(text: &str) -> Vec<&str> {
+    let (mut parts, mut start, mut depth, mut quote) = (Vec::new(), 0, 0_i32, None);
+    for (at, c) in text.char_indices() {
+        match (quote, c) {
+            (Some(open), c) if open == c => quote = None,
+            (Some(_), _) => {}
+            (None, '"' | '\'') => quote = Some(c),
+            (None, '[' | '{') => depth += 1,
+            (None, ']' | '}') => depth -= 1,
+            (None, ',') if depth <= 0 => {
+                parts.push(&text[start..at]);
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+    parts.push(&text[start..]);
+    parts
+}
+
+/// The entry as `--set` would write it, for a scenario's list of faults.
+pub(in crate::scenario) fn append(table: &mut Table, entry: Table) -> Result<(), String> {
+    let list = table.entry("faults").or_insert_with(|| Value::Array(Vec::new()));
+    match list {
+        Value::Array(list) => {
+            list.push(Value::Table(entry));
+            Ok(())
+        }
+        other => Err(format!(
+            "`faults` is {}, not a list: write [[faults]]",
+            other.type_str()
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commas_inside_values_are_left_alone() {
+        let text = "at=12s, field=q_m[3],value=[1, 2] deg,run={ exe = \"./a,b\", args = ['c,d'] },drop=0.3";
+        let entry = table(text).unwrap();
+        assert_eq!(entry["at"], Value::String("12s".into()));
+        assert_eq!(entry["field"], Value::String("q_m[3]".into()));
+        assert_eq!(entry["value"], Value::String("[1, 2] deg".into()));
+        assert_eq!(entry["run"]["exe"], Value::String("./a,b".into()));
+        assert_eq!(entry["run"]["args"][0], Value::String("c,d".into()));
+        assert_eq!(entry["drop"], Value::Float(0.3));
+        for (bad, part) in [
+            ("at", "KEY=VALUE"),
+            ("at=1s,at=2s", "twice"),
+            ("=1", "no key"),
+            ("", "KEY=VALUE"),
+        ] {
+            assert!(table(bad).unwrap_err().contains(part), "{bad}");
+        }
+    }
+}
