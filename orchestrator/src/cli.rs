@@ -7,9 +7,11 @@ use lockstep::time::Rational;
 
 use crate::commands::compare::CompareArgs;
 use crate::commands::export::ExportArgs;
+use crate::commands::faults::FaultsArgs;
 use crate::commands::margins::MarginsArgs;
 use crate::commands::replay::ReplayArgs;
 use crate::commands::report::ReportArgs;
+use crate::commands::sweep::SweepArgs;
 use crate::commands::tune::TuneArgs;
 use crate::run::Wait;
 
@@ -34,6 +36,10 @@ pub enum Command {
     Check(CheckArgs),
     /// Draw participants, rates, delays and order
     Graph(GraphArgs),
+    /// Run a scenario over a grid of values: one table, and a picture of where it works
+    Sweep(SweepArgs),
+    /// Run a scenario with one failure after the other, and say which still capture
+    Faults(FaultsArgs),
     /// Say whether two tapes are identical, else where they differ
     Compare(CompareArgs),
     /// Run one participant of a recorded run again and compare what it says with the tape
@@ -55,6 +61,9 @@ pub enum Command {
     /// Be a participant of a run (started by the orchestrator itself)
     #[command(hide = true)]
     Participant(ParticipantArgs),
+    /// Run points of a campaign (started by the orchestrator itself)
+    #[command(hide = true)]
+    CampaignWorker,
 }
 
 /// A scenario with changes.

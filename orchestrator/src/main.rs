@@ -6,6 +6,7 @@ mod processor;
 mod assessment;
 mod bench;
 mod builtin;
+mod campaign;
 mod cli;
 mod commands;
 mod replay;
@@ -41,8 +42,11 @@ fn main() -> ExitCode {
         Command::Model(args) => commands::model::run(&args.model, args.states.as_deref()).map(|()| 0),
         Command::Tune(args) => commands::tune::run(args),
         Command::Margins(args) => commands::margins::run(args),
+        Command::Sweep(args) => commands::sweep::run(args),
+        Command::Faults(args) => commands::faults::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Doctor(args) => commands::doctor::run(args),
+        Command::CampaignWorker => campaign::serve().map(|()| 0).map_err(Into::into),
         Command::Participant(_) => Ok(0),
     };
     match result {

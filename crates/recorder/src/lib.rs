@@ -4,6 +4,7 @@
 //! - [`folder`]: where the files of one run lie;
 //! - [`compare`]: whether two tapes are the same bits, and where they part;
 //! - [`export`]: CSV, Parquet and MCAP;
+//! - [`figures`]: charts and maps as SVG and PNG;
 //! - [`report`]: figures and 3-D playback in one page, with the shapes of [`geometry`].
 //!
 //! The crate knows ports only by their [`lockstep::port::Descriptor`]: every field has a name, a shape, a unit and a
@@ -11,7 +12,7 @@
 
 pub mod compare;
 pub mod export;
-mod figures;
+pub mod figures;
 pub mod folder;
 pub mod geometry;
 pub mod report;

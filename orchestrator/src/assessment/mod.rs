@@ -12,7 +12,7 @@ mod tests;
 use lockstep::participant::ParameterError;
 use recorder::tape::StreamSpec;
 
-pub use summary::Summary;
+pub use summary::{Criterion, Summary};
 
 /// An assessment under way. The order in which samples of different streams arrive does not matter.
 pub trait Assessment: Send {

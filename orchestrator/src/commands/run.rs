@@ -1,7 +1,6 @@
 //! `orchestrator run SCENARIO`
 
 use recorder::folder::RunFolder;
-use serde_json::{Map, Value, json};
 
 use crate::cli::RunArgs;
 use crate::run::{Ending, Options, Outcome, run as run_scenario};
@@ -37,7 +36,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
             return Ok(failure.exit_code());
         }
     };
-    let summary = summary(&outcome);
+    let summary = outcome.summary();
     let folder = RunFolder::open(&outcome.folder);
     folder.write_json(&folder.summary(), &summary)?;
     match &outcome.ending {
@@ -51,25 +50,6 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
         print(&scenario, &outcome);
     }
     Ok(outcome.exit_code())
-}
-
-/// Figures of merit, how the run ended, and what it cost.
-fn summary(outcome: &Outcome) -> Value {
-    let mut all = Map::new();
-    if let Some(figures) = &outcome.figures
-        && let Ok(Value::Object(figures)) = serde_json::to_value(figures)
-    {
-        all.extend(figures);
-    }
-    all.insert("ending".into(), json!(outcome.ending));
-    all.insert("simulated_time_s".into(), json!(outcome.simulated_s));
-    all.insert("wall_time_s".into(), json!(outcome.wall_s));
-    all.insert("real_time_factor".into(), json!(outcome.real_time_factor()));
-    all.insert("tape_digest".into(), json!(outcome.digest.to_string()));
-    all.insert("run_folder".into(), json!(outcome.folder.display().to_string()));
-    all.insert("placement".into(), json!(outcome.placement));
-    all.insert("timing".into(), json!(outcome.timing));
-    Value::Object(all)
 }
 
 fn print(scenario: &Scenario, outcome: &Outcome) {

@@ -19,8 +19,16 @@ use lockstep::time::Rational;
 
 pub use outcome::{Ending, Outcome, RunFailure};
 pub use prepare::check;
+pub(crate) use progress::Progress;
+pub(crate) use recording::streams;
+pub(crate) use signals::Interrupt;
 
 use crate::scenario::Scenario;
+
+/// How a process ended in words: exit status or signal.
+pub(crate) fn ending_of_process(status: std::process::ExitStatus) -> String {
+    child::Participant::ending(status)
+}
 
 /// How participants wait, as the user chooses it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]

@@ -7,6 +7,7 @@ use lockstep::control::Timing;
 use recorder::folder::FolderError;
 use recorder::tape::{AppendError, CreateError, Digest};
 use serde::Serialize;
+use serde_json::{Map, Value, json};
 
 use crate::scenario::ScenarioError;
 use crate::scope::ScopeError;
@@ -117,5 +118,24 @@ impl Outcome {
             (Ending::Complete, Some(figures)) if !figures.met() => 3,
             (Ending::Complete, _) => 0,
         }
+    }
+
+    /// `summary.json`: figures of merit, how the run ended, and what it cost.
+    pub fn summary(&self) -> Value {
+        let mut all = Map::new();
+        if let Some(figures) = &self.figures
+            && let Ok(Value::Object(figures)) = serde_json::to_value(figures)
+        {
+            all.extend(figures);
+        }
+        all.insert("ending".into(), json!(self.ending));
+        all.insert("simulated_time_s".into(), json!(self.simulated_s));
+        all.insert("wall_time_s".into(), json!(self.wall_s));
+        all.insert("real_time_factor".into(), json!(self.real_time_factor()));
+        all.insert("tape_digest".into(), json!(self.digest.to_string()));
+        all.insert("run_folder".into(), json!(self.folder.display().to_string()));
+        all.insert("placement".into(), json!(self.placement));
+        all.insert("timing".into(), json!(self.timing));
+        Value::Object(all)
     }
 }

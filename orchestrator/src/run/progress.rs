@@ -27,15 +27,22 @@ impl Progress {
 
     /// Shows simulated time `t_s` and the real-time factor, at most ten times a second.
     pub fn show(&mut self, t_s: f64) {
+        let (started, duration_s) = (self.started, self.duration_s);
+        self.tell(|| {
+            let wall = started.elapsed().as_secs_f64();
+            let factor = if wall > 0.0 { t_s.max(0.0) / wall } else { 0.0 };
+            format!("t = {t_s:8.3} s of {duration_s} s   {factor:6.1} x real time")
+        });
+    }
+
+    /// Shows what `text` says, at most ten times a second.
+    pub fn tell(&mut self, text: impl FnOnce() -> String) {
         let now = Instant::now();
         if !self.shown || self.last.is_some_and(|last| now - last < Duration::from_millis(100)) {
             return;
         }
         self.last = Some(now);
-        let wall = (now - self.started).as_secs_f64();
-        let factor = if wall > 0.0 { t_s.max(0.0) / wall } else { 0.0 };
-        let text = format!("t = {t_s:8.3} s of {} s   {factor:6.1} x real time", self.duration_s);
-        self.print(&text);
+        self.print(&text());
     }
 
     /// Says something that the user should see, in place of the line.

@@ -11,7 +11,8 @@ use super::THRUSTERS;
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultParameters {
-    /// `wheel.x`, `thruster.0` to `thruster.11`, or `joint.` and the joint's name.
+    /// `wheel.x`, `thruster.0` to `thruster.11`, or `joint.` and the joint's name. `thruster.+x` are the two that push along
+    /// that axis, `thruster.-x` the two against it, `thruster.x` all four.
     pub actuator: String,
     /// What is wrong with it.
     pub effect: EffectName,
@@ -83,18 +84,20 @@ impl Faults {
     /// # Errors
     /// Names the failure that makes no sense and what is possible.
     pub fn new(parameters: &[FaultParameters], joints: &[String; JOINTS]) -> Result<Self, ParameterError> {
-        let faults = parameters.iter().enumerate().map(|(at, fault)| {
+        let mut faults = Vec::new();
+        for (at, fault) in parameters.iter().enumerate() {
             let refuse = |key: &str, reason: String| ParameterError::new(format!("faults[{at}].{key}"), reason);
-            let unit = unit(&fault.actuator, joints).ok_or_else(|| {
+            let units = units(&fault.actuator, joints).ok_or_else(|| {
                 let reason = format!(
-                    "there is no actuator `{}`; there are wheel.x to wheel.z, thruster.0 to thruster.{}, and {}",
+                    "there is no actuator `{}`; there are wheel.x to wheel.z, thruster.0 to thruster.{}, thruster.x, thruster.+x, \
+                     thruster.-x and so on, and {}",
                     fault.actuator,
                     THRUSTERS - 1,
                     joints.each_ref().map(|joint| format!("joint.{joint}")).join(", ")
                 );
                 refuse("actuator", reason)
             })?;
-            let effect = match (fault.effect, unit, fault.factor) {
+            let effect = match (fault.effect, units[0], fault.factor) {
                 (EffectName::Weak, _, Some(factor)) if factor.is_finite() => Effect::Weak(factor),
                 (EffectName::Weak, ..) => {
                     let reason = "effect `weak` needs the part of the command that is followed, such as factor = 0.5";
@@ -117,14 +120,14 @@ impl Faults {
             if until <= from {
                 return Err(refuse("until", format!("{until} s is not after `from`, {from} s")));
             }
-            Ok(Fault {
+            faults.extend(units.into_iter().map(|unit| Fault {
                 unit,
                 effect,
                 from,
                 until,
-            })
-        });
-        faults.collect::<Result<_, _>>().map(Self)
+            }));
+        }
+        Ok(Self(faults))
     }
 
     /// What is wrong with `unit` at `t`, s; the last failure of the list wins.
@@ -137,12 +140,61 @@ impl Faults {
     }
 }
 
-fn unit(name: &str, joints: &[String; JOINTS]) -> Option<Unit> {
+/// The actuators that a name stands for; never an empty list.
+fn units(name: &str, joints: &[String; JOINTS]) -> Option<Vec<Unit>> {
     let (group, which) = name.split_once('.')?;
+    let axis = |name: &str| ["x", "y", "z"].iter().position(|axis| *axis == name);
     match group {
-        "wheel" => ["x", "y", "z"].iter().position(|axis| *axis == which).map(Unit::Wheel),
-        "thruster" => which.parse().ok().filter(|n| *n < THRUSTERS).map(Unit::Thruster),
-        "joint" => joints.iter().position(|joint| joint == which).map(Unit::Joint),
+        "wheel" => Some(vec![Unit::Wheel(axis(which)?)]),
+        "thruster" => {
+            // in fours: two along the axis, then two against it
+            let range = if let Some(along) = which.strip_prefix('+') {
+                let first = 4 * axis(along)?;
+                first..first + 2
+            } else if let Some(against) = which.strip_prefix('-') {
+                let first = 4 * axis(against)? + 2;
+                first..first + 2
+            } else if let Some(axis) = axis(which) {
+                4 * axis..4 * axis + 4
+            } else {
+                let number = which.parse().ok().filter(|number| *number < THRUSTERS)?;
+                number..number + 1
+            };
+            Some(range.map(Unit::Thruster).collect())
+        }
+        "joint" => Some(vec![Unit::Joint(joints.iter().position(|joint| joint == which)?)]),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thrusters_are_named_one_by_one_by_direction_or_by_axis() {
+        let joints: [String; JOINTS] = std::array::from_fn(|joint| format!("A{}", joint + 1));
+        let numbers = |name: &str| {
+            let units = units(name, &joints)?;
+            let number = |unit: &Unit| match unit {
+                Unit::Thruster(number) => *number,
+                other => panic!("{other:?}"),
+            };
+            Some(units.iter().map(number).collect::<Vec<_>>())
+        };
+        assert_eq!(numbers("thruster.7"), Some(vec![7]));
+        assert_eq!(numbers("thruster.+y"), Some(vec![4, 5]));
+        assert_eq!(numbers("thruster.-x"), Some(vec![2, 3]));
+        assert_eq!(numbers("thruster.z"), Some(vec![8, 9, 10, 11]));
+        for nobody in [
+            "thruster.12",
+            "thruster.+w",
+            "thruster.",
+            "wheel.w",
+            "joint.A8",
+            "wheel",
+        ] {
+            assert!(units(nobody, &joints).is_none(), "{nobody}");
+        }
     }
 }

@@ -31,9 +31,9 @@ pub(super) fn write(source: &dyn Source, stream: usize, out: &mut BufWriter<File
     Ok(())
 }
 
-/// A name that may hold a comma or a quote, of a foreign participant's field or unit.
-fn quoted(name: &str) -> String {
-    if name.contains([',', '"']) {
+/// A text that may hold a comma, a quote or a line's end, such as the name of a foreign participant's field.
+pub(super) fn quoted(name: &str) -> String {
+    if name.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", name.replace('"', "\"\""))
     } else {
         name.to_owned()

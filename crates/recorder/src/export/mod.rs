@@ -11,6 +11,7 @@ mod columns;
 mod csv;
 mod mcap;
 mod parquet;
+mod sheet;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -19,6 +20,7 @@ use std::path::{Path, PathBuf};
 use crate::tape::{ReadError, Source};
 
 pub use mcap::Geometry;
+pub use sheet::{Cells, Sheet, SheetColumn};
 
 /// Why an export failed.
 #[derive(Debug, thiserror::Error)]

@@ -33,6 +33,23 @@ pub(crate) fn ticks(lo: f64, hi: f64, count: usize) -> Vec<(f64, String)> {
     out
 }
 
+/// The powers of ten from 10^`lo` to 10^`hi`, at most about ten of them, with their labels.
+pub(crate) fn decades(lo: f64, hi: f64) -> Vec<(f64, String)> {
+    let every = (((hi - lo) / 10.0).ceil() as i32).max(1);
+    let powers = (lo.ceil() as i32..=hi.floor() as i32).filter(|power| power % every == 0);
+    powers
+        .map(|power| {
+            let value = 10_f64.powi(power);
+            let label = if (-4..=5).contains(&power) {
+                format!("{value}")
+            } else {
+                format!("1e{power}").replace('-', "−")
+            };
+            (value, label)
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,12 +4,12 @@ use super::axis::ticks;
 use super::{Anchor, Drawing, Item, Rgb};
 use crate::report::Series;
 
-const INK: Rgb = [23, 32, 43];
-const SOFT: Rgb = [91, 103, 117];
-const GRID: Rgb = [226, 230, 235];
-const LIMIT: Rgb = [194, 47, 47];
+pub(super) const INK: Rgb = [23, 32, 43];
+pub(super) const SOFT: Rgb = [91, 103, 117];
+pub(super) const GRID: Rgb = [226, 230, 235];
+pub(super) const LIMIT: Rgb = [194, 47, 47];
 /// Distinct also for most colour-blind readers, in print and on screen.
-const COLORS: [Rgb; 8] = [
+pub(super) const COLORS: [Rgb; 8] = [
     [11, 102, 179],
     [212, 84, 26],
     [20, 135, 90],
@@ -112,7 +112,7 @@ pub(crate) fn layout(title: &str, unit: &str, panels: &[Panel<'_>], limits: &[f6
 }
 
 /// Least and greatest finite value; (0, 1) when there is none.
-fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+pub(super) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (lo, hi) = values
         .filter(|value| value.is_finite())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), value| {
@@ -142,7 +142,7 @@ impl Frame {
 }
 
 impl Drawing {
-    fn text(&mut self, at: [f32; 2], text: &str, size: f32, color: Rgb, anchor: Anchor) {
+    pub(super) fn text(&mut self, at: [f32; 2], text: &str, size: f32, color: Rgb, anchor: Anchor) {
         self.items.push(Item::Text {
             at,
             text: text.to_owned(),
@@ -153,7 +153,14 @@ impl Drawing {
         });
     }
 
-    fn line(&mut self, points: Vec<[f32; 2]>, color: Rgb, width: f32, dash: Option<[f32; 2]>, clip: Option<[f32; 4]>) {
+    pub(super) fn line(
+        &mut self,
+        points: Vec<[f32; 2]>,
+        color: Rgb,
+        width: f32,
+        dash: Option<[f32; 2]>,
+        clip: Option<[f32; 4]>,
+    ) {
         self.items.push(Item::Line {
             points,
             color,

@@ -1,20 +1,22 @@
 //! Figures as files: laid out once into lines and texts, then written as SVG or painted into a PNG.
 
 mod axis;
+mod chart;
 mod layout;
 mod png;
 mod svg;
 
+pub use chart::{Band, Chart, Curve, Limit, Map, MapCell, Shade};
 pub(crate) use layout::{Panel, layout};
-pub(crate) use png::png;
-pub(crate) use svg::svg;
+pub use png::png;
+pub use svg::svg;
 
 /// A colour: red, green, blue.
-pub(crate) type Rgb = [u8; 3];
+pub type Rgb = [u8; 3];
 
 /// A picture on white, in points; y points down.
 #[derive(Debug, Clone)]
-pub(crate) struct Drawing {
+pub struct Drawing {
     pub(crate) width: f32,
     pub(crate) height: f32,
     pub(crate) items: Vec<Item>,
@@ -23,6 +25,8 @@ pub(crate) struct Drawing {
 /// A part of a picture; later parts cover earlier ones.
 #[derive(Debug, Clone)]
 pub(crate) enum Item {
+    /// A rectangle (left, top, right, bottom) without an edge.
+    Area { corners: [f32; 4], color: Rgb },
     /// Connected lines, cut off at `clip` (left, top, right, bottom) where there is one. A NaN is a gap.
     Line {
         points: Vec<[f32; 2]>,

@@ -9,13 +9,21 @@ use super::{Anchor, Drawing, Item, Rgb};
 const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");
 
 /// The picture as a PNG file, `scale` pixels per point; `None` when it is too large or too small to paint.
-pub(crate) fn png(drawing: &Drawing, scale: f32) -> Option<Vec<u8>> {
+pub fn png(drawing: &Drawing, scale: f32) -> Option<Vec<u8>> {
     let (width, height) = ((drawing.width * scale).round(), (drawing.height * scale).round());
     let mut canvas = Pixmap::new(width as u32, height as u32)?;
     canvas.fill(Color::WHITE);
     let font = Face::parse(FONT, 0).ok()?;
     for item in &drawing.items {
         match item {
+            Item::Area {
+                corners: [left, top, right, bottom],
+                color,
+            } => {
+                if let Some(rect) = Rect::from_ltrb(*left, *top, *right, *bottom) {
+                    canvas.fill_rect(rect, &paint(*color), Transform::from_scale(scale, scale), None);
+                }
+            }
             Item::Line {
                 points,
                 color,

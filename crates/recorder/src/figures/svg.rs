@@ -6,7 +6,7 @@ use super::{Anchor, Drawing, Item};
 use crate::report::escape;
 
 /// The picture as an SVG file.
-pub(crate) fn svg(drawing: &Drawing) -> String {
+pub fn svg(drawing: &Drawing) -> String {
     let (w, h) = (drawing.width, drawing.height);
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" \
@@ -15,6 +15,16 @@ pub(crate) fn svg(drawing: &Drawing) -> String {
     let mut clips = 0;
     for item in &drawing.items {
         match item {
+            Item::Area {
+                corners: [left, top, right, bottom],
+                color: [r, g, b],
+            } => {
+                let (aw, ah) = (right - left, bottom - top);
+                let _ = writeln!(
+                    out,
+                    "<rect x=\"{left:.2}\" y=\"{top:.2}\" width=\"{aw:.2}\" height=\"{ah:.2}\" fill=\"#{r:02x}{g:02x}{b:02x}\"/>"
+                );
+            }
             Item::Line {
                 points,
                 color: [r, g, b],

@@ -19,6 +19,7 @@ use serde_json::Value;
 
 pub(crate) use page::{base64, escape};
 pub(crate) use series::Series;
+pub use summary::split_unit;
 
 use crate::figures::{self, Panel};
 use crate::folder::RunFolder;

@@ -123,7 +123,8 @@ fn criterion(summary: &Value, key: &str) -> Option<(String, Option<bool>)> {
     ))
 }
 
-fn split_unit(key: &str) -> (&str, &'static str) {
+/// A key of `summary.json` without the unit at its end, and that unit as it is written; empty where it has none.
+pub fn split_unit(key: &str) -> (&str, &'static str) {
     let known = |(suffix, unit): &(&str, &'static str)| Some((key.strip_suffix(suffix)?, *unit));
     UNITS.iter().find_map(known).unwrap_or((key, ""))
 }

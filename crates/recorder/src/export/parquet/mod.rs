@@ -4,6 +4,7 @@
 //! Thrift's compact protocol; its length; `PAR1`. See the Apache Parquet format specification.
 
 mod arrow;
+mod sheet;
 mod thrift;
 
 use std::fs::File;
@@ -18,6 +19,8 @@ use crate::report::base64;
 use crate::tape::{Records, Source, StreamSpec};
 use thrift::Struct;
 
+pub(super) use sheet::write as write_sheet;
+
 /// Bytes of values that a row group collects before it is written.
 const GROUP_BYTES: usize = 16 << 20;
 
@@ -26,6 +29,17 @@ struct Chunk {
     offset: u64,
     /// Header and values, bytes.
     size: u64,
+}
+
+/// A column as the footer describes it.
+struct Leaf<'a> {
+    name: &'a str,
+    /// Parquet's number of the physical type.
+    physical: i32,
+    /// Parquet's number of the converted type, where the physical one says too little.
+    converted: Option<i32>,
+    /// Whether values may be missing.
+    optional: bool,
 }
 
 /// Parquet's number of a physical type, and of the converted type where the physical one says too little.
@@ -104,30 +118,59 @@ fn page_header(bytes: usize, rows: u64) -> Vec<u8> {
 
 fn footer(spec: &StreamSpec, columns: &[Column<'_>], groups: &[(u64, Vec<Chunk>)]) -> Vec<u8> {
     // The stamp is a column like the others.
-    let all: Vec<(&str, Element)> = [(TIME, Element::F64)]
+    let leaves = [(TIME, Element::F64)]
         .into_iter()
-        .chain(columns.iter().map(|column| (&*column.name, column.field.element)))
+        .chain(columns.iter().map(|column| (&*column.name, column.field.element)));
+    let leaves: Vec<Leaf<'_>> = leaves
+        .map(|(name, element)| {
+            let (physical, converted) = types(element);
+            Leaf {
+                name,
+                physical,
+                converted,
+                optional: false,
+            }
+        })
         .collect();
+    let about = json!({
+        "participant": spec.participant,
+        "port": spec.port,
+        "offset": spec.offset,
+        "period": spec.period,
+        "first_index": spec.first_index,
+        "descriptor": spec.descriptor,
+    });
+    let metadata = [
+        ("escapement.stream", about.to_string()),
+        ("ARROW:schema", base64(arrow::schema(columns).into_iter())),
+    ];
+    describe("sample", &leaves, groups, &metadata)
+}
+
+/// The footer: schema, where the pages are, metadata.
+fn describe(name: &str, leaves: &[Leaf<'_>], groups: &[(u64, Vec<Chunk>)], metadata: &[(&str, String)]) -> Vec<u8> {
     let mut schema = vec![{
         let mut root = Struct::default();
-        root.text(4, "sample").i32(5, all.len() as i32);
+        root.text(4, name).i32(5, leaves.len() as i32);
         root
     }];
-    for (name, element) in &all {
-        let (physical, converted) = types(*element);
-        let mut leaf = Struct::default();
-        leaf.i32(1, physical).i32(3, 0).text(4, name);
-        if let Some(converted) = converted {
-            leaf.i32(6, converted);
+    for leaf in leaves {
+        let mut described = Struct::default();
+        described
+            .i32(1, leaf.physical)
+            .i32(3, i32::from(leaf.optional))
+            .text(4, leaf.name);
+        if let Some(converted) = leaf.converted {
+            described.i32(6, converted);
         }
-        schema.push(leaf);
+        schema.push(described);
     }
     let row_groups = groups.iter().map(|(rows, chunks)| {
-        let placed = chunks.iter().zip(&all).map(|(chunk, (name, element))| {
+        let placed = chunks.iter().zip(leaves).map(|(chunk, leaf)| {
             let mut meta = Struct::default();
-            meta.i32(1, types(*element).0)
+            meta.i32(1, leaf.physical)
                 .i32_list(2, &[0, 3])
-                .text_list(3, &[name])
+                .text_list(3, &[leaf.name])
                 .i32(4, 0)
                 .i64(5, *rows as i64)
                 .i64(6, chunk.size as i64)
@@ -144,21 +187,9 @@ fn footer(spec: &StreamSpec, columns: &[Column<'_>], groups: &[(u64, Vec<Chunk>)
             .i64(3, *rows as i64);
         group
     });
-    let about = json!({
-        "participant": spec.participant,
-        "port": spec.port,
-        "offset": spec.offset,
-        "period": spec.period,
-        "first_index": spec.first_index,
-        "descriptor": spec.descriptor,
-    });
-    let metadata = [
-        ("escapement.stream", about.to_string()),
-        ("ARROW:schema", base64(arrow::schema(columns).into_iter())),
-    ];
-    let metadata = metadata.into_iter().map(|(key, value)| {
+    let metadata = metadata.iter().map(|(key, value)| {
         let mut entry = Struct::default();
-        entry.text(1, key).text(2, &value);
+        entry.text(1, key).text(2, value);
         entry
     });
     let mut file = Struct::default();

@@ -1,0 +1,302 @@
+//! The picture of a campaign: where capture still works.
+
+use recorder::figures::{Band, Chart, Curve, Drawing, Limit, Map, MapCell, Shade};
+use recorder::report::split_unit;
+
+use super::point::{Outcome, Result as PointResult};
+use super::tell::distinct;
+use super::{Column, figure_value, short};
+
+/// What to draw.
+#[derive(Debug)]
+pub struct Picture<'a> {
+    /// The scenario's title.
+    pub title: &'a str,
+    /// What tells the points apart.
+    pub columns: &'a [Column],
+    /// What became of them.
+    pub results: &'a [Option<PointResult>],
+    /// The figure of merit that is shown; the criteria unless given.
+    pub figure: Option<&'a str>,
+}
+
+/// Points that fall onto one place of the picture.
+#[derive(Debug, Default, Clone)]
+struct Place<'a> {
+    results: Vec<Option<&'a PointResult>>,
+}
+
+impl Place<'_> {
+    fn shade(&self) -> Shade {
+        let known: Vec<&&PointResult> = self.results.iter().flatten().collect();
+        if known.len() < self.results.len() {
+            Shade::Unknown
+        } else if known.iter().any(|result| !result.outcome.ran()) {
+            Shade::Broken
+        } else if known.iter().any(|result| result.outcome == Outcome::NotCaptured) {
+            Shade::Bad
+        } else {
+            Shade::Good(0.0)
+        }
+    }
+
+    /// The worst value of a figure.
+    fn worst(&self, of: impl Fn(&PointResult) -> Option<f64>) -> Option<f64> {
+        let values = self.results.iter().flatten().filter_map(|result| of(result));
+        values.filter(|value| value.is_finite()).reduce(f64::max)
+    }
+}
+
+/// The picture: a chart over one varied key, a map over two. What else is varied, and the seed beside another key, is folded:
+/// a place is captured when all of its points are, and shows the worst. `None` when nothing is varied.
+pub fn draw(picture: &Picture<'_>) -> Option<Drawing> {
+    let varied: Vec<&Column> = picture
+        .columns
+        .iter()
+        .filter(|column| distinct(&column.texts).len() > 1)
+        .collect();
+    let own = |column: &&&Column| column.name != "seed";
+    let mut shown: Vec<&Column> = varied.iter().filter(own).take(2).copied().collect();
+    if shown.is_empty() {
+        shown.extend(varied.first());
+    }
+    match shown[..] {
+        [x] => Some(chart(picture, x)),
+        [x, y] => Some(over_two(picture, x, y)),
+        _ => None,
+    }
+}
+
+fn label(column: &Column) -> String {
+    if column.unit.is_empty() {
+        column.name.clone()
+    } else {
+        format!("{} [{}]", column.name, column.unit)
+    }
+}
+
+/// The points of each value of `column`, in the order in which the values come first.
+fn places<'a>(picture: &Picture<'a>, column: &'a Column) -> Vec<(&'a String, Place<'a>)> {
+    let mut places: Vec<(&String, Place<'_>)> = Vec::new();
+    for value in distinct(&column.texts) {
+        let mine = column
+            .texts
+            .iter()
+            .zip(picture.results)
+            .filter(|(text, _)| *text == value);
+        let results = mine.map(|(_, result)| result.as_ref()).collect();
+        places.push((value, Place { results }));
+    }
+    places
+}
+
+fn chart(picture: &Picture<'_>, column: &Column) -> Drawing {
+    let mut places = places(picture, column);
+    let position = |value: &String| {
+        let at = column.texts.iter().position(|text| text == value)?;
+        column.numbers.as_ref().map(|numbers| numbers[at])
+    };
+    let numeric = column.numbers.is_some();
+    if numeric {
+        places.sort_by(|a, b| f64::total_cmp(&position(a.0).unwrap_or(0.0), &position(b.0).unwrap_or(0.0)));
+    }
+    let xs: Vec<f64> = places
+        .iter()
+        .enumerate()
+        .map(|(at, (value, _))| position(value).unwrap_or(at as f64))
+        .collect();
+    let middle = |at: usize, other: usize| (xs[at] + xs[other]) / 2.0;
+    let bands = places.iter().enumerate().map(|(at, (_, place))| Band {
+        from: if at == 0 { xs[0] } else { middle(at, at - 1) },
+        to: if at + 1 == xs.len() { xs[at] } else { middle(at, at + 1) },
+        shade: place.shade(),
+    });
+    let curve = |name: &str, of: &dyn Fn(&PointResult) -> Option<f64>| Curve {
+        name: name.to_owned(),
+        points: xs
+            .iter()
+            .zip(&places)
+            .map(|(x, (_, place))| [*x, place.worst(of).unwrap_or(f64::NAN)])
+            .collect(),
+    };
+    let first = picture
+        .results
+        .iter()
+        .flatten()
+        .find_map(|result| result.figures.as_ref());
+    let criteria = first.map_or(&[][..], |figures| &figures.criteria);
+    let (mut curves, mut limits, y_label);
+    if let Some(figure) = picture.figure {
+        let (name, unit) = split_unit(figure);
+        y_label = if unit.is_empty() {
+            name.replace('_', " ")
+        } else {
+            format!("{} [{unit}]", name.replace('_', " "))
+        };
+        curves = vec![curve("", &|result| figure_value(result, figure))];
+        // a criterion may count in other units than the figure
+        limits = Vec::new();
+        if let Some(criterion) = criteria.iter().find(|criterion| criterion.name == name)
+            && let (Some(value), Some(own)) = (
+                criterion.value,
+                first.and_then(|f| f.numbers.iter().find(|(n, _)| n == figure)?.1),
+            )
+            && value != 0.0
+        {
+            limits.push(Limit {
+                value: criterion.limit * own / value,
+                name: format!("limit {} {}", short(criterion.limit), criterion.unit),
+            });
+        }
+    } else {
+        y_label = "part of the limit".to_owned();
+        limits = vec![Limit {
+            value: 1.0,
+            name: "limit".into(),
+        }];
+        curves = Vec::new();
+        for criterion in criteria.iter().filter(|criterion| criterion.limit > 0.0) {
+            let name = criterion.name.replace('_', " ");
+            let name = format!("{name} (limit {} {})", short(criterion.limit), criterion.unit);
+            curves.push(curve(&name, &|result| {
+                let judged = &result.figures.as_ref()?.criteria;
+                let own = judged.iter().find(|own| own.name == criterion.name)?;
+                Some(own.value? / own.limit)
+            }));
+        }
+    }
+    let values = || {
+        curves
+            .iter()
+            .flat_map(|curve| &curve.points)
+            .map(|point| point[1])
+            .filter(|y| *y > 0.0)
+    };
+    let spread = values().fold(0.0, f64::max) / values().fold(f64::INFINITY, f64::min);
+    Chart {
+        title: format!("{}: green where captured", picture.title),
+        x_label: label(column),
+        y_label,
+        x_names: if numeric {
+            Vec::new()
+        } else {
+            places.iter().map(|(value, _)| (*value).clone()).collect()
+        },
+        logarithmic: spread > 30.0,
+        bands: bands.collect(),
+        curves,
+        limits,
+    }
+    .drawing()
+}
+
+fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
+    let (across, down) = (in_order(x), in_order(y));
+    let mut places = vec![Place::default(); across.len() * down.len()];
+    for (at, result) in picture.results.iter().enumerate() {
+        let column = across.iter().position(|value| **value == x.texts[at]).unwrap_or(0);
+        let row = down.iter().position(|value| **value == y.texts[at]).unwrap_or(0);
+        places[row * across.len() + column].results.push(result.as_ref());
+    }
+    let of = |result: &PointResult| figure_value(result, picture.figure?);
+    let worst: Vec<Option<f64>> = places.iter().map(|place| place.worst(of)).collect();
+    let good = |at: &usize| matches!(places[*at].shade(), Shade::Good(_));
+    let captured: Vec<f64> = (0..places.len())
+        .filter(good)
+        .filter_map(|at| worst[at])
+        .filter(|v| *v > 0.0)
+        .collect();
+    let (low, high) = (
+        captured.iter().copied().fold(f64::INFINITY, f64::min),
+        captured.iter().copied().fold(0.0, f64::max),
+    );
+    let part = |value: f64| {
+        if high > low && value > 0.0 {
+            ((value / low).ln() / (high / low).ln()) as f32
+        } else {
+            0.0
+        }
+    };
+    let folded = places.iter().any(|place| place.results.len() > 1);
+    let cells = places.iter().zip(&worst).map(|(place, worst)| MapCell {
+        shade: match place.shade() {
+            Shade::Good(_) => Shade::Good(worst.map_or(0.0, part)),
+            other => other,
+        },
+        text: match (place.shade(), worst) {
+            (Shade::Unknown, _) => String::new(),
+            (Shade::Broken, _) => "!".to_owned(),
+            _ if folded => {
+                let good = place
+                    .results
+                    .iter()
+                    .flatten()
+                    .filter(|result| result.outcome == Outcome::Captured);
+                format!("{}/{}", good.count(), place.results.len())
+            }
+            (_, Some(worst)) => short(*worst),
+            (_, None) => String::new(),
+        },
+    });
+    let mut legend = Vec::new();
+    let shown = picture.figure.map(|figure| {
+        let (name, unit) = split_unit(figure);
+        (name.replace('_', " "), unit)
+    });
+    match &shown {
+        Some((name, unit)) if !captured.is_empty() => {
+            legend.push((
+                Some(Shade::Good(0.0)),
+                format!("captured, {name} {} {unit}", short(low)),
+            ));
+            legend.push((
+                Some(Shade::Good(1.0)),
+                format!("captured, {name} {} {unit}", short(high)),
+            ));
+        }
+        _ => legend.push((Some(Shade::Good(0.0)), "captured".to_owned())),
+    }
+    legend.push((Some(Shade::Bad), "ran, not captured".to_owned()));
+    if places.iter().any(|place| place.shade() == Shade::Broken) {
+        legend.push((Some(Shade::Broken), "did not run to its end".to_owned()));
+    }
+    match &shown {
+        _ if folded => legend.push((None, "numbers: how many of the points of a place captured".to_owned())),
+        Some((name, unit)) => legend.push((
+            None,
+            format!("numbers: {name} [{}]", if unit.is_empty() { "1" } else { unit }),
+        )),
+        None => {}
+    }
+    Map {
+        title: picture.title.to_owned(),
+        x_label: label(x),
+        y_label: label(y),
+        columns: across.iter().map(|value| bare(x, value)).collect(),
+        rows: down.iter().map(|value| bare(y, value)).collect(),
+        cells: cells.collect(),
+        legend,
+    }
+    .drawing()
+}
+
+/// The values of a column: numbers by size, texts as they come.
+fn in_order(column: &Column) -> Vec<&String> {
+    let mut values: Vec<(usize, &String)> = distinct(&column.texts)
+        .into_iter()
+        .map(|value| (column.texts.iter().position(|text| text == value).unwrap_or(0), value))
+        .collect();
+    if let Some(numbers) = &column.numbers {
+        values.sort_by(|a, b| f64::total_cmp(&numbers[a.0], &numbers[b.0]));
+    }
+    values.into_iter().map(|(_, value)| value).collect()
+}
+
+/// The value without its unit, which the axis has.
+fn bare(column: &Column, value: &str) -> String {
+    if column.unit.is_empty() {
+        value.to_owned()
+    } else {
+        value.strip_suffix(&column.unit).unwrap_or(value).trim().to_owned()
+    }
+}

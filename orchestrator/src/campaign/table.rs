@@ -1,0 +1,117 @@
+//! The table: a row per point, with what was varied, what became of it, and every figure of merit.
+
+use recorder::export::{Cells, Sheet, SheetColumn};
+use recorder::report::split_unit;
+
+use super::point::{Figures, Result as PointResult};
+use super::{Campaign, CampaignError};
+
+/// The table of a campaign. Points that were not run have empty cells.
+pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
+    let mut columns = vec![SheetColumn {
+        name: "point".into(),
+        unit: String::new(),
+        cells: Cells::Whole((1..=results.len() as i64).collect()),
+    }];
+    for column in &campaign.columns {
+        let cells = match &column.numbers {
+            Some(numbers) => Cells::Number(numbers.iter().copied().map(Some).collect()),
+            None => Cells::Text(column.texts.iter().cloned().map(Some).collect()),
+        };
+        columns.push(SheetColumn {
+            name: column.name.clone(),
+            unit: column.unit.clone(),
+            cells,
+        });
+    }
+    let text = |name: &str, of: &dyn Fn(&PointResult) -> Option<String>| SheetColumn {
+        name: name.into(),
+        unit: String::new(),
+        cells: Cells::Text(results.iter().map(|result| result.as_ref().and_then(of)).collect()),
+    };
+    columns.push(text("outcome", &|result| Some(result.outcome.word().to_owned())));
+    columns.push(text("reason", &|result| result.reason.clone()));
+    for name in names(results) {
+        let cells = results.iter().map(|result| {
+            let figures = result.as_ref()?.figures.as_ref()?;
+            value(figures, &name)
+        });
+        let (stem, element) = name.split_once('[').unwrap_or((&name, ""));
+        let (short, unit) = split_unit(stem);
+        columns.push(SheetColumn {
+            name: if element.is_empty() {
+                short.to_owned()
+            } else {
+                format!("{short}[{element}")
+            },
+            unit: unit.to_owned(),
+            cells: Cells::Number(cells.collect()),
+        });
+    }
+    columns.push(text("tape", &|result| result.tape.clone()));
+    Sheet {
+        columns,
+        about: vec![("escapement.scenario", campaign.scenario.display().to_string())],
+    }
+}
+
+fn value(figures: &Figures, name: &str) -> Option<f64> {
+    figures.numbers.iter().find(|(known, _)| known == name)?.1
+}
+
+/// All figures that any point has: those with a criterion first, the others by name.
+fn names(results: &[Option<PointResult>]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    // every point of one scenario has the same figures
+    if let Some(figures) = results.iter().flatten().find_map(|result| result.figures.as_ref()) {
+        for criterion in &figures.criteria {
+            let found = figures
+                .numbers
+                .iter()
+                .find(|(name, _)| split_unit(name).0 == criterion.name);
+            names.extend(found.map(|(name, _)| name.clone()));
+        }
+        names.extend(figures.numbers.iter().map(|(name, _)| name.clone()));
+    }
+    let mut seen = std::collections::BTreeSet::new();
+    names.retain(|name| seen.insert(name.clone()));
+    names
+}
+
+/// The figure that the user calls `name`, with or without its unit: its name with unit.
+///
+/// # Errors
+/// Names those that there are.
+pub fn figure_of(name: &str, known: &[String]) -> Result<String, CampaignError> {
+    let wanted = name.replace([' ', '-'], "_");
+    let found = known
+        .iter()
+        .find(|known| **known == wanted || split_unit(known).0 == wanted);
+    found.cloned().ok_or_else(|| CampaignError::Figure {
+        name: name.to_owned(),
+        known: if known.is_empty() {
+            "none: the scenario has no table `assessment`".to_owned()
+        } else {
+            let stems: Vec<&str> = known.iter().map(|name| split_unit(name).0).collect();
+            stems.join(", ")
+        },
+    })
+}
+
+/// The figure called `name` of a point.
+pub fn figure_value(result: &PointResult, name: &str) -> Option<f64> {
+    value(result.figures.as_ref()?, name)
+}
+
+/// Three significant digits.
+pub fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let power = value.abs().log10().floor() as i32;
+    if (-3..=5).contains(&power) {
+        format!("{value:.*}", usize::try_from(2 - power).unwrap_or(0))
+    } else {
+        format!("{value:.2e}")
+    }
+}

@@ -1,0 +1,178 @@
+//! A campaign in words: counts, stretches, quantiles, and a map of letters.
+
+use super::Column;
+use super::point::{Outcome, Result as PointResult};
+
+/// `84 points: 61 captured, 23 not, 0 without a result`
+pub fn verdicts(results: &[Option<PointResult>]) -> String {
+    let all = [
+        (Outcome::Captured, "captured"),
+        (Outcome::NotCaptured, "not captured"),
+        (Outcome::Complete, "complete"),
+        (Outcome::Refused, "refused"),
+        (Outcome::Failed, "failed"),
+        (Outcome::Crashed, "crashed"),
+    ];
+    let mut parts: Vec<String> = Vec::new();
+    for (outcome, word) in all {
+        let count = results
+            .iter()
+            .flatten()
+            .filter(|result| result.outcome == outcome)
+            .count();
+        if count > 0 {
+            parts.push(format!("{count} {word}"));
+        }
+    }
+    let missing = results.iter().filter(|result| result.is_none()).count();
+    if missing > 0 {
+        parts.push(format!("{missing} not run"));
+    }
+    let plural = if results.len() == 1 { "" } else { "s" };
+    format!("{} point{plural}: {}", results.len(), parts.join(", "))
+}
+
+/// The interval that holds a share with 95 % confidence when `good` of `all` draws were good (Wilson's).
+pub fn wilson(good: usize, all: usize) -> (f64, f64) {
+    if all == 0 {
+        return (0.0, 1.0);
+    }
+    let (z, n) = (1.959_963_984_540_054_f64, all as f64);
+    let share = good as f64 / n;
+    let middle = share + z * z / (2.0 * n);
+    let half = z * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
+    let scale = 1.0 + z * z / n;
+    (((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0))
+}
+
+/// Least, median, 95 % and greatest of the values that are there.
+pub fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 4]> {
+    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    // the smallest value that at least this part of the values does not exceed
+    let rank = |part: f64| values[((part * values.len() as f64).ceil() as usize).clamp(1, last + 1) - 1];
+    Some([values[0], rank(0.5), rank(0.95), values[last]])
+}
+
+/// Where capture works along the only thing that is varied: `0 ms to 120 ms, 140 ms`.
+pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> String {
+    let good = |at: usize| {
+        results[at]
+            .as_ref()
+            .is_some_and(|result| result.outcome == Outcome::Captured)
+    };
+    let (mut parts, mut at) = (Vec::new(), 0);
+    while at < results.len() {
+        if !good(at) {
+            at += 1;
+            continue;
+        }
+        let first = at;
+        while at + 1 < results.len() && good(at + 1) {
+            at += 1;
+        }
+        parts.push(if at > first {
+            format!("{} to {}", column.texts[first], column.texts[at])
+        } else {
+            column.texts[first].clone()
+        });
+        at += 1;
+    }
+    if parts.is_empty() {
+        "nowhere".into()
+    } else {
+        parts.join(", ")
+    }
+}
+
+/// A map over two columns, the second from top to bottom: `#` captured, `.` not, `!` no result, `?` not run.
+pub fn map(columns: &[Column], results: &[Option<PointResult>]) -> Option<String> {
+    let [first, second] = columns else { return None };
+    let across: Vec<&String> = distinct(&first.texts);
+    let down: Vec<&String> = distinct(&second.texts);
+    if across.len() * down.len() != results.len() || across.len() > 120 || down.len() > 60 {
+        return None;
+    }
+    let width = down.iter().map(|text| text.chars().count()).max().unwrap_or(0);
+    let mut out = String::new();
+    for (row, name) in down.iter().enumerate() {
+        let letters: String = (0..across.len())
+            .map(|column| match &results[column * down.len() + row] {
+                Some(result) if result.outcome == Outcome::Captured => '#',
+                Some(result) if result.outcome.ran() => '.',
+                Some(_) => '!',
+                None => '?',
+            })
+            .collect();
+        out += &format!("  {name:>width$} {letters}\n");
+    }
+    let (from, to) = (across.first()?, across.last()?);
+    out += &format!(
+        "  {:>width$} {} from {from} to {to} (# captured, . not, ! no result)",
+        "", first.name
+    );
+    Some(out)
+}
+
+/// The values of a column in the order in which they come first.
+pub fn distinct(texts: &[String]) -> Vec<&String> {
+    let mut seen = std::collections::BTreeSet::new();
+    texts.iter().filter(|text| seen.insert(*text)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn results(letters: &str) -> Vec<Option<PointResult>> {
+        let outcome = |letter| match letter {
+            '#' => Some(Outcome::Captured),
+            '.' => Some(Outcome::NotCaptured),
+            '!' => Some(Outcome::Failed),
+            _ => None,
+        };
+        letters
+            .chars()
+            .map(|letter| Some(PointResult::without(outcome(letter)?, "")))
+            .collect()
+    }
+
+    fn column(name: &str, texts: &[&str]) -> Column {
+        Column {
+            name: name.into(),
+            unit: String::new(),
+            texts: texts.iter().map(|text| (*text).to_owned()).collect(),
+            numbers: None,
+        }
+    }
+
+    #[test]
+    fn stretches_are_those_that_capture() {
+        let delays = column("d", &["0", "1", "2", "3", "4"]);
+        assert_eq!(stretches(&delays, &results("##.#!")), "0 to 1, 3");
+        assert_eq!(stretches(&delays, &results("....?")), "nowhere");
+    }
+
+    #[test]
+    fn a_map_has_a_line_for_each_value_of_the_second_column() {
+        let columns = [
+            column("d", &["0", "0", "1", "1", "2", "2"]),
+            column("p", &["5", "50", "5", "50", "5", "50"]),
+        ];
+        let map = map(&columns, &results("#.#!?.")).unwrap();
+        assert!(map.starts_with("   5 ##?\n  50 .!.\n"), "{map}");
+    }
+
+    #[test]
+    fn shares_and_quantiles() {
+        let (low, high) = wilson(97, 100);
+        // Wilson's interval for 97 of 100, from the closed form: 0.9155 to 0.9897
+        assert!(
+            (low - 0.9155).abs() < 1e-4 && (high - 0.9897).abs() < 1e-4,
+            "{low} {high}"
+        );
+        assert_eq!(quantiles((1..=100).map(f64::from)), Some([1.0, 50.0, 95.0, 100.0]));
+        assert_eq!(quantiles([f64::NAN].into_iter()), None);
+    }
+}

@@ -1,0 +1,155 @@
+//! `orchestrator faults SCENARIO`
+
+use std::path::PathBuf;
+
+use clap::Args;
+use lockstep::time::Rational;
+
+use super::sweep::{CampaignArgs, code, json, known_figures, told, write};
+use crate::campaign::{self, Campaign, CampaignError, Finished, Kind};
+use crate::cli::ScenarioArgs;
+use crate::scenario::Scenario;
+
+/// Run a scenario with one failure after the other, and say which still capture.
+///
+/// With --cases the failures are those of a file: a list of [[case]] with a name and what it changes (docs/campaigns.md).
+/// Without it they are all single failures of the stock plant's actuators: each wheel stuck, off and at half effectiveness, each
+/// thruster off and on, the two of each direction off and on, each joint locked and free.
+///
+/// Exit codes: 0 all points ran, captured or not; 1 a point did not run to its end, or the campaign was stopped; 2 the scenario,
+/// the list or the folder is wrong, nothing was run.
+#[derive(Debug, Args)]
+pub struct FaultsArgs {
+    /// The scenario
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
+    /// A file with the cases
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "informed"])]
+    pub cases: Option<PathBuf>,
+    /// Let every failure begin at this time as well as at the start, such as 12s (may be given more than once)
+    #[arg(long, value_name = "TIME")]
+    pub at: Vec<Rational>,
+    /// Run wheel and joint failures once more with a control law that knows of them: thruster couples help the wheels, a joint
+    /// that has failed gets no weight
+    #[arg(long)]
+    pub informed: bool,
+    /// Print the table as Markdown, for a page
+    #[arg(long, conflicts_with = "json")]
+    pub markdown: bool,
+    /// Everything about how the points are run
+    #[command(flatten)]
+    pub campaign: CampaignArgs,
+}
+
+/// Runs the cases and reports.
+pub fn run(args: &FaultsArgs) -> anyhow::Result<i32> {
+    match faults(args) {
+        Ok(code) => Ok(code),
+        Err(error) => {
+            eprintln!("error: {error}");
+            Ok(error.exit_code())
+        }
+    }
+}
+
+fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
+    let overrides = args.scenario.overrides();
+    let file = &args.scenario.scenario;
+    let scenario = Scenario::read(file, &overrides)?;
+    let cases = match &args.cases {
+        Some(list) => campaign::cases_from_file(list, &scenario)?,
+        None => campaign::every_actuator(&scenario, file, &args.at, args.informed)?,
+    };
+    let campaign = Campaign {
+        kind: Kind::Faults,
+        scenario: file.clone(),
+        overrides,
+        columns: cases.columns,
+        points: cases.points,
+    };
+    known_figures(&campaign)?;
+    let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;
+    let files = write(&campaign, &finished, None)?;
+    if args.campaign.json {
+        println!("{}", json(&campaign, &finished, &files));
+    } else if args.markdown {
+        print!("{}", table(&campaign, &finished, true));
+    } else if !args.campaign.quiet {
+        for title in [&scenario.title, &cases.title] {
+            if !title.is_empty() {
+                println!("{title}");
+            }
+        }
+        println!("{}", campaign::verdicts(&finished.results));
+        print!("{}", table(&campaign, &finished, false));
+        told(&finished, &files);
+    }
+    Ok(code(&finished))
+}
+
+/// A line per case: what it is, what became of it, and what it was judged by.
+fn table(campaign: &Campaign, finished: &Finished, markdown: bool) -> String {
+    let judged = finished
+        .results
+        .iter()
+        .flatten()
+        .find_map(|result| result.figures.as_ref());
+    let criteria = judged.map_or(&[][..], |figures| &figures.criteria);
+    let mut lines = vec![{
+        let mut line: Vec<String> = campaign.columns.iter().map(|column| column.name.clone()).collect();
+        line.push("outcome".into());
+        line.extend(criteria.iter().map(|criterion| {
+            let unit = if criterion.unit == "1" {
+                String::new()
+            } else {
+                format!(" [{}]", criterion.unit)
+            };
+            criterion.name.replace('_', " ") + &unit
+        }));
+        line
+    }];
+    for (at, result) in finished.results.iter().enumerate() {
+        let mut line: Vec<String> = campaign.columns.iter().map(|column| column.texts[at].clone()).collect();
+        line.push(
+            result
+                .as_ref()
+                .map_or("not run", |result| result.outcome.word())
+                .to_owned(),
+        );
+        let own = result.as_ref().and_then(|result| result.figures.as_ref());
+        for (number, _) in criteria.iter().enumerate() {
+            let value = own.and_then(|figures| figures.criteria.get(number)?.value);
+            line.push(value.map_or(String::new(), campaign::short));
+        }
+        if own.is_none() {
+            line.extend(result.as_ref().and_then(|result| result.reason.clone()));
+        }
+        lines.push(line);
+    }
+    let columns = lines[0].len();
+    let width = |column: usize| {
+        lines
+            .iter()
+            .filter_map(|line| line.get(column))
+            .map(|cell| cell.chars().count())
+            .max()
+    };
+    let widths: Vec<usize> = (0..columns).map(|column| width(column).unwrap_or(0)).collect();
+    let mut out = String::new();
+    for (number, line) in lines.iter().enumerate() {
+        if markdown {
+            out += &format!("| {} |\n", line.join(" | "));
+            if number == 0 {
+                out += &format!("|{}\n", "---|".repeat(columns));
+            }
+        } else {
+            let cells = line.iter().enumerate().map(|(at, cell)| match widths.get(at) {
+                Some(width) => format!("{cell:<width$}"),
+                None => cell.clone(),
+            });
+            out += cells.collect::<Vec<_>>().join("  ").trim_end();
+            out.push('\n');
+        }
+    }
+    out
+}

@@ -1,0 +1,315 @@
+//! `orchestrator sweep SCENARIO --vary KEY=VALUES`
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::campaign::{self, Axis, Campaign, CampaignError, Finished, Kind, Options, Picture};
+use crate::cli::ScenarioArgs;
+use crate::run::check;
+use crate::scenario::Scenario;
+
+/// Run a scenario over a grid of values, and make one table and a picture.
+///
+/// Values are a list (5ms,10ms), a range with both ends (0ms..200ms:10ms), whole numbers (seed=1..100) or texts
+/// (participants.controller.parameters.law=hierarchical,reference). Several --vary make all combinations.
+///
+/// Each point runs in a worker process without a tape; a point that is refused, fails or crashes is a row of the table with the
+/// reason. The table does not depend on the number of workers. The same command again goes on where an interrupted sweep was.
+///
+/// Exit codes: 0 all points ran, captured or not; 1 a point did not run to its end, or the sweep was stopped; 2 the scenario, the
+/// grid or the folder is wrong, nothing was run.
+#[derive(Debug, Args)]
+pub struct SweepArgs {
+    /// The scenario
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
+    /// A key of the scenario and its values, such as connections.measured.delay=0ms..200ms:10ms (may be given more than once)
+    #[arg(long, value_name = "KEY.PATH=VALUES")]
+    pub vary: Vec<String>,
+    /// So many seeds from the scenario's on: the same as --vary seed=FIRST..LAST
+    #[arg(long, value_name = "COUNT")]
+    pub seeds: Option<u64>,
+    /// The figure of merit that the picture and the quantiles show, such as position_error_at_grasp
+    #[arg(long, value_name = "NAME")]
+    pub figure: Option<String>,
+    /// Everything about how the points are run
+    #[command(flatten)]
+    pub campaign: CampaignArgs,
+}
+
+/// What all campaigns take.
+#[derive(Debug, Args)]
+pub struct CampaignArgs {
+    /// The folder for table, picture and journal; one that is named after the scenario and the points when not given
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// Processes that work side by side; one a core when not given
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub workers: Option<u16>,
+    /// Keep the run folder of every point, tape and all
+    #[arg(long)]
+    pub keep: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// No progress line and no summary
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+impl CampaignArgs {
+    /// For the campaign.
+    pub fn options(&self) -> Options {
+        Options {
+            out: self.out.clone(),
+            workers: self.workers.map(usize::from),
+            keep: self.keep,
+            quiet: self.quiet,
+        }
+    }
+}
+
+/// Runs the grid and reports.
+pub fn run(args: &SweepArgs) -> anyhow::Result<i32> {
+    match sweep(args) {
+        Ok(code) => Ok(code),
+        Err(error) => {
+            eprintln!("error: {error}");
+            Ok(error.exit_code())
+        }
+    }
+}
+
+fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
+    let overrides = args.scenario.overrides();
+    let scenario = Scenario::read(&args.scenario.scenario, &overrides)?;
+    let mut axes: Vec<Axis> = args.vary.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
+    if let Some(count) = args.seeds {
+        axes.push(campaign::range_of_seeds(scenario.seed, count)?);
+    }
+    let grid_error = |text: &str, reason: &str| campaign::GridError {
+        text: text.to_owned(),
+        reason: reason.to_owned(),
+    };
+    if axes.is_empty() {
+        let reason = "is missing: say what to vary, such as connections.measured.delay=0ms..200ms:10ms";
+        return Err(grid_error("KEY.PATH=VALUES", reason).into());
+    }
+    for axis in &axes {
+        let fixed = overrides
+            .iter()
+            .find(|one| one.split('=').next().map(str::trim) == Some(&*axis.key));
+        // --seeds starts from the scenario's seed, given or not
+        if fixed.is_some() && !(axis.key == "seed" && args.seeds.is_some()) {
+            return Err(grid_error(&axis.key, "is given with --set or an option as well: vary it or fix it").into());
+        }
+    }
+    let (columns, points) = campaign::grid(&axes)?;
+    let campaign = Campaign {
+        kind: Kind::Sweep,
+        scenario: args.scenario.scenario.clone(),
+        overrides,
+        columns,
+        points,
+    };
+    let figures = known_figures(&campaign)?;
+    let figure = match &args.figure {
+        Some(name) => Some(campaign::figure_of(name, &figures)?),
+        None => None,
+    };
+    let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;
+    let shown = figure.clone().or_else(|| default_figure(&figures));
+    let varied = campaign.columns.iter().filter(|column| column.name != "seed").count();
+    let picture = Picture {
+        title: if scenario.title.is_empty() {
+            &scenario.name
+        } else {
+            &scenario.title
+        },
+        columns: &campaign.columns,
+        results: &finished.results,
+        // over one key all criteria are shown, unless the user asks for one figure
+        figure: if varied > 1 {
+            shown.as_deref()
+        } else {
+            figure.as_deref()
+        },
+    };
+    let pictures = write(&campaign, &finished, Some(&picture))?;
+    if args.campaign.json {
+        println!("{}", json(&campaign, &finished, &pictures));
+    } else if !args.campaign.quiet {
+        print(&scenario, &campaign, &finished, shown.as_deref(), &pictures);
+    }
+    Ok(code(&finished))
+}
+
+/// The exit code: whether all points ran.
+pub fn code(finished: &Finished) -> i32 {
+    if finished.interrupted {
+        eprintln!(
+            "interrupted: {} of {} points are complete; the same command goes on from there",
+            finished.results.iter().flatten().count(),
+            finished.results.len()
+        );
+    }
+    i32::from(!finished.all_ran())
+}
+
+/// Checks the first point with everything but launch, and says which figures of merit there are.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn known_figures(campaign: &Campaign) -> Result<Vec<String>, CampaignError> {
+    let Some(first) = campaign.points.first() else {
+        return Ok(Vec::new());
+    };
+    let changes = [campaign.overrides.as_slice(), first].concat();
+    let scenario = Scenario::read(&campaign.scenario, &changes)?;
+    let known = check(&scenario)?;
+    Ok(campaign::figures_of(&scenario, &known.plan))
+}
+
+/// What is shown unless the user says: the first thing that the run is judged by.
+pub fn default_figure(figures: &[String]) -> Option<String> {
+    let wanted = figures.iter().find(|name| name.starts_with("position_error_at_grasp"));
+    wanted.or(figures.first()).cloned()
+}
+
+/// Writes table and picture; gives the files.
+pub fn write(
+    campaign: &Campaign,
+    finished: &Finished,
+    picture: Option<&Picture<'_>>,
+) -> Result<Vec<PathBuf>, CampaignError> {
+    let sheet = campaign::sheet(campaign, &finished.results);
+    let root = finished.folder.root();
+    let mut files = vec![root.join("table.csv"), root.join("table.parquet")];
+    sheet.csv(&files[0])?;
+    sheet.parquet(&files[1])?;
+    if let Some(drawing) = picture.and_then(campaign::draw) {
+        files.push(finished.folder.write("figure.svg", recorder::figures::svg(&drawing))?);
+        if let Some(png) = recorder::figures::png(&drawing, 2.5) {
+            files.push(finished.folder.write("figure.png", png)?);
+        }
+    }
+    Ok(files)
+}
+
+/// The campaign as JSON: counts, files, and every row.
+pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serde_json::Value {
+    let rows = finished.results.iter().enumerate().map(|(at, result)| {
+        let values = campaign.columns.iter().map(|column| {
+            let value = match &column.numbers {
+                Some(numbers) => serde_json::json!(numbers[at]),
+                None => serde_json::json!(column.texts[at]),
+            };
+            (column.name.clone(), value)
+        });
+        let figures = result.as_ref().and_then(|result| result.figures.as_ref());
+        let figures = figures.map(|figures| {
+            figures
+                .numbers
+                .iter()
+                .cloned()
+                .collect::<std::collections::BTreeMap<_, _>>()
+        });
+        serde_json::json!({
+            "point": at + 1,
+            "values": values.collect::<serde_json::Map<_, _>>(),
+            "outcome": result.as_ref().map(|result| result.outcome.word()),
+            "reason": result.as_ref().and_then(|result| result.reason.clone()),
+            "figures": figures,
+            "tape_digest": result.as_ref().and_then(|result| result.tape.clone()),
+        })
+    });
+    let count = |outcome| finished.count(outcome);
+    serde_json::json!({
+        "folder": finished.folder.root(),
+        "files": files,
+        "points": finished.results.len(),
+        "captured": count(campaign::Outcome::Captured),
+        "not_captured": count(campaign::Outcome::NotCaptured),
+        "complete": count(campaign::Outcome::Complete),
+        "refused": count(campaign::Outcome::Refused),
+        "failed": count(campaign::Outcome::Failed),
+        "crashed": count(campaign::Outcome::Crashed),
+        "interrupted": finished.interrupted,
+        "rows": rows.collect::<Vec<_>>(),
+    })
+}
+
+fn print(scenario: &Scenario, campaign: &Campaign, finished: &Finished, figure: Option<&str>, files: &[PathBuf]) {
+    if !scenario.title.is_empty() {
+        println!("{}", scenario.title);
+    }
+    println!("{}", campaign::verdicts(&finished.results));
+    if campaign.columns.iter().any(|column| column.name == "seed") {
+        let ran = finished
+            .results
+            .iter()
+            .flatten()
+            .filter(|result| result.outcome.ran())
+            .count();
+        let good = finished.count(campaign::Outcome::Captured);
+        let (low, high) = campaign::wilson(good, ran);
+        println!(
+            "  captured {good} of {ran}: a share of {:.1} % to {:.1} % with 95 % confidence",
+            100.0 * low,
+            100.0 * high
+        );
+    }
+    if let Some(name) = figure {
+        let values = finished
+            .results
+            .iter()
+            .flatten()
+            .filter_map(|result| campaign::figure_value(result, name));
+        if let Some([least, median, most, greatest]) = campaign::quantiles(values) {
+            let (name, unit) = recorder::report::split_unit(name);
+            let [least, median, most, greatest] = [least, median, most, greatest].map(campaign::short);
+            println!(
+                "  {}: {least} to {greatest} {unit}, median {median}, 95 % up to {most}",
+                name.replace('_', " ")
+            );
+        }
+    }
+    if let [column] = &campaign.columns[..]
+        && column.name != "seed"
+    {
+        println!(
+            "  captured at {}: {}",
+            column.name,
+            campaign::stretches(column, &finished.results)
+        );
+    }
+    if let Some(map) = campaign::map(&campaign.columns, &finished.results) {
+        println!("{map}");
+    }
+    for (at, result) in finished.results.iter().enumerate() {
+        if let Some(result) = result.as_ref().filter(|result| !result.outcome.ran()) {
+            let values: Vec<&str> = campaign
+                .columns
+                .iter()
+                .map(|column| column.texts[at].as_str())
+                .collect();
+            let reason = result.reason.as_deref().unwrap_or_default();
+            println!("  {} at {}: {reason}", result.outcome.word(), values.join(", "));
+        }
+    }
+    told(finished, files);
+}
+
+/// Time and files.
+pub fn told(finished: &Finished, files: &[PathBuf]) {
+    let before = if finished.resumed > 0 {
+        format!(" ({} were there)", finished.resumed)
+    } else {
+        String::new()
+    };
+    println!("{:.1} s{before}", finished.wall_s);
+    for file in files {
+        println!("{}", file.display());
+    }
+}

@@ -1,0 +1,393 @@
+//! Campaigns: figures that are those of single runs, tables that depend on nothing but the points, and points that go wrong alone.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use escapement_tests::machine::processes_of;
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, start};
+use escapement_tests::world::oscillator;
+use serde_json::Value;
+
+const CLOSE: &str = "scenarios/close.toml";
+const DELAYS: &str = "connections.measured.delay=0ms,10ms,60ms";
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("paths of tests are text")
+}
+
+/// `sweep` of the close capture with `more`, into `out`.
+fn sweep(out: &Path, more: &[&str]) -> Said {
+    orchestrate(&[&["sweep", CLOSE, "--out", text(out)], more].concat())
+}
+
+fn files(folder: &Path) -> Vec<Vec<u8>> {
+    ["table.csv", "table.parquet", "figure.svg", "figure.png"]
+        .iter()
+        .map(|name| std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}")))
+        .collect()
+}
+
+/// Waits until `there`, looking every few milliseconds; gives up after two minutes.
+fn until(mut there: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !there() {
+        assert!(started.elapsed() < Duration::from_secs(120), "it never happens");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
+    let folder = Folder::new("digits");
+    let out = |name: &str| folder.path().join(name);
+    let said = sweep(
+        &out("sweep"),
+        &["--vary", "connections.measured.delay=0ms,10ms", "--json"],
+    );
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let swept = said.json();
+    let kept = sweep(
+        &out("kept"),
+        &["--vary", "connections.measured.delay=0ms,10ms", "--json", "--keep"],
+    )
+    .json();
+    for (number, delay) in ["0 ms", "10 ms"].iter().enumerate() {
+        let delay = format!("connections.measured.delay={delay}");
+        for mode in [&[][..], &["--in-process"]] {
+            let run = out(&format!("run-{number}-{}", mode.len()));
+            let arguments = [&["run", CLOSE, "--json", "--set", &delay, "--out", text(&run)], mode].concat();
+            let single = orchestrate(&arguments).json();
+            let row = &swept["rows"][number];
+            assert_eq!(row["tape_digest"], single["tape_digest"]);
+            assert_eq!(row["outcome"], "captured");
+            let figures = row["figures"].as_object().unwrap();
+            assert!(figures.len() > 50);
+            for (name, value) in figures {
+                let own = match name.split_once('[') {
+                    None => &single[name],
+                    Some((list, at)) => &single[list][at.trim_end_matches(']').parse::<usize>().unwrap()],
+                };
+                // whether the gripper has closed counts as 0 or 1
+                let own = own
+                    .as_bool()
+                    .map_or(own.clone(), |yes| Value::from(f64::from(u8::from(yes))));
+                // as numbers, and so to the last bit
+                assert_eq!(value.as_f64(), own.as_f64(), "{name}");
+            }
+        }
+        assert_eq!(kept["rows"][number]["figures"], swept["rows"][number]["figures"]);
+        let run = out("kept").join(format!("runs/0000{}", number + 1));
+        let summary: Value = serde_json::from_slice(&std::fs::read(run.join("summary.json")).unwrap()).unwrap();
+        assert_eq!(summary["tape_digest"], swept["rows"][number]["tape_digest"]);
+        assert!(run.join("tape/plant.truth.bin").exists());
+    }
+    assert!(
+        !out("sweep").join("runs").exists(),
+        "tapes are not kept unless asked for"
+    );
+}
+
+#[test]
+fn the_table_does_not_depend_on_the_number_of_workers_or_on_interruptions() {
+    let folder = Folder::new("workers");
+    let out = |name: &str| folder.path().join(name);
+    let vary = [
+        "--vary",
+        DELAYS,
+        "--vary",
+        "participants.controller.period=10ms,20ms",
+        "--quiet",
+    ];
+    for (name, workers) in [("one", "1"), ("three", "3")] {
+        let said = sweep(&out(name), &[&vary[..], &["--workers", workers]].concat());
+        assert_eq!((said.code, said.out.as_str()), (Some(0), ""), "{said:?}");
+    }
+    assert_eq!(files(&out("one")), files(&out("three")));
+
+    // interrupted after its first result, and once more killed outright
+    let stopped = out("stopped");
+    let arguments = [&["sweep", CLOSE, "--out", text(&stopped), "--workers", "1"], &vary[..]].concat();
+    let lines = || {
+        let journal = std::fs::read(stopped.join("results.jsonl")).unwrap_or_default();
+        journal.iter().filter(|byte| **byte == b'\n').count()
+    };
+    for (signal, code) in [("-INT", Some(1)), ("-KILL", None)] {
+        let before = lines();
+        let child = start(&arguments);
+        until(|| lines() > before);
+        let killed = Command::new("kill")
+            .args([signal, &child.id().to_string()])
+            .status()
+            .unwrap();
+        assert!(killed.success());
+        let said = finish(child);
+        assert_eq!(said.code, code, "{said:?}");
+        assert!(lines() < 6, "it was to be stopped on the way");
+    }
+    until(|| processes_of(&stopped).is_empty());
+    let said = orchestrate(&arguments);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(files(&stopped), files(&out("one")));
+    assert_eq!(lines(), 6, "nothing was run twice");
+}
+
+#[test]
+fn a_point_that_goes_wrong_is_a_row_with_its_reason() {
+    let folder = Folder::new("wrong");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("sweep");
+    let exe = |name: &str| format!("{{ exe = \"{}\" }}", participant(name).display());
+    let vary = format!(
+        "participants.damper.run={},{},{},{}",
+        exe("damper"),
+        exe("panics"),
+        exe("crash_at"),
+        "{ exe = \"/nowhere\" }"
+    );
+    let said = orchestrate(&["sweep", text(&scenario), "--out", text(&out), "--json", "--vary", &vary]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    let rows = said.json()["rows"].clone();
+    let word = |number: usize| rows[number]["outcome"].as_str().unwrap().to_owned();
+    let reason = |number: usize| rows[number]["reason"].as_str().unwrap_or_default().to_owned();
+    assert_eq!(
+        [word(0), word(1), word(2), word(3)],
+        ["complete", "failed", "failed", "refused"]
+    );
+    assert!(reason(1).contains("`damper`"), "{}", reason(1));
+    assert!(reason(2).contains("signal 6"), "{}", reason(2));
+    assert!(reason(3).contains("/nowhere"), "{}", reason(3));
+    assert_eq!(processes_of(folder.path()), Vec::<String>::new());
+}
+
+#[test]
+fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
+    let folder = Folder::new("killed");
+    let out = folder.path().join("sweep");
+    let arguments = [
+        "sweep",
+        CLOSE,
+        "--out",
+        text(&out),
+        "--workers",
+        "1",
+        "--vary",
+        "seed=1..4",
+        "--json",
+    ];
+    let child = start(&arguments);
+    let children = format!("/proc/{0}/task/{0}/children", child.id());
+    let mut worker = String::new();
+    until(|| {
+        worker = std::fs::read_to_string(&children).unwrap_or_default().trim().to_owned();
+        !worker.is_empty() && std::fs::metadata(out.join("results.jsonl")).is_ok_and(|about| about.len() > 0)
+    });
+    assert!(
+        Command::new("kill")
+            .args(["-KILL", &worker])
+            .stderr(Stdio::null())
+            .status()
+            .unwrap()
+            .success()
+    );
+    let said = finish(child);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    let json = said.json();
+    assert_eq!(
+        (json["captured"].as_u64(), json["crashed"].as_u64()),
+        (Some(3), Some(1))
+    );
+    let crashed = json["rows"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|row| row["outcome"] == "crashed")
+        .unwrap();
+    assert!(
+        crashed["reason"].as_str().unwrap().contains("signal 9 (killed)"),
+        "{crashed}"
+    );
+    let again = orchestrate(&arguments);
+    assert_eq!((again.code, again.json()["captured"].as_u64()), (Some(0), Some(4)));
+}
+
+#[test]
+fn a_grid_that_cannot_run_is_refused_before_anything_runs() {
+    let folder = Folder::new("refused-grid");
+    let out = folder.path().join("sweep");
+    for (more, parts) in [
+        (
+            &["--vary", "connections.measured.dealy=1ms"][..],
+            ["dealy", "unknown field"],
+        ),
+        (
+            &["--vary", "participants.controler.period=1ms"],
+            ["controler", "there is `controller`"],
+        ),
+        (
+            &["--vary", "participants.plant.parameters.spede=1"],
+            ["parameters.spede", "unknown field"],
+        ),
+        (
+            &["--vary", "seed=1..1000", "--vary", "duration=1s..1000s:1s"],
+            ["1000 x 1000", "vary less"],
+        ),
+        (
+            &["--vary", "connections.measured.delay=1ms..0ms:1ms"],
+            ["1ms..0ms", "never gets to its end"],
+        ),
+        (&["--vary", "connections.measured.delay="], ["empty value", "5ms,10ms"]),
+        (&[], ["--vary", "what to vary"]),
+        (&["--vary", "seed=1,2", "--seed", "3"], ["seed", "vary it or fix it"]),
+        (
+            &["--vary", "seed=1,2", "--figure", "beauty"],
+            ["`beauty`", "position_error_at_grasp"],
+        ),
+    ] {
+        let said = sweep(&out, more);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        for part in parts {
+            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        }
+        assert_eq!(said.err.matches("error:").count(), 1, "{}", said.err);
+        assert!(!out.exists(), "nothing is written");
+    }
+}
+
+#[test]
+fn a_folder_of_something_else_is_left_alone() {
+    let folder = Folder::new("taken");
+    let out = folder.path().join("sweep");
+    let vary = ["--vary", "seed=1,2", "--duration", "1 s", "--quiet"];
+    assert_eq!(sweep(&out, &vary).code, Some(0));
+    let before = files(&out);
+    let said = sweep(&out, &["--vary", "seed=1,3", "--duration", "1 s"]);
+    assert_eq!(said.code, Some(2));
+    assert!(
+        said.err.contains("another campaign") && said.err.contains("--out"),
+        "{said:?}"
+    );
+    assert_eq!(files(&out), before);
+    let said = sweep(&root().join("docs"), &vary);
+    assert_eq!(said.code, Some(2));
+    assert!(said.err.contains("no campaign's"), "{said:?}");
+}
+
+#[test]
+fn every_failure_of_an_actuator_is_a_case() {
+    let folder = Folder::new("actuators");
+    let out = folder.path().join("faults");
+    // long enough to plan and start; what becomes of each is for the page
+    let arguments = [
+        "faults",
+        CLOSE,
+        "--duration",
+        "20 ms",
+        "--at",
+        "10ms",
+        "--informed",
+        "--quiet",
+        "--out",
+    ];
+    let said = orchestrate(&[&arguments[..], &[text(&out)]].concat());
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let table = std::fs::read_to_string(out.join("table.csv")).unwrap();
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    assert_eq!(
+        lines.next().unwrap()[1..5],
+        ["actuator", "effect", "from", "law informed"]
+    );
+    let rows: Vec<Vec<&str>> = lines.collect();
+    let count = |actuator: &str, effect: &str| {
+        let matches = |row: &&Vec<&str>| row[1].starts_with(actuator) && row[2] == effect && row[4] == "no";
+        rows.iter().filter(matches).count()
+    };
+    assert_eq!(
+        (count("none", ""), count("wheel.", "stuck"), count("wheel.", "half")),
+        (1, 6, 6)
+    );
+    // twelve thrusters and six directions, each from the start and later
+    assert_eq!((count("thruster.", "off"), count("thruster.", "on")), (36, 36));
+    assert_eq!((count("joint.", "locked"), count("joint.", "off")), (14, 14));
+    assert_eq!(rows.iter().filter(|row| row[4] == "yes").count(), 6 + 14);
+}
+
+#[test]
+fn a_list_of_cases_changes_what_it_says() {
+    let folder = Folder::new("cases");
+    let list = folder.write(
+        "cases.toml",
+        r#"
+[[case]]
+name = "healthy"
+
+[[case]]
+name = "wheel y off, arm twice as heavy in the law's eyes"
+actuators = [{ actuator = "wheel.y", effect = "off" }]
+set = { "participants.controller.parameters.model.mass_factor" = 2.0 }
+
+[[case]]
+name = "late"
+set = { "connections.measured.delay" = "200 ms" }
+append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", effect = "locked", from = "2 s" }] }
+"#,
+    );
+    let out = folder.path().join("faults");
+    let said = orchestrate(&["faults", CLOSE, "--cases", text(&list), "--json", "--out", text(&out)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let json = said.json();
+    assert_eq!(json["rows"][0]["outcome"], "captured");
+    for number in [1, 2] {
+        let row = &json["rows"][number];
+        assert_eq!(row["outcome"], "not-captured", "{row}");
+        assert_ne!(row["tape_digest"], json["rows"][0]["tape_digest"]);
+    }
+    for (text_of_list, part) in [
+        ("[[case]]\nname = 'a'\nsett = {}", "unknown field `sett`"),
+        ("title = 'none'\ncase = []", "has no [[case]]"),
+        (
+            "[[case]]\nname = 'a'\n[[case]]\nname = 'a'",
+            "another case of that name",
+        ),
+        (
+            "[[case]]\nname = 'a'\nappend = { \"participants.plant.period\" = [1] }",
+            "is string and no list",
+        ),
+        (
+            "[[case]]\nname = 'a'\nset = { \"duraton\" = 1 }",
+            "unknown field `duraton`",
+        ),
+    ] {
+        let list = folder.write("wrong.toml", text_of_list);
+        let said = orchestrate(&[
+            "faults",
+            CLOSE,
+            "--cases",
+            text(&list),
+            "--out",
+            text(&folder.path().join("no")),
+        ]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+    }
+}
+
+#[test]
+fn nobody_works_in_a_folder_beside_another() {
+    let folder = Folder::new("beside");
+    let out = folder.path().join("sweep");
+    let arguments = ["sweep", CLOSE, "--out", text(&out), "--vary", "seed=1..1000", "--quiet"];
+    let mut first = Command::new(orchestrator())
+        .args(arguments)
+        .current_dir(root())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    until(|| std::fs::metadata(out.join("results.jsonl")).is_ok_and(|about| about.len() > 0));
+    let second = orchestrate(&arguments);
+    first.kill().unwrap();
+    first.wait().unwrap();
+    assert_eq!(second.code, Some(2));
+    assert!(second.err.contains("being worked in"), "{second:?}");
+}
