@@ -182,7 +182,7 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
     let unit = step.unit.clone();
     let places = |number: &Number| -> Result<Number, String> {
         number
-            .into_unit(&unit)
+            .in_unit(&unit)
             .ok_or_else(|| format!("`{item}` mixes units: write all three in `{unit}`"))
     };
     let (first, last) = (places(&first)?, places(&last)?);
@@ -233,7 +233,7 @@ fn common_unit(values: &[String]) -> (Option<Vec<f64>>, String) {
         .all(|letter| letter.is_alphanumeric() || " ^/*·²³°µ-".contains(letter));
     let same: Option<Vec<f64>> = numbers
         .iter()
-        .map(|number| number.into_unit(&unit).and_then(|number| number.value()))
+        .map(|number| number.in_unit(&unit).and_then(|number| number.value()))
         .collect();
     match same {
         Some(same) if plain => (Some(same), unit),
@@ -293,7 +293,7 @@ impl Number {
     }
 
     /// The same quantity in `unit`: units of time are converted, zero needs no unit, others must be the same.
-    fn into_unit(&self, unit: &str) -> Option<Number> {
+    fn in_unit(&self, unit: &str) -> Option<Number> {
         if self.unit == unit || (self.digits == 0 && self.unit.is_empty()) {
             return Some(Number {
                 unit: unit.to_owned(),
