@@ -148,6 +148,8 @@ fn judged(file: &Path, changes: &[String], keep: Option<&Path>, scratch: &Path) 
         Err(error) => return refused(&error),
     };
     let here: Option<Vec<Box<dyn Participant>>> = made.into_iter().collect();
+    // Who is replaced in mid-run is for the whole machinery of a run.
+    let here = here.filter(|_| scenario.substitutions.is_empty());
     match (here, keep) {
         (Some(participants), None) => match tapeless(&scenario, participants) {
             Ok(result) => result,
