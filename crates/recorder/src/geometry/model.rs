@@ -185,6 +185,11 @@ fn body_of<'a>(link: Node<'a, 'a>, parent: Option<usize>, joint: Option<Node<'a,
     }
 }
 
+/// Names of materials that the playback knows how to shade; others look like paint.
+const MATERIALS: [&str; 12] = [
+    "foil", "silver", "metal", "white", "dark", "ring", "radiator", "cells", "nozzle", "lens", "tank", "bob",
+];
+
 /// A `<visual>`; meshes are other files, which a self-contained page does not load.
 fn visual(node: Node<'_, '_>) -> Option<Shape> {
     let geometry = node.children().find(|n| n.has_tag_name("geometry"))?;
@@ -209,6 +214,7 @@ fn visual(node: Node<'_, '_>) -> Option<Shape> {
         let color = m.children().find(|n| n.has_tag_name("color"))?;
         numbers(color.attribute("rgba")?)
     });
+    let named = material.and_then(|m| m.attribute("name")).unwrap_or_default();
     let (xyz, rpy) = origin(node);
     Some(Shape {
         kind,
@@ -216,7 +222,7 @@ fn visual(node: Node<'_, '_>) -> Option<Shape> {
         xyz,
         rpy,
         rgba: color,
-        role: "visual",
+        role: MATERIALS.iter().find(|known| **known == named).unwrap_or(&"visual"),
     })
 }
 

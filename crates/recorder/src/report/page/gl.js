@@ -92,26 +92,83 @@ const Mesh = {
 
 const SOLID = [`
 attribute vec3 position; attribute vec3 normal;
-uniform mat4 model, view; varying vec3 n, world;
+uniform mat4 model, view, lamp; varying vec3 n, world, local, face, shade;
 void main() {
   vec4 w = model * vec4(position, 1.0); world = w.xyz;
   // Normals go with the inverse transpose; for a rotation times a scale that is the columns over their squared lengths.
   vec3 s = vec3(dot(model[0].xyz, model[0].xyz), dot(model[1].xyz, model[1].xyz), dot(model[2].xyz, model[2].xyz));
   n = model[0].xyz * normal.x / s.x + model[1].xyz * normal.y / s.y + model[2].xyz * normal.z / s.z;
+  local = position * sqrt(s); face = normal;
+  shade = (lamp * w).xyz * 0.5 + 0.5;
   gl_Position = view * w;
 }`, `
 precision highp float;
-uniform vec4 colour; uniform vec3 eye, sun; uniform float gloss, light; varying vec3 n, world;
+uniform vec4 colour; uniform vec3 eye, sun; uniform float metal, rough, pattern, light; uniform sampler2D depths;
+varying vec3 n, world, local, face, shade;
+float hash(vec3 p) { p = fract(p * 0.3183099 + 0.1); p *= 17.0; return fract(p.x * p.y * p.z * (p.x + p.y + p.z)); }
+float noise(vec3 x) {
+  vec3 i = floor(x), f = fract(x); f = f * f * (3.0 - 2.0 * f);
+  vec2 k = vec2(0.0, 1.0);
+  return mix(mix(mix(hash(i), hash(i + k.yxx), f.x), mix(hash(i + k.xyx), hash(i + k.yyx), f.x), f.y),
+             mix(mix(hash(i + k.xxy), hash(i + k.yxy), f.x), mix(hash(i + k.xyy), hash(i + k.yyy), f.x), f.y), f.z);
+}
+float stored(vec2 at) { return dot(texture2D(depths, at), vec4(1.0, 1.0 / 255.0, 1.0 / 65025.0, 1.0 / 16581375.0)); }
+float daylight(float slope) {
+  if (any(lessThan(shade, vec3(0.0))) || any(greaterThan(shade, vec3(1.0)))) return 1.0;
+  float seen = 0.0, bias = 0.0012 + 0.004 * (1.0 - slope);
+  for (int i = -1; i <= 1; i++) for (int j = -1; j <= 1; j++) seen += step(shade.z - bias, stored(shade.xy + vec2(float(i), float(j)) * (1.2 / 2048.0)));
+  return seen / 9.0;
+}
+vec3 sky(vec3 d, float blur) {
+  vec3 low = mix(vec3(0.035, 0.045, 0.07), vec3(0.42, 0.46, 0.52), light), high = mix(vec3(0.10, 0.13, 0.19), vec3(1.0, 1.02, 1.05), light);
+  float box = smoothstep(0.55 + 0.3 * (1.0 - blur), 1.0, dot(d, normalize(vec3(0.55, 0.75, 0.35))));
+  return mix(low, high, smoothstep(-0.6, 0.8, d.x)) + box * mix(0.55, 0.35, blur);
+}
 void main() {
-  vec3 m = normalize(n), v = normalize(eye - world);
+  vec3 m = normalize(n), v = normalize(eye - world), base = pow(colour.rgb, vec3(2.2));
   if (dot(m, v) < 0.0) m = -m;
-  float day = max(dot(m, sun), 0.0), fill = 0.5 + 0.5 * dot(m, normalize(vec3(0.5, -0.4, -0.6)));
-  vec3 h = normalize(sun + v);
-  float shine = gloss * pow(max(dot(m, h), 0.0), 48.0), rim = pow(1.0 - max(dot(m, v), 0.0), 3.0);
-  vec3 c = colour.rgb * (vec3(1.05, 1.0, 0.93) * day * 0.92 + mix(vec3(0.10, 0.13, 0.20), vec3(0.30, 0.33, 0.38), fill) * light)
-         + shine * vec3(1.0, 0.96, 0.9) + rim * 0.10 * vec3(0.55, 0.7, 1.0);
-  float a = colour.a < 1.0 ? clamp(colour.a + rim * 0.35, 0.0, 1.0) : 1.0;
-  gl_FragColor = vec4(pow(c, vec3(0.87)) * a, a);
+  float r = rough, shine = metal;
+  if (pattern > 0.5 && pattern < 1.5) {
+    // Foil: creases that bend the normal.
+    vec3 q = local * 9.0, e = vec3(0.05, 0.0, 0.0);
+    vec3 bend = vec3(noise(q + e.xyy) - noise(q - e.xyy), noise(q + e.yxy) - noise(q - e.yxy), noise(q + e.yyx) - noise(q - e.yyx));
+    q *= 2.7;
+    bend += 0.5 * vec3(noise(q + e.xyy) - noise(q - e.xyy), noise(q + e.yxy) - noise(q - e.yxy), noise(q + e.yyx) - noise(q - e.yyx));
+    m = normalize(m + 1.5 * bend);
+  } else if (pattern > 1.5) {
+    vec3 along = abs(face);
+    vec2 at = along.x > 0.7 ? local.yz : along.y > 0.7 ? local.xz : local.xy;
+    float width = pattern < 2.5 ? 0.09 : 0.05;
+    // Lines no thinner than a pixel, and fainter where they would be: nothing flickers far away.
+    float fine = clamp(length(eye - world) * 0.0011 / width, 0.004, 0.25), share = 0.016 / max(fine, 0.016);
+    vec2 cell = abs(fract(at / width) - 0.5);
+    float gap = smoothstep(0.484 - fine, 0.484 + fine * 0.3, max(cell.x, cell.y)) * share;
+    if (pattern < 2.5) {
+      base *= 0.8 + 0.4 * hash(vec3(floor(at / width), 3.0));
+      base = mix(base, vec3(0.30, 0.33, 0.38), gap * 0.8);
+    } else base *= 1.0 - 0.3 * gap;
+  }
+  float slope = max(dot(m, sun), 0.0), facing = max(dot(m, v), 0.001);
+  vec3 h = normalize(sun + v), f0 = mix(vec3(0.04), base, shine);
+  float day = slope * daylight(max(dot(normalize(n), sun), 0.0));
+  float power = exp2(mix(9.0, 2.5, r)), glint = pow(max(dot(m, h), 0.0), power) * (power + 2.0) / 9.0;
+  vec3 fresnel = f0 + (1.0 - f0) * pow(1.0 - facing, 5.0) * (1.0 - 0.7 * r);
+  vec3 sunlight = vec3(3.0, 2.88, 2.7) * mix(1.0, 0.72, light);
+  vec3 c = base * (1.0 - shine) * (sunlight * day * 0.62 + sky(m, 1.0) * 0.9)
+         + f0 * glint * sunlight * day * 0.6 + fresnel * sky(reflect(-v, m), r) * mix(0.55, 1.0, shine);
+  c += base * shine * day * sunlight * 0.16;
+  c = c * (2.51 * c + 0.03) / (c * (2.43 * c + 0.59) + 0.14);
+  float rim = pow(1.0 - facing, 3.0), a = colour.a < 1.0 ? clamp(colour.a + rim * 0.35, 0.0, 1.0) : 1.0;
+  gl_FragColor = vec4(pow(clamp(c, 0.0, 1.0), vec3(1.0 / 2.2)) * a, a);
+}`];
+
+const SHADOW = [`
+attribute vec3 position; uniform mat4 model, lamp; varying float z;
+void main() { gl_Position = lamp * model * vec4(position, 1.0); z = gl_Position.z * 0.5 + 0.5; }`, `
+precision highp float; varying float z;
+void main() {
+  vec4 p = fract(z * vec4(1.0, 255.0, 65025.0, 16581375.0));
+  gl_FragColor = p - p.yzww * vec4(1.0 / 255.0, 1.0 / 255.0, 1.0 / 255.0, 0.0);
 }`];
 
 const RIBBON = [`
@@ -148,7 +205,9 @@ class Renderer {
     const gl = canvas.getContext("webgl", { antialias: true, alpha: true, premultipliedAlpha: true, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser offers no WebGL");
     this.gl = gl; this.meshes = new Map();
-    this.solid = this.program(SOLID); this.ribbon = this.program(RIBBON); this.star = this.program(STARS);
+    this.solid = this.program(SOLID); this.ribbon = this.program(RIBBON); this.star = this.program(STARS); this.shadow = this.program(SHADOW);
+    this.sun = V.unit([0.62, 0.66, -0.42]);
+    this.makeShadowMap();
     // Edges lie in their faces: the faces are drawn a little further away.
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -157,6 +216,30 @@ class Renderer {
     const sky = [];
     for (let i = 0; i < 900; i++) { const z = 2 * random() - 1, a = 2 * Math.PI * random(), r = Math.sqrt(1 - z * z); sky.push(r * Math.cos(a), r * Math.sin(a), z, 0.7 + 1.6 * random() ** 6 + 0.5 * random()); }
     this.sky = this.buffer(sky);
+  }
+
+  makeShadowMap() {
+    const { gl } = this, size = 2048;
+    this.depths = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.depths);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, size, size, 0, gl.RGBA, gl.UNSIGNED_BYTE, null);
+    for (const [key, value] of [[gl.TEXTURE_MIN_FILTER, gl.NEAREST], [gl.TEXTURE_MAG_FILTER, gl.NEAREST], [gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE], [gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE]]) gl.texParameteri(gl.TEXTURE_2D, key, value);
+    const depth = gl.createRenderbuffer();
+    gl.bindRenderbuffer(gl.RENDERBUFFER, depth); gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT16, size, size);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.night = gl.createFramebuffer());
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.depths, 0);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  /** What the sun sees of a ball around `centre`, and of what stands in its light up to `depth` away: `draw` draws that. */
+  shadows(centre, radius, depth, draw) {
+    const { gl } = this, eye = V.add(centre, V.scale(this.sun, depth)), k = 1 / radius, f = 1 / depth;
+    this.lamp = M.times([k, 0, 0, 0, 0, k, 0, 0, 0, 0, -f, 0, 0, 0, -1, 1], M.look(eye, centre, Math.abs(this.sun[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0]));
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.night); gl.viewport(0, 0, 2048, 2048);
+    gl.disable(gl.BLEND); gl.enable(gl.DEPTH_TEST); gl.clearColor(1, 1, 1, 1); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    this.casting = true; draw(); this.casting = false;
+    gl.enable(gl.BLEND); gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
   program([vertex, fragment]) {
@@ -200,6 +283,8 @@ class Renderer {
   /** A polyline as ribbons; the numbers along it are what `now` and `dash` of the drawing refer to. */
   line(points, along) { return this.buffer(this.segments(points, along)); }
 
+  forget(line) { this.gl.deleteBuffer(line.buffer); }
+
   segments(points, along) {
     const out = [];
     for (let i = 0; i + 1 < points.length; i++) {
@@ -225,12 +310,21 @@ class Renderer {
     gl.enable(gl.DEPTH_TEST);
   }
 
-  draw(mesh, model, colour, gloss = 0.35) {
-    const { gl } = this, u = this.solid.uniforms;
+  draw(mesh, model, colour, { metal = 0, rough = 0.5, pattern = 0 } = {}) {
+    const { gl } = this;
+    if (this.casting) {
+      if (colour[3] < 1) return;
+      this.use(this.shadow, mesh, [["position", 3, 0]], 6);
+      gl.uniformMatrix4fv(this.shadow.uniforms.model, false, model); gl.uniformMatrix4fv(this.shadow.uniforms.lamp, false, this.lamp);
+      gl.drawArrays(gl.TRIANGLES, 0, mesh.numbers / 6);
+      return;
+    }
+    const u = this.solid.uniforms;
     this.use(this.solid, mesh, [["position", 3, 0], ["normal", 3, 3]], 6);
-    gl.uniformMatrix4fv(u.model, false, model); gl.uniformMatrix4fv(u.view, false, this.view);
-    gl.uniform4fv(u.colour, colour); gl.uniform3fv(u.eye, this.eye); gl.uniform3fv(u.sun, V.unit([0.62, 0.66, -0.42]));
-    gl.uniform1f(u.gloss, gloss); gl.uniform1f(u.light, this.dark ? 1 : 1.5);
+    gl.bindTexture(gl.TEXTURE_2D, this.depths);
+    gl.uniformMatrix4fv(u.model, false, model); gl.uniformMatrix4fv(u.view, false, this.view); gl.uniformMatrix4fv(u.lamp, false, this.lamp);
+    gl.uniform4fv(u.colour, colour); gl.uniform3fv(u.eye, this.eye); gl.uniform3fv(u.sun, this.sun);
+    gl.uniform1f(u.metal, metal); gl.uniform1f(u.rough, rough); gl.uniform1f(u.pattern, pattern); gl.uniform1f(u.light, this.dark ? 0 : 1);
     gl.depthMask(colour[3] >= 1);
     gl.polygonOffset(1, 2);
     gl.drawArrays(gl.TRIANGLES, 0, mesh.numbers / 6);
@@ -249,7 +343,7 @@ class Renderer {
     const { gl } = this, numbers = points.flatMap((pair) => this.segments(pair, [0, 0]));
     if (!this.edges) this.edges = gl.createBuffer();
     gl.bindBuffer(gl.ARRAY_BUFFER, this.edges); gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(numbers), gl.DYNAMIC_DRAW);
-    this.drawLine({ buffer: this.edges, numbers: numbers.length }, 1.3, [...colour, 0.8]);
+    this.drawLine({ buffer: this.edges, numbers: numbers.length }, 1.1, [...colour, 0.45]);
   }
 
   drawLine(line, width, colour, { rest = colour, now = 1e30, dash = 0 } = {}) {

@@ -23,6 +23,14 @@ class Player {
     new ResizeObserver(() => this.request()).observe(this.stage);
   }
 
+  /** The motion has grown. */
+  grow(motion) {
+    for (const scene of this.scenes) { scene.motion.append(motion); scene.measure(); }
+    this.measure();
+    if (this.view.name && this.view.whole) { const { pan, yaw, pitch } = this.view; this.preset(this.view.name); Object.assign(this.view, { pan, yaw, pitch }); }
+    this.request();
+  }
+
   /** The extent of the motion, and the scales of the arrows. */
   measure() {
     const points = this.scenes.flatMap((s) => ["p_NB", "p_NE", "p_NT"].flatMap((name) => s.motion.points(name)));
@@ -56,16 +64,16 @@ class Player {
     const s = this.state(), span = Math.max(2.4, ...[0, 1, 2].map((i) => this.hi[i] - this.lo[i]));
     const grasp = () => { const now = this.state(); return now.p_NG || now.p_NE || now.p_NB || [0, 0, 0]; };
     // The whole motion fits: the sphere around it, and a metre for the bodies themselves.
-    const all = V.scale(V.add(this.lo, this.hi), 0.5), fit = (0.5 * V.norm(V.sub(this.hi, this.lo)) + 1) / Math.sin(0.31);
+    const all = V.scale(V.add(this.lo, this.hi), 0.5), fit = (0.5 * V.norm(V.sub(this.hi, this.lo)) + 1.35) / Math.sin(0.31);
     const presets = {
       overview: { follow: () => all, yaw: 0.5, pitch: 0.34, distance: 0.84 * fit },
       side: { follow: () => all, yaw: 0, pitch: 0, distance: 0.84 * fit },
       top: { follow: () => all, yaw: 0, pitch: 1.45, distance: 0.84 * fit },
-      approach: { follow: () => (s.p_NT ? this.state().p_NT : grasp()), yaw: 1.32, pitch: 0.3, distance: 1.5 * span + 0.8 },
+      approach: { follow: () => (s.p_NT ? this.state().p_NT : grasp()), yaw: 1.0, pitch: 0.44, distance: 1.8 * span + 1.4 },
       grasp: { follow: grasp, yaw: 0.62, pitch: 0.22, distance: 1.5 },
       tool: { tool: true, follow: grasp, yaw: 0, pitch: 0, distance: 1 },
     };
-    this.view = { name, pan: [0, 0, 0], ...presets[name] };
+    this.view = { name, pan: [0, 0, 0], whole: ["overview", "side", "top"].includes(name), ...presets[name] };
     for (const button of this.cameras.children) button.setAttribute("aria-pressed", button.dataset.camera === name);
     this.request();
   }
@@ -100,6 +108,7 @@ class Player {
     this.canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     this.canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
+      this.view.whole = false;
       this.view.distance = Math.min(40, Math.max(0.25, this.view.distance * Math.exp(event.deltaY * 0.0012))); this.request();
     }, { passive: false });
   }
@@ -112,6 +121,12 @@ class Player {
 
   draw() {
     const { gl } = this, dark = document.documentElement.dataset.theme === "dark";
+    gl.dark = dark;
+    const lead = this.scenes[this.visible.indexOf(true)];
+    // All of it from afar; from near only what the camera looks at, with finer shadows.
+    const now = this.state(), ends = [now.p_NB, now.p_NT].filter(Boolean), reach = 2.9 + (ends[1] ? 0.5 * V.norm(V.sub(ends[0], ends[1])) : 0);
+    const near = this.view.distance * 0.7 < reach, middle = near ? V.add(this.view.follow(), this.view.pan) : V.scale(ends.reduce((a, b) => V.add(a, b), [0, 0, 0]), 1 / (ends.length || 1));
+    gl.shadows(middle, near ? Math.max(0.8, this.view.distance * 0.7) : reach, 2 * reach, () => lead && lead.bodies(lead.state(clock.t), null, [], this.on.inside));
     gl.begin(this.camera(), dark);
     const later = [], tags = [];
     this.scenes.forEach((scene, i) => {
@@ -146,7 +161,7 @@ class Player {
   }
 
   axes(scene, s, tags) {
-    const poses = { N: [[0, 0, 0], [1, 0, 0, 0], 0.3], B: [s.p_NB, s.quat_NB, 0.75], E: [s.p_NE, s.quat_NE, 0.24], G: [s.p_NG, s.quat_NG, 0.24], T: [s.p_NT, s.quat_NT, 0.75] };
+    const poses = { N: [[0, 0, 0], [1, 0, 0, 0], 0.3], B: [s.p_NB, s.quat_NB, 0.75], E: [s.p_NE, s.quat_NE, 0.18], G: [s.p_NG, s.quat_NG, 0.18], T: [s.p_NT, s.quat_NT, 0.75] };
     for (const [name, [p, q, length]] of Object.entries(poses)) {
       if (!p || !q || (name === "N" && s.p_NT && V.norm(s.p_NT) < 0.05)) continue;
       scene.frame([p, q], length);

@@ -1,8 +1,15 @@
 // What is in the scene at an instant: bodies from the model and the joint angles, arrows, frames, paths.
 const ROLES = {
-  bus: [0.80, 0.66, 0.36, 1], arm: [0.90, 0.91, 0.93, 1], joint: [0.93, 0.52, 0.20, 1], tool: [0.36, 0.40, 0.47, 1],
-  tank: [0.55, 0.75, 0.95, 0.16], bob: [0.20, 0.55, 0.95, 1], rod: [0.75, 0.80, 0.88, 1], visual: [0.75, 0.77, 0.80, 1],
-  target: [0.62, 0.66, 0.72, 1], ring: [0.86, 0.68, 0.30, 1],
+  bus: [0.83, 0.62, 0.24, 1], arm: [0.90, 0.91, 0.93, 1], joint: [0.95, 0.49, 0.13, 1], tool: [0.36, 0.40, 0.47, 1],
+  tank: [0.62, 0.80, 0.95, 0.22], bob: [0.16, 0.52, 0.96, 1], rod: [0.80, 0.84, 0.90, 1], visual: [0.75, 0.77, 0.80, 1],
+  target: [0.52, 0.55, 0.60, 1], ring: [0.95, 0.49, 0.13, 1], metal: [0.60, 0.63, 0.67, 1], dark: [0.17, 0.19, 0.22, 1],
+  cells: [0.09, 0.15, 0.36, 1], radiator: [0.80, 0.82, 0.85, 1], silver: [0.66, 0.69, 0.74, 1], lens: [0.05, 0.07, 0.12, 1], nozzle: [0.36, 0.33, 0.32, 1],
+};
+/** How light plays on a material: the name of a URDF's material, or what an invented shape stands for. */
+const FINISH = {
+  foil: { metal: 1, rough: 0.32, pattern: 1 }, bus: { metal: 1, rough: 0.32, pattern: 1 }, silver: { metal: 0.9, rough: 0.38, pattern: 1 },
+  metal: { metal: 0.85, rough: 0.4 }, nozzle: { metal: 0.9, rough: 0.35 }, cells: { metal: 0.35, rough: 0.2, pattern: 2 }, radiator: { rough: 0.25, pattern: 3 },
+  lens: { rough: 0.05 }, dark: { rough: 0.55 }, ring: { rough: 0.35 }, joint: { rough: 0.35 }, white: { rough: 0.38 }, arm: { rough: 0.38 }, tank: { rough: 0.15 }, bob: { rough: 0.2 },
 };
 
 /** The motion of one run: channels by name, sampled between their instants. */
@@ -11,6 +18,16 @@ class Motion {
     this.t = decode(raw.t, Float64Array);
     this.channels = {};
     for (const [name, { width, values }] of Object.entries(raw.channels)) this.channels[name] = { width, values: decode(values, Float32Array) };
+    this.frames = this.t.length;
+  }
+
+  /** News of a run that is going on. */
+  append({ keep, t, channels }) {
+    this.t = joined(this.t, keep, decode(t, Float64Array));
+    for (const [name, { width, values }] of Object.entries(channels)) {
+      const own = this.channels[name];
+      if (own) own.values = joined(own.values, keep * width, decode(values, Float32Array));
+    }
     this.frames = this.t.length;
   }
 
@@ -60,11 +77,17 @@ function kinematics(model, p, q, channels) {
 class Scene {
   constructor(gl, run, slot) {
     this.gl = gl; this.run = run; this.slot = slot; this.motion = new Motion(run.motion);
-    const m = this.motion;
-    this.paths = ["p_NE", "p_ND", "p_NB"].filter((name) => m.has(name)).map((name) => ({ name, line: gl.line(m.points(name), m.t) }));
-    this.forcePeak = Math.max(m.peak("force"), m.peak("command_force")); this.torquePeak = Math.max(m.peak("torque"), m.peak("command_torque"));
     this.model = run.model; this.target = run.target;
     if (!this.target) this.target = this.inventTarget();
+    this.measure();
+  }
+
+  /** What follows from the whole motion: paths, and how long arrows may be. */
+  measure() {
+    const m = this.motion;
+    for (const { line } of this.paths || []) this.gl.forget(line);
+    this.paths = ["p_NE", "p_ND", "p_NB"].filter((name) => m.has(name)).map((name) => ({ name, line: this.gl.line(m.points(name), m.t) }));
+    this.forcePeak = Math.max(m.peak("force"), m.peak("command_force")); this.torquePeak = Math.max(m.peak("torque"), m.peak("command_torque"));
   }
 
   /** A box that has the grasp point on its face, with a ring there, when no model of the target is given. */
@@ -76,14 +99,33 @@ class Scene {
     if (d < 1e-3) return null;
     const axis = [0, 1, 2].reduce((best, i) => (Math.abs(g[i]) > Math.abs(g[best]) ? i : best), 0);
     const size = [0, 1, 2].map((i) => (i === axis ? 2 * d * 0.985 : 1.54 * d));
-    const shape = (kind, s, xyz, role, rpy = [0, 0, 0]) => ({ kind, size: s, xyz, rpy, rgba: null, role });
-    const u = V.unit(g), z = V.scale(u, d * 0.99);
-    const pitch = Math.atan2(Math.hypot(u[0], u[1]), u[2]), yaw = Math.atan2(u[1], u[0]);
-    return { bodies: [{ parent: null, shapes: [
-      shape("box", size, [0, 0, 0], "target"),
-      shape("cylinder", [0.2 * d, 0.17 * d, 0.05 * d], z, "ring", [0, pitch, yaw]),
-      shape("cylinder", [0.06 * d, 0.06 * d, 0.052 * d], z, "tool", [0, pitch, yaw]),
-    ] }] };
+    const u = V.unit(g), pitch = Math.atan2(Math.hypot(u[0], u[1]), u[2]), yaw = Math.atan2(u[1], u[0]);
+    // The face with the grasp point is drawn in a frame whose z points out of it; lengths are in terms of its distance.
+    const out = Q.rpy([0, pitch, yaw]), [a, b] = [0, 1, 2].filter((i) => i !== axis), half = [size[a] / 2, size[b] / 2], shapes = [];
+    const add = (kind, s, xyz, role, rpy = [0, 0, 0]) => shapes.push({ kind, size: s, xyz, rpy, rgba: null, role });
+    const at = (x, y, z) => Q.rotate(out, V.scale([x, y, z], d)), on = (kind, s, x, y, z, role) => add(kind, s.map((l) => l * d), at(x, y, z), role, [0, pitch, yaw]);
+    add("box", size, [0, 0, 0], "silver");
+    // Rails along all edges.
+    for (let i = 0; i < 3; i++) for (const s of [-1, 1]) for (const r of [-1, 1]) {
+      const p = [0, 0, 0], l = [0.04 * d, 0.04 * d, 0.04 * d], [j, k] = [(i + 1) % 3, (i + 2) % 3];
+      l[i] = size[i] + 0.04 * d; p[j] = s * size[j] / 2; p[k] = r * size[k] / 2; add("box", l, p, "metal");
+    }
+    // Cells on the sides, wings along the longer axis of the face, a launch ring behind.
+    for (const s of [-1, 1]) {
+      const p = [0, 0, 0], l = size.map((x) => 0.84 * x); p[b] = s * (half[1] + 0.008 * d); l[b] = 0.02 * d; add("box", l, p, "cells");
+      for (let k = 0; k < 2; k++) {
+        const w = [0, 0, 0], e = [0, 0, 0]; w[a] = s * (half[0] + d * (0.62 + 0.98 * k)); e[a] = 0.94 * d; e[b] = 0.035 * d; e[axis] = 1.25 * d; add("box", e, w, "cells");
+      }
+      const y = [0, 0, 0], t = [0.05 * d, 0.05 * d, 0.05 * d]; y[a] = s * (half[0] + 0.09 * d); t[a] = 0.18 * d; add("box", t, y, "metal");
+    }
+    on("cylinder", [0.42, 0.42, 0.06], 0, 0, -1.0, "metal");
+    // The grapple fixture: a ring to hold, a post in its middle, a plate with marks for the camera.
+    on("box", [0.62, 0.62, 0.012], 0, 0, 0.985, "dark");
+    on("cylinder", [0.22, 0.22, 0.022], 0, 0, 0.994, "ring"); on("cylinder", [0.185, 0.185, 0.026], 0, 0, 0.994, "dark");
+    on("cylinder", [0.035, 0.035, 0.05], 0, 0, 0.985, "metal");
+    for (const [x, y] of [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]]) on("cylinder", [0.028, 0.028, 0.016], x, y, 0.99, "radiator");
+    on("cylinder", [0.1, 0.13, 0.2], 0.52, 0.5, 1.05, "nozzle"); on("cylinder", [0.016, 0.016, 0.5], -0.55, 0.5, 1.15, "metal"); on("sphere", [0.03, 0, 0], -0.55, 0.5, 1.42, "ring");
+    return { bodies: [{ parent: null, shapes }] };
   }
 
   state(t) {
@@ -98,17 +140,17 @@ class Scene {
     let colour = shape.rgba || ROLES[shape.role] || ROLES.visual;
     if (ghost) colour = [...ghost, 0.34 * colour[3]];
     else if (thin < 1) colour = [...colour.slice(0, 3), thin];
-    const metal = shape.role === "bus" || shape.role === "ring" ? 0.75 : 0.35;
+    const finish = FINISH[shape.role] || {};
     if (shape.kind === "box") {
       const pose = M.pose(place, turn, size);
-      gl.draw(gl.mesh("box", Mesh.box), pose, colour, metal);
-      if (!ghost) gl.drawEdges(pose, colour.slice(0, 3).map((x) => 0.45 * x));
+      gl.draw(gl.mesh("box", Mesh.box), pose, colour, finish);
+      if (!ghost && !gl.casting && colour[3] < 1) gl.drawEdges(pose, colour.slice(0, 3).map((x) => 0.45 * x));
     }
-    else if (shape.kind === "sphere") gl.draw(gl.mesh("sphere", Mesh.sphere), M.pose(place, turn, [size[0], size[0], size[0]]), colour, 0.6);
+    else if (shape.kind === "sphere") gl.draw(gl.mesh("sphere", Mesh.sphere), M.pose(place, turn, [size[0], size[0], size[0]]), colour, finish);
     else {
       const [r0, r1, length] = size, big = Math.max(r0, r1) || 1;
       const mesh = gl.mesh(`cylinder ${(r0 / big).toFixed(4)} ${(r1 / big).toFixed(4)}`, () => Mesh.cylinder(r0 / big, r1 / big));
-      gl.draw(mesh, M.pose(place, turn, [big, big, length]), colour, metal);
+      gl.draw(mesh, M.pose(place, turn, [big, big, length]), colour, finish);
     }
   }
 
@@ -146,12 +188,12 @@ class Scene {
   arrow(from, vector, colour, heads = 1) {
     const { gl } = this, length = V.norm(vector);
     if (length < 0.02) return;
-    const u = V.unit(vector), turn = Q.fromZ(u), head = Math.min(0.12, 0.4 * length), r = 0.014;
+    const u = V.unit(vector), turn = Q.fromZ(u), head = Math.min(0.14, 0.4 * length), r = 0.017;
     const shaft = length - head;
-    gl.draw(gl.mesh("cylinder 1 1", () => Mesh.cylinder(1, 1)), M.pose(V.add(from, V.scale(u, shaft / 2)), turn, [r, r, shaft]), colour, 0.2);
+    gl.draw(gl.mesh("cylinder 1 1", () => Mesh.cylinder(1, 1)), M.pose(V.add(from, V.scale(u, shaft / 2)), turn, [r, r, shaft]), colour);
     for (let i = 0; i < heads; i++) {
       const at = V.add(from, V.scale(u, shaft + head / 2 - i * head * 0.75));
-      gl.draw(gl.mesh("cylinder 1 0", () => Mesh.cylinder(1, 0)), M.pose(at, turn, [3 * r, 3 * r, head]), colour, 0.2);
+      gl.draw(gl.mesh("cylinder 1 0", () => Mesh.cylinder(1, 0)), M.pose(at, turn, [3 * r, 3 * r, head]), colour);
     }
   }
 
@@ -159,8 +201,8 @@ class Scene {
     const { gl } = this;
     [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((axis, i) => {
       const colour = [[0.92, 0.26, 0.24, 1], [0.22, 0.74, 0.36, 1], [0.26, 0.52, 0.98, 1]][i], to = Q.rotate(q, axis);
-      const mesh = gl.mesh("cylinder 1 1", () => Mesh.cylinder(1, 1)), r = 0.011 * (length / 0.3) ** 0.5;
-      gl.draw(mesh, M.pose(V.add(p, V.scale(to, length / 2)), Q.fromZ(to), [r, r, length]), colour, 0.1);
+      const mesh = gl.mesh("cylinder 1 1", () => Mesh.cylinder(1, 1)), r = 0.009 * length / 0.3;
+      gl.draw(mesh, M.pose(V.add(p, V.scale(to, length / 2)), Q.fromZ(to), [r, r, length]), colour);
     });
   }
 }
