@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Looks at a run as its user does: exports read back by the tools' own packages, the report opened in a real browser.
+# Looks at a run as its user does: exports read back by the tools' own packages, the report opened in a real browser,
+# and a run watched in it while it goes on. Where Rerun is installed (`pip install rerun-sdk`) it reads the MCAP file too.
 #
 #     tests/see.sh [ORCHESTRATOR [SCREENSHOTS]]
 #
@@ -26,3 +27,4 @@ fi
 "$orchestrator" run scenarios/close.toml --in-process --quiet --set participants.controller.period=20ms --out "$work/slower" || [ $? -eq 3 ]
 "$python" tests/exports/check_exports.py "$orchestrator" "$work/close"
 "$python" tests/pages/check_report.py "$orchestrator" "$work/close" "$work/slower" ${2:+--screenshots "$2"}
+"$python" tests/pages/check_live.py "$orchestrator" ${2:+--screenshots "$2"}

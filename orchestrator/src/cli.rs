@@ -121,6 +121,13 @@ pub struct RunArgs {
     /// Come to rest at this simulated time and wait for Enter (may be given more than once)
     #[arg(long, value_name = "TIME")]
     pub pause_at: Vec<Rational>,
+    /// Show the run on a page while it goes on, with pause, step and resume; the address is printed. Takes a port, else any
+    /// that is free
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", require_equals = true)]
+    pub live: Option<u16>,
+    /// Keep serving the page after the end of the run, until Ctrl-C (implies --live)
+    #[arg(long)]
+    pub live_stay: bool,
     /// How participants wait for each other; the result does not depend on it
     #[arg(long, value_enum, default_value_t)]
     pub wait: Wait,

@@ -9,6 +9,7 @@ mod builtin;
 mod campaign;
 mod cli;
 mod commands;
+mod live;
 mod replay;
 mod run;
 mod scenario;

@@ -8,6 +8,7 @@ ORCHESTRATOR is the program, RUN a run folder. Needs the packages of requirement
 import csv
 import json
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -149,6 +150,19 @@ def check_mcap(out, streams):
     return checked
 
 
+def check_rerun(path, streams):
+    """Rerun, where it is installed, finds every stream in the MCAP file."""
+    rerun = shutil.which("rerun") or shutil.which("rerun", path=str(pathlib.Path(sys.executable).parent))
+    if rerun is None:
+        return "rerun: not installed, so not asked"
+    converted = path.with_suffix(".rrd")
+    subprocess.run([rerun, "mcap", "convert", path, "-o", converted], check=True, capture_output=True)
+    found = subprocess.run([rerun, "rrd", "stats", converted], check=True, capture_output=True, text=True).stdout
+    for name in streams:
+        assert f"/{name.replace('.', '/')}:" in found, f"rerun does not see {name}"
+    return f"rerun: sees {len(streams)} streams"
+
+
 def main():
     program, run = sys.argv[1], pathlib.Path(sys.argv[2])
     streams = read_tape(run)
@@ -158,6 +172,9 @@ def main():
         for kind, check in [("csv", check_csv), ("parquet", check_parquet), ("mcap", check_mcap)]:
             subprocess.run([program, "export", str(run), "--to", kind, "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
             print(f"{kind}: {check(out, streams)} values equal those of the tape")
+        print(check_rerun(out / "run.mcap", streams))
+    refused = subprocess.run([program, "export", str(run), "--to", "rrd"], capture_output=True, text=True)
+    assert refused.returncode == 2 and "rerun run.mcap" in refused.stderr, refused
 
 
 if __name__ == "__main__":

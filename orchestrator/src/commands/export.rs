@@ -22,6 +22,9 @@ pub enum Format {
     Parquet,
     /// One MCAP file with protobuf messages, frame transforms and a scene
     Mcap,
+    /// Not written: Rerun opens the MCAP file
+    #[value(hide = true)]
+    Rrd,
 }
 
 /// Write the tape of a run in a format that other tools open.
@@ -43,6 +46,14 @@ pub struct ExportArgs {
 /// Exports and says which files there are; gives the exit code.
 pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
+    if args.to == Format::Rrd {
+        eprintln!(
+            "error: --to rrd: this program does not write Rerun's own format, which changes with Rerun; Rerun opens the MCAP \
+             file: `orchestrator export {} --to mcap`, then `rerun run.mcap`, or `rerun mcap convert run.mcap -o run.rrd`",
+            args.run.display()
+        );
+        return Ok(UNREADABLE);
+    }
     let reader = match Reader::open(&args.run) {
         Ok(reader) => reader,
         Err(error) => {
@@ -72,6 +83,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             std::fs::create_dir_all(&out)?;
             export::mcap(&reader, &path, Some(&geometry)).map(|()| vec![path])
         }
+        Format::Rrd => unreachable!("refused above"),
     };
     match result {
         Ok(files) => {

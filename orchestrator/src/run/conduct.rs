@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 
 use lockstep::control::Note;
 use lockstep::plan::Plan;
-use lockstep::time::Ticks;
 use lockstep::transport::iceoryx::{ClockWriter, Domain, LinkService};
 use recorder::tape::{Event, EventKind};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -13,6 +12,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use super::Options;
 use super::crew::{self, Member};
 use super::explain;
+use super::horizon::Guide;
 use super::outcome::{Ending, Outcome, RunFailure};
 use super::prepare;
 use super::progress::Progress;
@@ -53,8 +53,9 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     }
     let clock = ClockWriter::create(&domain, plan.participants.len())?;
     let placement = crew::connect(&plan, &mut crew, options, &interrupt)?;
+    options.begin(&plan, &folder);
     let mut conductor = Conductor {
-        stops: prepare::stops(&plan, options)?,
+        guide: Guide::new(&plan, options)?,
         progress: Progress::new(scenario.duration.seconds(), options.quiet),
         plan,
         options,
@@ -80,6 +81,10 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         .iter()
         .filter_map(|member| Some((member.process.name.clone(), member.timing.clone()?)));
     let timing: BTreeMap<_, _> = timing.collect();
+    let source = |link: &Option<usize>| link.map_or("nobody".into(), |link| plan.output_name(plan.links[link].from));
+    let sources = (plan.participants.iter())
+        .map(|own| (own.name.clone(), own.inputs.iter().map(source).collect()))
+        .collect();
     let simulated_s = plan.timebase.seconds(recorder.newest.clamp(0, plan.end));
     let ending = recorder.with_active_faults(ending);
     let (digest, figures) = recorder.finish()?;
@@ -96,6 +101,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         digest,
         figures,
         timing,
+        sources,
         placement,
     })
 }
@@ -109,8 +115,8 @@ struct Conductor<'a> {
     clock: ClockWriter,
     recorder: Recorder,
     progress: Progress,
-    /// Where the run rests before its end, in order.
-    stops: Vec<Ticks>,
+    /// How far everybody may go.
+    guide: Guide,
     started: Instant,
     last_moved: Instant,
     last_flush: Instant,
@@ -164,13 +170,9 @@ impl Conductor<'_> {
         }
     }
 
-    /// The horizon: the next stop or the end, or as far as pacing lets it be.
+    /// Moves the horizon as far as it may be.
     fn advance_clock(&mut self) {
-        let mut horizon = self.stops.first().copied().unwrap_or(self.plan.end);
-        if let Some(pace) = self.options.pace {
-            // Everybody can do what lies before the instant that has come, that instant's own activations included.
-            horizon = horizon.min(prepare::paced(&self.plan, pace, self.started).saturating_add(1));
-        }
+        let horizon = self.guide.horizon(self.recorder.newest);
         if horizon > self.clock.horizon() {
             self.clock.extend(horizon);
             self.crew.iter().for_each(|member| member.bell.ring());
@@ -259,19 +261,36 @@ impl Conductor<'_> {
 
     /// At a stop: waits for the user once everybody is at rest.
     fn rest(&mut self) -> Option<Ending> {
-        let stop = *self.stops.first()?;
+        let stop = self.guide.stop()?;
         if !self.crew.iter().all(|member| member.rests_at(stop)) {
             return None;
         }
-        self.stops.remove(0);
+        // Whoever looks at the tape now sees everything before the stop.
+        if let Err(error) = self.recorder.flush() {
+            return Some(Ending::Failed {
+                participant: "orchestrator".into(),
+                reason: error.to_string(),
+            });
+        }
+        let steering = self.guide.rest();
         let who: Vec<String> = (self.crew.iter())
             .map(|member| format!("{} is process {}", member.process.name, member.process.pid()))
             .collect();
-        if !prepare::pause(&self.plan, stop, &who.join(", "), &mut self.progress, &self.interrupt) {
+        let who = who.join(", ");
+        let go_on = prepare::pause(
+            &self.plan,
+            stop,
+            &who,
+            &mut self.progress,
+            &self.interrupt,
+            steering.as_deref(),
+        );
+        if !go_on {
             return Some(Ending::Stopped {
                 reason: format!("stopped at t = {} s", self.plan.timebase.seconds(stop)),
             });
         }
+        self.guide.go_on();
         self.last_moved = Instant::now();
         None
     }
@@ -279,6 +298,7 @@ impl Conductor<'_> {
     /// Nothing has moved for a while: say why; after the time that a participant is given, end the run.
     fn watch(&mut self) -> Option<Ending> {
         let resting = self.crew.iter().all(|member| member.rests_at(self.clock.horizon()));
+        self.guide.tell(self.recorder.newest, resting);
         if resting {
             self.last_moved = Instant::now();
         }

@@ -2,13 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use lockstep::executor::{InLoop, RunError, assemble};
 use lockstep::participant::Participant;
+use lockstep::plan::Plan;
 use lockstep::time::Ticks;
 use recorder::tape::{Event, EventKind};
 
+use super::horizon::Guide;
 use super::outcome::{Ending, Outcome, RunFailure};
 use super::progress::Progress;
 use super::recording::Direct;
@@ -18,6 +20,10 @@ use crate::scenario::Scenario;
 
 /// Activations between two looks at the clock and the signals.
 const GLANCE: u32 = 512;
+/// A nap while nobody may go on.
+const NAP: Duration = Duration::from_millis(1);
+/// Whoever watches the run sees samples at least this often.
+const FLUSH: Duration = Duration::from_millis(50);
 
 pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
     let made = scenario.make()?;
@@ -41,22 +47,34 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     let interrupt = Interrupt::install().map_err(|error| RunFailure::Other(error.to_string()))?;
     let mut progress = Progress::new(scenario.duration.seconds(), options.quiet);
     let started = Instant::now();
-    let mut stops = prepare::stops(&plan, options)?;
-    stops.push(plan.end);
-    let mut ending = Ending::Complete;
-    for stop in stops {
-        if let Some(end) = run_to(&mut looped, &plan, stop, options, &interrupt, &mut progress, started) {
-            ending = end;
-            break;
+    options.begin(&plan, &folder);
+    let mut guide = Guide::new(&plan, options)?;
+    let mut flushed = Instant::now();
+    let mut reached: Ticks = 0;
+    let ending = loop {
+        if let Some(end) = run_on(&mut looped, &plan, &mut reached, &mut guide, &interrupt, &mut progress) {
+            break end;
         }
-        let who = format!("process {}", std::process::id());
-        if stop < plan.end && !prepare::pause(&plan, stop, &who, &mut progress, &interrupt) {
-            ending = Ending::Stopped {
-                reason: format!("stopped at t = {} s", plan.timebase.seconds(stop)),
-            };
-            break;
+        // Whoever looks at the tape at a stop sees everything before it.
+        let at_stop = guide.stop() == Some(reached);
+        if at_stop || (options.steering.is_some() && flushed.elapsed() > FLUSH) {
+            flushed = Instant::now();
+            let mut recorder = recorder.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Err(error) = recorder.flush() {
+                return Err(error.into());
+            }
         }
-    }
+        if at_stop {
+            let who = format!("process {}", std::process::id());
+            let steering = guide.rest();
+            if !prepare::pause(&plan, reached, &who, &mut progress, &interrupt, steering.as_deref()) {
+                break Ending::Stopped {
+                    reason: format!("stopped at t = {} s", plan.timebase.seconds(reached)),
+                };
+            }
+            guide.go_on();
+        }
+    };
     progress.clear();
     let wall_s = started.elapsed().as_secs_f64();
     drop(looped);
@@ -86,55 +104,44 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         digest,
         figures,
         timing: BTreeMap::new(),
+        sources: BTreeMap::new(),
         placement: "all participants in one loop of one process".into(),
     })
 }
 
-/// Runs up to `stop`, in short stretches so that signals and pacing are seen. `Some` when the run is over.
-fn run_to(
+/// Runs a short stretch, so that signals, pacing and wishes are seen. `Some` when the run is over.
+fn run_on(
     looped: &mut InLoop,
-    plan: &lockstep::plan::Plan,
-    stop: Ticks,
-    options: &Options,
+    plan: &Plan,
+    reached: &mut Ticks,
+    guide: &mut Guide,
     interrupt: &Interrupt,
     progress: &mut Progress,
-    started: Instant,
 ) -> Option<Ending> {
-    let shortest = plan
-        .participants
-        .iter()
-        .map(|own| own.sample_time.period)
-        .min()
-        .unwrap_or(1);
-    let stretch = shortest.saturating_mul(i64::from(GLANCE));
-    let mut horizon: Ticks = 0;
-    loop {
-        horizon = match options.pace {
-            None => horizon.saturating_add(stretch).min(stop),
-            Some(pace) => prepare::paced(plan, pace, started).min(stop),
-        };
-        if let Err(error) = looped.run_to(horizon, |_| {}) {
-            let participant = match &error {
-                RunError::Participant { participant, .. } => participant.clone(),
-                RunError::Stuck { .. } => String::new(),
-            };
-            return Some(Ending::Failed {
-                participant,
-                reason: error.to_string(),
-            });
-        }
-        let t = plan.timebase.seconds(horizon);
-        progress.show(t);
-        if interrupt.asked() {
-            return Some(Ending::Stopped {
-                reason: format!("interrupted at t = {t} s"),
-            });
-        }
-        if horizon >= stop {
-            return None;
-        }
-        if options.pace.is_some() {
-            std::thread::sleep(std::time::Duration::from_millis(1));
-        }
+    let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
+    let stretch = shortest.unwrap_or(1).saturating_mul(i64::from(GLANCE));
+    let horizon = guide.horizon(*reached).min(reached.saturating_add(stretch));
+    if horizon == *reached && horizon > 0 {
+        std::thread::sleep(NAP);
     }
+    if let Err(error) = looped.run_to(horizon, |_| {}) {
+        let participant = match &error {
+            RunError::Participant { participant, .. } => participant.clone(),
+            RunError::Stuck { .. } => String::new(),
+        };
+        return Some(Ending::Failed {
+            participant,
+            reason: error.to_string(),
+        });
+    }
+    guide.tell(horizon, horizon == *reached);
+    *reached = horizon;
+    let t = plan.timebase.seconds(horizon);
+    progress.show(t);
+    if interrupt.asked() {
+        return Some(Ending::Stopped {
+            reason: format!("interrupted at t = {t} s"),
+        });
+    }
+    (horizon >= plan.end).then_some(Ending::Complete)
 }

@@ -5,17 +5,21 @@ mod conduct;
 pub(crate) mod crew;
 mod explain;
 pub(crate) mod faults;
+mod horizon;
 mod in_process;
 mod outcome;
 pub(crate) mod prepare;
 mod progress;
 mod recording;
-mod signals;
+pub(crate) mod signals;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use lockstep::control::Waiting;
+use lockstep::plan::Plan;
 use lockstep::time::Rational;
+use recorder::folder::RunFolder;
 
 pub use outcome::{Ending, Outcome, RunFailure};
 pub use prepare::check;
@@ -23,6 +27,7 @@ pub(crate) use progress::Progress;
 pub(crate) use recording::streams;
 pub(crate) use signals::Interrupt;
 
+use crate::live::Steering;
 use crate::scenario::Scenario;
 
 /// How a process ended in words: exit status or signal.
@@ -61,7 +66,7 @@ impl Wait {
 }
 
 /// What the command line says about a run besides the scenario.
-#[derive(Debug, Clone, Default)]
+#[derive(Clone, Default)]
 pub struct Options {
     /// All participants in this process.
     pub in_process: bool,
@@ -79,6 +84,17 @@ pub struct Options {
     pub no_placement: bool,
     /// How long a participant may compute without progress before the run is given up, s.
     pub patience_s: f64,
+    /// Whoever moves the horizon from outside.
+    pub steering: Option<Arc<Steering>>,
+}
+
+impl Options {
+    /// Tells whoever watches that there is a run.
+    fn begin(&self, plan: &Plan, folder: &RunFolder) {
+        if let Some(steering) = &self.steering {
+            steering.begin(plan, folder.root().to_owned());
+        }
+    }
 }
 
 /// Runs `scenario`.

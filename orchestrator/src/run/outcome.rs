@@ -96,6 +96,8 @@ pub struct Outcome {
     pub figures: Option<crate::assessment::Summary>,
     /// Where everybody's wall time went.
     pub timing: BTreeMap<String, Timing>,
+    /// Who feeds each input of each participant in `timing`.
+    pub sources: BTreeMap<String, Vec<String>>,
     /// The choice of cores in words.
     pub placement: String,
 }
@@ -135,7 +137,26 @@ impl Outcome {
         all.insert("tape_digest".into(), json!(self.digest.to_string()));
         all.insert("run_folder".into(), json!(self.folder.display().to_string()));
         all.insert("placement".into(), json!(self.placement));
-        all.insert("timing".into(), json!(self.timing));
+        all.insert("timing".into(), self.timing());
         Value::Object(all)
+    }
+
+    /// Where wall time went; waiting for samples by who had to send them.
+    fn timing(&self) -> Value {
+        let mut timing = json!(self.timing);
+        for (name, sources) in &self.sources {
+            let Some(inputs) = timing.get_mut(name).and_then(|own| own.get_mut("inputs_ns")) else {
+                continue;
+            };
+            let spent = inputs.as_array().cloned().unwrap_or_default();
+            let mut named = Map::new();
+            for (source, ns) in sources.iter().zip(spent) {
+                // Two inputs may read one output.
+                let before = named.get(source).and_then(Value::as_u64).unwrap_or(0);
+                named.insert(source.clone(), json!(before + ns.as_u64().unwrap_or(0)));
+            }
+            *inputs = Value::Object(named);
+        }
+        timing
     }
 }

@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, stdin};
 use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, SystemTime};
 
 use lockstep::participant::Interface;
 use lockstep::plan::Plan;
@@ -17,6 +17,7 @@ use super::progress::Progress;
 use super::recording::{Recorder, streams};
 use super::signals::Interrupt;
 use crate::assessment::{self, Assessment};
+use crate::live::Steering;
 use crate::scenario::{Scenario, ScenarioError};
 
 /// What is known of a scenario before anything starts.
@@ -133,16 +134,17 @@ pub(super) fn stops(plan: &Plan, options: &Options) -> Result<Vec<Ticks>, RunFai
     Ok(stops)
 }
 
-/// How far simulated time may have come, `pace` simulated seconds per second.
-pub(super) fn paced(plan: &Plan, pace: f64, started: Instant) -> Ticks {
-    let seconds = started.elapsed().as_secs_f64() * pace;
-    let tick = plan.timebase.tick();
-    ((seconds * tick.denominator() as f64 / tick.numerator() as f64) as Ticks).clamp(0, plan.end)
-}
-
 /// Waits at rest for the user: Enter goes on, `q` or the end of the input ends the run. `who` names the processes, for
-/// whoever wants to look at one of them with a debugger.
-pub(super) fn pause(plan: &Plan, at: Ticks, who: &str, progress: &mut Progress, interrupt: &Interrupt) -> bool {
+/// whoever wants to look at one of them with a debugger. Whoever steers the run may let it go on as well; then the end of
+/// the input means only that nobody will type.
+pub(super) fn pause(
+    plan: &Plan,
+    at: Ticks,
+    who: &str,
+    progress: &mut Progress,
+    interrupt: &Interrupt,
+    steering: Option<&Steering>,
+) -> bool {
     progress.say(&format!(
         "paused at t = {} s ({who}): Enter goes on, q and Enter ends the run",
         plan.timebase.seconds(at)
@@ -152,13 +154,25 @@ pub(super) fn pause(plan: &Plan, at: Ticks, who: &str, progress: &mut Progress, 
     std::thread::spawn(move || {
         let mut line = String::new();
         let read = stdin().lock().read_line(&mut line).unwrap_or(0);
-        let _ = sender.send(read > 0 && line.trim() != "q");
+        let _ = sender.send((read > 0).then(|| line.trim() != "q"));
     });
+    let mut typed = None;
     loop {
         match receiver.recv_timeout(Duration::from_millis(20)) {
-            Ok(go_on) => return go_on,
-            Err(RecvTimeoutError::Timeout) if !interrupt.asked() => {}
-            Err(_) => return false,
+            Ok(line) => typed = Some(line),
+            Err(RecvTimeoutError::Timeout) => {}
+            // The thread has said what it had to say.
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(Duration::from_millis(20)),
+        }
+        match (typed, steering) {
+            (Some(Some(go_on)), _) => {
+                steering.into_iter().for_each(Steering::resume);
+                return go_on;
+            }
+            (Some(None), None) => return false,
+            (_, Some(steering)) if steering.lets_past(at) => return true,
+            _ if interrupt.asked() => return false,
+            _ => {}
         }
     }
 }

@@ -4,6 +4,7 @@
 //! (`table.rs`) by names of ports and fields. Its size is bounded whatever the length of the run: a curve of more than
 //! 8192 samples is thinned to the least and greatest sample of each of 2048 buckets, and the playback to 3000 instants.
 
+mod live;
 mod motion;
 mod page;
 mod series;
@@ -17,6 +18,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::Value;
 
+pub use live::Live;
 pub(crate) use page::{base64, escape};
 pub(crate) use series::Series;
 pub use summary::split_unit;
@@ -170,11 +172,20 @@ impl Report {
         (!lists.is_empty()).then(|| figures::layout(spec.title, spec.unit, &panels, &scaled))
     }
 
+    fn title(&self) -> String {
+        let names: Vec<&str> = self.runs.iter().map(|run| &*run.name).collect();
+        names.join(" · ")
+    }
+
+    /// What the page shows, for a page that is open already.
+    pub fn data(&self) -> Value {
+        let summaries: Vec<Value> = self.runs.iter().map(|run| run.summary.clone()).collect();
+        page::data(&self.title(), &self.runs, &summary::rows(&summaries))
+    }
+
     /// The page.
     pub fn html(&self) -> String {
-        let names: Vec<&str> = self.runs.iter().map(|run| &*run.name).collect();
-        let summaries: Vec<Value> = self.runs.iter().map(|run| run.summary.clone()).collect();
-        page::render(&names.join(" · "), &self.runs, &summary::rows(&summaries))
+        page::render(&self.title(), &self.data(), false)
     }
 }
 
@@ -191,10 +202,8 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
             torn.stream, torn.complete
         ));
     }
-    let name = fs::canonicalize(root).ok();
-    let name = name.as_deref().unwrap_or(root).file_name();
     Ok(Run {
-        name: name.map_or("run".into(), |name| name.to_string_lossy().into_owned()),
+        name: name_of(root),
         digest: match reader.sealed_digest() {
             Some(digest) => digest.to_string(),
             None => reader.digest()?.to_string(),
@@ -210,6 +219,13 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
         geometry,
         summary,
     })
+}
+
+/// The name of a run: that of its folder.
+fn name_of(root: &Path) -> String {
+    let name = fs::canonicalize(root).ok();
+    let name = name.as_deref().unwrap_or(root).file_name();
+    name.map_or("run".into(), |name| name.to_string_lossy().into_owned())
 }
 
 /// A JSON file that may be missing: a run that was killed has no summary.

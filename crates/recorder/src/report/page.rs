@@ -10,23 +10,29 @@ use super::{Limits, Run};
 
 const TEMPLATE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/style.css");
-const SCRIPTS: [&str; 6] = [
+const SCRIPTS: [&str; 7] = [
     include_str!("page/base.js"),
     include_str!("page/chart.js"),
     include_str!("page/gl.js"),
     include_str!("page/scene.js"),
     include_str!("page/player.js"),
+    include_str!("page/live.js"),
     include_str!("page/main.js"),
 ];
 
-/// Puts the page together. `{{…}}` in the template are the only places where something is filled in.
-pub(crate) fn render(title: &str, runs: &[Run], rows: &[Row]) -> String {
-    let data = json!({
+/// What the page shows, as the page takes it.
+pub(crate) fn data(title: &str, runs: &[Run], rows: &[Row]) -> Value {
+    json!({
         "title": title,
         "figures": figures(runs),
         "runs": runs.iter().map(run).collect::<Vec<_>>(),
         "summary": rows,
-    });
+    })
+}
+
+/// Puts the page together. `{{…}}` in the template are the only places where something is filled in. A page that may ask
+/// the server that it came from for news is a `live` one; any other may ask nobody for anything.
+pub(crate) fn render(title: &str, data: &Value, live: bool) -> String {
     // Inside a script element only `</` and `<!` could end or disturb it; `<` never needs to be literal in JSON.
     let data = data.to_string().replace('<', "\\u003c");
     let mut page = String::with_capacity(data.len() + 200_000);
@@ -38,6 +44,7 @@ pub(crate) fn render(title: &str, runs: &[Run], rows: &[Row]) -> String {
             "title" => page += &escape(title),
             "style" => page += STYLE,
             "data" => page += &data,
+            "connect" => page += if live { "; connect-src 'self'" } else { "" },
             "scripts" => SCRIPTS.iter().for_each(|script| page += script),
             _ => unreachable!("the template has no other places"),
         }
@@ -124,7 +131,7 @@ fn series(series: &Series) -> Value {
     })
 }
 
-fn motion(motion: &Motion) -> Value {
+pub(crate) fn motion(motion: &Motion) -> Value {
     let channels = motion.channels.iter().map(|channel| {
         let values = base64(channel.values.iter().flat_map(|x| x.to_le_bytes()));
         (

@@ -49,13 +49,50 @@ pub(crate) struct FigureData {
     pub(crate) series: Vec<Series>,
 }
 
-/// A formula bound to the fields of a stream.
-struct Bound {
-    figure: usize,
-    stream: usize,
+/// A row of the table of figures bound to the fields of a stream: what gives one curve or several.
+pub(super) struct Binding {
+    pub(super) figure: usize,
+    pub(super) stream: usize,
     evaluate: Evaluate,
     scale: f64,
-    first: usize,
+    pub(super) labels: Vec<String>,
+    pub(super) origin: String,
+}
+
+impl Binding {
+    /// The values of all curves in one record, in the figure's unit.
+    pub(super) fn values(&self, payload: &[u8], out: &mut [f64]) {
+        self.evaluate.run(payload, out);
+        out.iter_mut().for_each(|y| *y *= self.scale);
+    }
+}
+
+/// Everything of the table that these streams have curves for, in the order of the table.
+pub(super) fn bindings(streams: &[StreamSpec]) -> Vec<Binding> {
+    let mut all = Vec::new();
+    for (figure, row) in FIGURES.iter().enumerate() {
+        for curve in row.curves {
+            let mut candidates = streams.iter().enumerate().filter(|(_, spec)| spec.port == curve.port);
+            let found = candidates.find_map(|(stream, spec)| Some((stream, bind(spec, curve.formula)?)));
+            let Some((stream, (evaluate, width, origin))) = found else {
+                continue;
+            };
+            all.push(Binding {
+                figure,
+                stream,
+                evaluate,
+                scale: row.scale,
+                labels: labels(curve.labels, width),
+                origin,
+            });
+        }
+    }
+    all
+}
+
+/// A binding with what has been collected of its curves.
+struct Bound {
+    binding: Binding,
     series: Vec<Thinner>,
 }
 
@@ -220,65 +257,50 @@ fn labels(given: &[&str], count: usize) -> Vec<String> {
 
 /// All figures of the table that `source` has curves for, in the order of the table.
 pub(crate) fn extract(source: &(impl Source + ?Sized)) -> Result<Vec<FigureData>, ReadError> {
-    let mut bound = Vec::new();
-    for (figure, row) in FIGURES.iter().enumerate() {
-        for curve in row.curves {
-            let candidates = source
-                .streams()
-                .iter()
-                .enumerate()
-                .filter(|(_, spec)| spec.port == curve.port);
-            let found = candidates
-                .filter_map(|(stream, spec)| Some((stream, spec, bind(spec, curve.formula)?)))
-                .next();
-            let Some((stream, spec, (evaluate, width, origin))) = found else {
-                continue;
-            };
-            let count = source.count(stream);
-            let series = labels(curve.labels, width).into_iter().map(|label| Thinner {
-                label,
-                origin: origin.clone(),
-                bucket: if count <= MAX_SAMPLES {
-                    1
-                } else {
-                    count.div_ceil(BUCKETS)
-                },
-                index: Vec::new(),
-                y: Vec::new(),
-                low: (0, 0.0),
-                high: (0, 0.0),
-            });
-            bound.push(Bound {
-                figure,
-                stream,
-                evaluate,
-                scale: row.scale,
-                first: spec.first_index as usize,
-                series: series.collect(),
-            });
+    let thinner = |binding: &Binding, label: &String| {
+        let count = source.count(binding.stream);
+        Thinner {
+            label: label.clone(),
+            origin: binding.origin.clone(),
+            bucket: if count <= MAX_SAMPLES {
+                1
+            } else {
+                count.div_ceil(BUCKETS)
+            },
+            index: Vec::new(),
+            y: Vec::new(),
+            low: (0, 0.0),
+            high: (0, 0.0),
         }
-    }
+    };
+    let all = bindings(source.streams()).into_iter();
+    let mut bound: Vec<Bound> = all
+        .map(|binding| Bound {
+            series: binding.labels.iter().map(|label| thinner(&binding, label)).collect(),
+            binding,
+        })
+        .collect();
     for stream in 0..source.streams().len() {
-        let mut mine: Vec<&mut Bound> = bound.iter_mut().filter(|b| b.stream == stream).collect();
+        let mut mine: Vec<&mut Bound> = bound.iter_mut().filter(|b| b.binding.stream == stream).collect();
         if !mine.is_empty() {
             scan(source, stream, &mut mine)?;
         }
     }
     let mut figures: Vec<FigureData> = Vec::new();
     for b in bound {
-        let spec = &source.streams()[b.stream];
-        let samples = source.count(b.stream);
+        let spec = &source.streams()[b.binding.stream];
+        let samples = source.count(b.binding.stream);
         let series = b.series.into_iter().map(|thin| Series {
             label: thin.label,
             origin: thin.origin,
             offset_s: spec.offset.seconds(),
             period_s: spec.period.seconds(),
             index: (thin.bucket > 1).then_some(thin.index),
-            first_index: b.first as u64,
+            first_index: spec.first_index,
             y: thin.y,
             samples,
         });
-        let id = FIGURES[b.figure].id;
+        let id = FIGURES[b.binding.figure].id;
         match figures.last_mut() {
             Some(last) if last.id == id => last.series.extend(series),
             _ => figures.push(FigureData {
@@ -298,9 +320,9 @@ fn scan(source: &(impl Source + ?Sized), stream: usize, bound: &mut [&mut Bound]
     while let Some(Record { payload, .. }) = records.next()? {
         for b in &mut *bound {
             let out = &mut out[..b.series.len()];
-            b.evaluate.run(payload, out);
+            b.binding.values(payload, out);
             for (thin, y) in b.series.iter_mut().zip(&*out) {
-                thin.push(record_number, y * b.scale);
+                thin.push(record_number, *y);
             }
         }
         record_number += 1;

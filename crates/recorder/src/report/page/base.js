@@ -1,6 +1,6 @@
 // Small things everything uses: elements, numbers, arrays, the shared clock and the shared range of time.
-const DATA = JSON.parse(document.getElementById("data").textContent);
-const RUNS = DATA.runs;
+let DATA = JSON.parse(document.getElementById("data").textContent);
+let RUNS = DATA.runs;
 
 function el(tag, attributes = {}, ...children) {
   const node = document.createElement(tag);
@@ -12,6 +12,13 @@ function el(tag, attributes = {}, ...children) {
   }
   node.append(...children.filter((child) => child != null));
   return node;
+}
+
+/** What is kept of an array, and what comes behind it. */
+function joined(array, keep, more) {
+  const out = new array.constructor(keep + more.length);
+  out.set(array.subarray(0, keep)); out.set(more, keep);
+  return out;
 }
 
 function decode(text, Type) {
@@ -54,6 +61,12 @@ class Series {
     this.raw = raw; this.visible = true;
   }
   get length() { return this.y.length; }
+  /** News of a run that is going on. */
+  append({ keep, index, y, samples }) {
+    this.y = joined(this.y, keep, decode(y, Float64Array));
+    this.index = joined(this.index, keep, decode(index, Uint32Array));
+    this.samples = samples;
+  }
   x(k) { return this.raw.t0 + (this.raw.first + (this.index ? this.index[k] : k)) * this.raw.dt; }
   /** The point nearest to t. */
   nearest(t) {

@@ -52,7 +52,7 @@ function about() {
   const body = section("about", "About");
   for (const run of RUNS) {
     const card = el("div", { class: "card", style: "margin-bottom:1rem" }, el("h3", {}, run.name),
-      el("p", { class: "note" }, "Tape ", el("code", {}, run.digest), run.sealed ? "" : " (the run ended before its tape was finished)"));
+      run.digest ? el("p", { class: "note" }, "Tape ", el("code", {}, run.digest), run.sealed ? "" : " (the run ended before its tape was finished)") : null);
     for (const note of run.notes) card.append(el("p", { class: "note" }, note));
     if (run.events.length) card.append(el("table", { class: "events" }, ...run.events.map((event) => el("tr", {},
       el("td", {}, event.time), el("td", {}, event.kind), el("td", {}, event.participant || ""), el("td", { style: "text-align:left" }, event.text)))));
@@ -65,38 +65,45 @@ function about() {
 }
 
 function transport() {
-  const at = (id) => document.getElementById(id), scrub = at("scrub"), play = at("play");
+  const at = (id) => document.getElementById(id), scrub = at("scrub");
   at("transport").hidden = false;
   scrub.min = clock.start; scrub.max = clock.end;
+  clock.listen(() => {
+    if (document.activeElement !== scrub || clock.playing) scrub.value = clock.t;
+    at("play").textContent = clock.playing ? "⏸" : "▶"; at("now").textContent = showTime(clock.t);
+  });
+}
+
+/** What belongs to the page whatever it shows. */
+function controls() {
+  const at = (id) => document.getElementById(id), scrub = at("scrub");
   scrub.addEventListener("input", () => clock.set(Number(scrub.value)));
-  play.addEventListener("click", () => clock.play(!clock.playing));
+  at("play").addEventListener("click", () => clock.play(!clock.playing));
   const step = (by) => { clock.play(false); clock.set(clock.t + by); };
   at("back").addEventListener("click", () => step(-0.1)); at("ahead").addEventListener("click", () => step(0.1));
   at("speed").addEventListener("change", (event) => { clock.speed = Number(event.target.value); });
-  clock.listen(() => {
-    if (document.activeElement !== scrub || clock.playing) scrub.value = clock.t;
-    play.textContent = clock.playing ? "⏸" : "▶"; at("now").textContent = showTime(clock.t);
-  });
   document.addEventListener("keydown", (event) => {
-    if (["INPUT", "SELECT", "BUTTON"].includes(event.target.tagName) && event.key === " " && event.target !== scrub) return;
+    if (["INPUT", "SELECT", "BUTTON"].includes(event.target.tagName) && event.target !== scrub) return;
     if (event.key === " ") { event.preventDefault(); clock.play(!clock.playing); }
     if (event.target === scrub) return;
     if (event.key === "ArrowRight") step(event.shiftKey ? 1 : 0.1);
     if (event.key === "ArrowLeft") step(event.shiftKey ? -1 : -0.1);
   });
-}
-
-function main() {
-  wheel();
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   setTheme(dark.matches ? "dark" : "light");
   dark.addEventListener("change", () => setTheme(dark.matches ? "dark" : "light"));
-  document.getElementById("theme").addEventListener("click", () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
+  at("theme").addEventListener("click", () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
   // Paper is white whatever the screen was.
   let before = "light";
   window.addEventListener("beforeprint", () => { before = document.documentElement.dataset.theme; setTheme("light"); });
   window.addEventListener("afterprint", () => setTheme(before));
-  document.getElementById("runs").textContent = RUNS.map((run) => `${run.name}: tape ${run.digest.slice(0, 12)}`).join("   ·   ");
+}
+
+/** Puts everything of DATA on the page, in place of what was there. */
+function build() {
+  for (const signal of [clock, range, themeChanged]) signal.listeners.length = 0;
+  document.getElementById("main").replaceChildren(); document.getElementById("nav").replaceChildren();
+  document.getElementById("runs").textContent = RUNS.map((run) => (run.digest ? `${run.name}: tape ${run.digest.slice(0, 12)}` : run.name)).join("   ·   ");
 
   const motions = RUNS.filter((run) => run.motion).map((run) => decode(run.motion.t, Float64Array)).filter((t) => t.length);
   const top = el("div", { class: "top" }), summary = summaryCard();
@@ -127,7 +134,10 @@ function main() {
   if (rest.length) section("all-figures-of-merit", "All figures of merit").append(el("div", { class: "card" }, summaryTable(rest)));
   about();
   // For scripts that look at the page: the curves as drawn, the clock, the playback.
-  window.escapement = { data: DATA, figures, clock, range, player, setTheme };
+  window.escapement = Object.assign(window.escapement || {}, { data: DATA, figures, clock, range, player, setTheme });
 }
 
-main();
+wheel();
+controls();
+build();
+if (DATA.live) new Live();

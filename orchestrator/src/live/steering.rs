@@ -1,0 +1,161 @@
+//! The one seam through which somebody outside moves the horizon of a run: a limit, and how far the run is.
+
+use std::path::PathBuf;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+
+use lockstep::plan::Plan;
+use lockstep::time::{Rational, Ticks};
+
+/// What somebody wants of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Wish {
+    /// Come to rest as soon as possible.
+    Pause,
+    /// Go on.
+    Resume,
+    /// From rest: the next activation of this participant, and everything before it.
+    StepOf(String),
+    /// From rest: this much simulated time.
+    StepBy(Rational),
+}
+
+/// A run that has begun: what never changes about it.
+pub struct Course {
+    /// Its plan.
+    pub plan: Plan,
+    /// Its folder.
+    pub folder: PathBuf,
+}
+
+/// Shared by a run and by whoever steers it. Nobody ever waits for the other.
+pub struct Steering {
+    /// Nobody goes further than this; a horizon that was given stays given.
+    limit: AtomicI64,
+    newest: AtomicI64,
+    granted: AtomicI64,
+    resting: AtomicBool,
+    course: OnceLock<Course>,
+    /// How it ended, in words.
+    ended: OnceLock<String>,
+}
+
+impl Default for Steering {
+    fn default() -> Steering {
+        Steering {
+            limit: AtomicI64::new(Ticks::MAX),
+            newest: AtomicI64::new(0),
+            granted: AtomicI64::new(0),
+            resting: AtomicBool::new(false),
+            course: OnceLock::new(),
+            ended: OnceLock::new(),
+        }
+    }
+}
+
+impl Steering {
+    /// The run begins: its tape is there.
+    pub fn begin(&self, plan: &Plan, folder: PathBuf) {
+        let plan = plan.clone();
+        let _ = self.course.set(Course { plan, folder });
+    }
+
+    /// The run that has begun.
+    pub fn course(&self) -> Option<&Course> {
+        self.course.get()
+    }
+
+    /// How far the run may go.
+    pub fn limit(&self) -> Ticks {
+        self.limit.load(Ordering::Relaxed)
+    }
+
+    /// Whether the run may go past `at`.
+    pub fn lets_past(&self, at: Ticks) -> bool {
+        self.limit() > at
+    }
+
+    /// No further than the horizon that is given already.
+    pub fn pause(&self) {
+        self.limit.store(0, Ordering::Relaxed);
+    }
+
+    /// As far as the run goes.
+    pub fn resume(&self) {
+        self.limit.store(Ticks::MAX, Ordering::Relaxed);
+    }
+
+    /// As far as this instant.
+    pub fn go_to(&self, limit: Ticks) {
+        self.limit.store(limit, Ordering::Relaxed);
+    }
+
+    /// The run says how far it is.
+    pub fn tell(&self, newest: Ticks, granted: Ticks, resting: bool) {
+        self.newest.store(newest, Ordering::Relaxed);
+        self.granted.store(granted, Ordering::Relaxed);
+        self.resting.store(resting, Ordering::Relaxed);
+    }
+
+    /// The run is over, and its folder complete.
+    pub fn end(&self, how: String) {
+        let _ = self.ended.set(how);
+    }
+
+    /// How the run ended, when it has.
+    pub fn ended(&self) -> Option<&str> {
+        self.ended.get().map(String::as_str)
+    }
+
+    /// Does what somebody wants, or says why not.
+    pub fn obey(&self, wish: &Wish) -> Result<(), String> {
+        let Some(Course { plan, .. }) = self.course() else {
+            return Err("the run has not begun yet".into());
+        };
+        if self.ended().is_some() {
+            return Err("the run is over".into());
+        }
+        let granted = self.granted.load(Ordering::Relaxed);
+        let target = match wish {
+            Wish::Pause => {
+                self.pause();
+                return Ok(());
+            }
+            Wish::Resume => {
+                self.resume();
+                return Ok(());
+            }
+            _ if self.limit() == Ticks::MAX => return Err("the run is going on: pause it first".into()),
+            Wish::StepOf(name) => {
+                let number = plan
+                    .participant(name)
+                    .ok_or_else(|| format!("there is no participant `{name}`"))?;
+                let own = plan.participants[number].sample_time;
+                // The first activation that has not happened yet, and with it everything of the same instant.
+                own.instant(own.count_before(granted)).saturating_add(1)
+            }
+            Wish::StepBy(time) if time.is_positive() => {
+                let ticks = plan.timebase.ceil(*time).map_err(|error| error.to_string())?;
+                granted.saturating_add(ticks)
+            }
+            Wish::StepBy(time) => return Err(format!("a step of {time} does not go ahead")),
+        };
+        self.go_to(target.min(plan.end));
+        Ok(())
+    }
+
+    /// How far the run is, for the page.
+    pub fn state(&self) -> serde_json::Value {
+        let seconds = |ticks: Ticks| {
+            self.course()
+                .map_or(0.0, |course| course.plan.timebase.seconds(ticks.max(0)))
+        };
+        serde_json::json!({
+            "t": seconds(self.newest.load(Ordering::Relaxed)),
+            "horizon": seconds(self.granted.load(Ordering::Relaxed)),
+            "paused": self.limit() != Ticks::MAX,
+            "resting": self.resting.load(Ordering::Relaxed),
+            "ended": self.ended(),
+        })
+    }
+}

@@ -1,0 +1,237 @@
+//! How far everybody may go: stops, the pace of the wall clock, and whoever steers the run from outside.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use lockstep::plan::Plan;
+use lockstep::time::Ticks;
+
+use super::Options;
+use super::outcome::RunFailure;
+use super::prepare;
+use crate::live::Steering;
+
+/// A run that is steered is let ahead by about this much wall time, so that it never waits for leave, and stops soon.
+const AHEAD: Duration = Duration::from_millis(50);
+
+/// Decides about the horizon of one run.
+pub(super) struct Guide {
+    end: Ticks,
+    /// Where the run rests before its end, in order.
+    stops: Vec<Ticks>,
+    pace: Option<Pace>,
+    steering: Option<Arc<Steering>>,
+    lead: Lead,
+    granted: Ticks,
+}
+
+impl Guide {
+    /// A guide for a run of `plan`, whose clock starts to run now.
+    pub(super) fn new(plan: &Plan, options: &Options) -> Result<Guide, RunFailure> {
+        let tick = plan.timebase.tick();
+        let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
+        let ticks_per_s = tick.denominator() as f64 / tick.numerator() as f64;
+        Ok(Guide {
+            end: plan.end,
+            stops: prepare::stops(plan, options)?,
+            pace: options.pace.map(|factor| Pace::new(factor * ticks_per_s)),
+            steering: options.steering.clone(),
+            lead: Lead::new(shortest.unwrap_or(1)),
+            granted: 0,
+        })
+    }
+
+    /// How far everybody may go now, when the newest sample is stamped `newest`. Never less than before.
+    pub(super) fn horizon(&mut self, newest: Ticks) -> Ticks {
+        self.horizon_at(newest, Instant::now())
+    }
+
+    fn horizon_at(&mut self, newest: Ticks, now: Instant) -> Ticks {
+        let mut most = self.stops.first().copied().unwrap_or(self.end);
+        let mut horizon = most;
+        if let Some(steering) = &self.steering {
+            most = most.min(steering.limit().max(self.granted));
+            horizon = most.min(self.lead.horizon(newest, now));
+        }
+        if let Some(pace) = &mut self.pace {
+            // Everybody can do what lies before the instant that has come, that instant's own activations included.
+            horizon = most.min(pace.reached(most, now).saturating_add(1));
+        }
+        self.granted = self.granted.max(horizon);
+        self.granted
+    }
+
+    /// Tells whoever steers how far the run is, and whether everybody rests at the horizon.
+    pub(super) fn tell(&self, newest: Ticks, resting: bool) {
+        if let Some(steering) = &self.steering {
+            steering.tell(newest, self.granted, resting);
+        }
+    }
+
+    /// The next stop.
+    pub(super) fn stop(&self) -> Option<Ticks> {
+        self.stops.first().copied()
+    }
+
+    /// Everybody rests at the next stop: from now on it is over when somebody lets the run go on.
+    pub(super) fn rest(&mut self) -> Option<Arc<Steering>> {
+        if !self.stops.is_empty() {
+            let stop = self.stops.remove(0);
+            if let Some(steering) = &self.steering {
+                steering.tell(stop, stop, true);
+                steering.pause();
+            }
+        }
+        self.steering.clone()
+    }
+
+    /// The run goes on after a stop: what the wall clock did meanwhile does not count.
+    pub(super) fn go_on(&mut self) {
+        if let Some(pace) = &mut self.pace {
+            pace.start_over(self.granted, Instant::now());
+        }
+    }
+}
+
+/// Keeps simulated time behind a multiple of the wall time that was not spent at rest.
+struct Pace {
+    ticks_per_s: f64,
+    since: Instant,
+    at: Ticks,
+}
+
+impl Pace {
+    fn new(ticks_per_s: f64) -> Pace {
+        Pace {
+            ticks_per_s,
+            since: Instant::now(),
+            at: 0,
+        }
+    }
+
+    fn start_over(&mut self, at: Ticks, now: Instant) {
+        (self.since, self.at) = (now, at);
+    }
+
+    /// The instant that has come, `most` at the latest: who is held there does not hurry afterwards.
+    fn reached(&mut self, most: Ticks, now: Instant) -> Ticks {
+        let passed = now.saturating_duration_since(self.since).as_secs_f64() * self.ticks_per_s;
+        let reached = self.at.saturating_add(passed as Ticks);
+        if reached >= most {
+            self.start_over(most, now);
+        }
+        reached.min(most)
+    }
+}
+
+/// How far ahead of the newest sample a free run is let, so that a wish to pause still finds something to hold back.
+struct Lead {
+    least: Ticks,
+    ticks: Ticks,
+    given: Ticks,
+    since: Option<Instant>,
+}
+
+impl Lead {
+    fn new(shortest: Ticks) -> Lead {
+        let least = shortest.saturating_mul(16);
+        Lead {
+            least,
+            ticks: least,
+            given: 0,
+            since: None,
+        }
+    }
+
+    /// Gives more when half of what was given is used up: twice as much when that was quick, half as much when it was slow.
+    fn horizon(&mut self, newest: Ticks, now: Instant) -> Ticks {
+        if newest.saturating_add(self.ticks / 2) < self.given {
+            return self.given;
+        }
+        if let Some(since) = self.since {
+            let took = now.saturating_duration_since(since);
+            if took < AHEAD / 2 {
+                self.ticks = self.ticks.saturating_mul(2);
+            } else if took > AHEAD * 2 {
+                self.ticks = (self.ticks / 2).max(self.least);
+            }
+        }
+        self.since = Some(now);
+        self.given = newest.max(0).saturating_add(self.ticks);
+        self.given
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn guide(stops: Vec<Ticks>, pace: Option<f64>, steering: Option<Arc<Steering>>, start: Instant) -> Guide {
+        let pace = pace.map(|ticks_per_s| Pace {
+            ticks_per_s,
+            since: start,
+            at: 0,
+        });
+        Guide {
+            end: 100_000,
+            stops,
+            pace,
+            steering,
+            lead: Lead::new(1),
+            granted: 0,
+        }
+    }
+
+    fn ms(count: u64) -> Duration {
+        Duration::from_millis(count)
+    }
+
+    #[test]
+    fn a_free_run_is_let_to_its_end_at_once() {
+        let now = Instant::now();
+        assert_eq!(guide(vec![], None, None, now).horizon_at(0, now), 100_000);
+        assert_eq!(guide(vec![70], None, None, now).horizon_at(0, now), 70);
+    }
+
+    #[test]
+    fn time_at_rest_does_not_make_a_paced_run_hurry() {
+        let start = Instant::now();
+        let mut guide = guide(vec![500], Some(1000.0), None, start);
+        assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
+        // The stop is reached after 500 ms of wall time; ten seconds later the user goes on.
+        assert_eq!(guide.horizon_at(500, start + ms(600)), 500);
+        assert_eq!(guide.horizon_at(500, start + ms(10_600)), 500);
+        guide.rest();
+        assert_eq!(guide.horizon_at(500, start + ms(10_700)), 601);
+    }
+
+    #[test]
+    fn who_steers_holds_a_paced_run_and_lets_it_go_on_from_there() {
+        let start = Instant::now();
+        let steering = Arc::new(Steering::default());
+        let mut guide = guide(vec![], Some(1000.0), Some(steering.clone()), start);
+        assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
+        steering.pause();
+        assert_eq!(guide.horizon_at(101, start + ms(5000)), 101);
+        steering.go_to(131);
+        guide.horizon_at(101, start + ms(5001));
+        assert_eq!(guide.horizon_at(101, start + ms(9000)), 131);
+        steering.resume();
+        assert_eq!(guide.horizon_at(131, start + ms(9001)), 133);
+    }
+
+    #[test]
+    fn a_steered_free_run_is_let_ahead_by_what_it_uses() {
+        let start = Instant::now();
+        let steering = Arc::new(Steering::default());
+        let mut guide = guide(vec![], None, Some(steering.clone()), start);
+        assert_eq!(guide.horizon_at(0, start), 16);
+        assert_eq!(guide.horizon_at(7, start + ms(1)), 16, "more than half is left");
+        assert_eq!(guide.horizon_at(8, start + ms(2)), 40, "quick: twice as much");
+        assert_eq!(guide.horizon_at(30, start + ms(500)), 46, "slow: half as much");
+        steering.pause();
+        assert_eq!(guide.horizon_at(46, start + ms(501)), 46);
+        steering.resume();
+        assert!(guide.horizon_at(46, start + ms(502)) > 46);
+    }
+}

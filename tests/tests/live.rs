@@ -1,0 +1,330 @@
+//! A run that is watched and steered from a page: what steering does, and what nobody else can do to it.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use escapement_tests::machine::processes_of;
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root};
+use escapement_tests::world::oscillator;
+use serde_json::Value;
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("paths of tests are text")
+}
+
+/// A run under way with the address of its page.
+struct Watched {
+    child: Option<Child>,
+    said: BufReader<std::process::ChildStderr>,
+    host: String,
+    path: String,
+}
+
+impl Watched {
+    fn start(arguments: &[&str]) -> Watched {
+        let mut child = Command::new(orchestrator())
+            .args(arguments)
+            .current_dir(root())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(child.stderr.take().unwrap());
+        let mut line = String::new();
+        said.read_line(&mut line).unwrap();
+        let url = line
+            .trim()
+            .strip_prefix("live: http://")
+            .unwrap_or_else(|| panic!("{line}"));
+        let (host, path) = url.split_once('/').unwrap();
+        Watched {
+            child: Some(child),
+            said,
+            host: host.to_owned(),
+            path: format!("/{path}"),
+        }
+    }
+
+    fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(&self.host).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        stream
+    }
+
+    /// Status and body of the answer to a request; `{host}`, `{path}` and `{origin}` stand for those of the page.
+    fn ask(&self, request: &str) -> (u16, String) {
+        let request = request.replace("{host}", &self.host).replace("{path}", &self.path);
+        let request = request.replace("{origin}", &format!("http://{}", self.host));
+        let mut stream = self.connect();
+        stream.write_all(request.replace('\n', "\r\n").as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        let status = answer.split(' ').nth(1).and_then(|word| word.parse().ok());
+        let body = answer.split_once("\r\n\r\n").map(|(_, body)| body.to_owned());
+        (status.unwrap_or_else(|| panic!("{answer}")), body.unwrap_or_default())
+    }
+
+    fn get(&self, below: &str) -> (u16, String) {
+        self.ask(&format!("GET {{path}}{below} HTTP/1.1\nHost: {{host}}\n\n"))
+    }
+
+    fn wish(&self, body: &str) -> (u16, String) {
+        let length = body.len();
+        self.ask(&format!(
+            "POST {{path}}control HTTP/1.1\nHost: {{host}}\nOrigin: {{origin}}\nContent-Type: application/json\n\
+             Content-Length: {length}\n\n{body}"
+        ))
+    }
+
+    fn state(&self) -> Value {
+        let (status, body) = self.get("news?have=");
+        assert_eq!(status, 200, "{body}");
+        serde_json::from_str::<Value>(&body).unwrap()["state"].clone()
+    }
+
+    /// Waits until everybody rests at this horizon.
+    fn rests_at(&self, seconds: f64) {
+        let started = Instant::now();
+        loop {
+            let state = self.state();
+            if state["resting"] == true && state["horizon"] == seconds {
+                return;
+            }
+            assert!(started.elapsed() < Duration::from_secs(60), "{state}");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    /// A page that is open fetches the result; there is none here, so the program ends at once.
+    fn end(mut self) -> Said {
+        let mut said = finish(self.child.take().unwrap());
+        self.said.read_to_string(&mut said.err).unwrap();
+        said
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Waits until a stream has this many records on the disk.
+fn has(folder: &Path, stream: &str, records: u64, size: u64) {
+    let started = Instant::now();
+    loop {
+        let length = std::fs::metadata(folder.join("tape").join(stream)).unwrap().len();
+        if length == records * size {
+            return;
+        }
+        assert!(
+            length < records * size,
+            "{stream}: {} records of {records}",
+            length / size
+        );
+        assert!(started.elapsed() < Duration::from_secs(60), "{stream}: {length}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
+    let folder = Folder::new("live");
+    let scenario = oscillator(&folder, "damper");
+    let quiet = folder.path().join("quiet");
+    assert_eq!(
+        orchestrate(&["run", text(&scenario), "--out", text(&quiet), "--quiet"]).code,
+        Some(0)
+    );
+    let out = folder.path().join("run");
+    let run = Watched::start(&[
+        "run",
+        text(&scenario),
+        "--out",
+        text(&out),
+        "--quiet",
+        "--live",
+        "--pause-at",
+        "1 s",
+    ]);
+    run.rests_at(1.0);
+    has(&out, "damper.push.bin", 100, 24);
+    // The next activation of the damper is at 1 s, the one after it at 1.01 s; the plant does all before it.
+    assert_eq!(run.wish(r#"{"do": "step", "participant": "damper"}"#).0, 200);
+    run.rests_at(1.001);
+    has(&out, "damper.push.bin", 101, 24);
+    has(&out, "plant.motion.bin", 1002, 24);
+    assert_eq!(run.wish(r#"{"do": "step", "participant": "damper"}"#).0, 200);
+    run.rests_at(1.011);
+    has(&out, "damper.push.bin", 102, 24);
+    assert_eq!(run.wish(r#"{"do": "step", "time": "1/300 s"}"#).0, 200);
+    run.rests_at(1.015);
+    assert_eq!(run.wish(r#"{"do": "step", "participant": "nobody"}"#).0, 409);
+    assert_eq!(run.wish(r#"{"do": "dance"}"#).0, 400);
+    let (status, page) = run.get("");
+    assert_eq!(status, 200);
+    assert!(
+        page.contains("connect-src 'self'") && page.contains("\"live\":{"),
+        "it is a page that asks for news"
+    );
+    assert_eq!(run.get("result").0, 409, "there is no result yet");
+    assert_eq!(run.wish(r#"{"do": "resume"}"#).0, 200);
+    let said = run.end();
+    assert_eq!(said.code, Some(0), "{said:?}");
+    for stream in ["plant.motion.bin", "damper.push.bin"] {
+        let tape = |folder: &Path| std::fs::read(folder.join("tape").join(stream)).unwrap();
+        assert!(tape(&quiet) == tape(&out), "{stream} is another one");
+    }
+    assert_eq!(processes_of(folder.path()), Vec::<String>::new(), "processes are left");
+}
+
+#[test]
+fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
+    let folder = Folder::new("live-in-process");
+    let out = folder.path().join("run");
+    let scenario = root().join("scenarios/close.toml");
+    let arguments = [
+        "run",
+        text(&scenario),
+        "--duration",
+        "2 s",
+        "--in-process",
+        "--out",
+        text(&out),
+        "--quiet",
+    ];
+    let run = Watched::start(&[&arguments[..], &["--live-stay", "--pause-at", "0.5 s"]].concat());
+    run.rests_at(0.5);
+    assert_eq!(run.wish(r#"{"do": "step", "time": "0.25 s"}"#).0, 200);
+    run.rests_at(0.75);
+    has(&out, "controller.command.bin", 75, 8 * 14);
+    // What a page shows of a run at rest, against the tape: every n-th sample and the newest.
+    let (_, news) = run.get("news?have=0-0");
+    let news: Value = serde_json::from_str(&news).unwrap();
+    assert_eq!(news["figures"]["base-torque"][0]["samples"], 75);
+    assert_eq!(news["figures"]["position-error"][0]["samples"], 751);
+    assert_eq!(run.wish(r#"{"do": "resume"}"#).0, 200);
+    let started = Instant::now();
+    while run.state()["ended"] != "complete" {
+        assert!(started.elapsed() < Duration::from_secs(60));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let (status, result) = run.get("result");
+    assert_eq!(status, 200);
+    let result: Value = serde_json::from_str(&result).unwrap();
+    let digest = result["runs"][0]["digest"].as_str().unwrap().to_owned();
+    let summary: Value = serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["tape_digest"], digest.as_str());
+    assert_eq!(
+        run.wish(r#"{"do": "pause"}"#).0,
+        409,
+        "a run that is over cannot be paused"
+    );
+    let pid = rustix::process::Pid::from_raw(run.child.as_ref().unwrap().id() as i32).unwrap();
+    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
+    assert!(matches!(run.end().code, Some(0 | 3)), "it stays until it is told to go");
+}
+
+#[test]
+fn nobody_else_can_see_or_steer_the_run() {
+    let folder = Folder::new("live-hostile");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    let run = Watched::start(&[
+        "run",
+        text(&scenario),
+        "--out",
+        text(&out),
+        "--quiet",
+        "--live",
+        "--pause-at",
+        "1 s",
+    ]);
+    run.rests_at(1.0);
+    let resume = "Content-Type: application/json\nContent-Length: 16\n\n{\"do\": \"resume\"}";
+    for (what, request, status) in [
+        (
+            "rebinding",
+            "GET {path} HTTP/1.1\nHost: evil.example\n\n".to_owned(),
+            403,
+        ),
+        ("no token", "GET / HTTP/1.1\nHost: {host}\n\n".to_owned(), 404),
+        (
+            "a guessed token",
+            "GET /00000000000000000000000000000000/ HTTP/1.1\nHost: {host}\n\n".to_owned(),
+            404,
+        ),
+        (
+            "another page reads",
+            "GET {path}news HTTP/1.1\nHost: {host}\nOrigin: http://evil.example\n\n".to_owned(),
+            403,
+        ),
+        (
+            "another page posts",
+            format!("POST {{path}}control HTTP/1.1\nHost: {{host}}\nOrigin: http://evil.example\n{resume}"),
+            403,
+        ),
+        (
+            "a page without origin",
+            format!("POST {{path}}control HTTP/1.1\nHost: {{host}}\nOrigin: null\n{resume}"),
+            403,
+        ),
+        (
+            "no token posts",
+            format!("POST /control HTTP/1.1\nHost: {{host}}\nOrigin: {{origin}}\n{resume}"),
+            404,
+        ),
+        (
+            "an image",
+            "GET {path}control?do=resume HTTP/1.1\nHost: {host}\n\n".to_owned(),
+            405,
+        ),
+        (
+            "a form",
+            format!(
+                "POST {{path}}control HTTP/1.1\nHost: {{host}}\nOrigin: {{origin}}\n{}",
+                resume.replace("application/json", "text/plain")
+            ),
+            415,
+        ),
+        ("garbage", "\u{1}\u{2}\u{3}\n\n".to_owned(), 400),
+    ] {
+        assert_eq!(run.ask(&request).0, status, "{what}");
+    }
+    let port: u16 = run.host.rsplit(':').next().unwrap().parse().unwrap();
+    let open = std::fs::read_to_string("/proc/net/tcp").unwrap();
+    let listens = open
+        .lines()
+        .filter(|line| line.contains(&format!(":{port:04X} 00000000:0000 0A")));
+    let addresses: Vec<&str> = listens.filter_map(|line| line.split_whitespace().nth(1)).collect();
+    assert_eq!(
+        addresses,
+        [format!("0100007F:{port:04X}")],
+        "it listens on 127.0.0.1 alone"
+    );
+    let taken = format!("--live={port}");
+    let other = orchestrate(&["run", text(&scenario), "--quiet", &taken]);
+    assert_eq!(other.code, Some(2), "{other:?}");
+    assert!(
+        other.err.contains("--live") && other.err.contains("another port"),
+        "{other:?}"
+    );
+    // Nothing of this has moved the run. The page does, while others hold connections and read nothing.
+    run.rests_at(1.0);
+    let held: Vec<TcpStream> = (0..15).map(|_| run.connect()).collect();
+    for mut stream in held.iter().take(8) {
+        let page = format!("GET {} HTTP/1.1\r\nHost: {}\r\n\r\n", run.path, run.host);
+        stream.write_all(page.as_bytes()).unwrap();
+    }
+    assert_eq!(run.wish(r#"{"do": "resume"}"#).0, 200);
+    let said = run.end();
+    assert_eq!(said.code, Some(0), "{said:?}");
+    drop(held);
+}
