@@ -23,6 +23,9 @@ pub struct Parameters {
     pub start: Start,
     /// The target at the first instant.
     pub target_start: TargetStart,
+    /// The propellant's pendulum: on `hinges`, as the paper's, or `spherical`.
+    #[serde(default)]
+    pub slosh: SloshModel,
     /// The integrator.
     #[serde(default)]
     pub integrator: Integrator,
@@ -37,6 +40,17 @@ pub struct Parameters {
     /// Actuators that fail.
     #[serde(default)]
     pub faults: Vec<FaultParameters>,
+}
+
+/// The propellant's pendulum.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SloshModel {
+    /// Two perpendicular hinges, singular where the bob lies along the first.
+    #[default]
+    Hinges,
+    /// A direction and its rate, singular nowhere.
+    Spherical,
 }
 
 /// The servicer at the first instant.

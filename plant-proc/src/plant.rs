@@ -6,11 +6,11 @@ use lockstep::wire;
 use multibody::{Method, Quaternion, rotation};
 use nalgebra::Vector3;
 
-use crate::actuators::Actuators;
+use crate::actuators::{Actuators, THRUSTERS};
 use crate::dynamics::{
-    Books, Forces, Grasp, Mechanics, Model, Motion, Servicer, Target, Totals, quaternion_of, stop_joints,
+    Bob, Books, Forces, Grasp, Mechanics, Model, Motion, Servicer, Target, Totals, quaternion_of, stop_joints,
 };
-use crate::parameters::{AfterGrasp, Parameters, Start, TargetStart};
+use crate::parameters::{AfterGrasp, Parameters, SloshModel, Start, TargetStart};
 use crate::saved::Saved;
 use crate::sensors::{Sensors, Source};
 use crate::truth::TruthTeller;
@@ -48,7 +48,12 @@ impl Plant {
     /// # Errors
     /// Names the parameter that is refused.
     pub fn new(setup: &Setup, parameters: &Parameters) -> Result<Self, ParameterError> {
-        let model = Model::new(&parameters.urdf, &parameters.servicer, &parameters.target)?;
+        let model = Model::new(
+            &parameters.urdf,
+            &parameters.servicer,
+            &parameters.target,
+            parameters.slosh,
+        )?;
         let method = match parameters.integrator.method.parse() {
             // the books are integrated with the motion, which the method on the group does not offer
             Ok(method @ (Method::Rk4 | Method::Dop853)) => method,
@@ -76,7 +81,11 @@ impl Plant {
             period: setup.period,
         };
         let motion = Motion {
-            servicer: servicer_at(&parameters.start),
+            servicer: servicer_at(&parameters.start, parameters.slosh),
+            bob: match parameters.slosh {
+                SloshModel::Hinges => Bob::NONE,
+                SloshModel::Spherical => Bob::at(parameters.start.slosh.si(), parameters.start.slosh_rates.si()),
+            },
             wheel_momentum: parameters.actuators.wheels.start_momentum.si().into(),
             impulse: Vector3::zeros(),
             angular_impulse: Vector3::zeros(),
@@ -101,6 +110,7 @@ impl Plant {
                 wheel_torque: Vector3::zeros(),
                 thruster_force: Vector3::zeros(),
                 thruster_torque: Vector3::zeros(),
+                thrust: [0.0; THRUSTERS],
                 joint_torque: [0.0; 7],
                 braked: [false; 7],
             },
@@ -112,7 +122,7 @@ impl Plant {
 
     fn integrate(&mut self, period: f64) {
         let mechanics = Mechanics {
-            tree: &self.model.tree,
+            model: &self.model,
             gyroscopic: self.actuators.gyroscopic(),
         };
         let h = period / f64::from(self.substeps);
@@ -146,7 +156,7 @@ impl Plant {
         let (within, within_angle) = (after.within.si(), after.within_angle.si());
         let truth = self.tell();
         if truth.position_error <= within && truth.attitude_error <= within_angle {
-            self.grasp = self.model.grasp(&mut self.motion.servicer, &mut self.target);
+            self.grasp = self.model.grasp(&mut self.motion, &mut self.target);
             self.books.impact_loss += self.grasp.map_or(0.0, |grasp| grasp.loss);
         }
     }
@@ -218,7 +228,7 @@ impl Participant for Plant {
             .zip(&self.forces.braked)
             .any(|(now, before)| *now && !before)
         {
-            self.books.impact_loss += stop_joints(&self.model.tree, &mut self.motion.servicer, &forces.braked);
+            self.books.impact_loss += stop_joints(&self.model, &mut self.motion, &forces.braked);
         }
         self.forces = forces;
         self.integrate(step.period);
@@ -267,7 +277,7 @@ fn quaternion([roll, pitch, yaw]: [f64; 3]) -> Quaternion {
     quaternion_of(&rotation::roll_pitch_yaw(roll, pitch, yaw))
 }
 
-fn servicer_at(start: &Start) -> Servicer {
+fn servicer_at(start: &Start, slosh: SloshModel) -> Servicer {
     let mut state = Servicer::rest();
     state.p_nb = start.position.si().into();
     state.quat_nb = quaternion(start.attitude.si());
@@ -276,6 +286,11 @@ fn servicer_at(start: &Start) -> Servicer {
     let nu = start.rate.si().into_iter().chain(start.velocity.si());
     let nu = nu.chain(start.joint_rates.si()).chain(start.slosh_rates.si());
     state.nu.iter_mut().zip(nu).for_each(|(slot, value)| *slot = value);
+    if slosh == SloshModel::Spherical {
+        // the bob has a state of its own
+        state.q.iter_mut().skip(7).for_each(|angle| *angle = 0.0);
+        state.nu.iter_mut().skip(13).for_each(|rate| *rate = 0.0);
+    }
     state
 }
 

@@ -4,8 +4,8 @@ use multibody::{Placement, Quaternion};
 use nalgebra::{Matrix3, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::actuators::ActuatorsState;
-use crate::dynamics::{Books, COORDINATES, Forces, Grasp, Motion, Servicer, Target, Totals, VELOCITIES};
+use crate::actuators::{ActuatorsState, THRUSTERS};
+use crate::dynamics::{Bob, Books, COORDINATES, Forces, Grasp, Motion, Servicer, Target, Totals, VELOCITIES};
 use crate::sensors::SensorsState;
 
 /// A tree's state.
@@ -40,12 +40,12 @@ pub struct Saved {
     pub servicer: SavedState,
     /// The target.
     pub target: SavedState,
-    /// Wheel momentum, impulse, angular impulse.
-    pub vectors: [[f64; 3]; 3],
+    /// Wheel momentum, impulse, angular impulse, the bob's direction and rate.
+    pub vectors: [[f64; 3]; 5],
     /// Work and damper loss.
     pub work: [f64; 2],
     /// What the actuators did last.
-    pub forces: [f64; 16],
+    pub forces: [f64; 16 + THRUSTERS],
     /// Joints that were braked.
     pub braked: [bool; 7],
     /// The actuators.
@@ -95,13 +95,14 @@ impl Saved {
         grasp: Option<&Grasp>,
         signs: [[f64; 4]; 2],
     ) -> Self {
-        let mut made = [0.0; 16];
+        let mut made = [0.0; 16 + THRUSTERS];
         let values = forces
             .wheel_torque
             .iter()
             .chain(&forces.thruster_force)
             .chain(&forces.thruster_torque)
-            .chain(&forces.joint_torque);
+            .chain(&forces.joint_torque)
+            .chain(&forces.thrust);
         for (slot, value) in made.iter_mut().zip(values) {
             *slot = *value;
         }
@@ -112,6 +113,8 @@ impl Saved {
                 motion.wheel_momentum.into(),
                 motion.impulse.into(),
                 motion.angular_impulse.into(),
+                motion.bob.d.into(),
+                motion.bob.w.into(),
             ],
             work: [motion.work, motion.loss],
             forces: made,
@@ -135,11 +138,12 @@ impl Saved {
 
     /// The motion and the target; `None` when this is of another mechanism.
     pub fn motion(&self) -> Option<(Motion, Target)> {
-        let [wheel_momentum, impulse, angular_impulse] = self.vectors.map(Vector3::from);
+        let [wheel_momentum, impulse, angular_impulse, d, w] = self.vectors.map(Vector3::from);
         let servicer: Servicer = restored::<COORDINATES, VELOCITIES>(&self.servicer)?;
         Some((
             Motion {
                 servicer,
+                bob: Bob { d, w },
                 wheel_momentum,
                 impulse,
                 angular_impulse,
@@ -158,6 +162,7 @@ impl Saved {
             thruster_force: vector(3),
             thruster_torque: vector(6),
             joint_torque: std::array::from_fn(|joint| self.forces[9 + joint]),
+            thrust: std::array::from_fn(|thruster| self.forces[16 + thruster]),
             braked: self.braked,
         }
     }

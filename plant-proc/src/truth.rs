@@ -4,7 +4,7 @@ use interfaces::Truth;
 use multibody::Quaternion;
 use nalgebra::Vector3;
 
-use crate::dynamics::{Books, Forces, Model, Motion, Target, Totals, quaternion_of};
+use crate::dynamics::{Bob, Books, Forces, Model, Motion, Target, Totals, quaternion_of};
 
 /// Fills a [`Truth`]. Keeps the signs of the quaternions that come from rotation matrices, so that they do not jump.
 #[derive(Debug, Clone, Copy, Default)]
@@ -32,6 +32,11 @@ impl TruthTeller {
         let p_NE = servicer.p_nb + servicer.quat_nb.rotate(&p_BE.p);
         let v_NE = quat_NE.rotate(&v_NE_E);
 
+        let hinges = ([servicer.q[7], servicer.q[8]], [servicer.nu[13], servicer.nu[14]]);
+        let (bob, slosh, slosh_rate) = match &model.sphere {
+            None => (Bob::at(hinges.0, hinges.1), hinges.0, hinges.1),
+            Some(_) => (motion.bob, motion.bob.angles(), [motion.bob.w.y, motion.bob.w.x]),
+        };
         let quat_TG = quaternion_of(&model.grasp.r);
         let quat_NG = target.quat_nb.times(quat_TG);
         let p_NG = target.p_nb + target.quat_nb.rotate(&model.grasp.p);
@@ -48,13 +53,16 @@ impl TruthTeller {
             p_NB_N: servicer.p_nb.into(),
             quat_NB: servicer.quat_nb.to_wxyz(),
             q: std::array::from_fn(|joint| servicer.q[joint]),
-            slosh: [servicer.q[7], servicer.q[8]],
+            slosh,
+            slosh_direction_B: bob.d.into(),
+            slosh_swing: libm::atan2(libm::hypot(bob.d.x, bob.d.y), -bob.d.z),
             omega_NB_B: servicer.omega().into(),
             v_NB_B: servicer.velocity().into(),
             qdot: std::array::from_fn(|joint| servicer.nu[6 + joint]),
-            slosh_rate: [servicer.nu[13], servicer.nu[14]],
+            slosh_rate,
             wheel_torque_B: forces.wheel_torque.into(),
             thruster_force_B: forces.thruster_force.into(),
+            thrust: forces.thrust,
             thruster_torque_B: forces.thruster_torque.into(),
             tau: forces.joint_torque,
             wheel_momentum_B: motion.wheel_momentum.into(),

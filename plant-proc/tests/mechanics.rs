@@ -169,3 +169,58 @@ fn mistakes_are_refused_with_key_value_and_remedy() {
         assert!(reason.contains(part), "{plant}: {reason}");
     }
 }
+
+#[test]
+fn a_spherical_pendulum_keeps_its_books_through_swings_grasps_and_brakes() {
+    // the bob starts next to the first hinge's axis, where two hinges lose a degree of freedom, and swings through it
+    let tape = short(
+        "6 s",
+        "slosh = 'spherical'\n\
+         start = { slosh = '[20, 85] deg', slosh_rates = '[0, 40] deg/s' }\n\
+         faults = [{ actuator = 'joint.A4', effect = 'locked', from = '3 s', until = '4 s' }]\n\
+         after_grasp = { at = '5 s', within = '10 m', within_angle = '180 deg' }\n\
+         target_start = { velocity = '[0.1, -0.1, 0.15] m/s' }",
+    );
+    assert_eq!(tape.at("plant.truth", "grasped", 0, 5.001), 1.0);
+    assert!(tape.at("plant.truth", "impact_loss", 0, 6.0) > 1e-3);
+    assert!(residuals(&tape) < 1e-8, "{:e}", residuals(&tape));
+    assert!(tape.peak("plant.truth", "slosh_swing") > 1.6);
+    // the direction stays a direction
+    for t in [0.0, 1.0, 5.0, 6.0] {
+        let parts = [0, 1, 2].map(|axis| tape.at("plant.truth", "slosh_direction_B", axis, t));
+        let length = parts.iter().map(|part| part * part).sum::<f64>();
+        assert!((length - 1.0).abs() < 1e-12, "{length}");
+    }
+}
+
+#[test]
+fn both_pendulums_swing_alike_while_the_swing_is_small() {
+    let hinged = short("8 s", "");
+    let spherical = short("8 s", "slosh = 'spherical'");
+    let swing = hinged.peak("plant.truth", "slosh_swing");
+    assert!((0.05..0.7).contains(&swing), "{swing}");
+    for t in [2.0, 4.0, 6.0, 8.0] {
+        for axis in 0..2 {
+            let [a, b] = [&hinged, &spherical].map(|tape| tape.at("plant.truth", "slosh", axis, t));
+            // to second order in the angle, and with the bob's inertia about its rod besides
+            assert!((a - b).abs() < 0.1 * swing * swing, "{t} s, {axis}: {a} {b}");
+        }
+    }
+    let [a, b] = [&hinged, &spherical].map(|tape| tape.at("plant.truth", "position_error", 0, 8.0));
+    assert!((a - b).abs() < 1e-4, "{a} {b}");
+}
+
+#[test]
+fn a_model_that_a_spherical_pendulum_does_not_fit_is_refused() {
+    let mut scenario = load("close");
+    let plant = scenario["participants"]["plant"]["parameters"].as_table_mut().unwrap();
+    plant.insert("slosh".into(), "spherical".into());
+    let urdf = plant["urdf"].as_str().unwrap();
+    let urdf = urdf.replace("<origin xyz=\"0 0 -0.1317\"", "<origin xyz=\"0.1 0 -0.1317\"");
+    plant.insert("urdf".into(), urdf.into());
+    let error = common::try_make(&scenario, "plant").err().unwrap().to_string();
+    assert!(
+        error.contains("must hang along base -z") && error.contains("hinges"),
+        "{error}"
+    );
+}

@@ -83,7 +83,12 @@ struct World {
 
 impl World {
     fn new(name: &str) -> World {
+        let (name, spherical) = name.split_once('+').map_or((name, false), |(name, _)| (name, true));
         let mut scenario = load(name);
+        if spherical {
+            let plant = scenario["participants"]["plant"]["parameters"].as_table_mut().unwrap();
+            plant.insert("slosh".into(), "spherical".into());
+        }
         // early, so that a short run sees it
         if let Some(after) = scenario["participants"]["plant"]["parameters"].get_mut("after_grasp") {
             after["at"] = "0.15 s".into();
@@ -143,7 +148,13 @@ fn no_step_allocates() {
 
 #[test]
 fn a_restored_participant_continues_to_the_last_bit() {
-    for name in ["close", "realistic", "reference-close", "capture-and-stabilise"] {
+    for name in [
+        "close",
+        "realistic",
+        "reference-close",
+        "capture-and-stabilise",
+        "capture-and-stabilise+spherical",
+    ] {
         let mut original = World::new(name);
         (0..23).for_each(|_| original.advance());
         let mut restored = World::new(name);

@@ -15,11 +15,12 @@
 //!
 //! The tree's forward dynamics takes that in as a load on its base, and the pendulum follows from a_h.
 
+use crate::description::{Inertia, Placement};
 use crate::integrate::{Flow, Rate};
 use crate::kernel::aba::Articulated;
 use crate::num::{Sym3, V3};
 use crate::state::State;
-use crate::tree::{Momentum, Tree};
+use crate::tree::{FrameId, Momentum, Tree};
 use nalgebra::{SVector, Vector3};
 
 /// The pendulum's constants.
@@ -133,6 +134,11 @@ impl<const N: usize, const V: usize> SloshTree<N, V> {
     /// The tree without the pendulum.
     pub fn tree(&self) -> &Tree<N, V> {
         &self.tree
+    }
+
+    /// Welds a payload to a frame of the tree, as [`Tree::attach`].
+    pub fn attach(&mut self, frame: FrameId, payload: &Placement, inertia: &Inertia) {
+        self.tree.attach(frame, payload, inertia);
     }
 
     /// The pendulum.

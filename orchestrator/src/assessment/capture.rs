@@ -37,7 +37,9 @@ struct Truth {
     joint_rates: Numbers<7>,
     base_rate: Numbers<3>,
     slosh: Numbers<2>,
+    slosh_swing: Numbers<1>,
     thruster_force: Numbers<3>,
+    thrust: Numbers<12>,
     wheel_momentum: Numbers<3>,
     end_effector_velocity: Numbers<3>,
     position_error: Numbers<1>,
@@ -71,7 +73,9 @@ struct Figures {
     commands: u64,
     /// Commands with a wheel, a thruster axis, a joint, or any of them over its limit.
     over: [u64; 4],
-    impulse: f64,
+    /// Of all thrusters, and of their sum.
+    impulses: [f64; 2],
+    swing: f64,
     slosh: f64,
     wheel_momentum: f64,
     residuals: [f64; 3],
@@ -170,7 +174,10 @@ impl Capture {
             .wheel_momentum
             .max(largest(&fields.wheel_momentum.read(payload)));
         let force = fields.thruster_force.read(payload);
-        figures.impulse += force.iter().map(|value| value.abs()).sum::<f64>() * fields.period;
+        let sum = |values: &[f64]| values.iter().map(|value| value.abs()).sum::<f64>() * fields.period;
+        figures.impulses[0] += sum(&fields.thrust.read(payload));
+        figures.impulses[1] += sum(&force);
+        figures.swing = figures.swing.max(fields.slosh_swing.read(payload)[0]);
         let residuals = [
             length(fields.linear_residual.read(payload)),
             length(fields.angular_residual.read(payload)),
@@ -243,6 +250,8 @@ impl Truth {
             joint_rates: Numbers::find(spec, key, "qdot", "rad/s")?,
             base_rate: Numbers::find(spec, key, "omega_NB_B", "rad/s")?,
             slosh: Numbers::find(spec, key, "slosh", "rad")?,
+            slosh_swing: Numbers::find(spec, key, "slosh_swing", "rad")?,
+            thrust: Numbers::find(spec, key, "thrust", "N")?,
             thruster_force: Numbers::find(spec, key, "thruster_force_B", "N")?,
             wheel_momentum: Numbers::find(spec, key, "wheel_momentum_B", "N m s")?,
             end_effector_velocity: Numbers::find(spec, key, "v_NE_N", "m/s")?,
@@ -315,9 +324,11 @@ impl Assessment for Capture {
             base_torque_integral_n_m_s: figures.integrals[0],
             base_force_integral_n_s: figures.integrals[1],
             joint_torque_integral_n_m_s: figures.integrals[2],
-            thruster_impulse_n_s: figures.impulse,
+            thruster_impulse_n_s: figures.impulses[0],
+            net_force_impulse_n_s: figures.impulses[1],
             jerk_squared_integral_m2_s5: figures.jerk.integral,
             slosh_max_deg: figures.slosh / DEGREE,
+            slosh_swing_max_deg: figures.swing / DEGREE,
             wheel_momentum_max_n_m_s: figures.wheel_momentum,
             linear_momentum_residual_kg_m_s: figures.residuals[0],
             angular_momentum_residual_n_m_s: figures.residuals[1],

@@ -41,12 +41,16 @@ pub struct Summary {
     pub base_force_integral_n_s: f64,
     /// Integral of the torques asked of the joints, absolute values of all together, N m s.
     pub joint_torque_integral_n_m_s: f64,
-    /// Impulse that the thrusters made, absolute values of all axes together, N s: what propellant is used for.
+    /// Impulse of all thrusters together, N s, whether they push or turn: what propellant is used for.
     pub thruster_impulse_n_s: f64,
+    /// Impulse of the resulting force, absolute values of all axes together, N s: without what couples use.
+    pub net_force_impulse_n_s: f64,
     /// Integral of the squared jerk of the end effector, from its velocity at the controller's samples, m²/s⁵.
     pub jerk_squared_integral_m2_s5: f64,
     /// Largest angle of the pendulum, the larger of its two, deg.
     pub slosh_max_deg: f64,
+    /// Largest angle of the pendulum from its hanging position, deg.
+    pub slosh_swing_max_deg: f64,
     /// Largest momentum in a wheel, N m s.
     pub wheel_momentum_max_n_m_s: f64,
     /// Largest missing linear momentum, kg m/s.
@@ -137,6 +141,12 @@ impl fmt::Display for Summary {
             ("largest slosh angle", self.slosh_max_deg, "deg"),
             ("wheel momentum", self.wheel_momentum_max_n_m_s, "N m s"),
             ("thruster impulse", self.thruster_impulse_n_s, "N s"),
+            ("of the resulting force", self.net_force_impulse_n_s, "N s"),
+            (
+                "missing linear momentum",
+                self.linear_momentum_residual_kg_m_s,
+                "kg m/s",
+            ),
             (
                 "missing angular momentum",
                 self.angular_momentum_residual_n_m_s,

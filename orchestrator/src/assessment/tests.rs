@@ -62,6 +62,9 @@ fn approach(t: f64) -> Truth {
         // a constant jerk of 6 m/s^3 along x
         v_NE_N: [3.0 * t * t, 0.5, 0.0],
         thruster_force_B: [1.0, -2.0, 0.0],
+        // a couple of 0.25 N each beside the force
+        thrust: [0.75, 0.25, 0.0, 0.0, 0.0, 0.0, 1.25, 0.75, 0.25, 0.0, 0.0, 0.25],
+        slosh_swing: 0.4 * t,
         p_NB_N: [t, 0.0, 0.0],
         ..Truth::default()
     }
@@ -95,7 +98,9 @@ fn figures_are_those_of_the_definitions() {
     near(summary.thrusters_saturated_fraction, 0.0);
     near(summary.base_torque_integral_n_m_s, 0.1 * 0.25 + 0.02 * 0.25);
     near(summary.base_force_integral_n_s, 0.4);
-    near(summary.thruster_impulse_n_s, 101.0 * 0.001 * 3.0);
+    near(summary.thruster_impulse_n_s, 101.0 * 0.001 * 3.5);
+    near(summary.net_force_impulse_n_s, 101.0 * 0.001 * 3.0);
+    near(summary.slosh_swing_max_deg, 0.04 / DEGREE);
     // second differences of a parabola are exact: 36 m²/s⁶ over the nine inner intervals
     near(summary.jerk_squared_integral_m2_s5, 36.0 * 0.09);
     near(summary.slosh_max_deg, 0.03 / DEGREE);

@@ -205,14 +205,16 @@ impl Actuators {
         let wheel_torque = self
             .wheels
             .apply(&command.torque_B, momentum, |axis| faults.effect(t, Unit::Wheel(axis)));
-        let (thruster_force, thruster_torque) = self.thrusters.apply(&command.force_B, &couples.torque_B, |n| {
-            faults.effect(t, Unit::Thruster(n))
-        });
+        let (thruster_force, thruster_torque, thrust) =
+            self.thrusters.apply(&command.force_B, &couples.torque_B, |n| {
+                faults.effect(t, Unit::Thruster(n))
+            });
         let effects: [Option<Effect>; JOINTS] = std::array::from_fn(|joint| faults.effect(t, Unit::Joint(joint)));
         Forces {
             wheel_torque,
             thruster_force,
             thruster_torque,
+            thrust,
             joint_torque: std::array::from_fn(|joint| self.joints[joint].apply(command.tau[joint], effects[joint])),
             braked: effects.map(|effect| effect == Some(Effect::Locked)),
         }

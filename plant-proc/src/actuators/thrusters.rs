@@ -97,25 +97,27 @@ impl Thrusters {
         self.firing = state.firing;
     }
 
-    /// Force, N, and torque, N m, on the base, for a force and a couple asked for.
+    /// Force, N, and torque, N m, on the base, for a force and a couple asked for; and what each thruster does, N.
     pub fn apply(
         &mut self,
         force: &[f64; 3],
         couple: &[f64; 3],
         effect: impl Fn(usize) -> Option<Effect>,
-    ) -> (Vector3<f64>, Vector3<f64>) {
+    ) -> (Vector3<f64>, Vector3<f64>, [f64; THRUSTERS]) {
         let (mut made_force, mut made_torque) = (Vector3::zeros(), Vector3::zeros());
+        let mut each = [0.0; THRUSTERS];
         for turn in 0..3 {
             let (push, arm) = (push_axis(turn), self.lever_arm[turn]);
             let difference = if arm > 0.0 { couple[turn] / arm } else { 0.0 };
             let (first, second) = (0.5 * (force[push] + difference), 0.5 * (force[push] - difference));
             let wanted = [first.max(0.0), second.max(0.0), (-first).max(0.0), (-second).max(0.0)];
             let thrust: [f64; 4] = std::array::from_fn(|n| self.thrust(4 * push + n, wanted[n], effect(4 * push + n)));
+            each[4 * push..4 * push + 4].copy_from_slice(&thrust);
             let (first, second) = (thrust[0] - thrust[2], thrust[1] - thrust[3]);
             made_force[push] = first + second;
             made_torque[turn] = arm * (first - second);
         }
-        (made_force, made_torque)
+        (made_force, made_torque, each)
     }
 
     /// What thruster `n` does over a step, N.
@@ -147,7 +149,7 @@ mod tests {
     #[test]
     fn an_ideal_pack_gives_the_force_to_the_last_bit() {
         let mut thrusters = Thrusters::new(&ThrusterParameters::default(), 0.001).unwrap();
-        let (force, torque) = thrusters.apply(&[0.123_456_789, -7.1, 20.0], &[0.0; 3], |_| None);
+        let (force, torque, _) = thrusters.apply(&[0.123_456_789, -7.1, 20.0], &[0.0; 3], |_| None);
         assert_eq!(force, Vector3::new(0.123_456_789, -7.1, 9.0));
         assert_eq!(torque, Vector3::zeros());
     }
@@ -155,16 +157,25 @@ mod tests {
     #[test]
     fn couples_turn_without_pushing() {
         let mut thrusters = Thrusters::new(&ThrusterParameters::default(), 0.001).unwrap();
-        let (force, torque) = thrusters.apply(&[0.0, 1.0, 0.0], &[0.4, 0.0, -0.6], |_| None);
+        let (force, torque, thrust) = thrusters.apply(&[0.0, 1.0, 0.0], &[0.4, 0.0, -0.6], |_| None);
         assert!((force - Vector3::new(0.0, 1.0, 0.0)).amax() < 1e-15);
         assert!((torque - Vector3::new(0.4, 0.0, -0.6)).amax() < 1e-15);
+        // 0.8 N on y turn about x by 0.4 N m while pushing 1 N; 1.2 N on x turn about z and push nothing
+        let expected = [0.0, 0.6, 0.6, 0.0, 0.9, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert!(
+            thrust
+                .iter()
+                .zip(expected)
+                .all(|(made, expected)| (made - expected).abs() < 1e-15),
+            "{thrust:?}"
+        );
     }
 
     #[test]
     fn a_thruster_that_fails_halves_the_force_and_turns_the_base() {
         let mut thrusters = Thrusters::new(&ThrusterParameters::default(), 0.001).unwrap();
         let off = |n| (n == 0).then_some(Effect::Off);
-        let (force, torque) = thrusters.apply(&[8.0, 0.0, 0.0], &[0.0; 3], off);
+        let (force, torque, _) = thrusters.apply(&[8.0, 0.0, 0.0], &[0.0; 3], off);
         assert_eq!(force.x, 4.0);
         assert_eq!(torque, Vector3::new(0.0, 0.0, -2.0));
     }

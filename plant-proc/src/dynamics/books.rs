@@ -28,13 +28,25 @@ impl Totals {
     /// The sums over servicer, wheels and, while it is not `carried` as a part of the servicer, target.
     pub fn of(model: &Model, motion: &Motion, target: &Target, carried: bool) -> Self {
         let servicer = &motion.servicer;
-        let kinematics = model.kinematics(servicer);
-        let momentum = model.tree.momentum(&kinematics);
+        let (momentum, own_energy) = match &model.sphere {
+            None => {
+                let kinematics = model.kinematics(servicer);
+                let energy = model.tree.kinetic_energy(&kinematics) + model.tree.potential_energy(servicer);
+                (model.tree.momentum(&kinematics), energy)
+            }
+            Some(sphere) => {
+                let (tree, state) = (sphere.tree(), sphere.state(servicer, &motion.bob));
+                (
+                    tree.momentum(&state),
+                    tree.kinetic_energy(&state) + tree.potential_energy(&state),
+                )
+            }
+        };
         let to_world = |vector: &Vector3<f64>| servicer.quat_nb.rotate(vector);
         let centre = servicer.p_nb + to_world(&momentum.p_bc);
         let mut linear = to_world(&momentum.linear_b);
         let mut angular = centre.cross(&linear) + to_world(&(momentum.angular_b + motion.wheel_momentum));
-        let mut energy = model.tree.kinetic_energy(&kinematics) + model.tree.potential_energy(servicer);
+        let mut energy = own_energy;
         if !carried {
             let (omega, v) = (target.omega(), target.velocity());
             let (mass, inertia) = (model.target_inertia.mass, model.target_inertia.about_com);

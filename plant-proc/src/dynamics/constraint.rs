@@ -3,33 +3,36 @@
 use interfaces::JOINTS;
 use nalgebra::SMatrix;
 
-use super::{Generalised, Servicer, Tree};
+use super::{Generalised, Model, Motion, VELOCITIES};
+
+/// A mass matrix.
+type MassMatrix = SMatrix<f64, VELOCITIES, VELOCITIES>;
 
 /// Changes the acceleration `nu_dot` so that the joints in `braked` do not accelerate: `nu_dot += M⁻¹ S λ`, with the
 /// brakes' torques λ from `Sᵀ nu_dot = 0`.
-pub fn hold_joints(tree: &Tree, state: &Servicer, braked: &[bool; JOINTS], nu_dot: &mut Generalised) {
-    project(tree, state, braked, nu_dot);
+pub fn hold_joints(mass: &MassMatrix, braked: &[bool; JOINTS], nu_dot: &mut Generalised) {
+    project(mass, braked, nu_dot);
 }
 
 /// Stops the joints in `braked` at once: an impulse at each that leaves the momentum of the whole as it was. Returns the
 /// energy that goes, J.
-pub fn stop_joints(tree: &Tree, state: &mut Servicer, braked: &[bool; JOINTS]) -> f64 {
-    let mass = tree.mass_matrix(&state.q);
+pub fn stop_joints(model: &Model, motion: &mut Motion, braked: &[bool; JOINTS]) -> f64 {
+    let mass = model.mass_matrix(motion);
     let energy = |nu: &Generalised| 0.5 * nu.dot(&(mass * nu));
-    let before = energy(&state.nu);
-    let mut nu = state.nu;
-    project(tree, state, braked, &mut nu);
-    state.nu = nu;
+    let mut nu = model.velocities(motion);
+    let before = energy(&nu);
+    project(&mass, braked, &mut nu);
+    model.set_velocities(motion, &nu);
     before - energy(&nu)
 }
 
 /// `x − M⁻¹ S (Sᵀ M⁻¹ S)⁻¹ Sᵀ x`, with exact zeros where `braked`.
-fn project(tree: &Tree, state: &Servicer, braked: &[bool; JOINTS], x: &mut Generalised) {
-    let Some(factor) = tree.mass_matrix(&state.q).cholesky() else {
+fn project(mass: &MassMatrix, braked: &[bool; JOINTS], x: &mut Generalised) {
+    let Some(factor) = mass.cholesky() else {
         return; // only a state that is not finite gets here, and the output check says so
     };
     // unbraked joints get a unit diagonal and no force, which leaves them out of a system of fixed size
-    let mut columns = SMatrix::<f64, { super::VELOCITIES }, JOINTS>::zeros();
+    let mut columns = SMatrix::<f64, VELOCITIES, JOINTS>::zeros();
     for joint in (0..JOINTS).filter(|&joint| braked[joint]) {
         let mut unit = Generalised::zeros();
         unit[6 + joint] = 1.0;

@@ -5,13 +5,17 @@ use multibody::{Flow, Rate};
 use nalgebra::Vector3;
 
 use super::constraint::hold_joints;
-use super::{COORDINATES, Generalised, Servicer, Tree, VELOCITIES};
+use super::sphere::across;
+use super::{Bob, COORDINATES, Generalised, Model, Servicer, VELOCITIES};
+use crate::actuators::THRUSTERS;
 
 /// Everything that is integrated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
     /// The servicer.
     pub servicer: Servicer,
+    /// The bob of a spherical pendulum; the hinges' places in `servicer` are then zero.
+    pub bob: Bob,
     /// Angular momentum in the wheels, base axes, N m s.
     pub wheel_momentum: Vector3<f64>,
     /// Impulse of the thrusters since the start, world axes, N s.
@@ -28,6 +32,7 @@ pub struct Motion {
 #[derive(Debug, Clone, Copy)]
 pub struct MotionRate {
     servicer: Rate<COORDINATES, VELOCITIES>,
+    bob: Bob,
     wheel_momentum: Vector3<f64>,
     impulse: Vector3<f64>,
     angular_impulse: Vector3<f64>,
@@ -44,6 +49,8 @@ pub struct Forces {
     pub thruster_force: Vector3<f64>,
     /// Torque of the thrusters, base axes, N m.
     pub thruster_torque: Vector3<f64>,
+    /// Thrust of each thruster, N.
+    pub thrust: [f64; THRUSTERS],
     /// Torques of the joint motors, N m.
     pub joint_torque: [f64; interfaces::JOINTS],
     /// Joints that a brake holds; their motors do nothing.
@@ -54,7 +61,7 @@ pub struct Forces {
 #[derive(Debug, Clone, Copy)]
 pub struct Mechanics<'a> {
     /// The mechanism.
-    pub tree: &'a Tree,
+    pub model: &'a Model,
     /// Whether the spinning wheels' gyroscopic torque reaches the base. Without it the wheels' own control compensates it:
     /// the base feels the commanded torque alone. Momentum is conserved either way.
     pub gyroscopic: bool,
@@ -84,19 +91,39 @@ impl Flow for Mechanics<'_> {
         for (joint, torque) in forces.joint_torque.iter().enumerate() {
             generalised[6 + joint] = *torque;
         }
-        let mut rate = self.tree.rate(servicer, &generalised);
-        if forces.braked.contains(&true) {
-            // a brake does no work: what it holds does not move
-            hold_joints(self.tree, servicer, &forces.braked, &mut rate.nu);
-        }
+        let braked = forces.braked.contains(&true);
+        // a brake does no work: what it holds does not move
+        let (rate, bob, damper_power) = match &self.model.sphere {
+            None => {
+                let tree = &self.model.tree;
+                let mut rate = tree.rate(servicer, &generalised);
+                if braked {
+                    hold_joints(&tree.mass_matrix(&servicer.q), &forces.braked, &mut rate.nu);
+                }
+                (rate, Bob::NONE, tree.damper_power(&servicer.nu))
+            }
+            Some(sphere) => {
+                let (mut nu, mut w) = sphere.accelerations(servicer, &motion.bob, &generalised);
+                if braked {
+                    hold_joints(&sphere.mass_matrix(servicer, &motion.bob), &forces.braked, &mut nu);
+                    let [first, second] = across(&motion.bob.d);
+                    w += first * nu[VELOCITIES - 2] + second * nu[VELOCITIES - 1];
+                    (nu[VELOCITIES - 2], nu[VELOCITIES - 1]) = (0.0, 0.0);
+                }
+                let d = motion.bob.w.cross(&motion.bob.d);
+                let power = sphere.tree().damper_power(&sphere.state(servicer, &motion.bob));
+                (Rate::of(servicer, nu), Bob { d, w }, power)
+            }
+        };
         let force_n = servicer.quat_nb.rotate(&forces.thruster_force);
         MotionRate {
             servicer: rate,
+            bob,
             wheel_momentum: wheel_rate,
             impulse: force_n,
             angular_impulse: servicer.p_nb.cross(&force_n) + servicer.quat_nb.rotate(&forces.thruster_torque),
             work: generalised.dot(&servicer.nu),
-            loss: -self.tree.damper_power(&servicer.nu),
+            loss: -damper_power,
         }
     }
 
@@ -108,10 +135,14 @@ impl Flow for Mechanics<'_> {
             *slot = (*k, &rate.servicer);
         }
         let mut out = Motion {
-            servicer: self.tree.moved(&motion.servicer, &servicer[..by.len()]),
+            servicer: self.model.tree.moved(&motion.servicer, &servicer[..by.len()]),
             ..*motion
         };
         for (k, rate) in by {
+            if self.model.sphere.is_some() {
+                out.bob.d += rate.bob.d * *k;
+                out.bob.w += rate.bob.w * *k;
+            }
             out.wheel_momentum += rate.wheel_momentum * *k;
             out.impulse += rate.impulse * *k;
             out.angular_impulse += rate.angular_impulse * *k;
@@ -123,8 +154,14 @@ impl Flow for Mechanics<'_> {
 
     #[inline]
     fn restored(&self, motion: Motion) -> Motion {
+        let mut bob = motion.bob;
+        if self.model.sphere.is_some() {
+            bob.d = bob.d.normalize();
+            bob.w -= bob.d * bob.d.dot(&bob.w);
+        }
         Motion {
-            servicer: self.tree.restored(motion.servicer),
+            servicer: self.model.tree.restored(motion.servicer),
+            bob,
             ..motion
         }
     }

@@ -4,11 +4,13 @@ mod books;
 mod constraint;
 mod flow;
 mod model;
+mod sphere;
 
 pub use books::{Books, Totals};
 pub use constraint::stop_joints;
 pub use flow::{Forces, Mechanics, Motion};
 pub use model::{Grasp, Model, quaternion_of};
+pub use sphere::Bob;
 
 /// Joint coordinates: arm and pendulum.
 pub const COORDINATES: usize = interfaces::JOINTS + interfaces::SLOSH;

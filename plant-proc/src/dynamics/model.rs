@@ -3,15 +3,19 @@
 use interfaces::files;
 use lockstep::participant::ParameterError;
 use multibody::{Description, FrameId, Inertia, Kinematics, Placement, Quaternion, rotation};
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, UnitQuaternion, Vector3};
 
-use super::{COORDINATES, Generalised, Servicer, Target, TargetTree, Tree, VELOCITIES};
+use super::sphere::{Sphere, across};
+use super::{COORDINATES, Generalised, Motion, Servicer, Target, TargetTree, Tree, VELOCITIES};
+use crate::parameters::SloshModel;
 
 /// The constants of a run.
 #[derive(Debug, Clone)]
 pub struct Model {
     /// The servicer, after the grasp with the target welded to it.
     pub tree: Tree,
+    /// The same with a spherical pendulum in the place of the two hinges, if that is wanted. `tree` then tells the geometry alone.
+    pub sphere: Option<Sphere>,
     /// The end effector.
     pub end_effector: FrameId,
     /// The target on its own.
@@ -36,7 +40,12 @@ impl Model {
     ///
     /// # Errors
     /// Names the file and what does not fit.
-    pub fn new(urdf: &str, servicer: &files::Servicer, target: &files::Target) -> Result<Self, ParameterError> {
+    pub fn new(
+        urdf: &str,
+        servicer: &files::Servicer,
+        target: &files::Target,
+        slosh_model: SloshModel,
+    ) -> Result<Self, ParameterError> {
         let refuse = |key: &str, error: &dyn std::fmt::Display| ParameterError::new(key, error);
         let mut description = Description::from_urdf(urdf).map_err(|error| refuse("urdf", &error))?;
         for (name, inertia) in servicer.arm.joints.iter().zip(servicer.arm.motor_inertia.si()) {
@@ -74,8 +83,21 @@ impl Model {
         let body =
             Description::rigid_body("target", target_inertia).map_err(|error| refuse("target.inertia", &error))?;
         let [roll, pitch, yaw] = target.grasp.attitude.si();
+        let sphere = match slosh_model {
+            SloshModel::Hinges => None,
+            SloshModel::Spherical => {
+                let sphere = Sphere::new(&description, servicer).map_err(|reason| {
+                    refuse(
+                        "slosh",
+                        &format!("`spherical` does not fit the URDF: {reason}; or write \"hinges\""),
+                    )
+                })?;
+                Some(sphere)
+            }
+        };
         Ok(Self {
             tree,
+            sphere,
             end_effector,
             target: TargetTree::new(&body).map_err(|error| refuse("target.inertia", &error))?,
             target_inertia,
@@ -124,7 +146,8 @@ impl Model {
     /// Closes the gripper: from now on the servicer carries the target as it finds it. The impact is perfectly plastic and
     /// conserves momentum: with the Jacobian J of the target's frame, `(M + Jᵀ M_T J) ν⁺ = M ν⁻ + Jᵀ M_T v_T⁻`. Base, joints
     /// and pendulum all give way; no brake holds them.
-    pub fn grasp(&mut self, servicer: &mut Servicer, target: &mut Target) -> Option<Grasp> {
+    pub fn grasp(&mut self, motion: &mut Motion, target: &mut Target) -> Option<Grasp> {
+        let servicer = &motion.servicer;
         let kinematics = self.kinematics(servicer);
         let p_e = self.tree.placement(&kinematics, self.end_effector);
         let (p_ne, r_ne) = (
@@ -142,19 +165,19 @@ impl Model {
         let j_w_t = back * j_w;
         let j_v_t = back * (j_v - held.p.cross_matrix() * j_w);
         let (inertia, mass) = (self.target_inertia.about_com, self.target_inertia.mass);
-        let before = self.tree.mass_matrix(&servicer.q);
+        let before = self.mass_matrix(motion);
+        let nu = self.velocities(motion);
         let (omega, v) = (target.omega(), target.velocity());
         let momentum: Generalised =
-            before * servicer.nu + j_w_t.transpose() * (inertia * omega) + j_v_t.transpose() * (v * mass);
-        let energy_before = 0.5 * servicer.nu.dot(&(before * servicer.nu))
-            + 0.5 * omega.dot(&(inertia * omega))
-            + 0.5 * mass * v.norm_squared();
+            before * nu + j_w_t.transpose() * (inertia * omega) + j_v_t.transpose() * (v * mass);
+        let energy_before =
+            0.5 * nu.dot(&(before * nu)) + 0.5 * omega.dot(&(inertia * omega)) + 0.5 * mass * v.norm_squared();
 
         self.restore_grasp(&held);
-        let after = self.tree.mass_matrix(&servicer.q);
+        let after = self.mass_matrix(motion);
         let nu = after.cholesky()?.solve(&momentum);
-        servicer.nu = nu;
-        *target = self.carried(servicer, &held);
+        self.set_velocities(motion, &nu);
+        *target = self.carried(&motion.servicer, &held);
         Some(Grasp {
             held,
             loss: energy_before - 0.5 * nu.dot(&(after * nu)),
@@ -164,6 +187,38 @@ impl Model {
     /// Welds the target to the end effector at `held`, and changes nothing else: for a run that is restored after its grasp.
     pub fn restore_grasp(&mut self, held: &Placement) {
         self.tree.attach(self.end_effector, held, &self.target_inertia);
+        if let Some(sphere) = &mut self.sphere {
+            sphere.attach(held, &self.target_inertia);
+        }
+    }
+
+    /// All velocities: base, joints, and the pendulum's two.
+    pub fn velocities(&self, motion: &Motion) -> Generalised {
+        let mut nu = motion.servicer.nu;
+        if self.sphere.is_some() {
+            for (at, direction) in across(&motion.bob.d).iter().enumerate() {
+                nu[VELOCITIES - 2 + at] = direction.dot(&motion.bob.w);
+            }
+        }
+        nu
+    }
+
+    /// Puts what [`Model::velocities`] gives back.
+    pub fn set_velocities(&self, motion: &mut Motion, nu: &Generalised) {
+        motion.servicer.nu = *nu;
+        if self.sphere.is_some() {
+            let [first, second] = across(&motion.bob.d);
+            motion.bob.w = first * nu[VELOCITIES - 2] + second * nu[VELOCITIES - 1];
+            (motion.servicer.nu[VELOCITIES - 2], motion.servicer.nu[VELOCITIES - 1]) = (0.0, 0.0);
+        }
+    }
+
+    /// The mass matrix for these velocities.
+    pub fn mass_matrix(&self, motion: &Motion) -> SMatrix<f64, VELOCITIES, VELOCITIES> {
+        match &self.sphere {
+            None => self.tree.mass_matrix(&motion.servicer.q),
+            Some(sphere) => sphere.mass_matrix(&motion.servicer, &motion.bob),
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use lockstep::executor::{InLoop, assemble};
 use lockstep::link::Timing;
-use lockstep::participant::{Factory, Participant, Setup};
+use lockstep::participant::{Factory, ParameterError, Participant, Setup};
 use lockstep::plan::{Initial, LinkSpec, ParticipantSpec, Plan};
 use lockstep::port::Descriptor;
 use lockstep::time::Rational;
@@ -52,6 +52,11 @@ fn time(text: Option<&str>) -> Rational {
 
 /// A participant of a scenario, with its setup.
 pub fn make(scenario: &Table, name: &str) -> (Setup, Box<dyn Participant>) {
+    try_make(scenario, name).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+/// The same, or the refusal.
+pub fn try_make(scenario: &Table, name: &str) -> Result<(Setup, Box<dyn Participant>), ParameterError> {
     let own = &scenario["participants"][name];
     let factory: Factory = match text(&own["run"], "builtin").unwrap() {
         "plant" => plant_proc::factory,
@@ -66,8 +71,7 @@ pub fn make(scenario: &Table, name: &str) -> (Setup, Box<dyn Participant>) {
         period: time(text(own, "period")).seconds(),
         offset: time(text(own, "offset")).seconds(),
     };
-    let participant = factory(&setup).unwrap_or_else(|error| panic!("{name}: {error}"));
-    (setup, participant)
+    factory(&setup).map(|participant| (setup, participant))
 }
 
 /// Every output of a run.

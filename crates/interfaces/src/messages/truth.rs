@@ -10,20 +10,26 @@ lockstep::message! {
         pub quat_NB: [f64; 4] = "1",
         /// Joint angles A1 to A7.
         pub q: [f64; 7] = "rad",
-        /// Angles of the pendulum, unwrapped.
+        /// Angles of the pendulum about base y and x: of its hinges, unwrapped; of a spherical one, its turn as a rotation vector.
         pub slosh: [f64; 2] = "rad",
+        /// Direction from the pendulum's pivot to its bob.
+        pub slosh_direction_B: [f64; 3] = "1" in "B",
+        /// Angle of the pendulum from its hanging position, 0 to pi.
+        pub slosh_swing: f64 = "rad",
         /// Angular velocity of the base.
         pub omega_NB_B: [f64; 3] = "rad/s" in "B",
         /// Velocity of the base's origin.
         pub v_NB_B: [f64; 3] = "m/s" in "B",
         /// Joint rates.
         pub qdot: [f64; 7] = "rad/s",
-        /// Rates of the pendulum.
+        /// Rates of the pendulum about base y and x: of its hinges; of a spherical one, components of its angular velocity.
         pub slosh_rate: [f64; 2] = "rad/s",
         /// Torque that the wheels made on the base.
         pub wheel_torque_B: [f64; 3] = "N m" in "B",
         /// Force that the thrusters made on the base.
         pub thruster_force_B: [f64; 3] = "N" in "B",
+        /// Thrust of each thruster.
+        pub thrust: [f64; 12] = "N",
         /// Torque that the thrusters made on the base.
         pub thruster_torque_B: [f64; 3] = "N m" in "B",
         /// Torques that the joint motors made.

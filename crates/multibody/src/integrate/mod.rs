@@ -104,7 +104,7 @@ pub struct Rate<const N: usize, const V: usize> {
 impl<const N: usize, const V: usize> Rate<N, V> {
     /// The kinematic rates of `s`, with ν̇ as given.
     #[inline(always)]
-    pub(crate) fn of(s: &State<N, V>, nu_dot: SVector<f64, V>) -> Self {
+    pub fn of(s: &State<N, V>, nu_dot: SVector<f64, V>) -> Self {
         Self {
             p_nb: s.quat_nb.rotate(&s.velocity()),
             quat_nb: s.quat_nb.rate(&s.omega()),
