@@ -4,6 +4,9 @@
 //! Computing μ is NP-hard, so there are two bounds: [`upper_bound`] is convex and proves robustness, [`lower_bound`]
 //! exhibits a perturbation. [`margin`] does both for a closed loop and all frequencies.
 
+mod centre;
+mod cover;
+mod destabilise;
 mod lower;
 mod margin;
 mod scalings;

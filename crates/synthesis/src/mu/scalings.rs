@@ -30,24 +30,35 @@ pub struct UpperBound {
 }
 
 /// One free real number of the scalings: a Hermitian matrix inside block `block`.
-struct Parameter {
-    block: usize,
-    real_part: bool,
-    row: usize,
-    column: usize,
-    is_g: bool,
+pub(super) struct Parameter {
+    pub(super) block: usize,
+    pub(super) real_part: bool,
+    pub(super) row: usize,
+    pub(super) column: usize,
+    pub(super) is_g: bool,
 }
 
-pub(crate) struct Centres<'a> {
-    structure: &'a Structure,
-    m: &'a CMatrix,
-    parameters: Vec<Parameter>,
+/// The convex problem at one matrix, in the free numbers of D and G.
+pub(super) struct Centres<'a> {
+    pub(super) structure: &'a Structure,
+    pub(super) m: &'a CMatrix,
+    pub(super) parameters: Vec<Parameter>,
     /// Size of the D of every block.
     sizes: Vec<usize>,
+    /// G is kept between ± this many times D, where it is given.
+    steepest: Option<f64>,
+}
+
+/// One positive definite matrix of a block that the barrier keeps so: `d D + g G`.
+pub(super) struct Barrier {
+    pub(super) block: usize,
+    pub(super) size: usize,
+    pub(super) d: f64,
+    pub(super) g: f64,
 }
 
 impl<'a> Centres<'a> {
-    pub(crate) fn new(structure: &'a Structure, m: &'a CMatrix) -> Self {
+    pub(super) fn new(structure: &'a Structure, m: &'a CMatrix, steepest: Option<f64>) -> Self {
         let mut parameters = Vec::new();
         let mut sizes = Vec::new();
         for (block, b) in structure.blocks().iter().enumerate() {
@@ -87,11 +98,37 @@ impl<'a> Centres<'a> {
             m,
             parameters,
             sizes,
+            steepest,
         }
     }
 
+    /// What must stay positive definite besides the certificate: D of every block, or, where G is limited, both distances of G
+    /// from its limit (and D with them).
+    pub(super) fn barriers(&self) -> Vec<Barrier> {
+        let mut out = Vec::new();
+        for (block, (b, &size)) in self.structure.blocks().iter().zip(&self.sizes).enumerate() {
+            match self.steepest {
+                Some(limit) if matches!(b, Block::Real(_)) => {
+                    out.extend([1.0, -1.0].map(|g| Barrier {
+                        block,
+                        size,
+                        d: limit,
+                        g,
+                    }));
+                }
+                _ => out.push(Barrier {
+                    block,
+                    size,
+                    d: 1.0,
+                    g: 0.0,
+                }),
+            }
+        }
+        out
+    }
+
     /// D = I, G = 0.
-    pub(crate) fn neutral(&self) -> Vec<f64> {
+    pub(super) fn neutral(&self) -> Vec<f64> {
         self.parameters
             .iter()
             .map(|p| f64::from(u8::from(!p.is_g && p.row == p.column)))
@@ -99,7 +136,7 @@ impl<'a> Centres<'a> {
     }
 
     /// The small Hermitian matrices (D, G) of every block.
-    fn small(&self, x: &[f64]) -> Vec<(CMatrix, CMatrix)> {
+    pub(super) fn small(&self, x: &[f64]) -> Vec<(CMatrix, CMatrix)> {
         let mut out: Vec<_> = self
             .sizes
             .iter()
@@ -124,7 +161,7 @@ impl<'a> Centres<'a> {
         out
     }
 
-    pub(crate) fn scalings(&self, x: &[f64]) -> Scalings {
+    pub(super) fn scalings(&self, x: &[f64]) -> Scalings {
         let (rows, columns) = (self.structure.rows(), self.structure.columns());
         let mut s = Scalings {
             d_left: CMatrix::zeros(columns, columns),
@@ -152,7 +189,7 @@ impl<'a> Centres<'a> {
     }
 
     /// `Mᴴ D M + j (G M − Mᴴ G)`.
-    fn image(&self, s: &Scalings) -> CMatrix {
+    pub(super) fn image(&self, s: &Scalings) -> CMatrix {
         let gm = &s.g * self.m;
         let dm = linalg::adjoint(self.m) * (&s.d_left * self.m);
         CMatrix::from_fn(dm.nrows(), dm.ncols(), |i, j| {
@@ -161,7 +198,7 @@ impl<'a> Centres<'a> {
     }
 
     /// The least β² that the scalings at `x` prove; may be negative, and then no Δ of any size is singular here.
-    pub(crate) fn proved(&self, x: &[f64]) -> Result<f64, LinalgError> {
+    pub(super) fn proved(&self, x: &[f64]) -> Result<f64, LinalgError> {
         let s = self.scalings(x);
         let image = self.image(&s);
         // Generalised eigenvalue: with D = L Lᴴ, the largest eigenvalue of L⁻¹ image L⁻ᴴ.
@@ -178,143 +215,18 @@ impl<'a> Centres<'a> {
         Ok(*linalg::hermitian_eigen(&both)?.0.last().unwrap_or(&0.0))
     }
 
-    /// Potential `−log det(β² D − image) − log det D` at `x`; `None` outside the domain.
-    fn potential(&self, x: &[f64], level: f64) -> Option<f64> {
+    /// The certificate `β² D − image` at `x`, positive definite inside the domain.
+    pub(super) fn certificate(&self, x: &[f64], level: f64) -> CMatrix {
         let s = self.scalings(x);
         let image = self.image(&s);
-        let f = CMatrix::from_fn(image.nrows(), image.ncols(), |i, j| {
+        CMatrix::from_fn(image.nrows(), image.ncols(), |i, j| {
             s.d_right[(i, j)] * level - image[(i, j)]
-        });
-        let mut sum = log_det(&f)?;
-        for (d, _) in self.small(x) {
-            sum += log_det(&d)?;
-        }
-        Some(-sum)
+        })
     }
-
-    /// Newton's method for the analytic centre at level β², on the slice of constant trace of D.
-    pub(crate) fn centre(&self, x: &mut Vec<f64>, level: f64, newton_steps: usize) -> Result<(), LinalgError> {
-        let n = self.parameters.len();
-        let trace: Vec<f64> = self.neutral();
-        for _ in 0..newton_steps {
-            let Some(here) = self.potential(x, level) else {
-                return Ok(());
-            };
-            let s = self.scalings(x);
-            let image = self.image(&s);
-            let f = CMatrix::from_fn(image.nrows(), image.ncols(), |i, j| {
-                s.d_right[(i, j)] * level - image[(i, j)]
-            });
-            let small = self.small(x);
-            let size = f.nrows();
-            // In the congruence that makes F (and every D) the identity, the derivative of the potential along a parameter is a
-            // trace and its Hessian a Gram matrix of real vectors: one real product does the bulk of the work.
-            let Some(whiten) = inverse_factor(&f) else {
-                return Ok(());
-            };
-            let little: Option<Vec<CMatrix>> = small.iter().map(|(d, _)| inverse_factor(d)).collect();
-            let Some(little) = little else { return Ok(()) };
-            let offsets: Vec<usize> = self
-                .sizes
-                .iter()
-                .scan(size * size, |at, n| {
-                    let here = *at;
-                    *at += n * n;
-                    Some(here)
-                })
-                .collect();
-            let width = size * size + self.sizes.iter().map(|n| n * n).sum::<usize>();
-            let mut rows = crate::linalg::Matrix::zeros(width, n);
-            let mut gradient = vec![0.0; n];
-            let mut unit = vec![0.0; n];
-            for k in 0..n {
-                unit[k] = 1.0;
-                let e = self.scalings(&unit);
-                let image = self.image(&e);
-                let slope = CMatrix::from_fn(size, size, |i, j| e.d_right[(i, j)] * level - image[(i, j)]);
-                gradient[k] -= store(&(&whiten * slope * linalg::adjoint(&whiten)), &mut rows, 0, k);
-                let p = &self.parameters[k];
-                if !p.is_g {
-                    let w = &little[p.block];
-                    let own = w * &self.small(&unit)[p.block].0 * linalg::adjoint(w);
-                    gradient[k] -= store(&own, &mut rows, offsets[p.block], k);
-                }
-                unit[k] = 0.0;
-            }
-            let mut hessian = rows.transpose() * &rows;
-            // Every G for which G M is Hermitian changes nothing (one always exists); a little ridge pins those directions.
-            let ridge = 1e-10 * (0..n).map(|k| hessian[(k, k)]).sum::<f64>() / n as f64;
-            (0..n).for_each(|k| hessian[(k, k)] += ridge);
-            // KKT system of the Newton step with Σ trace D held.
-            let kkt = crate::linalg::Matrix::from_fn(n + 1, n + 1, |i, j| match (i < n, j < n) {
-                (true, true) => hessian[(i, j)],
-                (true, false) => trace[i],
-                (false, true) => trace[j],
-                (false, false) => 0.0,
-            });
-            let rhs = crate::linalg::Matrix::from_fn(n + 1, 1, |i, _| if i < n { -gradient[i] } else { 0.0 });
-            let Ok(step) = linalg::solve(&kkt, &rhs) else {
-                return Ok(());
-            };
-            let decrement: f64 = -(0..n).map(|i| gradient[i] * step[(i, 0)]).sum::<f64>();
-            if decrement.is_nan() || decrement < 1e-6 {
-                return Ok(());
-            }
-            let mut t = 1.0;
-            loop {
-                let trial: Vec<f64> = (0..n).map(|i| x[i] + t * step[(i, 0)]).collect();
-                if self
-                    .potential(&trial, level)
-                    .is_some_and(|p| p <= here - 0.1 * t * decrement)
-                {
-                    *x = trial;
-                    break;
-                }
-                t *= 0.5;
-                if t < 1e-10 {
-                    return Ok(());
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
-fn log_det(m: &CMatrix) -> Option<f64> {
-    let factor = m.llt(faer::Side::Lower).ok()?;
-    let l = factor.L();
-    let sum: f64 = (0..m.nrows()).map(|i| 2.0 * l[(i, i)].re.ln()).sum();
-    sum.is_finite().then_some(sum)
-}
-
-/// `L⁻¹` for `m = L Lᴴ`.
-fn inverse_factor(m: &CMatrix) -> Option<CMatrix> {
-    let lower = m.llt(faer::Side::Lower).ok()?.L().to_owned();
-    Some(linalg::solve_complex(&lower, &CMatrix::identity(m.nrows(), m.nrows())))
-}
-
-/// Writes a Hermitian matrix as a real vector of the same inner product into column k, from row `at` on; returns its trace.
-fn store(h: &CMatrix, rows: &mut crate::linalg::Matrix, at: usize, k: usize) -> f64 {
-    let mut row = at;
-    let mut trace = 0.0;
-    for j in 0..h.nrows() {
-        for i in 0..h.nrows() {
-            rows[(row, k)] = if i == j {
-                trace += h[(i, i)].re;
-                h[(i, i)].re
-            } else if i < j {
-                std::f64::consts::SQRT_2 * h[(i, j)].re
-            } else {
-                std::f64::consts::SQRT_2 * h[(i, j)].im
-            };
-            row += 1;
-        }
-    }
-    trace
 }
 
 /// Whether `level² D − Mᴴ D M − j (G M − Mᴴ G)` is positive definite at this matrix.
-pub(crate) fn holds(m: &CMatrix, s: &Scalings, level: f64) -> Result<bool, LinalgError> {
+pub(super) fn holds(m: &CMatrix, s: &Scalings, level: f64) -> Result<bool, LinalgError> {
     let gm = &s.g * m;
     let dm = linalg::adjoint(m) * (&s.d_left * m);
     let f = CMatrix::from_fn(dm.nrows(), dm.ncols(), |i, k| {
@@ -333,19 +245,19 @@ pub fn upper_bound(m: &CMatrix, structure: &Structure, tolerance: f64) -> Result
     bound_until(m, structure, tolerance, f64::NEG_INFINITY, None)
 }
 
-/// As [`upper_bound`], but content with any proof of `enough` or less; `enough` is also the level at which the scalings
-/// returned are then centred.
-pub(crate) fn bound_until(
+/// As [`upper_bound`], but content with any proof of `enough` or less, which is also the level at which the scalings returned are
+/// then centred; `steepest` keeps G between ± that many times D.
+pub(super) fn bound_until(
     m: &CMatrix,
     structure: &Structure,
     tolerance: f64,
     enough: f64,
-    start: Option<&[f64]>,
+    steepest: Option<f64>,
 ) -> Result<UpperBound, MuError> {
     structure.check(m.nrows(), m.ncols())?;
     let size = linalg::singular_values(m)?[0];
-    let centres = Centres::new(structure, m);
-    let mut x = start.map_or_else(|| centres.neutral(), <[f64]>::to_vec);
+    let centres = Centres::new(structure, m, steepest);
+    let mut x = centres.neutral();
     if size == 0.0 {
         return Ok(UpperBound {
             value: 0.0,

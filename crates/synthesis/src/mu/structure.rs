@@ -71,6 +71,17 @@ pub enum MuError {
         /// Its upper end.
         to: f64,
     },
+    /// A proof and a perturbation that cannot both be right: a defect of this program.
+    #[error(
+        "a perturbation of size {destabilising:.9} destabilises although sizes up to {guaranteed:.9} were proved harmless: \
+         this is a defect of the analysis, and neither number can be trusted"
+    )]
+    Contradiction {
+        /// What was proved.
+        guaranteed: f64,
+        /// What was found.
+        destabilising: f64,
+    },
     /// A matrix computation failed.
     #[error(transparent)]
     Linalg(#[from] LinalgError),
