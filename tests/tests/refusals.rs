@@ -210,3 +210,78 @@ fn a_run_folder_is_never_overwritten() {
     assert!(said.err.contains("not empty") && said.err.contains("--out"), "{said:?}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
+
+/// A file of tuned gains that does not fit: the key, what is wrong, the remedy.
+#[test]
+fn gains_that_do_not_fit_the_controller() {
+    let folder = Folder::new("gains");
+    let tuned = std::fs::read_to_string(root().join("gains/pi-diagonal-five.toml")).unwrap();
+    let integral = tuned.lines().find(|line| line.starts_with("ki = ")).unwrap();
+    let proportional = tuned.lines().find(|line| line.starts_with("kp = ")).unwrap();
+    let shorter = format!("{}]", proportional.rsplit_once(',').unwrap().0);
+    let twice = format!("{proportional}\nkp_matrix = [[1.0]]");
+    let cases: [(&str, &str, &[&str]); 5] = [
+        (
+            proportional,
+            &shorter,
+            &["gains.gains.kp", "12 entries", "13 channels", "tuned for this robot"],
+        ),
+        (
+            integral,
+            "",
+            &["gains.gains.ki", "without an integral part", "proportional"],
+        ),
+        (
+            "structure = \"diagonal\"",
+            "structure = \"scheduled\"",
+            &["gains.gains.kp", "`x` alone"],
+        ),
+        (proportional, &twice, &["gains.gains.kp_matrix", "`kp` alone"]),
+        ("[gains]", "[gains]\nlaw = \"reference\"", &["unknown field", "law"]),
+    ];
+    for (from, to, expected) in cases {
+        assert!(tuned.contains(from));
+        let file = folder.write("gains.toml", &tuned.replacen(from, to, 1));
+        let set = format!(
+            "participants.controller.parameters.gains={{ file = {:?} }}",
+            text(&file)
+        );
+        refused_with(&set, expected);
+    }
+    refused_with(
+        "participants.controller.parameters.inner={ feedback = \"proportional\" }",
+        &["gains.gains.ki", "would be ignored", "integral = false"],
+    );
+}
+
+/// What was proved of gains was proved of one robot and one period: `check` says when they are used with another.
+#[test]
+fn gains_of_another_robot_are_warned_of() {
+    let scenario = root().join("scenarios/close.toml");
+    let check = |set: &str| orchestrate(&["check", text(&scenario), "--set", set]);
+    let as_tuned = check("seed=1");
+    assert_eq!(
+        (as_tuned.code, as_tuned.err.contains("warning")),
+        (Some(0), false),
+        "{as_tuned:?}"
+    );
+    let slower = check("participants.controller.period=20ms");
+    assert_eq!(slower.code, Some(0), "{slower:?}");
+    assert!(slower.err.contains("tuned for a period of 0.01 s"), "{slower:?}");
+    let folder = Folder::new("robot");
+    let urdf = std::fs::read_to_string(root().join("models/servicer.urdf")).unwrap();
+    let changed = folder.write("changed.urdf", &format!("{urdf}\n<!-- another robot -->\n"));
+    let set = format!(
+        "participants.controller.parameters.urdf={{ file = {:?} }}",
+        text(&changed)
+    );
+    let another = check(&set);
+    assert_eq!(another.code, Some(0), "{another:?}");
+    assert!(another.err.contains("another robot description"), "{another:?}");
+    assert!(
+        another
+            .err
+            .contains("orchestrator tune gains/pi-diagonal-five.spec.toml"),
+        "{another:?}"
+    );
+}

@@ -1,18 +1,25 @@
 //! Gains of the inner loop, as a file holds them.
 
-use control_laws::inner::Gains;
+use control_laws::inner::{FeedbackLaw, Gains};
 use control_laws::{Dof, Matrix13};
 use interfaces::JOINTS;
 use lockstep::participant::ParameterError;
 use lockstep::units::{Each, LinearDamping, LinearStiffness, RotationalDamping, RotationalStiffness};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use super::channels;
 
-/// K_P and K_I: diagonal, channel by channel with units, or full matrices.
+/// Channels of the inner loop: 3 rotations, 3 translations, the joints.
+const CHANNELS: usize = 6 + JOINTS;
+
+/// K_P and K_I in one of three forms: as `orchestrator tune` writes them; diagonals, channel by channel with units; or full
+/// matrices.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GainsFile {
+    /// Tuned gains.
+    pub gains: Option<Tuned>,
     /// Diagonal of K_P.
     pub kp: Option<Kp>,
     /// Diagonal of K_I.
@@ -21,6 +28,55 @@ pub struct GainsFile {
     pub kp_matrix: Option<[[f64; 13]; 13]>,
     /// Full K_I, row by row, SI units: columns take rad, m and rad.
     pub ki_matrix: Option<[[f64; 13]; 13]>,
+    // What else a file of tuned gains has: read by `orchestrator margins` and `orchestrator check`.
+    #[serde(rename = "provenance")]
+    _provenance: Option<IgnoredAny>,
+    #[serde(rename = "channels")]
+    _channels: Option<IgnoredAny>,
+    #[serde(rename = "margins")]
+    _margins: Option<IgnoredAny>,
+    #[serde(rename = "sampled")]
+    _sampled: Option<IgnoredAny>,
+    #[serde(rename = "flown")]
+    _flown: Option<IgnoredAny>,
+    #[serde(rename = "validation")]
+    _validation: Option<IgnoredAny>,
+    #[serde(rename = "adversary")]
+    _adversary: Option<IgnoredAny>,
+}
+
+/// The table `gains` of a file that `orchestrator tune` wrote, SI units.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tuned {
+    /// Structure of K_P.
+    pub structure: StructureName,
+    /// Diagonal of K_P, for `diagonal`.
+    #[serde(default)]
+    pub kp: Vec<f64>,
+    /// Rows of K_P, for `block` and `full`.
+    #[serde(default)]
+    pub kp_matrix: Vec<Vec<f64>>,
+    /// Rows of X, for `scheduled`, 1/s.
+    #[serde(default)]
+    pub x: Vec<Vec<f64>>,
+    /// Diagonal of K_I; empty when tuned without an integral part.
+    #[serde(default)]
+    pub ki: Vec<f64>,
+}
+
+/// Structure of tuned K_P.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StructureName {
+    /// Diagonal.
+    Diagonal,
+    /// Blocks of base rotation, base translation and arm.
+    Block,
+    /// One matrix.
+    Full,
+    /// `K_P(q) = M(q)^½ X M(q)^½`.
+    Scheduled,
 }
 
 /// Diagonal of K_P.
@@ -48,26 +104,98 @@ pub struct Ki {
 }
 
 impl GainsFile {
-    /// The gains.
+    /// The gains for a feedback law.
     ///
     /// # Errors
-    /// When neither or both of the forms are given.
-    pub fn gains(&self) -> Result<Gains, ParameterError> {
-        match (&self.kp, &self.ki, &self.kp_matrix, &self.ki_matrix) {
-            (Some(kp), Some(ki), None, None) => {
+    /// When none or several of the forms are given, when their size is not that of the servicer, or when they were tuned for another
+    /// feedback law.
+    pub fn gains(&self, feedback: &FeedbackLaw) -> Result<Gains, ParameterError> {
+        match (&self.gains, &self.kp, &self.ki, &self.kp_matrix, &self.ki_matrix) {
+            (Some(tuned), None, None, None, None) => tuned.gains(feedback),
+            (None, Some(kp), Some(ki), None, None) => {
                 let kp: Dof = channels(kp.base_rotation.si(), kp.base_translation.si(), kp.joints.si());
                 let ki: Dof = channels(ki.base_rotation.si(), ki.base_translation.si(), ki.joints.si());
                 Ok(Gains::diagonal(&kp, &ki))
             }
-            (None, None, Some(kp), Some(ki)) => {
+            (None, None, None, Some(kp), Some(ki)) => {
                 let matrix = |rows: &[[f64; 13]; 13]| Matrix13::from_fn(|row, column| rows[row][column]);
                 Ok(Gains::full(matrix(kp), matrix(ki)))
             }
             _ => Err(ParameterError::new(
                 "gains",
-                "give either the tables kp and ki (diagonals with units) or kp_matrix and ki_matrix (13 rows of 13 numbers \
-                 in SI units)",
+                "give one of: a file of `orchestrator tune` (its table `gains`), the tables kp and ki (diagonals with units), \
+                 or kp_matrix and ki_matrix (13 rows of 13 numbers in SI units)",
             )),
         }
     }
+}
+
+impl Tuned {
+    fn gains(&self, feedback: &FeedbackLaw) -> Result<Gains, ParameterError> {
+        let (name, wanted) = match self.structure {
+            StructureName::Diagonal => ("diagonal", "kp"),
+            StructureName::Block => ("block", "kp_matrix"),
+            StructureName::Full => ("full", "kp_matrix"),
+            StructureName::Scheduled => ("scheduled", "x"),
+        };
+        let lists = [
+            ("kp", self.kp.len()),
+            ("kp_matrix", self.kp_matrix.len()),
+            ("x", self.x.len()),
+        ];
+        for (key, entries) in lists {
+            if (key == wanted) != (entries > 0) {
+                let reason = format!(
+                    "structure = \"{name}\" has its gains in `{wanted}` alone, and `{key}` has {entries} entries; tune again, or correct `structure`"
+                );
+                return Err(ParameterError::new(format!("gains.gains.{key}"), reason));
+            }
+        }
+        let ki = match (self.ki.is_empty(), feedback) {
+            (true, FeedbackLaw::Proportional) => Dof::zeros(),
+            (true, _) => {
+                let reason = "is missing: these gains were tuned without an integral part; write inner = { feedback = \"proportional\" }, or \
+                              name gains that were tuned with `integral = true`";
+                return Err(ParameterError::new("gains.gains.ki", reason));
+            }
+            (false, FeedbackLaw::Proportional) => {
+                let reason = "would be ignored: inner.feedback is \"proportional\" and these gains were tuned with an integral part; name gains \
+                              that were tuned with `integral = false`, or another feedback";
+                return Err(ParameterError::new("gains.gains.ki", reason));
+            }
+            (false, _) => list("gains.gains.ki", &self.ki)?,
+        };
+        Ok(match self.structure {
+            StructureName::Diagonal => Gains::diagonal(&list("gains.gains.kp", &self.kp)?, &ki),
+            StructureName::Block | StructureName::Full => Gains::full(
+                matrix("gains.gains.kp_matrix", &self.kp_matrix)?,
+                Matrix13::from_diagonal(&ki),
+            ),
+            StructureName::Scheduled => Gains::scheduled(matrix("gains.gains.x", &self.x)?, &ki),
+        })
+    }
+}
+
+fn size(key: &str, what: &str, found: usize) -> Result<(), ParameterError> {
+    if found == CHANNELS {
+        return Ok(());
+    }
+    let reason = format!(
+        "has {found} {what}, and the servicer {CHANNELS} channels (3 rotations, 3 translations, {JOINTS} joints); name gains \
+         that were tuned for this robot"
+    );
+    Err(ParameterError::new(key.to_owned(), reason))
+}
+
+fn list(key: &str, values: &[f64]) -> Result<Dof, ParameterError> {
+    size(key, "entries", values.len())?;
+    Ok(Dof::from_row_slice(values))
+}
+
+fn matrix(key: &str, rows: &[Vec<f64>]) -> Result<Matrix13, ParameterError> {
+    size(key, "rows", rows.len())?;
+    for row in rows {
+        size(key, "entries in a row", row.len())?;
+    }
+    Ok(Matrix13::from_fn(|row, column| rows[row][column]))
 }

@@ -302,6 +302,11 @@ impl Parameters {
                 self.inner.joint_bound.si(),
             )),
         };
+        let feedback = match self.inner.feedback {
+            FeedbackName::ConditionalIntegrator => FeedbackLaw::ConditionalIntegrator { bound, discretisation },
+            FeedbackName::ProportionalIntegral => FeedbackLaw::ProportionalIntegral,
+            FeedbackName::Proportional => FeedbackLaw::Proportional,
+        };
         Ok(TrackerParameters {
             period_s,
             filter: FilterParameters {
@@ -312,12 +317,8 @@ impl Parameters {
                 FollowedName::Raw => Followed::Raw,
                 FollowedName::Filtered => Followed::Filtered,
             },
-            gains: self.gains.gains()?,
-            feedback: match self.inner.feedback {
-                FeedbackName::ConditionalIntegrator => FeedbackLaw::ConditionalIntegrator { bound, discretisation },
-                FeedbackName::ProportionalIntegral => FeedbackLaw::ProportionalIntegral,
-                FeedbackName::Proportional => FeedbackLaw::Proportional,
-            },
+            gains: self.gains.gains(&feedback)?,
+            feedback,
         })
     }
 

@@ -4,7 +4,7 @@
 //! pendulum hangs, or left out. Masses and inertias can be scaled against the description, because robustness against exactly that is what
 //! the hierarchical law claims.
 
-use crate::{Dof, JOINTS, Jacobian, Measured};
+use crate::{Dof, JOINTS, Jacobian, Matrix13, Measured};
 use guidance_laws::{Pose, so3};
 use multibody::{Description, FrameId, Inertia, Joint, JointKind, Link, Placement, Tree};
 use nalgebra::{Rotation3, SVector, UnitQuaternion, Vector3};
@@ -221,6 +221,11 @@ impl ControlModel {
         let joints = SVector::from(measured.joints);
         self.tree
             .mass_coriolis_product(&joints, &measured.velocity, acceleration, velocity)
+    }
+
+    /// Mass matrix `M(q)`: kg m², kg m and kg, order of the generalised velocity.
+    pub fn mass(&self, measured: &Measured) -> Matrix13 {
+        self.tree.mass_matrix(&SVector::from(measured.joints))
     }
 
     /// Generalised momentum `M(q) ṽ`: angular about B's origin, linear, joints.

@@ -100,6 +100,9 @@ impl Tracker {
             Followed::Filtered => &filtered.velocity,
         };
         let error = followed - measured.velocity;
+        if self.inner.is_scheduled() {
+            self.inner.schedule(&self.model.mass(measured));
+        }
         let feedback = self.inner.step(&error);
         // Eq 5: u = u_CI + M v̇_v + C ṽ_v
         let feed_forward = self.model.force(measured, followed, &filtered.acceleration);

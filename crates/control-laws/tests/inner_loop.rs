@@ -106,6 +106,47 @@ proptest! {
         }
     }
 
+    /// `K_P = M^½ X M^½`: with X a multiple of one it is that multiple of M, and with a full X its pencil with M has the eigenvalues
+    /// of X. In saturation the implicit equation holds with that K_P.
+    #[test]
+    fn scheduled_gains_follow_the_mass_matrix(
+        masses in channels(0.1..500.0), coupling in 0.05..0.15, x in channels(0.5..20.0), ki in channels(0.1..100.0),
+        bound in channels(0.1..50.0), errors in errors(),
+    ) {
+        let mass = coupled(&masses, coupling);
+        let x = coupled(&x, 0.1);
+        let mut like_mass = InnerLoop::new(
+            Gains::scheduled(Matrix13::identity() * 3.0, &ki), &FeedbackLaw::Proportional, 0.01,
+        ).unwrap();
+        prop_assert!(like_mass.is_scheduled());
+        like_mass.schedule(&mass);
+        let law = conditional(Bound::PerChannel(bound), Discretisation::Exact);
+        let mut inner = InnerLoop::new(Gains::scheduled(x, &ki), &law, 0.01).unwrap();
+        let mut open = InnerLoop::new(Gains::scheduled(x, &ki), &FeedbackLaw::Proportional, 0.01).unwrap();
+        open.schedule(&mass);
+        let columns: Vec<Dof> = (0..13).map(|k| open.step(&Dof::from_fn(|i, _| f64::from(u8::from(i == k)))).force).collect();
+        let kp = Matrix13::from_columns(&columns);
+        let half = mass.cholesky().unwrap().l().try_inverse().unwrap();
+        let pencil = (half * kp * half.transpose()).symmetric_eigenvalues().sum();
+        prop_assert!((pencil - x.trace()).abs() < 1e-9 * x.trace(), "{pencil} against {}", x.trace());
+        prop_assert!(((kp - kp.transpose()).amax()) < 1e-9 * kp.amax());
+        for error in errors {
+            let force = like_mass.step(&error).force;
+            prop_assert!((force - mass * error * 3.0).amax() <= 1e-9 * (1.0 + force.amax()));
+            let before = *inner.sigma();
+            inner.schedule(&mass);
+            let feedback = inner.step(&error);
+            let after = inner.sigma();
+            prop_assert!(feedback.converged);
+            let ki = Matrix13::from_diagonal(&ki);
+            let residual = kp * (after - before) / 0.01 + ki * after - feedback.force;
+            let scale = (kp * (after - before) / 0.01).amax() + (ki * after).amax() + 1e-9;
+            if feedback.saturated.contains(&true) {
+                prop_assert!(residual.amax() < 1e-7 * scale, "{} of {scale}", residual.amax());
+            }
+        }
+    }
+
     #[test]
     fn both_discretisations_follow_the_differential_equation_as_the_period_shrinks(
         kp in channels(1.0..100.0), ratio in channels(0.1..3.0), bound in channels(0.1..10.0),

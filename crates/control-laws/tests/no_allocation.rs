@@ -2,8 +2,9 @@
 
 mod plant;
 
+use control_laws::inner::Gains;
 use control_laws::stabilise::{self, StabilisingLaw};
-use control_laws::{Dof, HierarchicalLaw, ModelOptions, ReferenceLaw, hierarchical, reference};
+use control_laws::{Dof, HierarchicalLaw, Matrix13, ModelOptions, ReferenceLaw, hierarchical, reference};
 use guidance_laws::capture::{self, CaptureGuidance, Schedule};
 use nalgebra::Vector3;
 use plant::loops::{baseline, model, tracker};
@@ -54,6 +55,10 @@ fn a_step_of_any_law_allocates_nothing() {
     })
     .unwrap();
     let mut hierarchical = HierarchicalLaw::new(model(), baseline()).unwrap();
+    let mut scheduled = baseline();
+    let ki = *scheduled.tracker.gains.ki();
+    scheduled.tracker.gains = Gains::scheduled(Matrix13::identity() * 5.0, &ki.diagonal());
+    let mut scheduled = HierarchicalLaw::new(model(), scheduled).unwrap();
     let mut comparison = ReferenceLaw::new(model(), reference::Parameters::new(tracker(0.01))).unwrap();
     let limits = Dof::from(LIMITS);
     let stabilising = stabilise::Parameters {
@@ -80,12 +85,14 @@ fn a_step_of_any_law_allocates_nothing() {
                     target: Some(target),
                 })
                 .set_point;
-            hierarchical.step(&hierarchical::Input {
-                measured: Some(measured),
-                set_point,
-                set_point_age_s: 0.0,
-                wheel_momentum: Vector3::zeros(),
-            });
+            for law in [&mut hierarchical, &mut scheduled] {
+                law.step(&hierarchical::Input {
+                    measured: Some(measured),
+                    set_point,
+                    set_point_age_s: 0.0,
+                    wheel_momentum: Vector3::zeros(),
+                });
+            }
             comparison.step(&reference::Input {
                 measured: Some(measured),
                 end_effector: set_point,

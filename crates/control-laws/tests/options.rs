@@ -46,12 +46,17 @@ fn every_inner_loop_captures() {
     coupled_kp[(0, 4)] = 20.0;
     coupled_kp[(4, 0)] = 20.0;
     let full = Gains::full(coupled_kp, Matrix13::from_diagonal(&Dof::from(KI)));
+    // M times the cut-offs in every configuration
+    let cut_offs = [1.5, 1.5, 1.5, 1.0, 1.0, 1.0, 5.0, 5.0, 5.0, 5.0, 5.0, 5.0, 5.0];
+    let scheduled = Gains::scheduled(Matrix13::from_diagonal(&Dof::from(cut_offs)), &Dof::from(KI));
     let diagonal = baseline().tracker.gains;
     for (gains, feedback) in [
         (diagonal, conditional(actuators, Discretisation::Euler)),
         (diagonal, conditional(scalar, Discretisation::Exact)),
         (diagonal, FeedbackLaw::ProportionalIntegral),
         (full, conditional(actuators, Discretisation::Exact)),
+        (scheduled, conditional(actuators, Discretisation::Exact)),
+        (scheduled, conditional(actuators, Discretisation::Euler)),
     ] {
         let mut parameters = baseline();
         parameters.tracker.gains = gains;

@@ -149,7 +149,7 @@ fn shipped_gains_reproduce_their_gamma() {
         let robot = Robot::new(URDF, &spec.robot).unwrap();
         let file: GainsFile = toml::from_str(file).unwrap();
         let gains = file.gains.gains().unwrap();
-        let (_, evaluation) = report(&spec, &robot, &gains).unwrap();
+        let (_, evaluation) = report(&spec, &robot, &[], &gains).unwrap();
         close(evaluation.gamma, file.provenance.gamma_reported, 1e-6);
         assert!(file.provenance.full_order[0] <= evaluation.gamma);
         for m in &file.margins {

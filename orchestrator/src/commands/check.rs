@@ -4,6 +4,7 @@ use lockstep::plan::Plan;
 use serde_json::json;
 
 use crate::cli::CheckArgs;
+use crate::provenance;
 use crate::run::{Options, check, crew, faults};
 use crate::scenario::{Program, Scenario};
 
@@ -18,6 +19,9 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
             return Ok(2);
         }
     };
+    for remark in provenance::remarks(&scenario) {
+        eprintln!("warning: {remark}");
+    }
     let placement = crew::placement(&known.plan, &Options::default());
     if args.json {
         let plan = serde_json::to_value(&known.plan)?;

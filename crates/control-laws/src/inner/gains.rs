@@ -1,14 +1,29 @@
 //! Gains of the inner loop.
 
 use crate::{Dof, Matrix13, ParameterError};
+use nalgebra::SymmetricEigen;
 
 /// `K_P` and `K_I`: from the velocity error to a force, and from its integral.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gains {
     kp: Matrix13,
     ki: Matrix13,
-    diagonal: bool,
+    form: Form,
 }
+
+/// What the matrices are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Form {
+    /// Constant and diagonal, both.
+    Diagonal,
+    /// Constant.
+    Full,
+    /// `kp` is X of `K_P(q) = M(q)^½ X M(q)^½`.
+    Scheduled,
+}
+
+/// Rounds of the eigenvalue iteration, which needs two or three for each of the 13 eigenvalues.
+const EIGEN_ROUNDS_MAX: usize = 1000;
 
 impl Gains {
     /// Diagonal gains: `kp` in N m s/rad and N s/m, `ki` in N m/rad and N/m, order of the generalised velocity.
@@ -16,7 +31,18 @@ impl Gains {
         Self {
             kp: Matrix13::from_diagonal(kp),
             ki: Matrix13::from_diagonal(ki),
-            diagonal: true,
+            form: Form::Diagonal,
+        }
+    }
+
+    /// `K_P(q) = M(q)^½ X M(q)^½` with constant symmetric X (1/s), and constant diagonal `ki`: the proportional part follows the
+    /// configuration, and the Lyapunov argument of the conditional integrator still holds, because it asks for no more than
+    /// `K_P > 0` and a constant `K_I`.
+    pub fn scheduled(x: Matrix13, ki: &Dof) -> Self {
+        Self {
+            kp: x,
+            ki: Matrix13::from_diagonal(ki),
+            form: Form::Scheduled,
         }
     }
 
@@ -26,11 +52,15 @@ impl Gains {
         Self {
             kp,
             ki,
-            diagonal: is_diagonal(&kp) && is_diagonal(&ki),
+            form: if is_diagonal(&kp) && is_diagonal(&ki) {
+                Form::Diagonal
+            } else {
+                Form::Full
+            },
         }
     }
 
-    /// `K_P`.
+    /// `K_P`; X for scheduled gains.
     pub fn kp(&self) -> &Matrix13 {
         &self.kp
     }
@@ -42,7 +72,25 @@ impl Gains {
 
     /// Whether every channel is on its own.
     pub fn is_diagonal(&self) -> bool {
-        self.diagonal
+        self.form == Form::Diagonal
+    }
+
+    /// Whether `K_P` follows the mass matrix.
+    pub fn is_scheduled(&self) -> bool {
+        self.form == Form::Scheduled
+    }
+
+    /// `M^½ X M^½` for scheduled gains; not a number if the mass matrix is none, which the result then says.
+    pub(super) fn kp_at(&self, mass: &Matrix13) -> Matrix13 {
+        let Some(eigen) = SymmetricEigen::try_new(*mass, f64::EPSILON, EIGEN_ROUNDS_MAX) else {
+            return Matrix13::repeat(f64::NAN);
+        };
+        let mut half = eigen.eigenvectors;
+        for (mut column, value) in half.column_iter_mut().zip(eigen.eigenvalues.iter()) {
+            column *= libm::sqrt(*value);
+        }
+        let root = half * eigen.eigenvectors.transpose();
+        root * self.kp * root
     }
 
     pub(super) fn validated(&self) -> Result<(), ParameterError> {
@@ -55,6 +103,11 @@ impl Gains {
                     "every gain must be finite",
                 ));
             }
+        }
+        let asymmetry = (self.kp - self.kp.transpose()).amax();
+        if self.is_scheduled() && asymmetry > 1e-9 * self.kp.amax() {
+            let remedy = "X must be symmetric";
+            return Err(ParameterError::new("inner.kp", self.kp.diagonal().as_slice(), remedy));
         }
         if (self.kp + self.kp.transpose()).cholesky().is_none() {
             let remedy = "must be positive definite (with diagonal gains: every gain above zero)";

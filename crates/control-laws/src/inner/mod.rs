@@ -5,8 +5,8 @@ mod solve;
 
 pub use gains::Gains;
 
-use crate::{Dof, ParameterError};
-use solve::ImplicitStep;
+use crate::{Dof, Matrix13, ParameterError};
+use solve::{ImplicitStep, Singular};
 
 /// Which feedback law.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,6 +58,8 @@ pub struct Feedback {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InnerLoop {
     gains: Gains,
+    /// `K_P` now: constant, or that of the last mass matrix.
+    kp: Matrix13,
     bound: Option<Dof>,
     integrates: bool,
     discretisation: Discretisation,
@@ -74,7 +76,14 @@ impl InnerLoop {
     /// If `K_P` is not positive definite, `K_I` not positive semidefinite, or a bound not above zero.
     pub fn new(gains: Gains, law: &FeedbackLaw, period_s: f64) -> Result<Self, ParameterError> {
         ParameterError::positive("period_s", period_s)?;
-        let implicit = ImplicitStep::new(&gains, period_s)?;
+        gains.validated()?;
+        let implicit = ImplicitStep::new(gains.kp(), gains.ki(), period_s).map_err(|singular| {
+            let (field, matrix) = match singular {
+                Singular::Kp => ("inner.kp", gains.kp()),
+                Singular::Ki => ("inner.ki", gains.ki()),
+            };
+            ParameterError::new(field, matrix.diagonal().as_slice(), "must be regular")
+        })?;
         let (bound, discretisation) = match *law {
             FeedbackLaw::ConditionalIntegrator {
                 bound: Bound::PerChannel(bound),
@@ -91,6 +100,7 @@ impl InnerLoop {
         }
         Ok(Self {
             gains,
+            kp: *gains.kp(),
             bound,
             integrates: *law != FeedbackLaw::Proportional,
             discretisation,
@@ -110,9 +120,28 @@ impl InnerLoop {
         self.sigma = (*sigma).into();
     }
 
+    /// Whether [`Self::schedule`] has to be told the mass matrix before every step.
+    pub fn is_scheduled(&self) -> bool {
+        self.gains.is_scheduled()
+    }
+
+    /// Lets scheduled gains follow the mass matrix. Nothing of it is remembered from step to step.
+    pub fn schedule(&mut self, mass: &Matrix13) {
+        self.kp = self.gains.kp_at(mass);
+    }
+
+    /// The implicit step for the gains now. Scheduled gains are inverted only where it is needed: while the feedback saturates.
+    fn implicit(&self) -> Option<ImplicitStep> {
+        if self.is_scheduled() {
+            ImplicitStep::new(&self.kp, self.gains.ki(), self.period_s).ok()
+        } else {
+            Some(self.implicit)
+        }
+    }
+
     /// Takes in the velocity error `y = ṽ_v − ṽ` and advances the integral by a period.
     pub fn step(&mut self, error: &Dof) -> Feedback {
-        let proportional = self.gains.kp() * error;
+        let proportional = self.kp * error;
         if !self.integrates {
             return Feedback::unbounded(proportional);
         }
@@ -132,8 +161,10 @@ impl InnerLoop {
                 }
                 let solution = if self.gains.is_diagonal() {
                     self.implicit.diagonal(&self.sigma, error, &proportional, &bound)
+                } else if let Some(implicit) = self.implicit() {
+                    implicit.full(&self.sigma, &proportional, &bound)
                 } else {
-                    self.implicit.full(&self.sigma, &proportional, &bound)
+                    return Feedback::not_a_number();
                 };
                 self.sigma = solution.sigma;
                 Feedback::bounded(&solution.wanted, &bound, solution.converged)
@@ -146,12 +177,23 @@ impl InnerLoop {
         let wanted = self.gains.ki() * self.sigma + proportional;
         let feedback = Feedback::bounded(&wanted, bound, true);
         // σ̇ = −G σ + H sat₁(·), with G = K_P⁻¹ K_I and H sat₁ = K_P⁻¹ u_CI
-        self.sigma += self.implicit.kp_inverse() * (feedback.force - self.gains.ki() * self.sigma) * self.period_s;
+        let Some(implicit) = self.implicit() else {
+            return Feedback::not_a_number();
+        };
+        self.sigma += implicit.kp_inverse() * (feedback.force - self.gains.ki() * self.sigma) * self.period_s;
         feedback
     }
 }
 
 impl Feedback {
+    /// Only gains that are not finite get here: the result says so.
+    fn not_a_number() -> Self {
+        Self {
+            converged: false,
+            ..Self::unbounded(Dof::repeat(f64::NAN))
+        }
+    }
+
     fn unbounded(force: Dof) -> Self {
         Self {
             force,

@@ -3,8 +3,7 @@
 //! `σ⁺ = σ + T (−G σ⁺ + K_P⁻¹ sat_F(K_I σ⁺ + K_P y))` with `G = K_P⁻¹ K_I`. The right-hand side is monotone in `σ⁺`, so with diagonal gains
 //! there is one solution, and it has a closed form a channel.
 
-use super::Gains;
-use crate::{Dof, Matrix13, ParameterError};
+use crate::{Dof, Matrix13};
 
 /// Rounds of the fixed point before it counts as not converged. One round shrinks the error by `T G / (1 + T G)`, 0.005 for the baseline.
 const ROUNDS_MAX: usize = 200;
@@ -17,6 +16,15 @@ pub(super) struct Solution {
     pub(super) wanted: Dof,
     /// Whether the fixed point settled to rounding.
     pub(super) converged: bool,
+}
+
+/// A matrix of the step that cannot be inverted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Singular {
+    /// `K_P`.
+    Kp,
+    /// `I + T K_P⁻¹ K_I`.
+    Ki,
 }
 
 /// Everything of the step that does not change: products of the gains and the period.
@@ -33,20 +41,15 @@ pub(super) struct ImplicitStep {
 }
 
 impl ImplicitStep {
-    pub(super) fn new(gains: &Gains, period_s: f64) -> Result<Self, ParameterError> {
-        gains.validated()?;
-        let singular =
-            |field, matrix: &Matrix13| ParameterError::new(field, matrix.diagonal().as_slice(), "must be regular");
-        let kp_inverse = gains
-            .kp()
+    /// For regular gains; says which is not.
+    pub(super) fn new(kp: &Matrix13, ki: &Matrix13, period_s: f64) -> Result<Self, Singular> {
+        let kp_inverse = kp.try_inverse().ok_or(Singular::Kp)?;
+        let carry = (Matrix13::identity() + kp_inverse * ki * period_s)
             .try_inverse()
-            .ok_or_else(|| singular("inner.kp", gains.kp()))?;
-        let carry = (Matrix13::identity() + kp_inverse * gains.ki() * period_s)
-            .try_inverse()
-            .ok_or_else(|| singular("inner.ki", gains.ki()))?;
+            .ok_or(Singular::Ki)?;
         Ok(Self {
-            kp: gains.kp().diagonal(),
-            ki: *gains.ki(),
+            kp: kp.diagonal(),
+            ki: *ki,
             period_s,
             kp_inverse,
             carry,

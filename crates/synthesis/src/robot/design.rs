@@ -121,12 +121,17 @@ pub fn design(
     }
 }
 
-/// The norms of given gains on the models of a specification, at the reporting order.
+/// The norms of given gains on the models of a specification and an adversary's, at the reporting order.
 ///
 /// # Errors
 /// A specification that does not fit.
-pub fn report(spec: &Spec, robot: &Robot, gains: &Gains) -> Result<(Problem, Evaluation), ValidateError> {
-    let problem = problem(spec, robot, &[], spec.sampling.pade_order_reporting, Some(gains))?;
+pub fn report(
+    spec: &Spec,
+    robot: &Robot,
+    adversary: &[ModelSpec],
+    gains: &Gains,
+) -> Result<(Problem, Evaluation), ValidateError> {
+    let problem = problem(spec, robot, adversary, spec.sampling.pade_order_reporting, Some(gains))?;
     let evaluation = evaluate(&problem)?;
     Ok((problem, evaluation))
 }

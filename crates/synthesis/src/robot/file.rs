@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::plant::Gains;
-use super::spec::GainStructure;
+use super::spec::{GainStructure, ModelSpec};
 use crate::linalg::{self, LinalgError, Matrix, diagonal};
 use crate::tuner::{Certificate, Evaluation, GainKind, Problem};
 
@@ -23,9 +23,15 @@ pub struct GainsFile {
     /// The sampled loop.
     #[serde(default)]
     pub sampled: Vec<SampledEntry>,
+    /// Flights in the non-linear simulator.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub flown: Vec<FlownEntry>,
     /// The validation set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub validation: Option<ValidationEntry>,
+    /// Situations that the adversary added to those of the specification.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub adversary: Vec<ModelSpec>,
 }
 
 /// Where gains come from.
@@ -39,6 +45,9 @@ pub struct Provenance {
     pub specification_digest: String,
     /// Digest of the robot description's text.
     pub plant_digest: String,
+    /// Period of the controller for which the gains were tuned, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub controller_period_s: Option<f64>,
     /// Version of the tuner.
     pub version: String,
     /// Seed of the search.
@@ -56,9 +65,6 @@ pub struct Provenance {
     /// The full-order optimum of the tracking channel of the first model, between these two.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub full_order: Vec<f64>,
-    /// Models the adversary added.
-    #[serde(default)]
-    pub adversary_models: usize,
 }
 
 /// The gains as a table. Units: N m s/rad and N s/m for K_P, N m/rad and N/m for K_I; 1/s for X.
@@ -157,6 +163,28 @@ pub struct SampledEntry {
     pub gain_margin: f64,
     /// Delay that may be added, s.
     pub delay_margin_s: f64,
+}
+
+/// One flight in the non-linear simulator, and what the linear analysis says of the same loop.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlownEntry {
+    /// Model whose configuration was flown, with nominal masses.
+    pub model: String,
+    /// Delay of the measurement, and of the command, s.
+    pub delay_s: f64,
+    /// Spectral radius of the sampled loop with sloshing propellant and these delays.
+    pub spectral_radius: f64,
+    /// Whether the scenario's criteria were met.
+    pub settled: bool,
+    /// Part of the controller's samples in which an actuator was asked for more than it has.
+    pub saturated_fraction: f64,
+}
+
+impl FlownEntry {
+    /// Whether the simulator contradicts the linear analysis: it claims stability and the flight did not settle.
+    pub fn contradicts(&self) -> bool {
+        self.spectral_radius < 1.0 && !self.settled
+    }
 }
 
 /// The validation set in brief.

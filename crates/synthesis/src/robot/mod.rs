@@ -13,13 +13,14 @@ mod validate;
 pub use body::{Body, Robot, RobotError};
 pub use design::{Design, OptimumError, Step, design, options, report, tracking_optimum};
 pub use file::{
-    ChannelEntry, ExportedProblem, GainTable, GainsFile, MarginEntry, Provenance, SampledEntry, ValidationEntry, export,
+    ChannelEntry, ExportedProblem, FlownEntry, GainTable, GainsFile, MarginEntry, Provenance, SampledEntry,
+    ValidationEntry, export,
 };
 pub use margins::{MarginError, StatedMargin, margins, multiplicative_loop, parametric_loop};
 pub use plant::{Gains, generalised_plant, problem, tracking_weights};
 pub use sampled::{Sampled, sampled, spectral_radius};
 pub use spec::{
-    GainSpec, GainStructure, LoadSpec, ModelSpec, Payload, RobotSpec, SamplingSpec, ScaleSpec, SearchSpec, Spec,
-    UncertaintySpec, ValidationSpec, WeightSpec,
+    FlightSpec, GainSpec, GainStructure, LoadSpec, ModelSpec, Payload, RobotSpec, SamplingSpec, ScaleSpec, SearchSpec,
+    Spec, UncertaintySpec, ValidationSpec, WeightSpec,
 };
 pub use validate::{Sample, ValidateError, Validation, assess, draw, sampled_models, validate, worsen};

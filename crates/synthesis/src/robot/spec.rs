@@ -30,6 +30,50 @@ pub struct Spec {
     /// The random set against which tuned gains are validated, and the adversary.
     #[serde(default)]
     pub validation: ValidationSpec,
+    /// Flights in the non-linear simulator; none when left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flight: Option<FlightSpec>,
+}
+
+/// Flights of the tuned gains in a scenario, over the configurations of the models and some delays. The scenario says itself when
+/// it has gone well.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlightSpec {
+    /// The scenario, a file.
+    pub scenario: String,
+    /// Delays, s: each is put into every one of `delay_keys`.
+    pub delays_s: Vec<f64>,
+    /// Key of the controller's gains.
+    #[serde(default = "gains_key")]
+    pub gains_key: String,
+    /// Key of the joint angles at the start.
+    #[serde(default = "joints_key")]
+    pub joints_key: String,
+    /// Keys of the delays of measurement and command.
+    #[serde(default = "delay_keys")]
+    pub delay_keys: Vec<String>,
+    /// What is set besides for gains without an integral part.
+    #[serde(default = "proportional")]
+    pub proportional: Vec<String>,
+}
+
+fn gains_key() -> String {
+    "participants.controller.parameters.gains".into()
+}
+
+fn joints_key() -> String {
+    "participants.plant.parameters.start.joints".into()
+}
+
+fn delay_keys() -> Vec<String> {
+    ["connections.measured.delay", "connections.command.delay"]
+        .map(String::from)
+        .into()
+}
+
+fn proportional() -> Vec<String> {
+    vec![r#"participants.controller.parameters.inner={ feedback = "proportional" }"#.into()]
 }
 
 /// The tree.

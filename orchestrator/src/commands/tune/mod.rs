@@ -1,0 +1,230 @@
+//! `orchestrator tune SPEC`: gains by structured H-infinity, verified before they are written.
+
+mod matrices;
+mod print;
+mod verify;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use synthesis::robot::{Robot, Spec, Step, design, export};
+use synthesis::tuner::{Flow, Phase, Progress, TuneError};
+
+use crate::provenance::digest;
+use matrices::tune_matrices;
+use print::print;
+pub(super) use verify::{channel_entries, contradictions, sampled_entries, stated_margins};
+
+/// Exit code: no stabilising gain was found, or the run broke down.
+const FAILED: i32 = 1;
+/// Exit code: the specification is wrong.
+const REFUSED: i32 = 2;
+/// Exit code: gains were found, but the verification contradicts them or the validation set does not pass.
+const NOT_MET: i32 = 3;
+
+/// Tune gains by structured H-infinity and verify them.
+///
+/// SPEC is a specification of the robot's velocity loop (`.toml`, see `gains/*.spec.toml`), or a plant as plain matrices
+/// (`.json` with the keys A, B1, B, C1, C, D11, D12, D21, and optionally D22 and K), for which a static output feedback
+/// u = K y is tuned.
+///
+/// Ctrl-C ends the search and keeps the best gains so far; a second one ends the program.
+///
+/// Exit code 0: tuned and verified. 1: no stabilising gain found. 2: the specification is wrong. 3: the verification or the
+/// validation set is not passed.
+#[derive(Debug, Args)]
+pub struct TuneArgs {
+    /// The specification
+    pub spec: PathBuf,
+    /// Where to write the gains; next to the specification when not given
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Number of starts, in place of the specification's
+    #[arg(long)]
+    pub starts: Option<usize>,
+    /// Seed of the search, in place of the specification's
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Write the generalised plant, the gains and what is claimed as plain matrices
+    #[arg(long, value_name = "FILE.json")]
+    pub export_problem: Option<PathBuf>,
+    /// Write singular values against weights, sensitivity and mu as SVG into this folder
+    #[arg(long, value_name = "FOLDER")]
+    pub plots: Option<PathBuf>,
+    /// Leave out the margins
+    #[arg(long)]
+    pub no_margins: bool,
+    /// Leave out the flights in the non-linear simulator
+    #[arg(long)]
+    pub no_flights: bool,
+    /// Print one line for a table of several designs: gamma, full-order optimum, margins
+    #[arg(long)]
+    pub table: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Tunes, verifies, writes; gives the exit code.
+pub fn run(args: &TuneArgs) -> anyhow::Result<i32> {
+    let text = match std::fs::read_to_string(&args.spec) {
+        Ok(text) => text,
+        Err(error) => {
+            eprintln!("error: {}: {error}", args.spec.display());
+            return Ok(REFUSED);
+        }
+    };
+    let stop = Arc::new(AtomicBool::new(false));
+    // The second Ctrl-C finds the flag set and ends the program; the order of these two lines makes it so.
+    signal_hook::flag::register_conditional_shutdown(signal_hook::consts::SIGINT, 130, Arc::clone(&stop))?;
+    signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::clone(&stop))?;
+    if args.spec.extension().is_some_and(|e| e == "json") {
+        tune_matrices(args, &text, &stop)
+    } else {
+        tune_robot(args, &text, &stop)
+    }
+}
+
+/// Prints progress on standard error, at most a few times a second.
+struct Reporter<'a> {
+    stop: &'a AtomicBool,
+    last: Mutex<Option<Instant>>,
+}
+
+impl Reporter<'_> {
+    fn say(&self, line: impl FnOnce() -> String) -> Flow {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if last.is_none_or(|t| t.elapsed() > Duration::from_millis(400)) {
+            *last = Some(Instant::now());
+            eprintln!("{}", line());
+        }
+        if self.stop.load(Ordering::Relaxed) {
+            Flow::Stop
+        } else {
+            Flow::Continue
+        }
+    }
+}
+
+fn progress_line(p: Progress) -> String {
+    match p.phase {
+        Phase::Stabilise => format!("start {}: stabilising, spectral abscissa {:.4e}", p.start + 1, p.value),
+        Phase::Descend => format!("start {}: descending, gamma {:.5}", p.start + 1, p.value),
+        Phase::Finish => format!("start {}: finishing, gamma {:.5}", p.start + 1, p.value),
+    }
+}
+
+/// The exit code for a tuner that gave no gains.
+fn failure(error: &TuneError) -> i32 {
+    match error {
+        TuneError::NotStabilised { .. } | TuneError::Stopped(_) | TuneError::Linalg(_) => FAILED,
+        _ => REFUSED,
+    }
+}
+
+fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<i32> {
+    let (mut spec, robot, urdf) = match load(&args.spec, text) {
+        Ok(loaded) => loaded,
+        Err(error) => {
+            eprintln!("error: {}: {error:#}", args.spec.display());
+            return Ok(REFUSED);
+        }
+    };
+    spec.search.starts = args.starts.unwrap_or(spec.search.starts);
+    spec.search.seed = args.seed.unwrap_or(spec.search.seed);
+    let reporter = Reporter {
+        stop,
+        last: Mutex::new(None),
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let clock = Instant::now();
+    let design = match design(&spec, &robot, threads, &|step| {
+        reporter.say(|| match step {
+            Step::Tune(p) => progress_line(p),
+            Step::Validate(done) => format!("validating: {done} of {}", spec.validation.samples),
+            Step::Adversary(gamma) => format!("the adversary adds a situation with gamma {gamma:.3}"),
+        })
+    }) {
+        Ok(design) => design,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return Ok(match &error {
+                synthesis::robot::ValidateError::Tune(error) => failure(error),
+                synthesis::robot::ValidateError::Robot(_) => REFUSED,
+            });
+        }
+    };
+    let tuning = clock.elapsed().as_secs_f64();
+    if let Some(path) = &args.export_problem {
+        let d = &design;
+        let exported = export(
+            &d.problem,
+            &d.tuned.gains,
+            &d.tuned.controllers,
+            &d.tuned.evaluation,
+            Some(&d.tuned.certificate),
+        );
+        write(path, &serde_json::to_string(&exported)?)?;
+    }
+    let (mut file, mut complaints) = verify::verify(args, &spec, &robot, &design, &|| stop.load(Ordering::Relaxed))?;
+    file.provenance.specification = args.spec.display().to_string();
+    file.provenance.specification_digest = digest(text);
+    file.provenance.plant_digest = digest(&urdf);
+    if design.tuned.stopped {
+        complaints.push("the search was stopped before it was done".into());
+    }
+    let path = args.out.clone().unwrap_or_else(|| gains_path(&args.spec));
+    write(&path, &toml::to_string(&file)?)?;
+    print(args, &spec, &file, tuning)?;
+    for complaint in &complaints {
+        eprintln!("not met: {complaint}");
+    }
+    eprintln!("gains written to {}", path.display());
+    Ok(if complaints.is_empty() { 0 } else { NOT_MET })
+}
+
+/// Reads a specification and the robot it names. The description's path is taken from the working directory, from the
+/// folder of the specification, or from the folder above it, whichever has it.
+pub(super) fn load(path: &Path, text: &str) -> anyhow::Result<(Spec, Robot, String)> {
+    let spec: Spec = toml::from_str(text)?;
+    let here = path.parent().unwrap_or(Path::new("."));
+    let candidates = [
+        PathBuf::from(&spec.robot.urdf),
+        here.join(&spec.robot.urdf),
+        here.join("..").join(&spec.robot.urdf),
+    ];
+    let Some(found) = candidates.iter().find(|p| p.is_file()) else {
+        bail!(
+            "robot.urdf = {:?}: no such file here, beside the specification, or above it",
+            spec.robot.urdf
+        )
+    };
+    let urdf = std::fs::read_to_string(found).with_context(|| found.display().to_string())?;
+    let robot = Robot::new(&urdf, &spec.robot)?;
+    spec.check(robot.channels())?;
+    Ok((spec, robot, urdf))
+}
+
+/// `x.spec.toml` becomes `x.toml`; anything else gets `.gains.toml`, so that a specification is never overwritten.
+fn gains_path(spec: &Path) -> PathBuf {
+    let name = spec
+        .file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    match name.strip_suffix(".spec.toml") {
+        Some(stem) => spec.with_file_name(format!("{stem}.toml")),
+        None => spec.with_extension("gains.toml"),
+    }
+}
+
+pub(super) fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    std::fs::write(path, text).with_context(|| path.display().to_string())
+}

@@ -1,0 +1,186 @@
+//! Everything that a file of gains claims, computed: norms, margins, sampled loops, flights, and what contradicts what.
+
+use synthesis::mu::MarginOptions;
+use synthesis::robot::{
+    ChannelEntry, Design, GainTable, Gains, GainsFile, MarginEntry, Provenance, Robot, RobotError, SampledEntry, Spec,
+    ValidationEntry, margins, sampled_models, tracking_optimum,
+};
+use synthesis::tuner::Evaluation;
+
+use super::super::margins::figures;
+use super::{TuneArgs, write};
+use crate::flight;
+
+/// Margins, sampled loops, flights, validation: the file of gains, and what contradicts what.
+pub(super) fn verify(
+    args: &TuneArgs,
+    spec: &Spec,
+    robot: &Robot,
+    design: &Design,
+    stop: &dyn Fn() -> bool,
+) -> anyhow::Result<(GainsFile, Vec<String>)> {
+    let full_order = match tracking_optimum(spec, robot, &spec.models[0]) {
+        Ok((low, high)) => vec![low, high],
+        Err(error) => {
+            eprintln!("note: no full-order optimum: {error}");
+            Vec::new()
+        }
+    };
+    let mut file = gains_file(spec, design, full_order);
+    file.sampled = sampled_entries(spec, robot, &design.gains)?;
+    let mut complaints = Vec::new();
+    // The gains were expensive: what fails from here on is said beside them, not in place of them.
+    if !args.no_margins {
+        // The first model here; `margins` does all of them.
+        match stated_margins(spec, robot, &design.gains, 1) {
+            Ok(margins) => file.margins = margins,
+            Err(error) => complaints.push(format!("margins: {error:#}")),
+        }
+    }
+    if !args.no_flights {
+        match flight::fly(&args.spec, spec, robot, &design.gains, stop) {
+            Ok(flown) => file.flown = flown,
+            Err(error) => complaints.push(format!("flights: {error:#}")),
+        }
+    }
+    if let Some(v) = &design.validation {
+        let stable = v.samples.iter().filter(|s| s.stable());
+        file.validation = Some(ValidationEntry {
+            samples: v.samples.len(),
+            unstable: v.unstable(),
+            worst_gamma: stable.map(|s| s.gamma).fold(0.0, f64::max),
+            histogram: v.histogram(),
+        });
+    }
+    complaints.extend(contradictions(spec, &file));
+    if let Some(folder) = &args.plots {
+        for (name, svg) in figures(spec, robot, &design.reported_problem, &design.gains, !args.no_margins)? {
+            write(&folder.join(name), &svg)?;
+        }
+    }
+    Ok((file, complaints))
+}
+
+/// What in a file of gains contradicts what, or misses what the specification asks for.
+pub(in crate::commands) fn contradictions(spec: &Spec, file: &GainsFile) -> Vec<String> {
+    let mut out = Vec::new();
+    for s in file.sampled.iter().filter(|s| s.spectral_radius >= 1.0) {
+        let with = if s.slosh { ", propellant sloshing" } else { "" };
+        out.push(format!(
+            "{}{with}: the sampled loop is unstable (spectral radius {:.6})",
+            s.model, s.spectral_radius
+        ));
+    }
+    for m in file.margins.iter().filter(|m| m.set.starts_with("complex")) {
+        // A common real factor on all actuators is a member of the multiplicative set up to its low-frequency size.
+        let promised = 1.0 + m.guaranteed * spec.uncertainty.multiplicative_low;
+        for s in file.sampled.iter().filter(|s| s.model == m.model && !s.slosh) {
+            if s.gain_margin < 0.98 * promised {
+                out.push(format!(
+                    "{}: the multiplicative margin promises a factor {promised:.3} on the gains, the sampled loop stands {:.3}",
+                    m.model, s.gain_margin
+                ));
+            }
+        }
+    }
+    for f in file.flown.iter().filter(|f| f.contradicts()) {
+        out.push(format!(
+            "{}, {:.1} ms of delay each way: the sampled loop is stable (spectral radius {:.6}), but the flight does not settle",
+            f.model,
+            1e3 * f.delay_s,
+            f.spectral_radius
+        ));
+    }
+    if let Some(v) = &file.validation
+        && (v.unstable > 0 || v.worst_gamma > spec.validation.gamma)
+    {
+        out.push(format!(
+            "validation: {} of {} situations unstable, worst gamma of the others {:.3} against {}",
+            v.unstable, v.samples, v.worst_gamma, spec.validation.gamma
+        ));
+    }
+    out
+}
+
+/// The sampled loop of every model, with frozen and with sloshing propellant.
+pub(in crate::commands) fn sampled_entries(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+) -> Result<Vec<SampledEntry>, RobotError> {
+    let mut all = Vec::new();
+    for slosh in [false, true] {
+        for (model, s) in sampled_models(spec, robot, gains, slosh)? {
+            all.push(SampledEntry {
+                model,
+                slosh,
+                spectral_radius: s.spectral_radius,
+                gain_margin: s.gain_margin_up.min(f64::MAX),
+                delay_margin_s: s.delay_margin_s,
+            });
+        }
+    }
+    Ok(all)
+}
+
+fn gains_file(spec: &Spec, design: &Design, full_order: Vec<f64>) -> GainsFile {
+    let t = &design.tuned;
+    GainsFile {
+        provenance: Provenance {
+            title: spec.title.clone(),
+            specification: String::new(),
+            specification_digest: String::new(),
+            plant_digest: String::new(),
+            controller_period_s: Some(spec.sampling.controller_period_s),
+            version: env!("CARGO_PKG_VERSION").into(),
+            seed: spec.search.seed,
+            gamma: t.evaluation.gamma,
+            gamma_reported: design.reported.gamma,
+            starts: t.starts.iter().map(|g| format!("{g:.6}")).collect(),
+            certificate: t.certificate.length,
+            certificate_radius: t.certificate.radius,
+            full_order,
+        },
+        gains: GainTable::new(&design.gains),
+        channels: channel_entries(&design.reported),
+        margins: Vec::new(),
+        sampled: Vec::new(),
+        flown: Vec::new(),
+        validation: None,
+        adversary: design.adversary.clone(),
+    }
+}
+
+/// Both margins of the first `count` models of the specification.
+pub(in crate::commands) fn stated_margins(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    count: usize,
+) -> anyhow::Result<Vec<MarginEntry>> {
+    let mut all = Vec::new();
+    for model in spec.models.iter().take(count) {
+        eprintln!("margins of {}", model.name);
+        for stated in margins(spec, robot, model, gains, &MarginOptions::default())? {
+            all.push(MarginEntry {
+                set: stated.set,
+                model: stated.model,
+                guaranteed: stated.margin.guaranteed.min(f64::MAX),
+                destabilising: stated.margin.destabilising.min(f64::MAX),
+                critical_rad_s: stated.margin.critical.min(f64::MAX),
+            });
+        }
+    }
+    Ok(all)
+}
+
+/// Channel norms in the form of the file.
+pub(in crate::commands) fn channel_entries(evaluation: &Evaluation) -> Vec<ChannelEntry> {
+    let entry = |c: &synthesis::tuner::ChannelReport| ChannelEntry {
+        model: c.model.clone(),
+        channel: c.channel.clone(),
+        norm: c.norm,
+        omega_rad_s: c.omega.min(f64::MAX),
+    };
+    evaluation.channels.iter().map(entry).collect()
+}
