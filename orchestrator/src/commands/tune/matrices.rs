@@ -35,7 +35,7 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
     let tuned = match tune(&problem, &options, &|p| reporter.say(|| progress_line(p))) {
         Ok(tuned) => tuned,
         Err(error) => {
-            eprintln!("error: {error}");
+            eprintln!("error: {}: {error}", args.spec.display());
             return Ok(failure(&error));
         }
     };

@@ -152,7 +152,7 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
     }) {
         Ok(design) => design,
         Err(error) => {
-            eprintln!("error: {error}");
+            eprintln!("error: {}: {error}", args.spec.display());
             return Ok(match &error {
                 synthesis::robot::ValidateError::Tune(error) => failure(error),
                 synthesis::robot::ValidateError::Robot(_) => REFUSED,
