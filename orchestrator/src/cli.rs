@@ -32,6 +32,8 @@ pub struct Cli {
 pub enum Command {
     /// Run a scenario
     Run(RunArgs),
+    /// Go on with a run from one of its checkpoints, also with changes
+    Resume(ResumeArgs),
     /// Everything but the launch: read, plan, and say what would run
     Check(CheckArgs),
     /// Draw participants, rates, delays and order
@@ -103,6 +105,33 @@ pub struct RunArgs {
     /// The scenario
     #[command(flatten)]
     pub scenario: ScenarioArgs,
+    /// How to run it
+    #[command(flatten)]
+    pub how: HowArgs,
+}
+
+/// Arguments of `resume`.
+#[derive(Debug, Args)]
+pub struct ResumeArgs {
+    /// The folder of the run to go on from
+    pub run: PathBuf,
+    /// Go on from the newest checkpoint at or before this simulated time; from the newest of all when not given
+    #[arg(long, value_name = "TIME")]
+    pub from: Option<Rational>,
+    /// Change a key of the scenario from here on, to ask what if (may be given more than once)
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// How long to simulate in all, in place of what the run had
+    #[arg(long)]
+    pub duration: Option<Rational>,
+    /// How to run it
+    #[command(flatten)]
+    pub how: HowArgs,
+}
+
+/// How to run a scenario, whatever it is.
+#[derive(Debug, Args)]
+pub struct HowArgs {
     /// All participants in this process, in one loop: the same tape to the last bit
     #[arg(long)]
     pub in_process: bool,
@@ -128,6 +157,12 @@ pub struct RunArgs {
     /// Keep serving the page after the end of the run, until Ctrl-C (implies --live)
     #[arg(long)]
     pub live_stay: bool,
+    /// Keep the state of the run in a file this often (simulated time), for `resume`
+    #[arg(long, value_name = "TIME")]
+    pub checkpoint_every: Option<Rational>,
+    /// Keep the state of the run in a file at this simulated time (may be given more than once)
+    #[arg(long, value_name = "TIME")]
+    pub checkpoint_at: Vec<Rational>,
     /// How participants wait for each other; the result does not depend on it
     #[arg(long, value_enum, default_value_t)]
     pub wait: Wait,

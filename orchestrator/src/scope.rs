@@ -18,6 +18,8 @@ const MARK: &str = "esc_";
 const LOCK: &str = "lock";
 /// Letters in the name of a run, five random bits each.
 const ID: usize = 16;
+/// The last letter of a prefix: one for each place in shared memory that a run uses one after the other.
+const PLACES: &[u8] = b"_0123456789abcdefghijklmnopqrstuvwxyz";
 
 /// Why a run's place cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -32,6 +34,9 @@ pub enum ScopeError {
         /// Why not.
         source: io::Error,
     },
+    /// Everybody was moved too often.
+    #[error("the run was taken up {} times: it has no place left in shared memory; what fails again and again is not mended by a restart", PLACES.len() - 1)]
+    Exhausted,
     /// The common folder is not the user's own.
     #[error("`{}` belongs to somebody else or can be entered by others: remove it, or set TMPDIR to a folder of your own", .0.display())]
     Untrusted(PathBuf),
@@ -74,7 +79,9 @@ fn trusted_base() -> Result<PathBuf, ScopeError> {
 
 /// A run's part of the machine. Everything in it is removed when this is dropped.
 pub struct Scope {
-    address: Address,
+    id: String,
+    folder: PathBuf,
+    place: usize,
     _lock: File,
 }
 
@@ -108,24 +115,47 @@ impl Scope {
             .map_err(|error| io_error(&unborn, "cannot be locked")(error.into()))?;
         fs::rename(&unborn, &lock).map_err(io_error(&lock, "cannot be made"))?;
         Ok(Scope {
-            address: Address {
-                prefix: format!("{MARK}{id}_"),
-                folder,
-            },
+            id,
+            folder,
+            place: 0,
             _lock: file,
         })
     }
 
     /// Where participants find the run.
-    pub fn address(&self) -> &Address {
-        &self.address
+    pub fn address(&self) -> Address {
+        Address {
+            prefix: format!("{MARK}{}{}", self.id, char::from(PLACES[self.place])),
+            folder: self.folder.clone(),
+        }
+    }
+
+    /// Makes room for everybody to move to, so that nothing of a dead process can be met there.
+    pub fn move_on(&mut self) -> Result<(), ScopeError> {
+        if self.place + 1 == PLACES.len() {
+            return Err(ScopeError::Exhausted);
+        }
+        self.place += 1;
+        Ok(())
+    }
+
+    /// Removes what is left of the place `address`, which everybody has left.
+    pub fn clear(&self, address: &Address) {
+        for object in objects(&address.prefix) {
+            let _ = fs::remove_file(object);
+        }
     }
 }
 
 impl Drop for Scope {
     fn drop(&mut self) {
-        remove(&self.address.prefix, &self.address.folder);
+        remove(&prefix(&self.id), &self.folder);
     }
+}
+
+/// What the names of all of a run's objects start with. Identifiers are all of one length, so that no other run's do.
+fn prefix(id: &str) -> String {
+    format!("{MARK}{id}")
 }
 
 fn remove(prefix: &str, folder: &Path) {
@@ -179,7 +209,7 @@ pub fn leftovers() -> Vec<Leftover> {
 }
 
 fn leftover(base: &Path, id: &str) -> Leftover {
-    let prefix = format!("{MARK}{id}_");
+    let prefix = prefix(id);
     let objects = objects(&prefix);
     let bytes = objects
         .iter()

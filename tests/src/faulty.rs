@@ -31,6 +31,12 @@ impl Participant for Faulty {
         }
         Ok(())
     }
+    fn save(&self) -> Option<Vec<u8>> {
+        self.0.save()
+    }
+    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
+        self.0.restore(state)
+    }
 }
 
 fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {

@@ -1,6 +1,10 @@
 //! What a run must not leave on the machine.
 
 use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
 
 /// Everything of runs that are not alive any more: objects in shared memory and folders.
 ///
@@ -23,4 +27,30 @@ pub fn processes_of(folder: &std::path::Path) -> Vec<String> {
             found.then(|| format!("{pid}: {}", String::from_utf8_lossy(&line).replace('\0', " ")))
         })
         .collect()
+}
+
+/// Sends `signal` to the process `pid`; whether it was there.
+pub fn signal(pid: u32, signal: Signal) -> bool {
+    let pid = Pid::from_raw(pid as i32).expect("a process has a number");
+    kill_process(pid, signal).is_ok()
+}
+
+/// Waits until there is a file at `path`.
+pub fn wait_for(path: &Path) {
+    let started = Instant::now();
+    while !path.exists() {
+        assert!(
+            started.elapsed() < Duration::from_secs(60),
+            "{} does not appear",
+            path.display()
+        );
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// The process that writes its standard error to `log`.
+pub fn writer_of(log: &Path) -> Option<u32> {
+    let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let mut numbers = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
+    numbers.find(|pid| fs::read_link(format!("/proc/{pid}/fd/2")).is_ok_and(|target| target == log))
 }

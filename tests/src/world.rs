@@ -1,6 +1,6 @@
 //! The smallest scenario with a loop in it: an oscillator and its damper, each a program of its own.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::program::{Folder, participant};
 
@@ -30,4 +30,23 @@ to = "plant.push"
         participant(damper).display()
     );
     folder.write("oscillator.toml", &text)
+}
+
+/// Whether the tape in `run` is a prefix of the one in `undisturbed`: how many samples its shortest stream has.
+///
+/// # Panics
+/// When it is not.
+pub fn prefix(undisturbed: &Path, run: &Path) -> u64 {
+    let lengths = ["plant.motion.bin", "damper.push.bin"].map(|stream| {
+        let whole = std::fs::read(undisturbed.join("tape").join(stream)).expect("the undisturbed run has a tape");
+        let part = std::fs::read(run.join("tape").join(stream)).expect("the run has a tape");
+        assert!(
+            whole.starts_with(&part),
+            "{stream} is not a prefix in {}",
+            run.display()
+        );
+        // What a killed orchestrator was writing may end in the middle of a sample; readers leave that out.
+        part.len() as u64 / 24
+    });
+    lengths[0].min(lengths[1])
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use escapement_tests::machine::{leftovers, processes_of};
+use escapement_tests::machine::{leftovers, processes_of, signal, wait_for, writer_of};
 use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, start};
 use escapement_tests::world::oscillator;
 
@@ -180,23 +180,6 @@ fn a_port_in_other_units_is_refused_with_the_difference() {
     );
 }
 
-fn signal(pid: u32, signal: rustix::process::Signal) {
-    let pid = rustix::process::Pid::from_raw(pid as i32).expect("a process has a number");
-    rustix::process::kill_process(pid, signal).expect("the process is there");
-}
-
-fn wait_for(path: &Path) {
-    let started = Instant::now();
-    while !path.exists() {
-        assert!(
-            started.elapsed() < Duration::from_secs(60),
-            "{} does not appear",
-            path.display()
-        );
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
 /// A run that takes long enough to be disturbed: paced to the wall clock.
 fn disturbed(name: &str) -> (Folder, std::process::Child) {
     let folder = Folder::new(name);
@@ -209,12 +192,8 @@ fn disturbed(name: &str) -> (Folder, std::process::Child) {
 }
 
 fn pid_of(folder: &Folder, participant: &str) -> u32 {
-    let processes = std::fs::read_dir("/proc").unwrap().flatten();
-    let numbers = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
     let log = folder.path().join("run/log").join(format!("{participant}.stderr"));
-    let mut found =
-        numbers.filter(|pid| std::fs::read_link(format!("/proc/{pid}/fd/2")).is_ok_and(|target| target == log));
-    found.next().expect("the participant runs")
+    writer_of(&log).expect("the participant runs")
 }
 
 #[test]

@@ -5,6 +5,7 @@ pub mod executor;
 pub mod fault;
 pub mod host;
 pub mod link;
+mod panic;
 pub mod participant;
 pub mod plan;
 pub mod port;

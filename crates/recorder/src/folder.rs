@@ -125,6 +125,11 @@ impl RunFolder {
         self.root.join("tape")
     }
 
+    /// The folder of the checkpoints; there when the first one is.
+    pub fn checkpoints(&self) -> PathBuf {
+        self.root.join("checkpoints")
+    }
+
     /// Where a participant's standard error goes.
     pub fn stderr(&self, participant: &str) -> PathBuf {
         self.root.join("log").join(format!("{participant}.stderr"))

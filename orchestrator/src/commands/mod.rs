@@ -12,6 +12,7 @@ pub mod model;
 pub mod participant;
 pub mod replay;
 pub mod report;
+pub mod resume;
 pub mod run;
 pub mod sweep;
 pub mod tune;

@@ -5,26 +5,34 @@ use std::time::Duration;
 
 use recorder::folder::RunFolder;
 
-use crate::cli::RunArgs;
+use crate::cli::{HowArgs, RunArgs};
 use crate::live::{self, Server, Steering};
 use crate::run::signals::Interrupt;
-use crate::run::{Ending, Options, Outcome, run as run_scenario};
+use crate::run::{Ending, Options, Origin, Outcome, run as run_scenario};
 use crate::scenario::Scenario;
 
 /// Runs and reports.
 pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
-    if args.real_time.is_some_and(|pace| !(pace.is_finite() && pace > 0.0)) {
+    match Scenario::read(&args.scenario.scenario, &args.scenario.overrides()) {
+        Ok(scenario) => execute(&scenario, &args.how, None),
+        Err(error) => {
+            eprintln!("error: {error}");
+            Ok(2)
+        }
+    }
+}
+
+/// Runs `scenario`, from `origin` if there is one, and reports.
+pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>) -> anyhow::Result<i32> {
+    if how.real_time.is_some_and(|pace| !(pace.is_finite() && pace > 0.0)) {
         eprintln!("error: --real-time takes a factor above zero");
         return Ok(2);
     }
-    let scenario = match Scenario::read(&args.scenario.scenario, &args.scenario.overrides()) {
-        Ok(scenario) => scenario,
-        Err(error) => {
-            eprintln!("error: {error}");
-            return Ok(2);
-        }
-    };
-    let server = match live(args) {
+    if how.checkpoint_every.is_some_and(|every| !every.is_positive()) {
+        eprintln!("error: --checkpoint-every takes a time above zero");
+        return Ok(2);
+    }
+    let server = match live(how) {
         Ok(server) => server,
         Err(reason) => {
             eprintln!("error: {reason}");
@@ -32,17 +40,20 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
         }
     };
     let options = Options {
-        in_process: args.in_process,
-        out: args.out.clone(),
-        quiet: args.quiet,
-        pace: args.real_time,
-        pause_at: args.pause_at.clone(),
-        wait: args.wait,
-        no_placement: args.no_placement,
-        patience_s: args.patience.seconds(),
+        in_process: how.in_process,
+        out: how.out.clone(),
+        quiet: how.quiet,
+        pace: how.real_time,
+        pause_at: how.pause_at.clone(),
+        checkpoint_every: how.checkpoint_every,
+        checkpoint_at: how.checkpoint_at.clone(),
+        origin,
+        wait: how.wait,
+        no_placement: how.no_placement,
+        patience_s: how.patience.seconds(),
         steering: server.as_ref().map(|(_, steering)| steering.clone()),
     };
-    let outcome = match run_scenario(&scenario, &options) {
+    let outcome = match run_scenario(scenario, &options) {
         Ok(outcome) => outcome,
         Err(failure) => {
             eprintln!("error: {failure}");
@@ -57,20 +68,20 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
         Ending::Stopped { reason } => eprintln!("{reason}"),
         Ending::Failed { participant, reason } => eprintln!("error: participant `{participant}` {reason}"),
     }
-    if args.json {
+    if how.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
-    } else if !args.quiet {
-        print(&scenario, &outcome);
+    } else if !how.quiet {
+        print(scenario, &outcome);
     }
     if let Some((server, _)) = &server {
-        farewell(args, server, &outcome)?;
+        farewell(how, server, &outcome)?;
     }
     Ok(outcome.exit_code())
 }
 
 /// The server of the page, where one is asked for.
-fn live(args: &RunArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
-    let Some(port) = args.live.or(args.live_stay.then_some(0)) else {
+fn live(how: &HowArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
+    let Some(port) = how.live.or(how.live_stay.then_some(0)) else {
         return Ok(None);
     };
     let steering = Arc::new(Steering::default());
@@ -80,13 +91,13 @@ fn live(args: &RunArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
 }
 
 /// The run is over and its folder complete: pages that are open get the whole of it.
-fn farewell(args: &RunArgs, server: &Server, outcome: &Outcome) -> anyhow::Result<()> {
+fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result<()> {
     server.finish(match &outcome.ending {
         Ending::Complete => "complete".to_owned(),
         Ending::Stopped { reason } => reason.clone(),
         Ending::Failed { participant, reason } => format!("participant `{participant}` {reason}"),
     });
-    if !args.live_stay || matches!(outcome.ending, Ending::Stopped { .. }) {
+    if !how.live_stay || matches!(outcome.ending, Ending::Stopped { .. }) {
         return Ok(());
     }
     let interrupt = Interrupt::install()?;

@@ -5,67 +5,87 @@ use std::time::{Duration, Instant};
 
 use lockstep::control::Note;
 use lockstep::plan::Plan;
-use lockstep::transport::iceoryx::{ClockWriter, Domain, LinkService};
+use lockstep::time::Ticks;
+use recorder::folder::RunFolder;
 use recorder::tape::{Event, EventKind};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::Options;
+use super::agenda::Agenda;
+use super::checkpoint::Checkpoint;
 use super::crew::{self, Member};
 use super::explain;
 use super::horizon::Guide;
 use super::outcome::{Ending, Outcome, RunFailure};
+use super::place::Place;
 use super::prepare;
 use super::progress::Progress;
 use super::recording::Recorder;
 use super::signals::Interrupt;
-use crate::scenario::Scenario;
+use super::take_up::Restarts;
+use crate::scenario::{Entry, Scenario};
 use crate::scope::{self, Scope};
 
 /// How long participants may take to leave after they were told to.
-const GRACE: Duration = Duration::from_millis(500);
+pub(super) const GRACE: Duration = Duration::from_millis(500);
 /// The orchestrator's nap when there is nothing to do.
 const NAP: Timespec = Timespec {
     tv_sec: 0,
     tv_nsec: 500_000,
 };
+/// Deaths are looked for at least this often.
+const LOOK: Duration = Duration::from_millis(2);
 /// Samples reach the disk at least this often.
 const FLUSH: Duration = Duration::from_millis(50);
 
 pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
     // Whatever can be refused is refused before anything starts or is written.
     let known = prepare::check(scenario)?;
+    let entries = prepare::entries(scenario, options)?;
     scope::leftovers().iter().for_each(scope::Leftover::remove);
     let interrupt = Interrupt::install().map_err(|error| RunFailure::Other(error.to_string()))?;
     let folder = prepare::folder(scenario, options)?;
     let scope = Scope::create()?;
-    let domain = Domain::enter(scope.address().clone(), "orchestrator")?;
-    let mut crew = crew::launch(scenario, &domain, &folder, &interrupt)?;
-    let interfaces = crew::interfaces(scenario, &known.interfaces, &mut crew, &interrupt)?;
-    let plan = scenario.plan(&interfaces)?;
-    let recorder = prepare::recorder(scenario, &plan, &folder)?;
-
-    let mut links = Vec::new();
-    for (number, link) in plan.links.iter().enumerate() {
-        let size = plan.participants[link.from.0].interface.outputs[link.from.1]
-            .descriptor
-            .size as usize;
-        links.push(LinkService::create(&domain, number as u32, size, link.capacity)?);
+    let names = entries.iter().map(|entry| entry.setup.name.as_str());
+    let (domain, ports) = Place::enter(scope.address(), names)?;
+    let mut crew = Vec::new();
+    for (entry, ports) in entries.iter().zip(ports) {
+        let process = crew::start(entry, &domain, &folder.stderr(&entry.setup.name))?;
+        crew.push(Member::new(process, ports));
     }
-    let clock = ClockWriter::create(&domain, plan.participants.len())?;
-    let placement = crew::connect(&plan, &mut crew, options, &interrupt)?;
+    crew::gather(&mut crew, &interrupt)?;
+    let mut interfaces = Vec::new();
+    for ((member, entry), known) in crew.iter_mut().zip(&entries).zip(&known.interfaces) {
+        interfaces.push(crew::introduce(scenario, entry, known.as_ref(), member, &interrupt)?);
+    }
+    let plan = scenario.plan(&interfaces)?;
+    let mut recorder = prepare::recorder(scenario, &plan, &folder)?;
+    let start = prepare::start(&plan, options, &mut recorder)?;
+    let agenda = Agenda::new(scenario, &plan, options, start.from, start.substituted)?;
+    let place = Place::furnish(domain, &plan)?;
+    let placement = crew::connect(&plan, &mut crew, start.positions, options, &interrupt)?;
     options.begin(&plan, &folder);
     let mut conductor = Conductor {
-        guide: Guide::new(&plan, options)?,
+        guide: Guide::new(&plan, options, agenda, start.from),
         progress: Progress::new(scenario.duration.seconds(), options.quiet),
+        restarts: vec![Restarts::default(); entries.len()],
+        entries,
+        substituted: start.substituted,
+        programs: 0,
+        last_checkpoint: None,
+        scenario,
+        scope,
+        folder,
         plan,
         options,
         interrupt,
         crew,
-        clock,
+        place,
         recorder,
         started: Instant::now(),
         last_moved: Instant::now(),
         last_flush: Instant::now(),
+        last_look: Instant::now(),
         warned: false,
     };
     let ending = conductor.conduct();
@@ -74,7 +94,9 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         crew,
         recorder,
         plan,
-        clock,
+        place,
+        scope,
+        folder,
         ..
     } = conductor.bring_down(&ending)?;
     let timing = crew
@@ -88,13 +110,12 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     let simulated_s = plan.timebase.seconds(recorder.newest.clamp(0, plan.end));
     let ending = recorder.with_active_faults(ending);
     let (digest, figures) = recorder.finish()?;
-    // Ports before the domain, the domain before its files.
-    drop((crew, links, clock));
-    drop(domain);
+    // Ports before the place, the place before its files.
+    drop(crew);
+    drop(place);
     drop(scope);
-    let folder = folder.root().to_owned();
     Ok(Outcome {
-        folder,
+        folder: folder.root().to_owned(),
         ending,
         simulated_s,
         wall_s,
@@ -107,19 +128,31 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
 }
 
 /// A run under way.
-struct Conductor<'a> {
-    plan: Plan,
-    options: &'a Options,
-    interrupt: Interrupt,
-    crew: Vec<Member>,
-    clock: ClockWriter,
-    recorder: Recorder,
-    progress: Progress,
+pub(super) struct Conductor<'a> {
+    pub(super) scenario: &'a Scenario,
+    pub(super) plan: Plan,
+    pub(super) options: &'a Options,
+    pub(super) interrupt: Interrupt,
+    /// What runs in each seat.
+    pub(super) entries: Vec<Entry>,
+    /// How many of the scenario's substitutions have happened.
+    pub(super) substituted: usize,
+    /// How many programs were started in mid-run.
+    pub(super) programs: usize,
+    pub(super) restarts: Vec<Restarts>,
+    pub(super) last_checkpoint: Option<Checkpoint>,
+    pub(super) crew: Vec<Member>,
+    pub(super) place: Place,
+    pub(super) scope: Scope,
+    pub(super) folder: RunFolder,
+    pub(super) recorder: Recorder,
+    pub(super) progress: Progress,
     /// How far everybody may go.
-    guide: Guide,
+    pub(super) guide: Guide,
     started: Instant,
-    last_moved: Instant,
+    pub(super) last_moved: Instant,
     last_flush: Instant,
+    last_look: Instant,
     warned: bool,
 }
 
@@ -128,123 +161,154 @@ impl Conductor<'_> {
     fn conduct(&mut self) -> Ending {
         self.advance_clock();
         loop {
-            match self.drain() {
-                Err(ending) => return ending,
-                Ok(true) => {
-                    self.last_moved = Instant::now();
-                    self.warned = false;
-                }
-                Ok(false) => {
-                    if let Some(ending) = self.look_for_deaths() {
+            match self.turn() {
+                Ok(None) => {}
+                Ok(Some(ending)) => return ending,
+                Err(failed) => {
+                    if let Err(ending) = self.survive(failed) {
                         return ending;
                     }
-                    if self.crew.iter().all(|member| member.timing.is_some()) {
-                        return Ending::Complete;
-                    }
-                    self.nap();
                 }
-            }
-            let t = self.plan.timebase.seconds(self.recorder.newest.max(0));
-            self.progress.show(t);
-            if self.interrupt.asked() {
-                return Ending::Stopped {
-                    reason: format!("interrupted at t = {t} s"),
-                };
-            }
-            if self.last_flush.elapsed() > FLUSH {
-                self.last_flush = Instant::now();
-                if let Err(error) = self.recorder.flush() {
-                    return Ending::Failed {
-                        participant: "orchestrator".into(),
-                        reason: error.to_string(),
-                    };
-                }
-                if let Some(ending) = self.look_for_floods() {
-                    return ending;
-                }
-            }
-            if let Some(ending) = self.rest().or_else(|| self.watch()) {
-                return ending;
             }
             self.advance_clock();
         }
     }
 
+    /// One look around. `Some` when the run is over; the error is a failure that the run may survive.
+    fn turn(&mut self) -> Result<Option<Ending>, Ending> {
+        if self.drain()? {
+            self.last_moved = Instant::now();
+            self.warned = false;
+            // However much the others have to say, a death is seen in time.
+            if self.last_look.elapsed() > LOOK {
+                self.look_for_deaths()?;
+            }
+        } else {
+            self.look_for_deaths()?;
+            if self.crew.iter().all(|member| member.timing.is_some()) {
+                return Ok(Some(Ending::Complete));
+            }
+            self.nap();
+        }
+        let t = self.plan.timebase.seconds(self.recorder.newest.max(0));
+        self.progress.show(t);
+        if self.interrupt.asked() {
+            let reason = format!("interrupted at t = {t} s");
+            return Ok(Some(Ending::Stopped { reason }));
+        }
+        if self.last_flush.elapsed() > FLUSH {
+            self.last_flush = Instant::now();
+            self.recorder.flush().map_err(|error| Ending::Failed {
+                participant: "orchestrator".into(),
+                reason: error.to_string(),
+            })?;
+            self.look_for_floods()?;
+        }
+        if let Some(now) = self.guide.stop()
+            && self.crew.iter().all(|member| member.rests_at(now))
+            && let Some(ending) = self.attend(now)?
+        {
+            return Ok(Some(ending));
+        }
+        self.watch()?;
+        Ok(None)
+    }
+
     /// Moves the horizon as far as it may be.
     fn advance_clock(&mut self) {
         let horizon = self.guide.horizon(self.recorder.newest);
-        if horizon > self.clock.horizon() {
-            self.clock.extend(horizon);
-            self.crew.iter().for_each(|member| member.bell.ring());
+        if horizon > self.place.clock.horizon() {
+            self.place.clock.extend(horizon);
+            self.crew.iter().for_each(Member::ring);
         }
+    }
+
+    /// Waits for the user.
+    pub(super) fn pause(&mut self, now: Ticks) -> Result<bool, RunFailure> {
+        // Whoever looks at the tape now sees everything before the rest.
+        self.recorder.flush()?;
+        let steering = self.guide.hold(now);
+        let who: Vec<String> = (self.crew.iter())
+            .map(|member| format!("{} is process {}", member.process.name, member.process.pid()))
+            .collect();
+        let go_on = prepare::pause(
+            &self.plan,
+            now,
+            &who.join(", "),
+            &mut self.progress,
+            &self.interrupt,
+            steering.as_deref(),
+        );
+        self.guide.go_on();
+        Ok(go_on)
     }
 
     /// Takes what participants have recorded; whether there was anything.
     fn drain(&mut self) -> Result<bool, Ending> {
         let mut moved = false;
-        for (number, member) in self.crew.iter_mut().enumerate() {
+        for number in 0..self.crew.len() {
             // Bounded, so that one participant cannot keep the others from being heard.
             for _ in 0..16 {
-                match member.take(number, &mut self.recorder) {
-                    Ok(false) => break,
-                    Ok(true) => moved = true,
-                    Err(broken) => {
-                        let blamed = if let Some(error) = self.recorder.take_error() {
-                            Ending::Failed {
-                                participant: "orchestrator".into(),
-                                reason: error.to_string(),
-                            }
-                        } else {
-                            Ending::Failed {
-                                participant: member.process.name.clone(),
-                                reason: broken.to_string(),
-                            }
-                        };
-                        return Err(blamed);
-                    }
+                if !self.take_from(number)? {
+                    break;
                 }
-            }
-            if let Some(Note::Failed { activation, t, reason }) = &member.failed {
-                return Err(Ending::Failed {
-                    participant: member.process.name.clone(),
-                    reason: format!("failed at t = {t} s (activation {activation}): {reason}"),
-                });
+                moved = true;
             }
         }
         Ok(moved)
     }
 
-    fn look_for_deaths(&mut self) -> Option<Ending> {
+    /// Takes one parcel of participant number `number`; whether there was one.
+    fn take_from(&mut self, number: usize) -> Result<bool, Ending> {
+        let member = &mut self.crew[number];
+        let failed = |participant: &str, reason: String| Ending::Failed {
+            participant: participant.to_owned(),
+            reason,
+        };
+        let taken = member.take(number, &mut self.recorder);
+        let name = &member.process.name;
+        let moved = taken.map_err(|broken| match self.recorder.take_error() {
+            Some(error) => failed("orchestrator", error.to_string()),
+            None => failed(name, broken.to_string()),
+        })?;
+        match &member.failed {
+            Some(Note::Failed { activation, t, reason }) => Err(failed(
+                name,
+                format!("failed at t = {t} s (activation {activation}): {reason}"),
+            )),
+            _ => Ok(moved),
+        }
+    }
+
+    fn look_for_deaths(&mut self) -> Result<(), Ending> {
+        self.last_look = Instant::now();
         for number in 0..self.crew.len() {
             let Some(status) = self.crew[number].process.ended() else {
                 continue;
             };
-            if self.crew[number].timing.is_some() && status.success() {
+            // What it sent before it died counts.
+            while self.take_from(number)? {}
+            let member = &self.crew[number];
+            if member.timing.is_some() && status.success() {
                 continue;
             }
-            // What it sent before it died counts.
-            match self.drain() {
-                Err(ending) => return Some(ending),
-                Ok(true) => return None,
-                Ok(false) => {}
-            }
-            let member = &self.crew[number];
-            let text = explain::death(&self.plan, number, member, status);
-            return Some(Ending::Failed {
+            return Err(Ending::Failed {
                 participant: member.process.name.clone(),
-                reason: text,
+                reason: explain::death(&self.plan, number, member, status),
             });
         }
-        None
+        Ok(())
     }
 
-    fn look_for_floods(&self) -> Option<Ending> {
-        let member = self.crew.iter().find(|member| member.process.floods())?;
+    fn look_for_floods(&self) -> Result<(), Ending> {
+        let Some(member) = self.crew.iter().find(|member| member.process.floods()) else {
+            return Ok(());
+        };
         let reason = format!(
             "wrote more than {} MiB to its standard error",
             super::child::LOG_MAX >> 20
         );
-        Some(Ending::Failed {
+        Err(Ending::Failed {
             participant: member.process.name.clone(),
             reason,
         })
@@ -259,77 +323,48 @@ impl Conductor<'_> {
         let _ = poll(&mut ends, Some(&NAP));
     }
 
-    /// At a stop: waits for the user once everybody is at rest.
-    fn rest(&mut self) -> Option<Ending> {
-        let stop = self.guide.stop()?;
-        if !self.crew.iter().all(|member| member.rests_at(stop)) {
-            return None;
-        }
-        // Whoever looks at the tape now sees everything before the stop.
-        if let Err(error) = self.recorder.flush() {
-            return Some(Ending::Failed {
-                participant: "orchestrator".into(),
-                reason: error.to_string(),
-            });
-        }
-        let steering = self.guide.rest();
-        let who: Vec<String> = (self.crew.iter())
-            .map(|member| format!("{} is process {}", member.process.name, member.process.pid()))
-            .collect();
-        let who = who.join(", ");
-        let go_on = prepare::pause(
-            &self.plan,
-            stop,
-            &who,
-            &mut self.progress,
-            &self.interrupt,
-            steering.as_deref(),
-        );
-        if !go_on {
-            return Some(Ending::Stopped {
-                reason: format!("stopped at t = {} s", self.plan.timebase.seconds(stop)),
-            });
-        }
-        self.guide.go_on();
-        self.last_moved = Instant::now();
-        None
-    }
-
     /// Nothing has moved for a while: say why; after the time that a participant is given, end the run.
-    fn watch(&mut self) -> Option<Ending> {
-        let resting = self.crew.iter().all(|member| member.rests_at(self.clock.horizon()));
+    fn watch(&mut self) -> Result<(), Ending> {
+        let resting = self
+            .crew
+            .iter()
+            .all(|member| member.rests_at(self.place.clock.horizon()));
         self.guide.tell(self.recorder.newest, resting);
         if resting {
             self.last_moved = Instant::now();
         }
         let still = self.last_moved.elapsed().as_secs_f64();
         if still > self.options.patience_s {
-            let (culprit, text) = explain::standstill(&self.plan, &self.crew, still);
-            return Some(Ending::Failed {
+            let (culprit, text) = explain::standstill(&self.plan, &self.crew, self.place.clock.horizon(), still);
+            return Err(Ending::Failed {
                 participant: culprit,
                 reason: text,
             });
         }
         if still > 2.0 && !self.warned {
             self.warned = true;
-            let (_, text) = explain::standstill(&self.plan, &self.crew, still);
+            let (_, text) = explain::standstill(&self.plan, &self.crew, self.place.clock.horizon(), still);
             self.progress.say(&text);
         }
-        None
+        Ok(())
     }
 
     /// Tells everybody to leave, sees that they do, and takes what they still had to say.
     fn bring_down(mut self, ending: &Ending) -> Result<Self, RunFailure> {
         self.progress.clear();
-        self.clock.stop();
-        self.crew.iter().for_each(|member| member.bell.ring());
+        self.place.clock.stop();
+        self.crew.iter().for_each(Member::ring);
         let started = Instant::now();
         for number in 0..self.crew.len() {
             self.crew[number]
                 .process
                 .bring_down(GRACE.saturating_sub(started.elapsed()));
         }
-        while matches!(self.drain(), Ok(true)) {}
+        // What the others had handed over counts, whoever failed.
+        for number in 0..self.crew.len() {
+            self.crew[number].failed = None;
+            while let Ok(true) = self.take_from(number) {}
+        }
         if let Ending::Failed { participant, reason } = ending {
             let time = self.plan.timebase.time(self.recorder.newest.max(0)).unwrap_or_default();
             let (participant, text) = (Some(participant.clone()), reason.clone());

@@ -4,13 +4,12 @@ use std::time::{Duration, Instant};
 
 use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
 use lockstep::participant::Interface;
-use lockstep::plan::{Placement, Plan, place};
+use lockstep::plan::{Placement, Plan, Position, place};
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;
 use lockstep::transport::iceoryx::{
-    Bell, ControlClient, Domain, RecordReceiver, Recorded, StatusReader, StatusService, WakeService,
+    Bell, ControlClient, Domain, DomainError, RecordReceiver, Recorded, StatusReader, StatusService, WakeService,
 };
-use recorder::folder::RunFolder;
 
 use super::Options;
 use super::child::Participant;
@@ -21,39 +20,86 @@ use super::signals::Interrupt;
 use crate::scenario::{Entry, Scenario};
 
 /// How long a program may take to enter the run, and to answer a request.
-const PATIENCE: Duration = Duration::from_secs(20);
+pub(super) const PATIENCE: Duration = Duration::from_secs(20);
+
+/// The orchestrator's ends of what belongs to one participant in one place in shared memory. They are there before anybody
+/// who opens them.
+pub(super) struct Ports {
+    status: StatusReader,
+    bell: Bell,
+    record: RecordReceiver,
+    control: ControlClient,
+    _services: (StatusService, WakeService),
+}
+
+impl Ports {
+    /// Makes the services of the participant `name`, one of `count`.
+    pub(super) fn create(domain: &Domain, name: &str, count: usize) -> Result<Ports, DomainError> {
+        let services = (
+            StatusService::create(domain, name, count + 1)?,
+            WakeService::create(domain, name, count + 1)?,
+        );
+        Ok(Ports {
+            control: ControlClient::create(domain, name)?,
+            record: RecordReceiver::create(domain, name)?,
+            status: StatusReader::open(domain, name)?,
+            bell: services.1.bell(domain)?,
+            _services: services,
+        })
+    }
+}
 
 /// One participant.
 pub(super) struct Member {
     pub(super) process: Participant,
-    pub(super) status: StatusReader,
-    pub(super) bell: Bell,
-    record: RecordReceiver,
-    control: ControlClient,
+    ports: Ports,
     /// Where its time went; known when it is done.
     pub(super) timing: Option<Timing>,
     /// Its own account of why it failed.
     pub(super) failed: Option<Note>,
     at_rest: Option<Ticks>,
-    _services: (StatusService, WakeService),
+    /// The next activation, once it has come to rest on the order to do so.
+    pub(super) recalled: Option<u64>,
 }
 
 impl Member {
+    pub(super) fn new(process: Participant, ports: Ports) -> Member {
+        Member {
+            process,
+            ports,
+            timing: None,
+            failed: None,
+            at_rest: None,
+            recalled: None,
+        }
+    }
+
     /// Whether it has done everything before `horizon`.
     pub(super) fn rests_at(&self, horizon: Ticks) -> bool {
         self.timing.is_some() || self.at_rest == Some(horizon)
     }
 
+    /// What it does.
+    pub(super) fn status(&self) -> lockstep::transport::iceoryx::Status {
+        self.ports.status.get()
+    }
+
+    /// Wakes it.
+    pub(super) fn ring(&self) {
+        self.ports.bell.ring();
+    }
+
     /// Takes the next parcel of its samples and notes; whether there was one.
     pub(super) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<bool, Broken> {
         let Member {
-            record,
+            ports,
             timing,
             failed,
             at_rest,
+            recalled,
             ..
         } = self;
-        record.receive(|entry| {
+        ports.record.receive(|entry| {
             match entry {
                 Recorded::Sample {
                     stream,
@@ -62,25 +108,32 @@ impl Member {
                 } => recorder.sample(number, stream, header, payload)?,
                 Recorded::Note(Note::Finished(spent)) => *timing = Some(spent),
                 Recorded::Note(Note::AtRest { horizon, .. }) => *at_rest = Some(horizon),
+                Recorded::Note(Note::Recalled { next }) => *recalled = Some(next),
                 Recorded::Note(note @ Note::Failed { .. }) => *failed = Some(note),
-                Recorded::Note(Note::Recalled { .. }) => {}
             }
             Ok(())
         })
     }
 
     /// Sends a request and waits for the reply.
-    fn ask(&mut self, request: &Request, interrupt: &Interrupt) -> Result<Reply, RunFailure> {
-        let Member { control, process, .. } = self;
+    pub(super) fn ask(&mut self, request: &Request, interrupt: &Interrupt) -> Result<Reply, RunFailure> {
+        let Member { ports, process, .. } = self;
+        ports.bell.ring();
+        let control = &ports.control;
         let reply = control.ask(request, PATIENCE, || process.ended().is_some() || interrupt.asked());
         match reply {
             Ok(Some(reply)) => Ok(reply),
             Ok(None) if interrupt.asked() => Err(RunFailure::Interrupted),
             Ok(None) => Err(silent(&mut self.process, "answer")),
-            Err(broken) => Err(RunFailure::Participant {
-                participant: self.process.name.clone(),
-                reason: broken.0,
-            }),
+            Err(broken) => Err(self.odd(broken.0)),
+        }
+    }
+
+    /// Something that this participant should not have done.
+    pub(super) fn odd(&self, reason: impl Into<String>) -> RunFailure {
+        RunFailure::Participant {
+            participant: self.process.name.clone(),
+            reason: reason.into(),
         }
     }
 }
@@ -88,7 +141,7 @@ impl Member {
 fn silent(process: &mut Participant, what: &str) -> RunFailure {
     let reason = match process.ended() {
         Some(status) => format!(
-            "{} before the run began{}",
+            "{} when it was to {what}{}",
             Participant::ending(status),
             explain::words(process)
         ),
@@ -100,46 +153,19 @@ fn silent(process: &mut Participant, what: &str) -> RunFailure {
     }
 }
 
-/// Starts every participant and waits until all have entered the run.
-pub(super) fn launch(
-    scenario: &Scenario,
-    domain: &Domain,
-    folder: &RunFolder,
-    interrupt: &Interrupt,
-) -> Result<Vec<Member>, RunFailure> {
-    let count = scenario.participants.len();
-    let mut crew = Vec::with_capacity(count);
-    for entry in &scenario.participants {
-        let name = &entry.setup.name;
-        // Every service is there before anybody who opens it.
-        let services = (
-            StatusService::create(domain, name, count + 1)?,
-            WakeService::create(domain, name, count + 1)?,
-        );
-        let control = ControlClient::create(domain, name)?;
-        let record = RecordReceiver::create(domain, name)?;
-        let log = folder.stderr(name);
-        let process = Participant::start(entry, &domain.address().to_string(), &log).map_err(|error| {
-            RunFailure::Participant {
-                participant: name.clone(),
-                reason: format!("cannot be started: {error}"),
-            }
-        })?;
-        crew.push(Member {
-            process,
-            status: StatusReader::open(domain, name)?,
-            bell: services.1.bell(domain)?,
-            record,
-            control,
-            timing: None,
-            failed: None,
-            at_rest: None,
-            _services: services,
-        });
-    }
+/// Starts the program of `entry`; what it writes goes to `log`.
+pub(super) fn start(entry: &Entry, domain: &Domain, log: &std::path::Path) -> Result<Participant, RunFailure> {
+    Participant::start(entry, &domain.address().to_string(), log).map_err(|error| RunFailure::Participant {
+        participant: entry.setup.name.clone(),
+        reason: format!("cannot be started: {error}"),
+    })
+}
+
+/// Waits until all have entered the run.
+pub(super) fn gather(crew: &mut [Member], interrupt: &Interrupt) -> Result<(), RunFailure> {
     let started = Instant::now();
-    for member in &mut crew {
-        while !member.control.present() {
+    for member in crew {
+        while !member.ports.control.present() {
             if interrupt.asked() {
                 return Err(RunFailure::Interrupted);
             }
@@ -149,55 +175,29 @@ pub(super) fn launch(
             std::thread::sleep(Duration::from_micros(300));
         }
     }
-    Ok(crew)
+    Ok(())
 }
 
-/// Hello and parameters: every participant tells its ports.
-pub(super) fn interfaces(
-    scenario: &Scenario,
-    known: &[Option<Interface>],
-    crew: &mut [Member],
-    interrupt: &Interrupt,
-) -> Result<Vec<Interface>, RunFailure> {
-    let mut interfaces = Vec::with_capacity(crew.len());
-    for ((member, entry), known) in crew.iter_mut().zip(&scenario.participants).zip(known) {
-        let interface = introduce(scenario, member, entry, interrupt)?;
-        let name = &entry.setup.name;
-        let odd = |reason| RunFailure::Participant {
-            participant: name.clone(),
-            reason,
-        };
-        interface
-            .validate()
-            .map_err(|error| odd(format!("describes ports that cannot be: {error}")))?;
-        if let Some(difference) = known.as_ref().and_then(|known| interface.difference(known)) {
-            return Err(odd(format!("describes other ports than expected: {difference}")));
-        }
-        interfaces.push(interface);
+/// Hello.
+pub(super) fn greet(member: &mut Member, interrupt: &Interrupt) -> Result<(), RunFailure> {
+    match member.ask(&Request::Hello { protocol: PROTOCOL }, interrupt)? {
+        Reply::Hello { protocol: PROTOCOL, .. } => Ok(()),
+        Reply::Hello { protocol, program } => Err(member.odd(format!(
+            "`{program}` speaks version {protocol} of the protocol; this orchestrator speaks {PROTOCOL}"
+        ))),
+        other => Err(member.odd(format!("answered the greeting with {other:?}"))),
     }
-    Ok(interfaces)
 }
 
-fn introduce(
+/// Hello and parameters: the participant tells its ports, which must be those that are `known`, if any are.
+pub(super) fn introduce(
     scenario: &Scenario,
-    member: &mut Member,
     entry: &Entry,
+    known: Option<&Interface>,
+    member: &mut Member,
     interrupt: &Interrupt,
 ) -> Result<Interface, RunFailure> {
-    let name = entry.setup.name.clone();
-    let odd = |reason| RunFailure::Participant {
-        participant: name.clone(),
-        reason,
-    };
-    match member.ask(&Request::Hello { protocol: PROTOCOL }, interrupt)? {
-        Reply::Hello { protocol: PROTOCOL, .. } => {}
-        Reply::Hello { protocol, program } => {
-            return Err(odd(format!(
-                "`{program}` speaks version {protocol} of the protocol; this orchestrator speaks {PROTOCOL}"
-            )));
-        }
-        other => return Err(odd(format!("answered the greeting with {other:?}"))),
-    }
+    greet(member, interrupt)?;
     let setup = &entry.setup;
     let request = Request::Configure {
         name: setup.name.clone(),
@@ -206,47 +206,60 @@ fn introduce(
         period: setup.period,
         offset: setup.offset,
     };
-    match member.ask(&request, interrupt)? {
-        Reply::Described { interface } => Ok(interface),
-        Reply::Refused { key, reason } => Err(scenario.refusal(&setup.name, &key, &reason).into()),
-        other => Err(odd(format!("answered its parameters with {other:?}"))),
+    let interface = match member.ask(&request, interrupt)? {
+        Reply::Described { interface } => interface,
+        Reply::Refused { key, reason } => return Err(scenario.refusal(&setup.name, &key, &reason).into()),
+        other => return Err(member.odd(format!("answered its parameters with {other:?}"))),
+    };
+    interface
+        .validate()
+        .map_err(|error| member.odd(format!("describes ports that cannot be: {error}")))?;
+    if let Some(difference) = known.and_then(|known| interface.difference(known)) {
+        return Err(member.odd(format!("describes other ports than expected: {difference}")));
     }
+    Ok(interface)
 }
 
-/// Gives every participant its part of the plan and its core. Returns the choice of cores in words.
+/// Gives every participant its part of the plan, its core, and where to take up the work; nothing for the start of a run.
+/// Returns the choice of cores in words.
 pub(super) fn connect(
     plan: &Plan,
     crew: &mut [Member],
+    positions: Option<Vec<Position>>,
     options: &Options,
     interrupt: &Interrupt,
 ) -> Result<String, RunFailure> {
     let placement = placement(plan, options);
+    let mut positions = positions.map(Vec::into_iter);
     for (number, member) in crew.iter_mut().enumerate() {
         let request = Request::Connect {
             assignment: plan.assignment(number),
             cores: placement.cores[number].iter().map(|&core| core as u32).collect(),
             waiting: options.wait.strategy(placement.sharing[number]),
-            position: None,
+            position: positions
+                .as_mut()
+                .map(|positions| Box::new(positions.next().unwrap_or_default())),
         };
         match member.ask(&request, interrupt)? {
             Reply::Done => {}
-            Reply::Refused { reason, .. } => {
-                let participant = member.process.name.clone();
-                return Err(RunFailure::Participant {
-                    participant,
-                    reason: format!("cannot connect: {reason}"),
-                });
-            }
-            other => {
-                let participant = member.process.name.clone();
-                return Err(RunFailure::Participant {
-                    participant,
-                    reason: format!("answered its part of the plan with {other:?}"),
-                });
-            }
+            Reply::Refused { reason, .. } => return Err(member.odd(format!("cannot connect: {reason}"))),
+            other => return Err(member.odd(format!("answered its part of the plan with {other:?}"))),
         }
     }
     Ok(placement.reason)
+}
+
+/// The state of a participant at rest.
+pub(super) fn save(member: &mut Member, interrupt: &Interrupt) -> Result<Vec<u8>, RunFailure> {
+    match member.ask(&Request::Save, interrupt)? {
+        Reply::State(Some(state)) => Ok(state),
+        Reply::State(None) => Err(member.odd(
+            "cannot save its state, which a checkpoint or a substitution with state needs: implement `save` and `restore`, \
+             or run without",
+        )),
+        Reply::Refused { reason, .. } => Err(member.odd(format!("cannot save its state: {reason}"))),
+        other => Err(member.odd(format!("answered the request for its state with {other:?}"))),
+    }
 }
 
 /// The cores this process may use, and who goes where.

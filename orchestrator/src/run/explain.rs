@@ -3,6 +3,7 @@
 use std::process::ExitStatus;
 
 use lockstep::plan::Plan;
+use lockstep::time::Ticks;
 use lockstep::transport::iceoryx::{Activity, Status};
 
 use super::child::Participant;
@@ -56,7 +57,7 @@ fn instant(plan: &Plan, number: usize, status: Status) -> f64 {
 
 /// A participant's process ended before it was done.
 pub(super) fn death(plan: &Plan, number: usize, member: &Member, status: ExitStatus) -> String {
-    let last = member.status.get();
+    let last = member.status();
     format!(
         "(pid {}) {} at t = {} s (activation {}) while {}{}",
         member.process.pid(),
@@ -69,11 +70,11 @@ pub(super) fn death(plan: &Plan, number: usize, member: &Member, status: ExitSta
 }
 
 /// Nothing moves: the participant to blame, and what everybody does.
-pub(super) fn standstill(plan: &Plan, crew: &[Member], seconds: f64) -> (String, String) {
+pub(super) fn standstill(plan: &Plan, crew: &[Member], horizon: Ticks, seconds: f64) -> (String, String) {
     let mut lines = Vec::new();
     let mut culprit = None;
     for (number, member) in crew.iter().enumerate() {
-        let status = member.status.get();
+        let status = member.status();
         lines.push(format!(
             "  {} (pid {}) at t = {} s: {}",
             member.process.name,
@@ -81,8 +82,15 @@ pub(super) fn standstill(plan: &Plan, crew: &[Member], seconds: f64) -> (String,
             instant(plan, number, status),
             doing(plan, number, status)
         ));
-        // Whoever computes, or has not even started, owes something; those who wait do not.
-        if matches!(status.activity, Activity::Computing | Activity::Starting) && culprit.is_none() {
+        // Whoever computes, has not even started, or rests though the horizon has moved owes something; those who wait do not.
+        let own = &plan.participants[number];
+        let may = status.next < own.activations && own.sample_time.instant(status.next) < horizon;
+        let owes = match status.activity {
+            Activity::Computing | Activity::Starting => true,
+            Activity::Rest => may,
+            _ => false,
+        };
+        if owes && culprit.is_none() {
             culprit = Some(member.process.name.clone());
         }
     }

@@ -7,8 +7,7 @@ use lockstep::plan::Plan;
 use lockstep::time::Ticks;
 
 use super::Options;
-use super::outcome::RunFailure;
-use super::prepare;
+use super::agenda::{Agenda, Business};
 use crate::live::Steering;
 
 /// A run that is steered is let ahead by about this much wall time, so that it never waits for leave, and stops soon.
@@ -17,8 +16,8 @@ const AHEAD: Duration = Duration::from_millis(50);
 /// Decides about the horizon of one run.
 pub(super) struct Guide {
     end: Ticks,
-    /// Where the run rests before its end, in order.
-    stops: Vec<Ticks>,
+    /// Where the run rests before its end, and for what.
+    agenda: Agenda,
     pace: Option<Pace>,
     steering: Option<Arc<Steering>>,
     lead: Lead,
@@ -26,19 +25,19 @@ pub(super) struct Guide {
 }
 
 impl Guide {
-    /// A guide for a run of `plan`, whose clock starts to run now.
-    pub(super) fn new(plan: &Plan, options: &Options) -> Result<Guide, RunFailure> {
+    /// A guide for a run of `plan`, which begins at `from` and whose clock starts to run now.
+    pub(super) fn new(plan: &Plan, options: &Options, agenda: Agenda, from: Ticks) -> Guide {
         let tick = plan.timebase.tick();
         let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
         let ticks_per_s = tick.denominator() as f64 / tick.numerator() as f64;
-        Ok(Guide {
+        Guide {
             end: plan.end,
-            stops: prepare::stops(plan, options)?,
-            pace: options.pace.map(|factor| Pace::new(factor * ticks_per_s)),
+            agenda,
+            pace: options.pace.map(|factor| Pace::new(factor * ticks_per_s, from)),
             steering: options.steering.clone(),
             lead: Lead::new(shortest.unwrap_or(1)),
-            granted: 0,
-        })
+            granted: from,
+        }
     }
 
     /// How far everybody may go now, when the newest sample is stamped `newest`. Never less than before.
@@ -47,7 +46,7 @@ impl Guide {
     }
 
     fn horizon_at(&mut self, newest: Ticks, now: Instant) -> Ticks {
-        let mut most = self.stops.first().copied().unwrap_or(self.end);
+        let mut most = self.agenda.next().unwrap_or(self.end);
         let mut horizon = most;
         if let Some(steering) = &self.steering {
             most = most.min(steering.limit().max(self.granted));
@@ -68,19 +67,26 @@ impl Guide {
         }
     }
 
-    /// The next stop.
+    /// The next rest.
     pub(super) fn stop(&self) -> Option<Ticks> {
-        self.stops.first().copied()
+        self.agenda.next()
     }
 
-    /// Everybody rests at the next stop: from now on it is over when somebody lets the run go on.
-    pub(super) fn rest(&mut self) -> Option<Arc<Steering>> {
-        if !self.stops.is_empty() {
-            let stop = self.stops.remove(0);
-            if let Some(steering) = &self.steering {
-                steering.tell(stop, stop, true);
-                steering.pause();
-            }
+    /// Takes the next business of a rest at `now`.
+    pub(super) fn take(&mut self, now: Ticks) -> Option<Business> {
+        self.agenda.take(now)
+    }
+
+    /// What was taken could not be done.
+    pub(super) fn put_back(&mut self, now: Ticks, business: Business) {
+        self.agenda.put_back(now, business);
+    }
+
+    /// Everybody rests at `now` for the user: it is over when somebody lets the run go on.
+    pub(super) fn hold(&self, now: Ticks) -> Option<Arc<Steering>> {
+        if let Some(steering) = &self.steering {
+            steering.tell(now, now, true);
+            steering.pause();
         }
         self.steering.clone()
     }
@@ -101,11 +107,11 @@ struct Pace {
 }
 
 impl Pace {
-    fn new(ticks_per_s: f64) -> Pace {
+    fn new(ticks_per_s: f64, at: Ticks) -> Pace {
         Pace {
             ticks_per_s,
             since: Instant::now(),
-            at: 0,
+            at,
         }
     }
 
@@ -174,7 +180,7 @@ mod tests {
         });
         Guide {
             end: 100_000,
-            stops,
+            agenda: Agenda::of_pauses(stops),
             pace,
             steering,
             lead: Lead::new(1),
@@ -201,7 +207,7 @@ mod tests {
         // The stop is reached after 500 ms of wall time; ten seconds later the user goes on.
         assert_eq!(guide.horizon_at(500, start + ms(600)), 500);
         assert_eq!(guide.horizon_at(500, start + ms(10_600)), 500);
-        guide.rest();
+        guide.take(500);
         assert_eq!(guide.horizon_at(500, start + ms(10_700)), 601);
     }
 

@@ -1,22 +1,27 @@
 //! A run with all participants in this process.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use lockstep::executor::{InLoop, RunError, assemble};
+use lockstep::executor::{InLoop, Part, RunError, assemble};
 use lockstep::participant::Participant;
 use lockstep::plan::Plan;
+use lockstep::stepper::settle;
 use lockstep::time::Ticks;
 use recorder::tape::{Event, EventKind};
 
+use super::agenda::{Agenda, Business};
+use super::checkpoint::Checkpoint;
 use super::horizon::Guide;
 use super::outcome::{Ending, Outcome, RunFailure};
 use super::progress::Progress;
-use super::recording::Direct;
+use super::recording::{Direct, Recorder};
 use super::signals::Interrupt;
 use super::{Options, prepare};
-use crate::scenario::Scenario;
+use crate::builtin;
+use crate::scenario::{Entry, Program, Scenario, State};
 
 /// Activations between two looks at the clock and the signals.
 const GLANCE: u32 = 512;
@@ -26,57 +31,57 @@ const NAP: Duration = Duration::from_millis(1);
 const FLUSH: Duration = Duration::from_millis(50);
 
 pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
-    let made = scenario.make()?;
-    let mut participants: Vec<Box<dyn Participant>> = Vec::new();
-    for (entry, participant) in scenario.participants.iter().zip(made) {
-        participants.push(participant.ok_or_else(|| RunFailure::Participant {
-            participant: entry.setup.name.clone(),
-            reason: "it is a program of its own, which cannot run in this process: leave out --in-process".into(),
-        })?);
-    }
     let plan = prepare::check(scenario)?.plan;
+    let entries = prepare::entries(scenario, options)?;
+    let participants = entries.iter().map(|entry| make(scenario, entry));
+    let mut participants = participants.collect::<Result<Vec<_>, _>>()?;
+    // A program that cannot run here is refused now, not at its time.
+    for substitution in &scenario.substitutions {
+        make(scenario, &substitution.entry(&entries[substitution.participant]))?;
+    }
     let folder = prepare::folder(scenario, options)?;
-    let recorder = Arc::new(Mutex::new(prepare::recorder(scenario, &plan, &folder)?));
-    let parts = assemble(&plan, participants, |participant| {
-        Box::new(Direct {
-            recorder: recorder.clone(),
-            participant,
-        })
-    });
-    let mut looped = InLoop::new(&plan, parts);
-    let interrupt = Interrupt::install().map_err(|error| RunFailure::Other(error.to_string()))?;
-    let mut progress = Progress::new(scenario.duration.seconds(), options.quiet);
-    let started = Instant::now();
-    options.begin(&plan, &folder);
-    let mut guide = Guide::new(&plan, options)?;
-    let mut flushed = Instant::now();
-    let mut reached: Ticks = 0;
-    let ending = loop {
-        if let Some(end) = run_on(&mut looped, &plan, &mut reached, &mut guide, &interrupt, &mut progress) {
-            break end;
-        }
-        // Whoever looks at the tape at a stop sees everything before it.
-        let at_stop = guide.stop() == Some(reached);
-        if at_stop || (options.steering.is_some() && flushed.elapsed() > FLUSH) {
-            flushed = Instant::now();
-            let mut recorder = recorder.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Err(error) = recorder.flush() {
-                return Err(error.into());
+    let mut recorder = prepare::recorder(scenario, &plan, &folder)?;
+    let start = prepare::start(&plan, options, &mut recorder)?;
+    let agenda = Agenda::new(scenario, &plan, options, start.from, start.substituted)?;
+    let recorder = Arc::new(Mutex::new(recorder));
+    let looped = match start.positions {
+        None => InLoop::new(&plan, parts(&plan, participants, &recorder)),
+        Some(mut positions) => {
+            for (number, (participant, position)) in participants.iter_mut().zip(&mut positions).enumerate() {
+                let state = position.state.take();
+                let t = instant(&plan, number, position.next);
+                settle(participant.as_mut(), t, true, state.as_deref())
+                    .map_err(|error| odd(&entries[number], error))?;
             }
-        }
-        if at_stop {
-            let who = format!("process {}", std::process::id());
-            let steering = guide.rest();
-            if !prepare::pause(&plan, reached, &who, &mut progress, &interrupt, steering.as_deref()) {
-                break Ending::Stopped {
-                    reason: format!("stopped at t = {} s", plan.timebase.seconds(reached)),
-                };
-            }
-            guide.go_on();
+            let parts = parts(&plan, participants, &recorder);
+            InLoop::resume(&plan, parts, positions).map_err(|error| RunFailure::Other(error.to_string()))?
         }
     };
+    options.begin(&plan, &folder);
+    let mut run = Run {
+        looped: Some(looped),
+        scenario,
+        guide: Guide::new(&plan, options, agenda, start.from),
+        plan,
+        options,
+        entries,
+        recorder,
+        substituted: start.substituted,
+        checkpoints: folder.checkpoints(),
+        interrupt: Interrupt::install().map_err(|error| RunFailure::Other(error.to_string()))?,
+        progress: Progress::new(scenario.duration.seconds(), options.quiet),
+        started: Instant::now(),
+    };
+    let ending = run.conduct(start.from)?;
+    let wall_s = run.started.elapsed().as_secs_f64();
+    let Run {
+        looped,
+        plan,
+        recorder,
+        mut progress,
+        ..
+    } = run;
     progress.clear();
-    let wall_s = started.elapsed().as_secs_f64();
     drop(looped);
     let recorder = Arc::into_inner(recorder).expect("the participants are gone");
     let mut recorder = recorder.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -109,39 +114,185 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     })
 }
 
-/// Runs a short stretch, so that signals, pacing and wishes are seen. `Some` when the run is over.
-fn run_on(
-    looped: &mut InLoop,
-    plan: &Plan,
-    reached: &mut Ticks,
-    guide: &mut Guide,
-    interrupt: &Interrupt,
-    progress: &mut Progress,
-) -> Option<Ending> {
-    let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
-    let stretch = shortest.unwrap_or(1).saturating_mul(i64::from(GLANCE));
-    let horizon = guide.horizon(*reached).min(reached.saturating_add(stretch));
-    if horizon == *reached && horizon > 0 {
-        std::thread::sleep(NAP);
-    }
-    if let Err(error) = looped.run_to(horizon, |_| {}) {
-        let participant = match &error {
-            RunError::Participant { participant, .. } => participant.clone(),
-            RunError::Stuck { .. } => String::new(),
-        };
-        return Some(Ending::Failed {
+/// A participant that this program contains.
+fn make(scenario: &Scenario, entry: &Entry) -> Result<Box<dyn Participant>, RunFailure> {
+    let factory = match &entry.program {
+        Program::Builtin(name) => builtin::factory(name),
+        Program::External { .. } => None,
+    };
+    let Some(factory) = factory else {
+        return Err(RunFailure::Participant {
+            participant: entry.setup.name.clone(),
+            reason: "it is a program of its own, which cannot run in this process: leave out --in-process".into(),
+        });
+    };
+    factory(&entry.setup).map_err(|error| scenario.refusal(&entry.setup.name, &error.key, &error.reason).into())
+}
+
+fn parts(plan: &Plan, participants: Vec<Box<dyn Participant>>, recorder: &Arc<Mutex<Recorder>>) -> Vec<Part> {
+    assemble(plan, participants, |participant| {
+        Box::new(Direct {
+            recorder: recorder.clone(),
             participant,
-            reason: error.to_string(),
-        });
+        })
+    })
+}
+
+/// When activation `next` of participant number `number` is, s.
+fn instant(plan: &Plan, number: usize, next: u64) -> f64 {
+    plan.timebase
+        .seconds(plan.participants[number].sample_time.instant(next))
+}
+
+fn odd(entry: &Entry, error: impl ToString) -> RunFailure {
+    RunFailure::Participant {
+        participant: entry.setup.name.clone(),
+        reason: error.to_string(),
     }
-    guide.tell(horizon, horizon == *reached);
-    *reached = horizon;
-    let t = plan.timebase.seconds(horizon);
-    progress.show(t);
-    if interrupt.asked() {
-        return Some(Ending::Stopped {
-            reason: format!("interrupted at t = {t} s"),
-        });
+}
+
+/// A run under way.
+struct Run<'a> {
+    /// Always there but while it is being taken up.
+    looped: Option<InLoop>,
+    scenario: &'a Scenario,
+    plan: Plan,
+    options: &'a Options,
+    entries: Vec<Entry>,
+    recorder: Arc<Mutex<Recorder>>,
+    guide: Guide,
+    substituted: usize,
+    checkpoints: PathBuf,
+    interrupt: Interrupt,
+    progress: Progress,
+    started: Instant,
+}
+
+impl Run<'_> {
+    /// Runs from rest to rest, until it is over.
+    fn conduct(&mut self, from: Ticks) -> Result<Ending, RunFailure> {
+        let (mut reached, mut flushed) = (from, Instant::now());
+        loop {
+            if let Some(ending) = self.run_on(&mut reached) {
+                return Ok(ending);
+            }
+            // Whoever looks at the tape at a rest sees everything before it.
+            let at_rest = self.guide.stop() == Some(reached);
+            if at_rest || (self.options.steering.is_some() && flushed.elapsed() > FLUSH) {
+                flushed = Instant::now();
+                self.recorder().flush()?;
+            }
+            while let Some(business) = self.guide.take(reached) {
+                match business {
+                    Business::Checkpoint { file: true } => self.checkpoint(reached)?,
+                    // Nobody dies alone here, so nobody is restarted.
+                    Business::Checkpoint { file: false } => {}
+                    Business::Substitute(number) => self.substitute(reached, number)?,
+                    Business::Pause => {
+                        let who = format!("process {}", std::process::id());
+                        let steering = self.guide.hold(reached);
+                        let (progress, interrupt) = (&mut self.progress, &self.interrupt);
+                        if !prepare::pause(&self.plan, reached, &who, progress, interrupt, steering.as_deref()) {
+                            let t = self.plan.timebase.seconds(reached);
+                            let reason = format!("stopped at t = {t} s");
+                            return Ok(Ending::Stopped { reason });
+                        }
+                        self.guide.go_on();
+                    }
+                }
+            }
+        }
     }
-    (horizon >= plan.end).then_some(Ending::Complete)
+
+    fn recorder(&self) -> MutexGuard<'_, Recorder> {
+        self.recorder.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn save(&self, number: usize) -> Result<Vec<u8>, RunFailure> {
+        let steppers = self.looped.as_ref().map(InLoop::steppers).unwrap_or_default();
+        let state = steppers.get(number).and_then(|stepper| stepper.participant().save());
+        state.ok_or_else(|| odd(&self.entries[number], "cannot save its state"))
+    }
+
+    fn checkpoint(&mut self, now: Ticks) -> Result<(), RunFailure> {
+        let states = (0..self.entries.len()).map(|number| self.save(number));
+        let checkpoint = Checkpoint {
+            version: env!("CARGO_PKG_VERSION").into(),
+            time: self.plan.timebase.time(now).unwrap_or_default(),
+            participants: self.plan.participants.iter().map(|own| own.name.clone()).collect(),
+            cut: self.plan.cut_at(now),
+            states: states.collect::<Result<_, _>>()?,
+            substitutions: self.substituted as u64,
+            replaced: self.entries.iter().map(|entry| entry.replaced).collect(),
+        };
+        self.recorder().flush()?;
+        checkpoint.write(&self.checkpoints)?;
+        Ok(())
+    }
+
+    fn substitute(&mut self, now: Ticks, number: usize) -> Result<(), RunFailure> {
+        let substitution = &self.scenario.substitutions[number];
+        let seat = substitution.participant;
+        let cut = self.plan.cut_at(now);
+        let state = match substitution.state {
+            State::Cold => None,
+            State::Keep => Some(self.save(seat)?),
+        };
+        let entry = substitution.entry(&self.entries[seat]);
+        let mut newcomer = make(self.scenario, &entry)?;
+        if let Some(difference) = newcomer.interface().difference(&self.plan.participants[seat].interface) {
+            return Err(odd(
+                &entry,
+                format!("describes other ports than expected: {difference}"),
+            ));
+        }
+        let t = instant(&self.plan, seat, cut.next[seat]);
+        settle(newcomer.as_mut(), t, true, state.as_deref()).map_err(|error| odd(&entry, error))?;
+        let Some(looped) = self.looped.take() else {
+            return Ok(());
+        };
+        let mut participants = looped.into_participants();
+        participants[seat] = newcomer;
+        let states = vec![None; participants.len()];
+        let played = self.recorder().played()?;
+        let positions = prepare::positions(&self.plan, &cut, &played, states)?;
+        let parts = parts(&self.plan, participants, &self.recorder);
+        let looped = InLoop::resume(&self.plan, parts, positions);
+        self.looped = Some(looped.map_err(|error| RunFailure::Other(error.to_string()))?);
+        let event = prepare::substitution_event(&self.plan, now, &cut, seat, &entry, substitution.state);
+        self.recorder().event(&event)?;
+        self.entries[seat] = entry;
+        self.substituted = number + 1;
+        Ok(())
+    }
+
+    /// Runs a short stretch, so that signals, pacing and wishes are seen. `Some` when the run is over.
+    fn run_on(&mut self, reached: &mut Ticks) -> Option<Ending> {
+        let shortest = self.plan.participants.iter().map(|own| own.sample_time.period).min();
+        let stretch = shortest.unwrap_or(1).saturating_mul(i64::from(GLANCE));
+        let horizon = self.guide.horizon(*reached).min(reached.saturating_add(stretch));
+        if horizon == *reached && horizon > 0 {
+            std::thread::sleep(NAP);
+        }
+        if let Some(Err(error)) = self.looped.as_mut().map(|looped| looped.run_to(horizon, |_| {})) {
+            let participant = match &error {
+                RunError::Participant { participant, .. } => participant.clone(),
+                RunError::Stuck { .. } => String::new(),
+            };
+            return Some(Ending::Failed {
+                participant,
+                reason: error.to_string(),
+            });
+        }
+        self.guide.tell(horizon, horizon == *reached);
+        *reached = horizon;
+        let t = self.plan.timebase.seconds(horizon);
+        self.progress.show(t);
+        if self.interrupt.asked() {
+            return Some(Ending::Stopped {
+                reason: format!("interrupted at t = {t} s"),
+            });
+        }
+        (horizon >= self.plan.end).then_some(Ending::Complete)
+    }
 }

@@ -1,5 +1,7 @@
 //! One run, from a scenario to a verdict.
 
+mod agenda;
+pub mod checkpoint;
 mod child;
 mod conduct;
 pub(crate) mod crew;
@@ -8,10 +10,13 @@ pub(crate) mod faults;
 mod horizon;
 mod in_process;
 mod outcome;
+mod place;
+mod played;
 pub(crate) mod prepare;
 mod progress;
 mod recording;
 pub(crate) mod signals;
+mod take_up;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -65,6 +70,15 @@ impl Wait {
     }
 }
 
+/// Where a run goes on that was begun by another one.
+#[derive(Debug, Clone)]
+pub struct Origin {
+    /// The other run's folder.
+    pub run: PathBuf,
+    /// Its state.
+    pub checkpoint: checkpoint::Checkpoint,
+}
+
 /// What the command line says about a run besides the scenario.
 #[derive(Clone, Default)]
 pub struct Options {
@@ -78,6 +92,12 @@ pub struct Options {
     pub pace: Option<f64>,
     /// Come to rest here and wait for the user.
     pub pause_at: Vec<Rational>,
+    /// Keep the state of the run in a file this often, simulated.
+    pub checkpoint_every: Option<Rational>,
+    /// Keep the state of the run in a file at these instants.
+    pub checkpoint_at: Vec<Rational>,
+    /// Go on from here; from the beginning when not given.
+    pub origin: Option<Origin>,
     /// How participants wait.
     pub wait: Wait,
     /// Leave the choice of cores to the operating system.
@@ -102,11 +122,6 @@ impl Options {
 /// # Errors
 /// What stopped the run before there was anything to record; what went wrong later is in the [`Outcome`].
 pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
-    if let Some(first) = scenario.substitutions.first() {
-        let name = &scenario.participants[first.participant].setup.name;
-        let reason = format!("another program cannot take the place of `{name}` in mid-run yet: leave this entry out");
-        return Err(scenario.substitution_refusal(first, &reason).into());
-    }
     if options.in_process {
         in_process::run(scenario, options)
     } else {

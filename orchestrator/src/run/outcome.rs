@@ -5,10 +5,11 @@ use std::path::PathBuf;
 
 use lockstep::control::Timing;
 use recorder::folder::FolderError;
-use recorder::tape::{AppendError, CreateError, Digest};
+use recorder::tape::{AppendError, CreateError, Digest, ReadError};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use super::checkpoint::CheckpointError;
 use crate::scenario::ScenarioError;
 use crate::scope::ScopeError;
 
@@ -27,6 +28,12 @@ pub enum RunFailure {
     /// The tape cannot be written.
     #[error("the run cannot be recorded: {0}")]
     Append(#[from] AppendError),
+    /// The tape cannot be read back.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A checkpoint cannot be written or read.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
     /// The run's part of the machine cannot be made.
     #[error(transparent)]
     Scope(#[from] ScopeError),
@@ -54,6 +61,7 @@ impl RunFailure {
     pub fn exit_code(&self) -> i32 {
         match self {
             RunFailure::Scenario(_)
+            | RunFailure::Checkpoint(CheckpointError::None { .. })
             | RunFailure::Folder(FolderError::NotEmpty { .. } | FolderError::NotAFolder { .. }) => 2,
             _ => 1,
         }

@@ -5,20 +5,22 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, SystemTime};
 
 use lockstep::participant::Interface;
-use lockstep::plan::Plan;
+use lockstep::plan::{Cut, Plan, Position};
 use lockstep::time::Ticks;
 use recorder::folder::{RunFolder, utc_text};
-use recorder::tape::{StreamSpec, Writer};
+use recorder::tape::{Event, EventKind, StreamSpec, Writer};
 use serde::Serialize;
 
-use super::Options;
 use super::outcome::RunFailure;
+use super::played::Played;
 use super::progress::Progress;
 use super::recording::{Recorder, streams};
 use super::signals::Interrupt;
+use super::{Options, Origin};
 use crate::assessment::{self, Assessment};
+use crate::builtin;
 use crate::live::Steering;
-use crate::scenario::{Scenario, ScenarioError};
+use crate::scenario::{Entry, OnFailure, Program, Scenario, ScenarioError, State};
 
 /// What is known of a scenario before anything starts.
 pub struct Known {
@@ -35,6 +37,22 @@ pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
         .iter()
         .map(|participant| participant.as_ref().map(|participant| participant.interface()))
         .collect();
+    for substitution in &scenario.substitutions {
+        let entry = substitution.entry(&scenario.participants[substitution.participant]);
+        let Program::Builtin(name) = &entry.program else {
+            continue;
+        };
+        let Some(factory) = builtin::factory(name) else {
+            continue;
+        };
+        let substitute =
+            factory(&entry.setup).map_err(|error| scenario.substitution_refusal(substitution, &error.to_string()))?;
+        let known = interfaces[substitution.participant].as_ref();
+        if let Some(difference) = known.and_then(|known| substitute.interface().difference(known)) {
+            let reason = format!("`{name}` has other ports than `{}`: {difference}", entry.setup.name);
+            return Err(scenario.substitution_refusal(substitution, &reason));
+        }
+    }
     let plan = scenario.sketch(&interfaces)?;
     if interfaces.iter().all(Option::is_some) {
         assess(scenario, &streams(&plan))?;
@@ -94,7 +112,8 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<RunFolder
         Some(out) => RunFolder::create(out)?,
         None => RunFolder::create_default(std::path::Path::new("runs"), &scenario.name)?,
     };
-    let resolved = toml::to_string_pretty(scenario.resolved()).map_err(|error| RunFailure::Other(error.to_string()))?;
+    let resolved =
+        toml::to_string_pretty(&scenario.portable()).map_err(|error| RunFailure::Other(error.to_string()))?;
     folder.write(&folder.plan(), &resolved)?;
     let provenance = Provenance {
         scenario: &scenario.name,
@@ -118,20 +137,115 @@ pub(super) fn recorder(scenario: &Scenario, plan: &Plan, folder: &RunFolder) -> 
     Ok(Recorder::new(plan.clone(), writer, assessment))
 }
 
-/// The instants at which the run comes to rest before its end.
-pub(super) fn stops(plan: &Plan, options: &Options) -> Result<Vec<Ticks>, RunFailure> {
-    let mut stops = Vec::new();
-    for &time in &options.pause_at {
-        stops.push(
-            plan.timebase
-                .ceil(time)
-                .map_err(|error| RunFailure::Other(error.to_string()))?,
-        );
+/// Where a run begins.
+pub(super) struct Start {
+    /// No activation before this instant happens in this run, ticks.
+    pub(super) from: Ticks,
+    /// Where each participant takes up its work; nothing at the beginning of a run.
+    pub(super) positions: Option<Vec<Position>>,
+    /// How many of the scenario's substitutions have happened.
+    pub(super) substituted: usize,
+}
+
+/// What runs in each seat when the run begins.
+pub(super) fn entries(scenario: &Scenario, options: &Options) -> Result<Vec<Entry>, RunFailure> {
+    let mut entries = scenario.participants.clone();
+    if let Some(origin) = &options.origin {
+        let names: Vec<&String> = entries.iter().map(|entry| &entry.setup.name).collect();
+        if !names.iter().copied().eq(&origin.checkpoint.participants) {
+            return Err(RunFailure::Other(format!(
+                "the run cannot be taken up: the checkpoint is one of {}, the scenario has {}",
+                origin.checkpoint.participants.join(", "),
+                scenario
+                    .participants
+                    .iter()
+                    .map(|entry| entry.setup.name.as_str())
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            )));
+        }
+        let done = usize::try_from(origin.checkpoint.substitutions).unwrap_or(usize::MAX);
+        for substitution in scenario.substitutions.iter().take(done) {
+            let seat = &mut entries[substitution.participant];
+            *seat = substitution.entry(seat);
+        }
+        for (seat, replaced) in entries.iter_mut().zip(&origin.checkpoint.replaced) {
+            if let (true, OnFailure::Substitute(program)) = (replaced, seat.on_failure.clone()) {
+                *seat = seat.replaced_by(&program);
+            }
+        }
     }
-    stops.retain(|stop| (0..plan.end).contains(stop));
-    stops.sort_unstable();
-    stops.dedup();
-    Ok(stops)
+    Ok(entries)
+}
+
+/// Where the run begins; what was before it is put on the tape.
+pub(super) fn start(plan: &Plan, options: &Options, recorder: &mut Recorder) -> Result<Start, RunFailure> {
+    let Some(Origin { run, checkpoint }) = &options.origin else {
+        return Ok(Start {
+            from: 0,
+            positions: None,
+            substituted: 0,
+        });
+    };
+    let from = plan.timebase.ceil(checkpoint.time);
+    let from = from.map_err(|error| RunFailure::Other(error.to_string()))?;
+    if from >= plan.end || plan.cut_at(from) != checkpoint.cut {
+        return Err(RunFailure::Other(format!(
+            "the run cannot be taken up at t = {}: the scenario ends before, or has other sample times than the run that was saved",
+            checkpoint.time
+        )));
+    }
+    let played = Played::open(&RunFolder::open(run).tape(), plan)?;
+    recorder.copy(&played, &checkpoint.cut, checkpoint.time)?;
+    recorder.event(&Event {
+        time: checkpoint.time,
+        kind: EventKind::Resume,
+        participant: None,
+        text: format!("taken up from the checkpoint at t = {}", checkpoint.time),
+    })?;
+    let states = checkpoint.states.iter().cloned().map(Some).collect();
+    Ok(Start {
+        from,
+        positions: Some(positions(plan, &checkpoint.cut, &played, states)?),
+        substituted: usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX),
+    })
+}
+
+/// What the tape says of a substitution at `now`.
+pub(super) fn substitution_event(
+    plan: &Plan,
+    now: Ticks,
+    cut: &Cut,
+    seat: usize,
+    entry: &Entry,
+    state: State,
+) -> Event {
+    let how = match state {
+        State::Cold => "from afresh",
+        State::Keep => "with the state of the one before",
+    };
+    Event {
+        time: plan.timebase.time(now).unwrap_or_default(),
+        kind: EventKind::Substitution,
+        participant: Some(entry.setup.name.clone()),
+        text: format!("{} takes over at activation {} {how}", entry.program, cut.next[seat]),
+    }
+}
+
+/// Where everybody goes on at `cut`, with these states.
+pub(super) fn positions(
+    plan: &Plan,
+    cut: &Cut,
+    played: &Played,
+    states: Vec<Option<Vec<u8>>>,
+) -> Result<Vec<Position>, RunFailure> {
+    let numbers = states.into_iter().enumerate();
+    numbers
+        .map(|(number, state)| {
+            let position = plan.position(cut, number, |stream, index| played.payload(stream, index))?;
+            Ok(Position { state, ..position })
+        })
+        .collect()
 }
 
 /// Waits at rest for the user: Enter goes on, `q` or the end of the input ends the run. `who` names the processes, for

@@ -3,13 +3,14 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lockstep::plan::Plan;
-use lockstep::time::Ticks;
+use lockstep::plan::{Cut, Plan};
+use lockstep::time::{Rational, Ticks};
 use lockstep::transport::{Broken, Header, Recording};
-use recorder::tape::{AppendError, Digest, Event, StreamSpec, Writer};
+use recorder::tape::{AppendError, Digest, Event, EventKind, StreamSpec, Writer};
 
 use super::faults;
-use super::outcome::Ending;
+use super::outcome::{Ending, RunFailure};
+use super::played::{Played, difference};
 use crate::assessment::{Assessment, Summary};
 
 /// The streams of a run, in the order of their numbers.
@@ -53,6 +54,8 @@ pub struct Recorder {
     /// The newest stamp of anybody, ticks.
     pub newest: i64,
     error: Option<AppendError>,
+    /// What was recorded before everybody went back to a checkpoint, and is now recorded again.
+    again: Option<Played>,
 }
 
 impl Recorder {
@@ -69,7 +72,71 @@ impl Recorder {
             owners,
             newest: i64::MIN,
             error: None,
+            again: None,
         }
+    }
+
+    /// Records what another run had recorded before `cut`.
+    pub fn copy(&mut self, played: &Played, cut: &Cut, time: Rational) -> Result<(), RunFailure> {
+        let plan = self.plan.clone();
+        played.each_before(&plan, cut, |participant, stream, header, payload| {
+            let taken = self.sample(participant, stream, header, payload);
+            taken.map_err(|broken| match self.error.take() {
+                Some(error) => error.into(),
+                None => RunFailure::Other(format!("the tape to go on from: {broken}")),
+            })
+        })?;
+        // Faults are told again when the samples come that they are told with, and what takes place at the instant of the
+        // checkpoint takes place again.
+        let told = |event: &&Event| match event.kind {
+            EventKind::Fault => false,
+            EventKind::Substitution => event.time < time,
+            _ => event.time <= time,
+        };
+        for event in played.events()?.iter().filter(told) {
+            self.event(event)?;
+        }
+        Ok(())
+    }
+
+    /// The tape so far.
+    pub fn played(&mut self) -> Result<Played, RunFailure> {
+        self.writer.flush()?;
+        Played::open(self.writer.dir(), &self.plan)
+    }
+
+    /// Everybody goes back: samples that are on the tape will come again, and must be what they were.
+    pub fn expect_again(&mut self) -> Result<(), RunFailure> {
+        self.again = Some(self.played()?);
+        Ok(())
+    }
+
+    /// How many activations of participant number `participant` are on the tape; `None` when that cannot be told from there,
+    /// because it has no outputs or left an activation incomplete.
+    pub fn activations(&self, participant: usize) -> Option<u64> {
+        let own = &self.plan.participants[participant];
+        let first = own.first_stream as usize;
+        let mut counts = (first..first + own.interface.outputs.len()).map(|stream| self.writer.count(stream));
+        let samples = counts.next()??;
+        counts
+            .all(|other| other == Some(samples))
+            .then(|| self.plan.activations_of(participant, samples))
+    }
+
+    fn same_again(again: &Played, stream: u32, header: Header, payload: &[u8]) -> Result<(), Broken> {
+        let before = again
+            .payload(stream, header.index)
+            .map_err(|error| Broken(error.to_string()))?;
+        if before == payload {
+            return Ok(());
+        }
+        let spec = again.spec(stream);
+        Err(Broken(format!(
+            "is not deterministic, so it cannot be restarted: sample #{} of `{}` came again with {}",
+            header.index,
+            spec.name(),
+            difference(&spec.descriptor, &before, payload)
+        )))
     }
 
     /// Takes one sample that `participant` says it has published. The sample comes from another process: a wrong stream,
@@ -92,10 +159,15 @@ impl Recorder {
                 header.index
             )));
         }
+        if let Some(again) = &self.again
+            && header.index < again.count(number)
+        {
+            return Self::same_again(again, stream, header, payload);
+        }
         let stamp = self.plan.timebase.seconds(header.stamp);
         match self.writer.append(number, header.index, stamp, payload) {
             Ok(()) => {}
-            Err(error @ AppendError::Io { .. }) => {
+            Err(error @ (AppendError::Io { .. } | AppendError::DiskFull { .. })) => {
                 let text = error.to_string();
                 self.error = Some(error);
                 return Err(Broken(text));

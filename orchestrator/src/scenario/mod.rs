@@ -1,6 +1,7 @@
 //! The file that a user writes, and what it means.
 
 mod error;
+mod failure;
 mod faults;
 mod initial;
 mod program;
@@ -9,6 +10,8 @@ mod source;
 mod types;
 
 pub use error::ScenarioError;
+pub use failure::OnFailure;
+pub use faults::{State, Substitution};
 pub use program::Program;
 pub use resolve::{Entry, Scenario};
 pub use source::fault_name;

@@ -11,8 +11,8 @@ use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::error::{Mistake, ScenarioError};
-pub use super::faults::Substitution;
-use super::faults::{self, Faults};
+use super::failure::{Named, OnFailure, OnFailureEntry};
+use super::faults::{self, Faults, Substitution};
 use super::program::{Program, program};
 use super::source::Source;
 use super::types::{ConnectionEntry, ParticipantEntry, Top};
@@ -29,6 +29,10 @@ pub struct Entry {
     pub offset: Rational,
     /// What it is told about itself.
     pub setup: Setup,
+    /// What happens when it fails.
+    pub on_failure: OnFailure,
+    /// Whether the program is there because another one failed.
+    pub replaced: bool,
 }
 
 /// A scenario that has been read and understood, as far as that goes without the participants.
@@ -45,7 +49,7 @@ pub struct Scenario {
     pub participants: Vec<Entry>,
     /// The table `assessment`, if there is one.
     pub assessment: Option<Table>,
-    /// The participants that another program replaces in mid-run.
+    /// Who takes over in mid-run, in the order of time.
     pub substitutions: Vec<Substitution>,
     connections: Vec<(String, ConnectionEntry)>,
     faults: Faults,
@@ -69,7 +73,7 @@ impl Scenario {
         let top: Top =
             typed(&source, "", Value::Table(source.table.clone())).map_err(|mistake| source.error(vec![mistake]))?;
         let mut mistakes = Vec::new();
-        let folder = file.parent().map(Path::to_owned).unwrap_or_default();
+        let folder = source.folder().to_owned();
         let mut participants = Vec::new();
         let names: Vec<String> = top.participants.keys().cloned().collect();
         for (name, value) in top.participants {
@@ -118,6 +122,33 @@ impl Scenario {
     /// The scenario with files and overrides filled in, as TOML.
     pub fn resolved(&self) -> &Table {
         &self.source.table
+    }
+
+    /// The same with programs named in full: it can be run from anywhere.
+    pub fn portable(&self) -> Table {
+        let mut table = self.source.table.clone();
+        let in_full = |run: Option<&mut Value>| {
+            if let Some(Value::String(exe)) = run.and_then(|run| run.get_mut("exe"))
+                && exe.contains('/')
+                && let Ok(path) = std::path::absolute(self.source.folder().join(exe.as_str()))
+            {
+                *exe = path.to_string_lossy().into_owned();
+            }
+        };
+        let participants = table.get_mut("participants").and_then(Value::as_table_mut);
+        for (_, entry) in participants.into_iter().flatten() {
+            in_full(entry.get_mut("run"));
+            in_full(
+                entry
+                    .get_mut("on-failure")
+                    .and_then(|policy| policy.get_mut("substitute")),
+            );
+        }
+        let faults = table.get_mut("faults").and_then(Value::as_array_mut);
+        for fault in faults.into_iter().flatten() {
+            in_full(fault.get_mut("run"));
+        }
+        table
     }
 
     /// Makes every participant that this program contains; `None` for the others.
@@ -400,7 +431,15 @@ fn offending<T: DeserializeOwned>(value: &Value) -> Option<String> {
 }
 
 fn resolve(source: &Source, folder: &Path, name: &str, entry: ParticipantEntry, seed: u64) -> Result<Entry, Mistake> {
-    let program = program(source, folder, &format!("participants.{name}.run"), entry.run)?;
+    let runs = program(source, folder, &format!("participants.{name}.run"), entry.run)?;
+    let on_failure = match entry.on_failure {
+        OnFailureEntry::Named(Named::Stop) => OnFailure::Stop,
+        OnFailureEntry::Named(Named::RestartFromCheckpoint) => OnFailure::Restart,
+        OnFailureEntry::Substitute(entry) => {
+            let key = format!("participants.{name}.on-failure.substitute");
+            OnFailure::Substitute(program(source, folder, &key, entry.substitute)?)
+        }
+    };
     if !entry.period.is_positive() {
         let reason = format!("the period is {}; it must be positive", entry.period);
         return Err(source.mistake(&format!("participants.{name}.period"), reason));
@@ -413,9 +452,11 @@ fn resolve(source: &Source, folder: &Path, name: &str, entry: ParticipantEntry, 
         offset: entry.offset.seconds(),
     };
     Ok(Entry {
-        program,
+        program: runs,
         period: entry.period,
         offset: entry.offset,
         setup,
+        on_failure,
+        replaced: false,
     })
 }

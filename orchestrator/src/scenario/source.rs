@@ -57,6 +57,11 @@ impl Source {
         Ok(source)
     }
 
+    /// The folder that relative names are relative to.
+    pub(super) fn folder(&self) -> &Path {
+        self.file.parent().unwrap_or(Path::new(""))
+    }
+
     /// An error about `key`, with the line it stands on.
     pub(super) fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {
         let mut reason = reason.into();

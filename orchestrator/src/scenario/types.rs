@@ -7,6 +7,8 @@ use lockstep::time::Rational;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
+use super::failure::OnFailureEntry;
+
 /// `[participants.NAME]`
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -17,6 +19,8 @@ pub(super) struct ParticipantEntry {
     pub(super) offset: Rational,
     #[serde(default)]
     pub(super) parameters: Table,
+    #[serde(default, rename = "on-failure")]
+    pub(super) on_failure: OnFailureEntry,
 }
 
 /// `run = { builtin = "plant" }` or `run = { exe = "…", args = […] }`

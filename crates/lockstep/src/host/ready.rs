@@ -5,9 +5,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use super::HostError;
 use super::waiting::Patience;
-use super::{HostError, message};
 use crate::control::{Note, Timing, Waiting};
+use crate::panic::message;
 use crate::participant::Participant;
 use crate::plan::{Assignment, Position};
 use crate::stepper::{Ends, PositionError, Progress, Stepper, Wait};

@@ -3,11 +3,13 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
+use super::HostError;
 use super::ready::{Pause, Ready, connect};
-use super::{HostError, message};
 use crate::control::{Note, PROTOCOL, Reply, Request, Timing, Waiting};
-use crate::participant::{Factory, Outputs, Participant, Setup};
+use crate::panic::message;
+use crate::participant::{Factory, Participant, Setup};
 use crate::plan::{Assignment, Position};
+use crate::stepper::settle;
 use crate::time::Ticks;
 use crate::transport::iceoryx::{Address, ControlServer, Domain, Order, Sleeper, StatusWriter};
 
@@ -225,8 +227,8 @@ impl Seat {
                 let instant = assignment.sample_time.instant(position.next);
                 let t = assignment.timebase.seconds(instant);
                 let state = position.state.take();
-                if let Err(reason) = prepare(participant.as_mut(), t, *worked, state.as_deref()) {
-                    return refused(&reason);
+                if let Err(error) = settle(participant.as_mut(), t, !*worked, state.as_deref()) {
+                    return refused(&error.to_string());
                 }
             }
         }
@@ -245,26 +247,6 @@ impl Seat {
             Err(error) => refused(&error.to_string()),
         }
     }
-}
-
-/// Brings a participant to where it takes up the work. One that has not worked yet is initialised there first; what it
-/// gives out then is not published, because that instant has its samples already.
-fn prepare(participant: &mut dyn Participant, t: f64, worked: bool, state: Option<&[u8]>) -> Result<(), String> {
-    let work = || {
-        if !worked {
-            let mut nobody_reads = Outputs::zeroed(&participant.interface());
-            participant
-                .initialise(t, &mut nobody_reads)
-                .map_err(|error| format!("it cannot be initialised: {error}"))?;
-        }
-        match state {
-            Some(state) => participant
-                .restore(state)
-                .map_err(|error| format!("it cannot take the state: {error}")),
-            None => Ok(()),
-        }
-    };
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(format!("it panicked: {}", message(&*panic))))
 }
 
 fn saved(participant: &dyn Participant) -> Reply {

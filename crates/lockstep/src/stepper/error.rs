@@ -68,4 +68,13 @@ pub enum PositionError {
         /// In the participant.
         own: usize,
     },
+    /// It cannot be initialised.
+    #[error("it cannot be initialised: {0}")]
+    Initialise(String),
+    /// It does not take the state.
+    #[error("it cannot take the state: {0}")]
+    State(String),
+    /// It panicked over that.
+    #[error("it panicked: {0}")]
+    Panic(String),
 }

@@ -11,6 +11,8 @@ mod position;
 
 pub use error::{PositionError, StepError};
 
+pub use position::settle;
+
 use input::InputState;
 use output::{ConsumerState, Disturbed, OutputState};
 

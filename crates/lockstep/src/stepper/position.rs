@@ -1,7 +1,39 @@
-//! Whether a position belongs to a participant.
+//! Whether a position belongs to a participant, and bringing one there.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::PositionError;
+use crate::panic::message;
+use crate::participant::{Outputs, Participant};
 use crate::plan::{Assignment, Position};
+
+/// Brings a participant to where it takes up the work at `t` seconds, with this state or the one it has. A `fresh` one is
+/// initialised there first; what it gives out then is not published, because that instant has its samples already.
+///
+/// # Errors
+/// What the participant says, or its panic.
+pub fn settle(
+    participant: &mut dyn Participant,
+    t: f64,
+    fresh: bool,
+    state: Option<&[u8]>,
+) -> Result<(), PositionError> {
+    let work = || {
+        if fresh {
+            let mut nobody_reads = Outputs::zeroed(&participant.interface());
+            participant
+                .initialise(t, &mut nobody_reads)
+                .map_err(|error| PositionError::Initialise(error.to_string()))?;
+        }
+        match state {
+            Some(state) => participant
+                .restore(state)
+                .map_err(|error| PositionError::State(error.to_string())),
+            None => Ok(()),
+        }
+    };
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(PositionError::Panic(message(&*panic))))
+}
 
 impl Position {
     pub(super) fn check(&self, assignment: &Assignment) -> Result<(), PositionError> {

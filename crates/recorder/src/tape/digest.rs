@@ -13,6 +13,11 @@ use super::{ReadError, Reader, Source, StreamSpec};
 pub struct Digest([u8; 32]);
 
 impl Digest {
+    /// The hash of `bytes`.
+    pub fn of(bytes: &[u8]) -> Digest {
+        blake3::hash(bytes).into()
+    }
+
     /// The raw bytes.
     pub fn as_bytes(&self) -> &[u8; 32] {
         &self.0

@@ -135,6 +135,11 @@ impl Writer {
         first
     }
 
+    /// The folder of the tape.
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
     /// How many samples stream number `stream` has, on disk and in memory; `None` when there is no such stream.
     pub fn count(&self, stream: usize) -> Option<u64> {
         self.lanes.get(stream).map(|lane| lane.track.count())

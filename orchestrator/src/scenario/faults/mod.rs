@@ -108,6 +108,7 @@ pub(super) fn read(
         names.push(name);
     }
     if mistakes.is_empty() {
+        reader.substitutions.sort_by_key(|substitution| substitution.at);
         Ok((reader.faults, reader.substitutions))
     } else {
         Err(mistakes)

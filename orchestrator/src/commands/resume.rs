@@ -1,0 +1,52 @@
+//! `orchestrator resume RUN`
+
+use recorder::folder::RunFolder;
+
+use super::run::execute;
+use crate::cli::ResumeArgs;
+use crate::run::Origin;
+use crate::run::checkpoint::Checkpoint;
+use crate::scenario::Scenario;
+
+/// Goes on with a run in a folder of its own; the other one stays as it is.
+pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
+    let folder = RunFolder::open(&args.run);
+    if !folder.plan().is_file() {
+        eprintln!(
+            "error: {} is not the folder of a run: there is no plan.toml in it",
+            args.run.display()
+        );
+        return Ok(2);
+    }
+    let checkpoint = match Checkpoint::find(&folder.checkpoints(), args.from) {
+        Ok(checkpoint) => checkpoint,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return Ok(2);
+        }
+    };
+    let mut overrides = args.set.clone();
+    overrides.extend(args.duration.map(|duration| format!("duration={duration}")));
+    let mut scenario = match Scenario::read(&folder.plan(), &overrides) {
+        Ok(scenario) => scenario,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return Ok(2);
+        }
+    };
+    if let Some(name) = name(&folder) {
+        scenario.name = name;
+    }
+    if !args.how.quiet {
+        eprintln!("going on from the checkpoint at t = {}", checkpoint.time);
+    }
+    let run = args.run.clone();
+    execute(&scenario, &args.how, Some(Origin { run, checkpoint }))
+}
+
+/// The name of the scenario that was run.
+fn name(folder: &RunFolder) -> Option<String> {
+    let text = std::fs::read_to_string(folder.run()).ok()?;
+    let about: serde_json::Value = serde_json::from_str(&text).ok()?;
+    Some(about.get("scenario")?.as_str()?.to_owned())
+}

@@ -1,0 +1,112 @@
+//! Where a run comes to rest before its end, and for what.
+
+use std::collections::VecDeque;
+
+use lockstep::plan::Plan;
+use lockstep::time::{Rational, Ticks};
+
+use super::Options;
+use super::outcome::RunFailure;
+use crate::scenario::Scenario;
+
+/// What happens at a rest. At one instant they come in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Business {
+    /// The state of the run is kept, for a restart or in a file.
+    Checkpoint { file: bool },
+    /// This substitution of the scenario takes place.
+    Substitute(usize),
+    /// The user is waited for.
+    Pause,
+}
+
+/// The most checkpoints of a run.
+const CHECKPOINTS_MAX: usize = 10_000;
+
+/// The rests to come, in order.
+#[derive(Debug, Default)]
+pub(super) struct Agenda(VecDeque<(Ticks, Business)>);
+
+impl Agenda {
+    /// Everything that `scenario` and `options` ask for from `from` on. `done` substitutions have happened.
+    pub(super) fn new(
+        scenario: &Scenario,
+        plan: &Plan,
+        options: &Options,
+        from: Ticks,
+        done: usize,
+    ) -> Result<Agenda, RunFailure> {
+        let instant = |time: Rational| {
+            let ticks = plan.timebase.ceil(time);
+            ticks.map_err(|error| RunFailure::Other(error.to_string()))
+        };
+        let mut rests: Vec<(Ticks, Business)> = Vec::new();
+        for &time in &options.pause_at {
+            rests.push((instant(time)?, Business::Pause));
+        }
+        let mut saves = Vec::new();
+        for &time in &options.checkpoint_at {
+            saves.push((instant(time)?, Business::Checkpoint { file: true }));
+        }
+        if let Some(every) = options.checkpoint_every {
+            let mut time = every;
+            while time < scenario.duration {
+                if saves.len() == CHECKPOINTS_MAX {
+                    return Err(RunFailure::Other(format!(
+                        "a checkpoint every {every} is more than {CHECKPOINTS_MAX} in {}: save less often",
+                        scenario.duration
+                    )));
+                }
+                saves.push((instant(time)?, Business::Checkpoint { file: true }));
+                time = time
+                    .checked_add(every)
+                    .ok_or_else(|| RunFailure::Other(format!("{every} is too fine for a checkpoint")))?;
+            }
+        }
+        rests.append(&mut saves);
+        for (number, substitution) in scenario.substitutions.iter().enumerate().skip(done) {
+            let at = instant(substitution.at)?;
+            rests.push((at, Business::Substitute(number)));
+            // A restart must not go back to before it: another program was in the seat then.
+            if scenario.restarts() {
+                rests.push((at + 1, Business::Checkpoint { file: false }));
+            }
+        }
+        // What was done at the instant of a checkpoint that this run goes on from is not done again.
+        rests.retain(|&(at, business)| {
+            let early = match business {
+                Business::Substitute(_) => at < from,
+                _ => at <= from,
+            };
+            !early && at < plan.end
+        });
+        if scenario.restarts() {
+            rests.push((from, Business::Checkpoint { file: false }));
+        }
+        rests.sort_unstable();
+        rests.dedup();
+        Ok(Agenda(rests.into()))
+    }
+
+    /// Pauses alone.
+    #[cfg(test)]
+    pub(super) fn of_pauses(rests: Vec<Ticks>) -> Agenda {
+        Agenda(rests.into_iter().map(|at| (at, Business::Pause)).collect())
+    }
+
+    /// The next rest.
+    pub(super) fn next(&self) -> Option<Ticks> {
+        self.0.front().map(|&(at, _)| at)
+    }
+
+    /// Takes the next business at `now`.
+    pub(super) fn take(&mut self, now: Ticks) -> Option<Business> {
+        let (_, business) = self.0.pop_front_if(|(at, _)| *at == now)?;
+        Some(business)
+    }
+
+    /// Puts back what was taken.
+    pub(super) fn put_back(&mut self, now: Ticks, business: Business) {
+        self.0.push_front((now, business));
+    }
+}

@@ -1,0 +1,225 @@
+//! The state of a run at one instant, in one file.
+//!
+//! A checkpoint holds what is nowhere else: the state of every participant and where everybody stands. What is on its way
+//! through the links is a function of the plan and the tape; draws are functions of seed, name and index.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use lockstep::plan::Cut;
+use lockstep::time::Rational;
+use lockstep::wire::{self, WireError};
+use recorder::tape::Digest;
+use serde::{Deserialize, Serialize};
+
+const MAGIC: &[u8] = b"escapement checkpoint 1\n";
+const DIGEST: usize = 32;
+/// What the name of a checkpoint's file ends with.
+const ENDING: &str = ".checkpoint";
+
+/// The state of a run at rest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    /// The program that saved it.
+    pub version: String,
+    /// The instant: everybody has done exactly the activations before it.
+    pub time: Rational,
+    /// The participants, in the order of the plan.
+    pub participants: Vec<String>,
+    /// Where each of them stands.
+    pub cut: Cut,
+    /// The state of each of them.
+    pub states: Vec<Vec<u8>>,
+    /// How many of the scenario's substitutions had happened.
+    pub substitutions: u64,
+    /// For each participant, whether it had failed and its `on-failure` had put another program in its place.
+    pub replaced: Vec<bool>,
+}
+
+/// Why a checkpoint cannot be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// The file system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// Another kind of file, or another version of the format.
+    #[error("{}: this is not a checkpoint that this version can read (it begins with other bytes)", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Bytes were changed or are missing.
+    #[error("{}: the checkpoint is damaged ({reason}); take an earlier one with --from", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        reason: String,
+    },
+    /// The states are too large.
+    #[error("the checkpoint at t = {time}: {source}")]
+    TooLarge {
+        /// Its instant.
+        time: Rational,
+        /// What the encoder says.
+        source: WireError,
+    },
+    /// No file that would do.
+    #[error("{}: there is no checkpoint{at}; there is {available} (checkpoints are made with --checkpoint-every and --checkpoint-at)", folder.display())]
+    None {
+        /// The folder of the checkpoints.
+        folder: PathBuf,
+        /// What was asked for, in words.
+        at: String,
+        /// What there is, in words.
+        available: String,
+    },
+}
+
+impl Checkpoint {
+    /// The bytes of a checkpoint's file.
+    ///
+    /// # Errors
+    /// [`CheckpointError::TooLarge`].
+    pub fn encode(&self) -> Result<Vec<u8>, CheckpointError> {
+        let time = self.time;
+        let body = wire::encode("a checkpoint", self).map_err(|source| CheckpointError::TooLarge { time, source })?;
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend_from_slice(Digest::of(&body).as_bytes());
+        bytes.extend_from_slice(&body);
+        Ok(bytes)
+    }
+
+    /// The checkpoint in the bytes of the file `path`, which may hold anything.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Foreign`] and [`CheckpointError::Damaged`].
+    pub fn decode(path: &Path, bytes: &[u8]) -> Result<Checkpoint, CheckpointError> {
+        let path = path.to_owned();
+        let Some(rest) = bytes.strip_prefix(MAGIC) else {
+            return Err(CheckpointError::Foreign { path });
+        };
+        let damaged = |reason: String| CheckpointError::Damaged {
+            path: path.clone(),
+            reason,
+        };
+        let Some((digest, body)) = rest.split_at_checked(DIGEST) else {
+            return Err(damaged("it ends in its checksum".into()));
+        };
+        if Digest::of(body).as_bytes() != digest {
+            return Err(damaged("its checksum does not fit its contents".into()));
+        }
+        let checkpoint: Checkpoint = wire::decode("a checkpoint", body).map_err(|error| damaged(error.to_string()))?;
+        let count = checkpoint.participants.len();
+        if [
+            checkpoint.states.len(),
+            checkpoint.cut.next.len(),
+            checkpoint.replaced.len(),
+        ] != [count; 3]
+        {
+            return Err(damaged(
+                "it does not have one state and one place for each participant".into(),
+            ));
+        }
+        Ok(checkpoint)
+    }
+
+    /// Puts it into `folder`, whole or not at all. Returns the file.
+    pub fn write(&self, folder: &Path) -> Result<PathBuf, CheckpointError> {
+        let io = |path: &Path| {
+            let path = path.to_owned();
+            move |source| CheckpointError::Io { path, source }
+        };
+        fs::create_dir_all(folder).map_err(io(folder))?;
+        let name = self.time.to_string().replace(' ', "").replace('/', "-");
+        let path = folder.join(format!("{name}{ENDING}"));
+        let draft = folder.join(format!("{name}.part"));
+        let written = fs::write(&draft, self.encode()?).and_then(|()| fs::rename(&draft, &path));
+        written.map_err(|error| {
+            let _ = fs::remove_file(&draft);
+            io(&path)(error)
+        })?;
+        Ok(path)
+    }
+
+    /// The newest checkpoint in `folder` at or before `limit`.
+    ///
+    /// # Errors
+    /// When there is none, or the one that would do is damaged.
+    pub fn find(folder: &Path, limit: Option<Rational>) -> Result<Checkpoint, CheckpointError> {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let paths = entries.map(|entry| entry.path());
+        let mut all = Vec::new();
+        for path in paths.filter(|path| path.to_string_lossy().ends_with(ENDING)) {
+            let bytes = fs::read(&path).map_err(|source| CheckpointError::Io {
+                path: path.clone(),
+                source,
+            })?;
+            all.push((path, bytes));
+        }
+        // A damaged one has no time; it matters only when nothing else will do.
+        let (mut good, mut bad) = (Vec::new(), None);
+        for (path, bytes) in &all {
+            match Checkpoint::decode(path, bytes) {
+                Ok(checkpoint) => good.push(checkpoint),
+                Err(error) => bad = Some(error),
+            }
+        }
+        good.sort_by_key(|checkpoint| checkpoint.time);
+        let times: Vec<String> = good.iter().map(|one| one.time.to_string()).collect();
+        let fits = |one: &Checkpoint| limit.is_none_or(|limit| one.time <= limit);
+        match (good.into_iter().rev().find(fits), bad) {
+            (Some(checkpoint), _) => Ok(checkpoint),
+            (None, Some(bad)) => Err(bad),
+            (None, None) => Err(CheckpointError::None {
+                folder: folder.to_owned(),
+                at: limit.map(|limit| format!(" at or before {limit}")).unwrap_or_default(),
+                available: if times.is_empty() {
+                    "none at all".into()
+                } else {
+                    format!("one at {}", times.join(", "))
+                },
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checkpoint() -> Checkpoint {
+        Checkpoint {
+            version: "1".into(),
+            time: Rational::from_millis(12_500),
+            participants: vec!["a".into(), "b".into()],
+            cut: Cut { next: vec![3, 4] },
+            states: vec![vec![1, 2, 3], Vec::new()],
+            substitutions: 1,
+            replaced: vec![false, true],
+        }
+    }
+
+    #[test]
+    fn it_comes_back_as_it_went() {
+        let bytes = checkpoint().encode().unwrap();
+        assert_eq!(Checkpoint::decode(Path::new("x"), &bytes).unwrap(), checkpoint());
+    }
+
+    #[test]
+    fn every_changed_byte_and_every_cut_is_noticed() {
+        let bytes = checkpoint().encode().unwrap();
+        for at in 0..bytes.len() {
+            let mut changed = bytes.clone();
+            changed[at] ^= 1;
+            assert!(Checkpoint::decode(Path::new("x"), &changed).is_err(), "byte {at}");
+            assert!(Checkpoint::decode(Path::new("x"), &bytes[..at]).is_err(), "cut at {at}");
+        }
+    }
+}

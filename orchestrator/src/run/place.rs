@@ -1,0 +1,48 @@
+//! One place in shared memory with everything the orchestrator holds there. A run moves to a fresh one whenever it is taken
+//! up, so that nothing of a dead process can be opened by mistake.
+
+use lockstep::plan::Plan;
+use lockstep::transport::iceoryx::{Address, ClockWriter, Domain, DomainError, LinkService};
+
+use super::crew::Ports;
+
+/// A place in shared memory. Services go before the domain.
+pub(super) struct Place {
+    pub(super) clock: ClockWriter,
+    _links: Vec<LinkService>,
+    domain: Domain,
+}
+
+impl Place {
+    /// Enters `address` and makes what participants need to enter too.
+    pub(super) fn enter<'a>(
+        address: Address,
+        names: impl ExactSizeIterator<Item = &'a str>,
+    ) -> Result<(Domain, Vec<Ports>), DomainError> {
+        let domain = Domain::enter(address, "orchestrator")?;
+        let count = names.len();
+        let ports = names.map(|name| Ports::create(&domain, name, count));
+        let ports = ports.collect::<Result<_, _>>()?;
+        Ok((domain, ports))
+    }
+
+    /// Makes the links and the clock of `plan` in `domain`.
+    pub(super) fn furnish(domain: Domain, plan: &Plan) -> Result<Place, DomainError> {
+        let mut links = Vec::new();
+        for (number, link) in plan.links.iter().enumerate() {
+            let output = &plan.participants[link.from.0].interface.outputs[link.from.1];
+            let size = output.descriptor.size as usize;
+            links.push(LinkService::create(&domain, number as u32, size, link.capacity)?);
+        }
+        Ok(Place {
+            clock: ClockWriter::create(&domain, plan.participants.len())?,
+            _links: links,
+            domain,
+        })
+    }
+
+    /// Where it is.
+    pub(super) fn address(&self) -> &Address {
+        self.domain.address()
+    }
+}

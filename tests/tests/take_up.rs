@@ -1,0 +1,329 @@
+//! Runs that are taken up in mid-course: from a checkpoint, after a death, with a substitute.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use escapement_tests::machine::{processes_of, signal, wait_for, writer_of};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, participant, start};
+use escapement_tests::world::{oscillator, prefix};
+use rustix::process::Signal;
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("paths of tests are text")
+}
+
+/// A folder with a scenario and an undisturbed run of it.
+struct World {
+    folder: Folder,
+    scenario: PathBuf,
+}
+
+impl World {
+    fn new(name: &str, damper: &str) -> World {
+        let folder = Folder::new(name);
+        let healthy = oscillator(&folder, "damper");
+        let out = folder.path().join("undisturbed");
+        let said = orchestrate(&["run", text(&healthy), "--out", text(&out), "--quiet"]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let scenario = oscillator(&folder, damper);
+        World { folder, scenario }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn run(&self, name: &str, more: &[&str]) -> Said {
+        let out = self.path(name);
+        let mut arguments = vec!["run", text(&self.scenario), "--out", text(&out)];
+        arguments.extend(more);
+        let said = orchestrate(&arguments);
+        assert_eq!(
+            processes_of(self.folder.path()),
+            Vec::<String>::new(),
+            "processes are left"
+        );
+        said
+    }
+
+    fn resume(&self, from: &str, name: &str, more: &[&str]) -> Said {
+        let (run, out) = (self.path(from), self.path(name));
+        let mut arguments = vec!["resume", text(&run), "--out", text(&out)];
+        arguments.extend(more);
+        orchestrate(&arguments)
+    }
+
+    fn same_as_undisturbed(&self, name: &str) {
+        let said = orchestrate(&["compare", text(&self.path("undisturbed")), text(&self.path(name))]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
+
+    fn prefix(&self, name: &str) -> u64 {
+        prefix(&self.path("undisturbed"), &self.path(name))
+    }
+
+    fn events(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name).join("tape/events.jsonl")).expect("a tape has events")
+    }
+
+    /// The damper's count of its own steps at its sample `index`.
+    fn count(&self, name: &str, index: usize) -> u64 {
+        let bytes = std::fs::read(self.path(name).join("tape/damper.push.bin")).expect("the damper is on the tape");
+        let record = &bytes[24 * index..24 * (index + 1)];
+        u64::from_le_bytes(record[16..].try_into().expect("eight bytes"))
+    }
+}
+
+#[test]
+fn a_resumed_run_is_the_same_run() {
+    let world = World::new("resume", "damper");
+    let said = world.run("saved", &["--checkpoint-every", "3 s", "--checkpoint-at", "1/3 s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    world.same_as_undisturbed("saved");
+    for (number, from) in ["334 ms", "5 s", "6 s", "20 s"].iter().enumerate() {
+        let name = format!("resumed{number}");
+        let said = world.resume("saved", &name, &["--from", from]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        world.same_as_undisturbed(&name);
+    }
+    // What is resumed can be saved and resumed again.
+    let said = world.resume("saved", "again", &["--from", "3 s", "--checkpoint-at", "4 s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let said = world.resume("again", "and again", &["--json"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    world.same_as_undisturbed("and again");
+}
+
+#[test]
+fn a_longer_duration_goes_on_behind_the_end() {
+    let world = World::new("longer", "damper");
+    assert_eq!(
+        world
+            .run("saved", &["--duration", "4 s", "--checkpoint-at", "3 s"])
+            .code,
+        Some(0)
+    );
+    assert_eq!(world.resume("saved", "whole", &["--duration", "10 s"]).code, Some(0));
+    world.same_as_undisturbed("whole");
+}
+
+#[test]
+fn a_branch_asks_what_if() {
+    let world = World::new("branch", "damper");
+    assert_eq!(world.run("saved", &["--checkpoint-at", "4 s"]).code, Some(0));
+    let said = world.resume("saved", "late", &["--set", "connections.push.delay=25ms"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let motion = |name: &str| std::fs::read(world.path(name).join("tape/plant.motion.bin")).unwrap();
+    let (undisturbed, branch) = (motion("undisturbed"), motion("late"));
+    // 4000 steps and the sample before the first are the same; what follows is not.
+    assert_eq!(undisturbed[..4001 * 24], branch[..4001 * 24]);
+    assert_ne!(undisturbed, branch);
+    assert_eq!(undisturbed.len(), branch.len());
+}
+
+#[test]
+fn what_cannot_be_resumed_is_refused() {
+    let world = World::new("refused", "damper");
+    assert_eq!(world.run("saved", &["--checkpoint-at", "4 s"]).code, Some(0));
+    let said = world.resume("saved", "early", &["--from", "1 s"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err.contains("at or before 1 s") && said.err.contains("one at 4 s"),
+        "{said:?}"
+    );
+    let said = world.resume("undisturbed", "none", &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("--checkpoint-every"), "{said:?}");
+    let said = world.resume("nowhere", "none", &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    let said = world.resume("saved", "other rate", &["--set", "participants.damper.period=20ms"]);
+    assert_ne!(said.code, Some(0), "{said:?}");
+    assert!(said.err.contains("sample time"), "{said:?}");
+    let file = world.path("saved/checkpoints/4s.checkpoint");
+    let mut bytes = std::fs::read(&file).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    std::fs::write(&file, bytes).unwrap();
+    let said = world.resume("saved", "damaged", &[]);
+    assert!(
+        said.err.contains("4s.checkpoint") && said.err.contains("checksum"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn who_cannot_be_saved_is_named() {
+    let world = World::new("forgetful", "forgetful");
+    let said = world.run("saved", &["--checkpoint-at", "4 s"]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("`damper` cannot save its state"), "{said:?}");
+}
+
+/// Kills `who` once in a paced run with the policy to restart.
+fn killed(world: &World, name: &str, who: &str, how: Signal) -> Said {
+    let out = world.path(name);
+    let child = start(&[
+        "run",
+        text(&world.scenario),
+        "--out",
+        text(&out),
+        "--real-time=8",
+        "--checkpoint-every",
+        "2 s",
+        "--patience",
+        "1 s",
+        "--set",
+        &format!("participants.{who}.on-failure=restart-from-checkpoint"),
+    ]);
+    // At 4.5 s of 10: some time behind a checkpoint and, where there is one, behind the substitution.
+    let stream = out.join("tape/damper.push.bin");
+    wait_for(&stream);
+    while std::fs::metadata(&stream).expect("the stream stays").len() < 24 * 450 {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let pid = writer_of(&out.join("log").join(format!("{who}.stderr"))).expect("the participant runs");
+    assert!(signal(pid, how));
+    let said = finish(child);
+    assert_eq!(
+        processes_of(world.folder.path()),
+        Vec::<String>::new(),
+        "processes are left"
+    );
+    said
+}
+
+#[test]
+fn after_a_death_and_a_restart_it_is_the_same_run() {
+    let world = World::new("restart", "damper");
+    for (name, who, how) in [
+        ("killed damper", "damper", Signal::KILL),
+        ("killed plant", "plant", Signal::KILL),
+        ("stopped damper", "damper", Signal::STOP),
+        ("terminated plant", "plant", Signal::TERM),
+    ] {
+        let said = killed(&world, name, who, how);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        world.same_as_undisturbed(name);
+        let events = world.events(name);
+        assert!(
+            events.contains("\"restart\"") && events.contains("from the checkpoint at t = "),
+            "{events}"
+        );
+    }
+}
+
+#[test]
+fn who_fails_again_and_again_is_given_up() {
+    let world = World::new("hopeless", "crash_at");
+    let policy = "participants.damper.on-failure=restart-from-checkpoint";
+    let said = world.run("run", &["--set", policy]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("signal 6") && said.err.contains("restarted 5 times"),
+        "{said:?}"
+    );
+    assert_eq!(world.prefix("run"), 200);
+}
+
+#[test]
+fn who_does_something_else_after_a_restart_is_named() {
+    let world = World::new("moody", "moody");
+    let said = killed(&world, "run", "damper", Signal::KILL);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("`damper` is not deterministic") && said.err.contains("force = "),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn a_substitute_takes_over_from_whoever_fails() {
+    for bad in ["crash_at", "hangs", "nan", "panics", "exit_at"] {
+        let world = World::new(bad, bad);
+        let good = participant("damper");
+        let policy = format!(
+            "participants.damper.on-failure={{ substitute = {{ exe = \"{}\" }} }}",
+            good.display()
+        );
+        let said = world.run("run", &["--set", &policy, "--patience", "1 s"]);
+        assert_eq!(said.code, Some(0), "{bad}: {said:?}");
+        // It starts afresh at the activation that the other one did not finish.
+        assert_eq!((world.count("run", 199), world.count("run", 200)), (200, 1), "{bad}");
+        assert_eq!(world.count("run", 999), 800, "{bad}");
+        let events = world.events("run");
+        assert!(
+            events.contains("`damper` takes over at activation 200"),
+            "{bad}: {events}"
+        );
+    }
+}
+
+/// `[[faults]]` with one substitution of the damper.
+fn substitution(at: &str, program: &str, state: &str) -> String {
+    let exe = participant(program);
+    format!(
+        "\n[[faults]]\nat = \"{at}\"\nsubstitute = \"damper\"\nrun = {{ exe = \"{}\" }}\nstate = \"{state}\"\n",
+        exe.display()
+    )
+}
+
+impl World {
+    /// A world whose scenario has `faults` at its end.
+    fn with(name: &str, damper: &str, faults: &str) -> World {
+        let world = World::new(name, damper);
+        let scenario = std::fs::read_to_string(&world.scenario).unwrap() + faults;
+        std::fs::write(&world.scenario, scenario).unwrap();
+        world
+    }
+}
+
+#[test]
+fn a_substitute_in_mid_run_starts_afresh_or_keeps_the_state() {
+    let world = World::with("cold", "damper", &substitution("2.005 s", "damper", "cold"));
+    let said = world.run("run", &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    // Activations at 0 … 2 s are the old one's; the one at 2.01 s is the new one's first.
+    assert_eq!((world.count("run", 200), world.count("run", 201)), (201, 1));
+    assert_eq!(world.count("run", 999), 799);
+    let events = world.events("run");
+    assert!(
+        events.contains("\"substitution\"") && events.contains("activation 201 from afresh"),
+        "{events}"
+    );
+
+    // With the state of the one before nobody can tell, however often.
+    let twice = substitution("2 s", "damper", "keep") + &substitution("7/3 s", "damper", "keep");
+    let world = World::with("keep", "damper", &twice);
+    let said = world.run("run", &["--checkpoint-every", "1 s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    world.same_as_undisturbed("run");
+    assert_eq!(world.events("run").lines().count(), 2);
+    // A run that goes on from before, between and after has the same substitutions still to come.
+    for (from, left) in [("1 s", 2), ("2 s", 2), ("3 s", 2)] {
+        let name = format!("from {from}");
+        let said = world.resume("run", &name, &["--from", from]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        world.same_as_undisturbed(&name);
+        let events = world.events(&name);
+        assert_eq!(events.matches("\"substitution\"").count(), left, "{from}: {events}");
+    }
+}
+
+#[test]
+fn a_substitute_with_other_ports_is_refused_with_the_difference() {
+    let world = World::with("ports", "damper", &substitution("2 s", "wrong_descriptor", "cold"));
+    let said = world.run("run", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("describes other ports than expected") && said.err.contains("kN"),
+        "{said:?}"
+    );
+    assert_eq!(world.prefix("run"), 200);
+}
+
+#[test]
+fn a_restart_never_goes_back_to_before_a_substitution() {
+    let world = World::with("order", "damper", &substitution("2.5 s", "damper", "keep"));
+    let said = killed(&world, "run", "plant", Signal::KILL);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    world.same_as_undisturbed("run");
+}
