@@ -76,6 +76,9 @@ pub struct ScenarioArgs {
     /// Change a key of the scenario, such as connections.measured.delay=10ms (may be given more than once)
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
+    /// Another program in a participant's place from the start: a file, or builtin:NAME (may be given more than once)
+    #[arg(long, value_name = "PARTICIPANT=PROGRAM", value_parser = substitute)]
+    pub substitute: Vec<String>,
     /// Add a fault, such as at=12s,until=14s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg (may be given
     /// more than once; docs/scenarios.md has the keys)
     #[arg(long = "fault", value_name = "KEY=VALUE,…")]
@@ -88,10 +91,17 @@ pub struct ScenarioArgs {
     pub duration: Option<Rational>,
 }
 
+/// `--substitute` as an override.
+fn substitute(text: &str) -> Result<String, String> {
+    let (participant, run) = crate::shadow::in_place(text, "--substitute")?;
+    Ok(format!("participants.{participant}.run={run}"))
+}
+
 impl ScenarioArgs {
     /// All changes in the form that [`crate::scenario::Scenario::read`] takes.
     pub fn overrides(&self) -> Vec<String> {
-        let mut all = self.set.clone();
+        let mut all = self.substitute.clone();
+        all.extend_from_slice(&self.set);
         all.extend(self.fault.iter().map(|fault| format!("faults+={fault}")));
         all.extend(self.seed.map(|seed| format!("seed={seed}")));
         all.extend(self.duration.map(|duration| format!("duration={duration}")));
@@ -105,6 +115,13 @@ pub struct RunArgs {
     /// The scenario
     #[command(flatten)]
     pub scenario: ScenarioArgs,
+    /// Feed a second program what a participant is fed, and say where it would have said something else: a file, or
+    /// builtin:NAME (may be given more than once)
+    #[arg(long, value_name = "PARTICIPANT=PROGRAM")]
+    pub shadow: Vec<String>,
+    /// Change a parameter of the shadows, such as law=\"reference\" (may be given more than once)
+    #[arg(long, value_name = "KEY.PATH=VALUE", requires = "shadow")]
+    pub shadow_set: Vec<String>,
     /// How to run it
     #[command(flatten)]
     pub how: HowArgs,

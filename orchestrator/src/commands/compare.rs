@@ -61,7 +61,7 @@ fn open(path: &Path) -> Result<Reader, recorder::tape::ReadError> {
 }
 
 /// The result in words.
-pub(super) fn print(out: &mut impl Write, comparison: &Comparison) -> io::Result<()> {
+pub(crate) fn print(out: &mut impl Write, comparison: &Comparison) -> io::Result<()> {
     if comparison.identical {
         return writeln!(out, "identical: {} samples", comparison.samples);
     }

@@ -41,7 +41,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
         eprintln!("going on from the checkpoint at t = {}", checkpoint.time);
     }
     let run = args.run.clone();
-    execute(&scenario, &args.how, Some(Origin { run, checkpoint }))
+    execute(&scenario, &args.how, Some(Origin { run, checkpoint }), &[])
 }
 
 /// The name of the scenario that was run.

@@ -4,26 +4,35 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use recorder::folder::RunFolder;
+use serde_json::json;
 
 use crate::cli::{HowArgs, RunArgs};
 use crate::live::{self, Server, Steering};
 use crate::run::signals::Interrupt;
 use crate::run::{Ending, Options, Origin, Outcome, run as run_scenario};
 use crate::scenario::Scenario;
+use crate::shadow::{Account, Shadow};
 
 /// Runs and reports.
 pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
-    match Scenario::read(&args.scenario.scenario, &args.scenario.overrides()) {
-        Ok(scenario) => execute(&scenario, &args.how, None),
+    let scenario = match Scenario::read(&args.scenario.scenario, &args.scenario.overrides()) {
+        Ok(scenario) => scenario,
         Err(error) => {
             eprintln!("error: {error}");
+            return Ok(2);
+        }
+    };
+    match shadows(args) {
+        Ok(shadows) => execute(&scenario, &args.how, None, &shadows),
+        Err(reason) => {
+            eprintln!("error: {reason}");
             Ok(2)
         }
     }
 }
 
-/// Runs `scenario`, from `origin` if there is one, and reports.
-pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>) -> anyhow::Result<i32> {
+/// Runs `scenario`, from `origin` if there is one, with `shadows`, and reports.
+pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shadows: &[Shadow]) -> anyhow::Result<i32> {
     if how.real_time.is_some_and(|pace| !(pace.is_finite() && pace > 0.0)) {
         eprintln!("error: --real-time takes a factor above zero");
         return Ok(2);
@@ -60,7 +69,18 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>) -> an
             return Ok(failure.exit_code());
         }
     };
-    let summary = outcome.summary();
+    let mut summary = outcome.summary();
+    let accounts: Vec<Account> = match &outcome.ending {
+        // Who does not want to wait for the run does not want to wait for its shadows.
+        Ending::Stopped { .. } => Vec::new(),
+        _ => shadows
+            .iter()
+            .map(|shadow| shadow.run(&outcome.folder, &options))
+            .collect(),
+    };
+    if !shadows.is_empty() {
+        summary["shadows"] = json!(accounts);
+    }
     let folder = RunFolder::open(&outcome.folder);
     folder.write_json(&folder.summary(), &summary)?;
     match &outcome.ending {
@@ -72,6 +92,8 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>) -> an
         println!("{}", serde_json::to_string_pretty(&summary)?);
     } else if !how.quiet {
         print(scenario, &outcome);
+        let mut out = std::io::stdout().lock();
+        accounts.iter().try_for_each(|account| account.print(&mut out))?;
     }
     if let Some((server, _)) = &server {
         farewell(how, server, &outcome)?;
@@ -106,6 +128,16 @@ fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result
         std::thread::sleep(Duration::from_millis(50));
     }
     Ok(())
+}
+
+/// The shadows that were asked for, as far as they can be looked at before anything runs.
+fn shadows(args: &RunArgs) -> Result<Vec<Shadow>, String> {
+    let read = |text: &String| {
+        let shadow = Shadow::read(text, &args.shadow_set)?;
+        let checked = shadow.check(&args.scenario.scenario, &args.scenario.overrides());
+        checked.map(|()| shadow).map_err(|error| error.to_string())
+    };
+    args.shadow.iter().map(read).collect()
 }
 
 fn print(scenario: &Scenario, outcome: &Outcome) {

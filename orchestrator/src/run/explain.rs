@@ -72,7 +72,7 @@ pub(super) fn death(plan: &Plan, number: usize, member: &Member, status: ExitSta
 /// Nothing moves: the participant to blame, and what everybody does.
 pub(super) fn standstill(plan: &Plan, crew: &[Member], horizon: Ticks, seconds: f64) -> (String, String) {
     let mut lines = Vec::new();
-    let mut culprit = None;
+    let (mut culprit, mut statuses) = (None, Vec::new());
     for (number, member) in crew.iter().enumerate() {
         let status = member.status();
         lines.push(format!(
@@ -85,19 +85,75 @@ pub(super) fn standstill(plan: &Plan, crew: &[Member], horizon: Ticks, seconds: 
         // Whoever computes, has not even started, or rests though the horizon has moved owes something; those who wait do not.
         let own = &plan.participants[number];
         let may = status.next < own.activations && own.sample_time.instant(status.next) < horizon;
-        let owes = match status.activity {
+        let indebted = match status.activity {
             Activity::Computing | Activity::Starting => true,
             Activity::Rest => may,
             _ => false,
         };
-        if owes && culprit.is_none() {
-            culprit = Some(member.process.name.clone());
+        if indebted && culprit.is_none() {
+            culprit = Some(number);
         }
+        statuses.push(status);
     }
-    let culprit = culprit.unwrap_or_else(|| "orchestrator".into());
+    let (name, debt) = match culprit {
+        Some(number) => {
+            let pid = crew[number].process.pid();
+            let (name, does) = (
+                crew[number].process.name.clone(),
+                state(pid, &statuses[number], seconds),
+            );
+            let debt = format!("{name} (pid {pid}, {does}) {}", owes(plan, number, &statuses));
+            (name, debt)
+        }
+        None => ("orchestrator".to_owned(), "nobody owes anything".to_owned()),
+    };
     let text = format!(
-        "nothing has moved for {seconds:.1} s; `{culprit}` owes the next sample:\n{}",
+        "nothing has moved for {seconds:.1} s: {debt}; recorder idle\n{}",
         lines.join("\n")
     );
-    (culprit, text)
+    (name, text)
+}
+
+/// `alive, computing for 4.1 s`: what the kernel and the participant itself say.
+fn state(pid: u32, status: &Status, seconds: f64) -> String {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    // The state is the first letter behind the name, which stands in parentheses and may hold anything.
+    let letter = stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next());
+    let life = match letter {
+        Some('T' | 't') => "stopped by a signal or a debugger",
+        Some('D') => "alive, in the kernel",
+        Some('Z') | None => "ended",
+        Some(_) => "alive",
+    };
+    let work = match status.activity {
+        Activity::Starting => "getting ready",
+        Activity::Rest => "not seeing that it may go on",
+        _ => "computing",
+    };
+    format!("{life}, {work} for {seconds:.1} s")
+}
+
+/// `has not published push #200; plant waits for it at t = 2 s`
+fn owes(plan: &Plan, culprit: usize, statuses: &[Status]) -> String {
+    let waiting = statuses.iter().enumerate().find_map(|(number, status)| {
+        let Activity::Input { input, index } = status.activity else {
+            return None;
+        };
+        let link = plan.participants[number]
+            .inputs
+            .get(input as usize)
+            .copied()
+            .flatten()?;
+        let from = plan.links[link].from;
+        (from.0 == culprit).then_some((number, from.1, index))
+    });
+    match waiting {
+        Some((number, output, index)) => format!(
+            "has not published {} #{index}; {} waits for it at t = {} s",
+            plan.participants[culprit].interface.outputs[output].name,
+            plan.participants[number].name,
+            instant(plan, number, statuses[number])
+        ),
+        None => format!("has not completed activation {}", statuses[culprit].next),
+    }
 }

@@ -11,7 +11,7 @@ mod types;
 
 pub use error::ScenarioError;
 pub use failure::OnFailure;
-pub use faults::{State, Substitution};
+pub use faults::{State, Substitution, table as fault_table};
 pub use program::Program;
 pub use resolve::{Entry, Scenario};
 pub use source::fault_name;

@@ -70,6 +70,15 @@ impl Scenario {
     ) -> Result<Scenario, ScenarioError> {
         let mut source = Source::read(file, overrides)?;
         change(&mut source.table);
+        Scenario::of(file, source)
+    }
+
+    /// What `file` would say if `text` stood in it.
+    pub fn read_text(file: &Path, text: &str) -> Result<Scenario, ScenarioError> {
+        Scenario::of(file, Source::of_text(file, text.to_owned(), &[])?)
+    }
+
+    fn of(file: &Path, source: Source) -> Result<Scenario, ScenarioError> {
         let top: Top =
             typed(&source, "", Value::Table(source.table.clone())).map_err(|mistake| source.error(vec![mistake]))?;
         let mut mistakes = Vec::new();
@@ -174,6 +183,12 @@ impl Scenario {
     /// A refusal of a parameter, with its place in the file.
     pub fn refusal(&self, participant: &str, key: &str, reason: &str) -> ScenarioError {
         self.source.error(vec![self.parameter(participant, key, reason)])
+    }
+
+    /// A refusal of the program in a participant's place.
+    pub fn program_refusal(&self, participant: &str, reason: &str) -> ScenarioError {
+        let key = format!("participants.{participant}.run");
+        self.source.error(vec![self.source.mistake(&key, reason)])
     }
 
     /// A refusal of a substitution, with its place in the file.

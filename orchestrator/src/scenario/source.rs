@@ -24,6 +24,19 @@ impl Source {
     /// Reads `file`, puts files in place of `{ file = "…" }`, and applies `overrides` of the form `key.path=value` or
     /// `faults+=entry`.
     pub(super) fn read(file: &Path, overrides: &[String]) -> Result<Source, ScenarioError> {
+        let text = std::fs::read_to_string(file).map_err(|error| ScenarioError {
+            file: file.to_owned(),
+            mistakes: vec![Mistake {
+                line: None,
+                key: String::new(),
+                reason: format!("cannot be read: {error}"),
+            }],
+        })?;
+        Source::of_text(file, text, overrides)
+    }
+
+    /// What `file` would be if `text` stood in it.
+    pub(super) fn of_text(file: &Path, text: String, overrides: &[String]) -> Result<Source, ScenarioError> {
         let whole = |line, reason: String| ScenarioError {
             file: file.to_owned(),
             mistakes: vec![Mistake {
@@ -32,7 +45,6 @@ impl Source {
                 reason,
             }],
         };
-        let text = std::fs::read_to_string(file).map_err(|error| whole(None, format!("cannot be read: {error}")))?;
         let table = text.parse::<Table>().map_err(|error| {
             whole(
                 error.span().map(|span| line_of(&text, &span)),
@@ -259,8 +271,26 @@ fn fill_in(
     }
 }
 
+/// No file that belongs to a scenario is larger, bytes.
+const FILE_MAX: u64 = 64 << 20;
+
+/// The text of a file. A device or a pipe might never end, and is refused.
+fn bounded(path: &Path) -> std::io::Result<String> {
+    let about = std::fs::metadata(path)?;
+    if !about.is_file() {
+        return Err(std::io::Error::other("it is not a file"));
+    }
+    if about.len() > FILE_MAX {
+        return Err(std::io::Error::other(format!(
+            "it has more than {} MiB",
+            FILE_MAX >> 20
+        )));
+    }
+    std::fs::read_to_string(path)
+}
+
 fn contents(path: &Path) -> Result<Value, String> {
-    let text = std::fs::read_to_string(path).map_err(|error| format!("cannot be read: {error}"))?;
+    let text = bounded(path).map_err(|error| format!("cannot be read: {error}"))?;
     if path.extension().is_some_and(|extension| extension == "toml") {
         let table = text.parse::<Table>().map_err(|error| {
             let line = error

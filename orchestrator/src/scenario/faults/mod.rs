@@ -20,7 +20,8 @@ use entry::{FaultEntry, Sort};
 use signal::Signal;
 
 pub use entry::State;
-pub(super) use text::{append, table};
+pub(super) use text::append;
+pub use text::table;
 
 /// Another program takes a participant's place in mid-run.
 #[derive(Debug, Clone, PartialEq)]

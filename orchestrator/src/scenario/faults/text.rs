@@ -4,7 +4,7 @@ use toml::{Table, Value};
 
 /// The entry of `[[faults]]` that `text` stands for. Values are read as TOML if they are TOML, else as text; commas inside
 /// brackets, braces and quotes belong to the value.
-pub(in crate::scenario) fn table(text: &str) -> Result<Table, String> {
+pub fn table(text: &str) -> Result<Table, String> {
     let mut entry = Table::new();
     for part in parts(text) {
         let Some((key, value)) = part.split_once('=') else {

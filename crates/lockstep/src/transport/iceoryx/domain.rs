@@ -88,12 +88,15 @@ impl Domain {
             reason,
         };
         let name = NodeName::new(process).map_err(|error| failed("naming the process", format!("{error:?}")))?;
+        // One object that a node makes besides its own takes its permissions from the umask: nobody else shall have any.
+        let umask = rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
         let node = NodeBuilder::new()
             .name(&name)
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Ipc>()
-            .map_err(|error| failed("joining", format!("{error:?}")))?;
+            .create::<Ipc>();
+        rustix::process::umask(umask);
+        let node = node.map_err(|error| failed("joining", format!("{error:?}")))?;
         Ok(Domain { address, node })
     }
 

@@ -22,7 +22,7 @@ pub use clock::{ClockReader, ClockWriter, Order};
 pub use control::{ControlClient, ControlServer};
 pub use domain::{Address, Domain, DomainError};
 pub use link::{LinkReceiver, LinkSender, LinkService};
-pub use record::{RecordReceiver, RecordSender, Recorded, SharedRecord};
+pub use record::{RecordReceiver, RecordSender, Recorded, SharedRecord, unpack};
 pub use status::{Activity, Status, StatusReader, StatusService, StatusWriter};
 pub use wake::{Bell, Sleeper, WakeService, Waker};
 

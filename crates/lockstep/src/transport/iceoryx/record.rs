@@ -209,18 +209,26 @@ impl RecordReceiver {
 
     /// Hands the entries of the next parcel to `take`; `false` when there is none. The parcel comes from another process:
     /// whatever it holds, this ends, and says what is wrong with it.
-    pub fn receive<E: From<Broken>>(&self, mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<bool, E> {
+    pub fn receive<E: From<Broken>>(&self, take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<bool, E> {
         let Some(parcel) = self.subscriber.receive().map_err(|e| broken("receiving", e))? else {
             return Ok(false);
         };
-        let mut rest = parcel.payload();
-        while !rest.is_empty() {
-            let (entry, after) = split_entry(rest)?;
-            take(entry)?;
-            rest = after;
-        }
-        Ok(true)
+        unpack(parcel.payload(), take).map(|()| true)
     }
+}
+
+/// Hands the entries of a parcel to `take`.
+///
+/// # Errors
+/// What is wrong with the parcel, or what `take` says.
+pub fn unpack<E: From<Broken>>(parcel: &[u8], mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<(), E> {
+    let mut rest = parcel;
+    while !rest.is_empty() {
+        let (entry, after) = split_entry(rest)?;
+        take(entry)?;
+        rest = after;
+    }
+    Ok(())
 }
 
 fn split_entry(bytes: &[u8]) -> Result<(Recorded<'_>, &[u8]), Broken> {

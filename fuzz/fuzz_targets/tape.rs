@@ -1,0 +1,4 @@
+//! `orchestrator::decoders::tape` under libFuzzer.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| orchestrator::decoders::tape(bytes));

@@ -1,0 +1,226 @@
+//! A second program on the inputs of a participant: what it would have said in its place.
+//!
+//! What a participant says follows from its inputs alone, and the tape has those. So a shadow need not run beside the run: it
+//! is replayed on the recorded inputs as soon as the run is over, with the bits that it would have seen. It costs the run
+//! nothing, and whatever happens to it, the run has happened already.
+
+use std::path::Path;
+
+use lockstep::participant::Interface;
+use recorder::compare::Comparison;
+use serde::Serialize;
+
+use crate::replay::{Replay, Request};
+use crate::run::{Ending, Options};
+use crate::scenario::{Scenario, ScenarioError};
+
+/// What `--shadow NAME=PROGRAM` asks for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Shadow {
+    participant: String,
+    program: String,
+    /// What makes the program stand in the participant's place.
+    overrides: Vec<String>,
+}
+
+/// What a shadow said, against what was said in the run.
+#[derive(Debug, Serialize)]
+pub struct Account {
+    /// Whose place it shadowed.
+    pub participant: String,
+    /// The program, as it was given.
+    pub program: String,
+    /// Why there is nothing to compare, if so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
+    /// How its own run ended.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ending: Option<Ending>,
+    /// Up to where it was fed, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to_s: Option<f64>,
+    /// What else there is to say.
+    pub notes: Vec<String>,
+    /// A is the run, B the shadow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub comparison: Option<Comparison>,
+}
+
+/// `NAME=PROGRAM` in two parts, with the `run` table that PROGRAM stands for: `builtin:NAME`, or a file as the shell sees it.
+pub fn in_place(text: &str, option: &str) -> Result<(String, String), String> {
+    let parts = text
+        .split_once('=')
+        .map(|(name, program)| (name.trim(), program.trim()));
+    let Some((participant, program)) = parts.filter(|(name, program)| !name.is_empty() && !program.is_empty()) else {
+        return Err(format!(
+            "{option} takes PARTICIPANT=PROGRAM, such as controller=./my-controller or controller=builtin:controller, not `{text}`"
+        ));
+    };
+    let mut run = toml::Table::new();
+    match program.strip_prefix("builtin:") {
+        Some(builtin) => run.insert("builtin".into(), toml::Value::String(builtin.to_owned())),
+        None => {
+            // What has a slash is relative to where the user is, not to the scenario.
+            let file = if program.contains('/') {
+                let absolute =
+                    std::path::absolute(program).map_err(|error| format!("{option}: `{program}`: {error}"))?;
+                absolute.to_string_lossy().into_owned()
+            } else {
+                program.to_owned()
+            };
+            run.insert("exe".into(), toml::Value::String(file))
+        }
+    };
+    Ok((participant.to_owned(), toml::Value::Table(run).to_string()))
+}
+
+impl Shadow {
+    /// Reads what was given with `--shadow` and `--shadow-set`.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn read(text: &str, set: &[String]) -> Result<Shadow, String> {
+        let (participant, run) = in_place(text, "--shadow")?;
+        let program = text
+            .split_once('=')
+            .map_or("", |(_, program)| program)
+            .trim()
+            .to_owned();
+        let mut overrides = vec![format!("participants.{participant}.run={run}")];
+        for one in set {
+            if !one.contains('=') {
+                return Err(format!(
+                    "--shadow-set takes KEY.PATH=VALUE, a parameter of the shadow, not `{one}`"
+                ));
+            }
+            overrides.push(format!("participants.{participant}.parameters.{one}"));
+        }
+        Ok(Shadow {
+            participant,
+            program,
+            overrides,
+        })
+    }
+
+    /// Whether it can stand in its place in a run of `scenario`, which was read from `file` with `overrides`: that is
+    /// refused before anything runs. The ports of a program of its own are known only when it runs.
+    ///
+    /// # Errors
+    /// What is wrong with the program or its parameters, or the difference of its ports.
+    pub fn check(&self, file: &Path, overrides: &[String]) -> Result<(), ScenarioError> {
+        let interface = |overrides: &[String]| -> Result<(Scenario, Option<Interface>), ScenarioError> {
+            let scenario = Scenario::read(file, overrides)?;
+            let made = scenario.make()?;
+            let mut all = scenario.participants.iter().zip(made);
+            let own = all.find(|(entry, _)| entry.setup.name == self.participant);
+            let interface = own.and_then(|(_, made)| made).map(|made| made.interface());
+            Ok((scenario, interface))
+        };
+        let (_, original) = interface(overrides)?;
+        let (scenario, shadow) = interface(&[overrides, &self.overrides].concat())?;
+        let difference = original
+            .zip(shadow)
+            .and_then(|(original, shadow)| shadow.difference(&original));
+        match difference {
+            Some(difference) => {
+                let reason = format!("`{}` cannot be its shadow: {difference}", self.program);
+                Err(scenario.program_refusal(&self.participant, &reason))
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Feeds it what its participant was fed in the run in `folder`. Its own run is kept in `shadow/NAME` there.
+    pub fn run(&self, folder: &Path, options: &Options) -> Account {
+        let mut account = Account {
+            participant: self.participant.clone(),
+            program: self.program.clone(),
+            refused: None,
+            ending: None,
+            to_s: None,
+            notes: Vec::new(),
+            comparison: None,
+        };
+        let replay = Replay::plan(&Request {
+            folder,
+            participant: &self.participant,
+            overrides: &self.overrides,
+            program: None,
+            to: None,
+        });
+        let found = replay.and_then(|replay| {
+            let in_process = options.in_process && !replay.external();
+            replay.run(&Options {
+                in_process,
+                out: Some(folder.join("shadow").join(&self.participant)),
+                quiet: true,
+                wait: options.wait,
+                no_placement: options.no_placement,
+                patience_s: options.patience_s,
+                ..Options::default()
+            })
+        });
+        match found {
+            Ok(found) => {
+                account.ending = Some(found.ending);
+                account.to_s = Some(found.to_s);
+                account.notes = found.notes;
+                account.comparison = Some(found.comparison);
+            }
+            Err(error) => account.refused = Some(error.to_string()),
+        }
+        account
+    }
+}
+
+impl Account {
+    /// Prints it for people.
+    pub fn print(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
+        writeln!(
+            out,
+            "shadow of `{}`, {} (A is the run, B the shadow):",
+            self.participant, self.program
+        )?;
+        for note in &self.notes {
+            writeln!(out, "  note: {note}")?;
+        }
+        if let Some(refused) = &self.refused {
+            writeln!(out, "  not compared: {refused}")?;
+        }
+        match &self.ending {
+            Some(Ending::Failed { reason, .. }) => writeln!(out, "  the shadow failed, the run did not: {reason}")?,
+            Some(Ending::Stopped { reason }) => writeln!(out, "  {reason}")?,
+            Some(Ending::Complete) | None => {}
+        }
+        match &self.comparison {
+            Some(comparison) => crate::commands::compare::print(out, comparison),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shadow_stands_in_the_place_of_its_participant() {
+        let set = ["law=\"reference\"".to_owned()];
+        let shadow = Shadow::read("controller=builtin:controller", &set).unwrap();
+        assert_eq!(
+            shadow.overrides,
+            [
+                "participants.controller.run={ builtin = \"controller\" }",
+                "participants.controller.parameters.law=\"reference\"",
+            ]
+        );
+        let (name, run) = in_place("controller=/bin/true", "--substitute").unwrap();
+        assert_eq!((name.as_str(), run.as_str()), ("controller", "{ exe = \"/bin/true\" }"));
+        assert!(in_place("controller=./x", "").unwrap().1.contains('/'));
+        assert_eq!(in_place("controller=x", "").unwrap().1, "{ exe = \"x\" }");
+        for bad in ["controller", "=x", "controller="] {
+            assert!(in_place(bad, "--shadow").unwrap_err().contains("PARTICIPANT=PROGRAM"));
+        }
+        assert!(Shadow::read("a=b", &["x".into()]).is_err());
+    }
+}

@@ -1,0 +1,149 @@
+//! Another user of the machine can neither read nor write what belongs to a run, whatever the user's umask.
+
+use std::fs;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use escapement_tests::program::{Folder, finish, orchestrator, root};
+use escapement_tests::world::oscillator;
+
+/// A run that lasts until it is told to end, started with every permission for everybody.
+struct Running {
+    child: Child,
+    folder: PathBuf,
+    prefix: String,
+    _files: Folder,
+}
+
+impl Running {
+    fn start() -> Running {
+        let files = Folder::new("open");
+        let scenario = oscillator(&files, "damper");
+        let child = Command::new("sh")
+            .args(["-c", "umask 0; exec \"$@\"", "sh"])
+            .arg(orchestrator())
+            .arg("run")
+            .arg(&scenario)
+            .args(["--real-time=0.1", "--duration", "1 h", "--out"])
+            .arg(files.path().join("run"))
+            .current_dir(root())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the orchestrator can be started");
+        let started = Instant::now();
+        // Both participants run, so everything that a run has is there.
+        loop {
+            let addresses = addresses(child.id());
+            let samples = fs::metadata(files.path().join("run/tape/plant.motion.bin"));
+            if let (true, [address, _]) = (samples.is_ok_and(|about| about.len() > 0), &addresses[..]) {
+                let (prefix, folder) = address.split_once('@').expect("an address has two parts");
+                let (prefix, folder) = (prefix.to_owned(), PathBuf::from(folder));
+                return Running {
+                    child,
+                    folder,
+                    prefix,
+                    _files: files,
+                };
+            }
+            assert!(started.elapsed() < Duration::from_secs(100), "the run does not start");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Everything of the run: its folder with what is in it, and its objects in shared memory.
+    fn objects(&self) -> Vec<PathBuf> {
+        let mut found = vec![self.folder.clone()];
+        let mut at = 0;
+        while let Some(folder) = found.get(at).cloned() {
+            let inside = fs::read_dir(&folder).into_iter().flatten().flatten();
+            found.extend(inside.map(|entry| entry.path()));
+            at += 1;
+        }
+        let memory = fs::read_dir("/dev/shm").into_iter().flatten().flatten();
+        let own = memory.filter(|entry| entry.file_name().to_string_lossy().starts_with(&self.prefix));
+        found.extend(own.map(|entry| entry.path()));
+        found
+    }
+
+    fn end(mut self) {
+        let pid = self.child.id().to_string();
+        let _ = Command::new("kill").args(["-INT", &pid]).status();
+        let child = std::mem::replace(&mut self.child, Command::new("true").spawn().expect("`true` runs"));
+        finish(child);
+        let _ = self.child.wait();
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// What the children of `parent` have in their environment as the run's address.
+fn addresses(parent: u32) -> Vec<String> {
+    let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let processes = entries.filter(|entry| entry.file_name().to_string_lossy().parse::<u32>().is_ok());
+    let address = |process: &Path| {
+        let status = fs::read_to_string(process.join("status")).ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("PPid:"))?;
+        if line.trim().parse::<u32>().ok()? != parent {
+            return None;
+        }
+        let environment = fs::read(process.join("environ")).ok()?;
+        let text = String::from_utf8_lossy(&environment).into_owned();
+        text.split('\0')
+            .find_map(|entry| entry.strip_prefix("ESCAPEMENT_RUN="))
+            .map(str::to_owned)
+    };
+    processes.filter_map(|entry| address(&entry.path())).collect()
+}
+
+#[test]
+fn nothing_of_a_run_is_for_others() {
+    let running = Running::start();
+    let objects = running.objects();
+    let memory = objects.iter().filter(|path| path.starts_with("/dev/shm")).count();
+    assert!(memory >= 10 && objects.len() - memory >= 5, "{objects:?}");
+    // The folder can be entered by its owner alone, so what is in it is out of reach; it and every object that stands outside
+    // of it must refuse others by itself.
+    let mut open = Vec::new();
+    for path in &objects {
+        let Ok(about) = fs::symlink_metadata(path) else {
+            continue;
+        };
+        let inside = path.starts_with(&running.folder) && *path != running.folder;
+        let shut = about.mode() & 0o077 == 0;
+        if !shut && !inside {
+            open.push(format!("{} has mode {:o}", path.display(), about.mode() & 0o7777));
+        }
+        assert!(!about.file_type().is_block_device());
+    }
+    let base = running.folder.parent().expect("the folder stands in the user's");
+    assert_eq!(
+        fs::metadata(base).expect("it is there").mode() & 0o077,
+        0,
+        "{}",
+        base.display()
+    );
+    // As root it can be tried: nobody gets in.
+    if rustix::process::getuid().is_root() {
+        for path in &objects {
+            for test in ["-r", "-w"] {
+                let mut command = Command::new("setpriv");
+                command.args(["--reuid=65534", "--regid=65534", "--clear-groups", "test", test]);
+                let Ok(status) = command.arg(path).status() else { break };
+                if status.success() {
+                    open.push(format!("{} is open to nobody: test {test}", path.display()));
+                }
+            }
+        }
+    }
+    running.end();
+    assert!(open.is_empty(), "{}", open.join("\n"));
+}

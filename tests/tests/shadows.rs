@@ -1,0 +1,160 @@
+//! A second program on a participant's inputs: what it would have said, compared, without any effect on the run.
+
+use std::path::Path;
+
+use escapement_tests::program::{Folder, Said, orchestrate, participant, root};
+use escapement_tests::world::oscillator;
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("paths of tests are text")
+}
+
+/// Runs the oscillator with its damper and `shadow` beside it.
+fn shadowed(folder: &Folder, shadow: &str) -> Said {
+    let scenario = oscillator(folder, "damper");
+    let (out, shadow) = (
+        folder.path().join("run"),
+        format!("damper={}", participant(shadow).display()),
+    );
+    orchestrate(&[
+        "run",
+        text(&scenario),
+        "--out",
+        text(&out),
+        "--json",
+        "--shadow",
+        &shadow,
+    ])
+}
+
+#[test]
+fn the_same_program_says_the_same() {
+    let folder = Folder::new("same");
+    let said = shadowed(&folder, "damper");
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let shadow = &said.json()["shadows"][0];
+    assert_eq!(shadow["participant"], "damper");
+    assert_eq!(shadow["comparison"]["identical"], true, "{shadow}");
+    assert_eq!(shadow["comparison"]["samples"], 1000);
+    assert_eq!(shadow["ending"]["status"], "complete");
+    let summary = std::fs::read_to_string(folder.path().join("run/summary.json")).unwrap();
+    assert!(summary.contains("\"shadows\""));
+}
+
+#[test]
+fn the_first_difference_and_the_largest_of_each_field_are_told() {
+    let folder = Folder::new("other");
+    let scenario = root().join("scenarios/close.toml");
+    let run = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let common = ["run", text(&scenario), "--duration", "3 s", "--out", text(&out)];
+        let said = orchestrate(&[&common[..], more].concat());
+        assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+        said
+    };
+    let shadow = [
+        "--shadow",
+        "controller=builtin:controller",
+        "--shadow-set",
+        "gains.kp.base_rotation=20 N m s/rad",
+    ];
+    let plain = run("plain", &["--json"]).json();
+    let processes = run("processes", &[&shadow[..], &["--json"]].concat()).json();
+    let in_process = run("in-process", &[&shadow[..], &["--json", "--in-process"]].concat()).json();
+    assert_eq!(processes["tape_digest"], plain["tape_digest"], "a shadow has no effect");
+    assert_eq!(processes["shadows"], in_process["shadows"]);
+    let found = &processes["shadows"][0];
+    assert_eq!(found["comparison"]["identical"], false, "{found}");
+    assert!(
+        found["comparison"]["first"]["stream"]
+            .as_str()
+            .unwrap()
+            .starts_with("controller.")
+    );
+    assert!(!found["comparison"]["fields"].as_array().unwrap().is_empty());
+    assert!(
+        folder
+            .path()
+            .join("processes/shadow/controller/tape/controller.command.bin")
+            .is_file()
+    );
+    let words = run("words", &[&shadow[..], &["--in-process"]].concat()).out;
+    for part in [
+        "shadow of `controller`, builtin:controller",
+        "first at",
+        "controller.",
+        "largest difference",
+    ] {
+        assert!(words.contains(part), "`{part}` is not in: {words}");
+    }
+}
+
+#[test]
+fn the_death_of_a_shadow_does_not_end_the_run() {
+    for (shadow, words) in [("crash_at", "abort"), ("panics", "panicked"), ("nan", "finite")] {
+        let folder = Folder::new(shadow);
+        let said = shadowed(&folder, shadow);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let found = &said.json();
+        assert_eq!(found["ending"]["status"], "complete");
+        let ending = &found["shadows"][0]["ending"];
+        assert_eq!(ending["status"], "failed", "{found}");
+        assert!(ending["reason"].as_str().unwrap().contains(words), "{ending}");
+        // What it said before is compared all the same.
+        assert!(
+            found["shadows"][0]["comparison"]["samples"].as_u64().unwrap() > 0,
+            "{found}"
+        );
+    }
+}
+
+#[test]
+fn other_ports_are_refused_with_the_difference() {
+    let folder = Folder::new("ports");
+    let out = folder.path().join("run");
+    let scenario = root().join("scenarios/close.toml");
+    let said = orchestrate(&[
+        "run",
+        text(&scenario),
+        "--out",
+        text(&out),
+        "--shadow",
+        "guidance=builtin:controller",
+    ]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(!out.exists(), "refused before anything runs");
+    for (shadow, parts) in [
+        ("controller=builtin:plant", &["participants.controller"][..]),
+        (
+            "controller=./nothing",
+            &["participants.controller.run", "not an executable file"],
+        ),
+        ("pilot=builtin:controller", &["`pilot`"]),
+        ("controller", &["PARTICIPANT=PROGRAM"]),
+    ] {
+        let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--shadow", shadow]);
+        assert_eq!(said.code, Some(2), "{shadow}: {said:?}");
+        for part in parts {
+            assert!(said.err.contains(part), "{shadow}: `{part}` is not in: {}", said.err);
+        }
+    }
+    // The ports of a program of its own are known when it runs: the run is over then, and stands.
+    let said = shadowed(&folder, "wrong_descriptor");
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let refused = said.json()["shadows"][0]["refused"].as_str().unwrap().to_owned();
+    assert!(
+        refused.contains("force") && refused.contains("does not fit"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_substitute_takes_the_place_from_the_start() {
+    let folder = Folder::new("substitute");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    let substitute = format!("damper={}", participant("nan").display());
+    let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--substitute", &substitute]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("`damper`") && said.err.contains("finite"), "{said:?}");
+}
