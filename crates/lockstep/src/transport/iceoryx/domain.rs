@@ -68,6 +68,24 @@ pub struct Domain {
     node: Node<Ipc>,
 }
 
+/// Takes all permissions of others from the run's objects in shared memory. iceoryx2 gives its objects to the user alone, except
+/// for one counter that the first node of a prefix makes, which everybody may write whatever the umask says.
+fn shut(prefix: &str) -> std::io::Result<()> {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    for entry in std::fs::read_dir("/dev/shm")? {
+        let entry = entry?;
+        if !entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
+            continue;
+        }
+        // What has gone meanwhile is open to nobody.
+        let Ok(about) = entry.metadata() else { continue };
+        if about.mode() & 0o077 != 0 {
+            std::fs::set_permissions(entry.path(), std::fs::Permissions::from_mode(about.mode() & 0o700))?;
+        }
+    }
+    Ok(())
+}
+
 impl Domain {
     /// Enters the domain at `address` under the name `process`.
     pub fn enter(address: Address, process: &str) -> Result<Domain, DomainError> {
@@ -88,15 +106,13 @@ impl Domain {
             reason,
         };
         let name = NodeName::new(process).map_err(|error| failed("naming the process", format!("{error:?}")))?;
-        // One object that a node makes besides its own takes its permissions from the umask: nobody else shall have any.
-        let umask = rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o077));
         let node = NodeBuilder::new()
             .name(&name)
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Ipc>();
-        rustix::process::umask(umask);
-        let node = node.map_err(|error| failed("joining", format!("{error:?}")))?;
+            .create::<Ipc>()
+            .map_err(|error| failed("joining", format!("{error:?}")))?;
+        shut(&address.prefix).map_err(|error| failed("shutting others out", error.to_string()))?;
         Ok(Domain { address, node })
     }
 
