@@ -44,7 +44,7 @@ fn the_same_program_says_the_same() {
 #[test]
 fn the_first_difference_and_the_largest_of_each_field_are_told() {
     let folder = Folder::new("other");
-    let scenario = root().join("scenarios/close.toml");
+    let scenario = root().join("scenarios/close-start-gains.toml");
     let run = |name: &str, more: &[&str]| {
         let out = folder.path().join(name);
         let common = ["run", text(&scenario), "--duration", "3 s", "--out", text(&out)];
