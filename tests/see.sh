@@ -28,3 +28,19 @@ fi
 "$python" tests/exports/check_exports.py "$orchestrator" "$work/close"
 "$python" tests/pages/check_report.py "$orchestrator" "$work/close" "$work/slower" ${2:+--screenshots "$2"}
 "$python" tests/pages/check_live.py "$orchestrator" ${2:+--screenshots "$2"}
+
+# A participant in Python takes the place of one in Rust, and the tape stays the same: docs/protocol.md is enough.
+if ! "$python" -c "import iceoryx2" 2>/dev/null; then
+    "$python" -m venv "$work/foreign"
+    python=$work/foreign/bin/python
+    "$python" -m pip install --quiet -r examples/python/requirements.txt
+fi
+"$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust"
+in_python="participants.right.run={ exe = \"$(command -v "$python")\", args = [\"examples/python/spring.py\"] }"
+"$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python" --set "$in_python"
+"$orchestrator" compare "$work/rust" "$work/python"
+# Draws and gaps too.
+late=(--set connections.to-right.jitter=7ms --set connections.to-left.drop=0.2 --set connections.to-left.hold=initial)
+"$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust-late" "${late[@]}"
+"$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python-late" "${late[@]}" --set "$in_python"
+"$orchestrator" compare "$work/rust-late" "$work/python-late"

@@ -104,7 +104,13 @@ fn check(interface: &Interface) {
 /// A parcel of samples and notes.
 pub fn parcel(bytes: &[u8]) {
     let mut entries = 0;
-    let result: Result<(), Broken> = unpack(bytes, |_| {
+    let words: Vec<u64> = bytes
+        .as_chunks::<8>()
+        .0
+        .iter()
+        .map(|word| u64::from_le_bytes(*word))
+        .collect();
+    let result: Result<(), Broken> = unpack(&words, |_| {
         entries += 1;
         Ok(())
     });

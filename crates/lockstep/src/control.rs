@@ -6,7 +6,7 @@ use crate::participant::Interface;
 use crate::plan::{Assignment, Position};
 
 /// The version of the protocol. Both sides must have the same.
-pub const PROTOCOL: u32 = 1;
+pub const PROTOCOL: u32 = 2;
 
 /// From the orchestrator to a participant; each is answered by one [`Reply`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -95,14 +95,15 @@ impl Waiting {
         spins: 20_000,
         yields: 2_000,
     };
-    /// For a few participants that share a core: the one waited for needs it.
+    /// For a few participants that share a core: the one waited for needs it, so nobody spins.
     pub const YIELD: Waiting = Waiting {
-        spins: 20,
+        spins: 0,
         yields: 2_000,
     };
     /// For many participants that share a core. Every yield passes through all who yield, so a hand-off among N of them
-    /// costs N yields; those who wait for long must sleep for the cost to stay linear.
-    pub const CROWD: Waiting = Waiting { spins: 0, yields: 6 };
+    /// costs up to N yields; those who wait for long must sleep for the cost to stay linear. Two yields are what a hand-off
+    /// to the next one takes.
+    pub const CROWD: Waiting = Waiting { spins: 0, yields: 2 };
     /// For long pauses and machines that have better things to do.
     pub const SLEEP: Waiting = Waiting { spins: 0, yields: 0 };
 }

@@ -82,6 +82,8 @@ fn ring(folder: &Path, count: usize, steps: u64, wait: Wait) -> anyhow::Result<f
         out: Some(out.clone()),
         quiet: true,
         wait,
+        // Two that spin need a core each, which placement gives them only where there is one to spare.
+        no_placement: wait == Wait::Spin,
         patience_s: 60.0,
         ..Options::default()
     };

@@ -8,7 +8,8 @@ use lockstep::plan::{Placement, Plan, Position, place};
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;
 use lockstep::transport::iceoryx::{
-    Bell, ControlClient, Domain, DomainError, RecordReceiver, Recorded, StatusReader, StatusService, WakeService,
+    Bell, ControlClient, Domain, DomainError, RecordReceiver, Recorded, Sleeping, StatusReader, StatusService,
+    WakeService,
 };
 
 use super::Options;
@@ -99,7 +100,10 @@ impl Member {
             recalled,
             ..
         } = self;
-        ports.record.receive(|entry| {
+        let Ports {
+            record, status, bell, ..
+        } = ports;
+        let took = record.receive(|entry| {
             match entry {
                 Recorded::Sample {
                     stream,
@@ -112,7 +116,12 @@ impl Member {
                 Recorded::Note(note @ Note::Failed { .. }) => *failed = Some(note),
             }
             Ok(())
-        })
+        });
+        // Whoever sleeps for room in the recording sleeps for anything.
+        if matches!(took, Ok(true)) && status.asleep() == Some(Sleeping::FOR_ANYTHING) {
+            bell.ring();
+        }
+        took
     }
 
     /// Sends a request and waits for the reply.

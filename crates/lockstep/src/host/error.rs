@@ -26,14 +26,4 @@ pub enum HostError {
         /// Why.
         source: StepError,
     },
-    /// The participant panicked.
-    #[error("activation {activation} at t = {t} s: it panicked: {message}")]
-    Panic {
-        /// The activation.
-        activation: u64,
-        /// Its instant, s.
-        t: f64,
-        /// What it said.
-        message: String,
-    },
 }

@@ -1,6 +1,7 @@
 //! The life of a participant in a process of its own: from the first request of the orchestrator to the last.
 
 mod error;
+mod neighbours;
 mod ready;
 mod session;
 mod waiting;

@@ -1,23 +1,22 @@
 //! A participant with all of its links: stepping, waiting, coming to rest.
 
 use std::cell::RefCell;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use super::HostError;
+use super::neighbours::Neighbours;
 use super::waiting::Patience;
 use crate::control::{Note, Timing, Waiting};
-use crate::panic::message;
 use crate::participant::Participant;
 use crate::plan::{Assignment, Position};
 use crate::stepper::{Ends, PositionError, Progress, Stepper, Wait};
 use crate::time::Ticks;
 use crate::transport::iceoryx::{
-    Activity, ClockReader, Domain, DomainError, LinkService, Order, RecordSender, SharedRecord, Sleeper, Status,
-    StatusWriter, Waker,
+    Activity, ClockReader, Domain, DomainError, LinkService, Order, RecordSender, SharedRecord, Sleeper, Sleeping,
+    Status, StatusWriter,
 };
-use crate::transport::{Broken, Receiver, Recording, Sender};
+use crate::transport::{Broken, Recording};
 
 /// How long a participant sleeps between two looks when it must hand something over and there is no room.
 const NAP: Duration = Duration::from_millis(1);
@@ -36,8 +35,8 @@ pub(super) struct Ready {
     pub(super) stepper: Stepper,
     pub(super) clock: ClockReader,
     record: SharedRecord,
-    /// Whoever may be waiting for a sample of an output, or for room on the link into an input; once each.
-    neighbours: Vec<Waker>,
+    /// Whoever may be waiting for a sample of an output, or for room on the link into an input.
+    neighbours: Neighbours,
     pub(super) patience: Patience,
     pub(super) timing: Timing,
     /// Keeps the services of the links open.
@@ -77,20 +76,12 @@ pub(super) fn connect(
         senders: Vec::new(),
         recording: Box::new(crate::transport::NoRecording),
     };
-    let mut neighbours = Vec::<(String, Waker)>::new();
-    let mut meet = |port: &str| -> Result<(), DomainError> {
-        let neighbour = port.split('.').next().unwrap_or(port);
-        if neighbour != name && !neighbours.iter().any(|(known, _)| known == neighbour) {
-            neighbours.push((neighbour.to_owned(), Waker::open(domain, neighbour)?));
-        }
-        Ok(())
-    };
+    let mut neighbours = Neighbours::of(name);
     for (link, port) in assignment.inputs.iter().zip(&assignment.interface.inputs) {
         let mut receiver = None;
         if let Some(link) = link {
             let service = LinkService::open(domain, link.link, port.descriptor.size as usize, link.capacity as usize)?;
-            receiver = Some(Box::new(service.receiver(domain)?) as Box<dyn Receiver>);
-            meet(&link.from)?;
+            receiver = Some(neighbours.receiver(domain, link, service.receiver(domain)?)?);
             links.push(service);
         }
         ends.receivers.push(receiver);
@@ -99,9 +90,8 @@ pub(super) fn connect(
         let mut senders = Vec::new();
         for to in &output.consumers {
             let service = LinkService::open(domain, to.link, port.descriptor.size as usize, to.capacity as usize)?;
-            senders.push(Box::new(service.sender(domain)?) as Box<dyn Sender>);
+            senders.push(neighbours.sender(domain, to, service.sender(domain)?)?);
             links.push(service);
-            meet(&to.to)?;
         }
         ends.senders.push(senders);
     }
@@ -122,7 +112,7 @@ pub(super) fn connect(
         stepper,
         clock: ClockReader::open(domain)?,
         record,
-        neighbours: neighbours.into_iter().map(|(_, waker)| waker).collect(),
+        neighbours,
         patience: Patience::new(waiting),
         timing,
         _links: links,
@@ -146,25 +136,20 @@ impl Ready {
             activity: Activity::Computing,
         });
         loop {
-            let (activation, t) = (self.stepper.next_activation(), self.stepper.next_seconds());
-            let progress = match catch_unwind(AssertUnwindSafe(|| self.stepper.poll())) {
-                Ok(progress) => progress.map_err(|source| HostError::Step { activation, t, source })?,
-                Err(panic) => {
-                    return Err(HostError::Panic {
-                        activation,
-                        t,
-                        message: message(&*panic),
-                    });
+            let activation = self.stepper.next_activation();
+            let progress = match self.stepper.poll() {
+                Ok(progress) => progress,
+                Err(source) => {
+                    let t = self.stepper.next_seconds();
+                    return Err(HostError::Step { activation, t, source });
                 }
             };
+            self.neighbours.wake();
             if let Progress::Waiting(wait) = progress {
-                if waiting.is_none_or(|(known, _)| known != wait) {
-                    if let Some((known, since)) = waiting.replace((wait, Instant::now())) {
-                        self.account(known, since);
-                    }
-                    // Whoever is waited for may itself sleep until it hears of what this participant has taken or given.
-                    // Once is enough: who falls asleep later looks again first.
-                    self.neighbours.iter().for_each(Waker::wake);
+                if waiting.is_none_or(|(known, _)| known != wait)
+                    && let Some((known, since)) = waiting.replace((wait, Instant::now()))
+                {
+                    self.account(known, since);
                 }
                 if self.patience.is_long() {
                     status.set(Status {
@@ -175,7 +160,7 @@ impl Ready {
                         return Ok(Pause::Ordered);
                     }
                 }
-                self.patience.pause(status, sleeper)?;
+                self.patience.pause(self.sleeping(wait), status, sleeper)?;
                 continue;
             }
             if let Some((wait, since)) = waiting.take() {
@@ -184,7 +169,6 @@ impl Ready {
             }
             match progress {
                 Progress::Stepped => {
-                    self.neighbours.iter().for_each(Waker::wake);
                     status.set(Status {
                         next: activation + 1,
                         activity: Activity::Computing,
@@ -195,7 +179,6 @@ impl Ready {
                 }
                 Progress::AtHorizon => {
                     self.timing.total_ns += started.elapsed().as_nanos() as u64;
-                    self.neighbours.iter().for_each(Waker::wake);
                     status.set(Status {
                         next: activation,
                         activity: Activity::Rest,
@@ -212,7 +195,6 @@ impl Ready {
                 Progress::Finished => {
                     self.timing.total_ns += started.elapsed().as_nanos() as u64;
                     self.timing.sleeps = self.patience.sleeps;
-                    self.neighbours.iter().for_each(Waker::wake);
                     status.set(Status {
                         next: count,
                         activity: Activity::Finished,
@@ -243,6 +225,16 @@ impl Ready {
         let activity = Activity::Rest;
         status.set(Status { next, activity });
         Ok(self.hand_over(&Note::Recalled { next }, sleeper)?)
+    }
+
+    fn sleeping(&self, wait: Wait) -> Sleeping {
+        let own = self.stepper.assignment();
+        match wait {
+            Wait::Sample { input, .. } => own.inputs[input].as_ref().map(|link| Sleeping::for_sample(link.link)),
+            Wait::Room { output, consumer } => Some(Sleeping::for_room(own.outputs[output].consumers[consumer].link)),
+            Wait::Recording => None,
+        }
+        .unwrap_or(Sleeping::FOR_ANYTHING)
     }
 
     fn account(&mut self, wait: Wait, since: Instant) {

@@ -19,6 +19,10 @@ pub enum Read {
 #[derive(Debug, Clone)]
 pub struct ReadSchedule {
     visibility: Visibility,
+    /// The least and the largest delay of the link, ticks.
+    delays: (Ticks, Ticks),
+    /// Every sample arrives, each as late as any other: the read follows from one division.
+    steady: bool,
     consumer: SampleTime,
     /// Read sample 0 while nothing is visible.
     first_sample: bool,
@@ -35,8 +39,11 @@ impl ReadSchedule {
     /// The schedule of a link for a consumer with sample time `consumer`. With `first_sample`, the producer's sample 0
     /// stands in while nothing is visible; that is allowed only for outputs that exist before the run starts.
     pub fn new(visibility: Visibility, consumer: SampleTime, first_sample: bool) -> ReadSchedule {
+        let delays = visibility.delay_bounds();
         ReadSchedule {
+            steady: delays.0 == delays.1 && !visibility.drops(),
             visibility,
+            delays,
             consumer,
             first_sample,
             next: 0,
@@ -64,12 +71,15 @@ impl ReadSchedule {
     }
 
     fn at(&mut self, t: Ticks) -> Read {
-        let (least, most) = self.visibility.delay_bounds();
+        let (least, most) = self.delays;
         let producer = self.visibility.producer();
         // No sample beyond `last` can be visible; every sample up to `sure` is, unless it is dropped.
         let Some(last) = producer.index_at_or_before(t.saturating_sub(least)) else {
             return self.nothing();
         };
+        if self.steady {
+            return Read::Sample(last);
+        }
         let sure = producer
             .index_at_or_before(t.saturating_sub(most))
             .map_or(0, |index| index + 1);

@@ -244,6 +244,11 @@ impl Visibility {
         )
     }
 
+    /// True when any sample may be dropped.
+    pub fn drops(&self) -> bool {
+        self.drop_below > 0 || self.faults.iter().any(|fault| fault.drop_below > 0)
+    }
+
     /// True when sample `k` never arrives.
     pub fn dropped(&self, k: u64) -> bool {
         let lost = self.drop_below > 0 && (self.random.bits(2 * k + 1) >> 32) < self.drop_below;

@@ -98,7 +98,8 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
 fn turn_taking(plan: &Plan) -> Vec<Vec<usize>> {
     let tight = plan.links.iter().filter(|link| {
         let periods = [link.from.0, link.to.0].map(|end| plan.participants[end].sample_time.period);
-        link.visibility.delay_bounds().0 < periods[0].max(periods[1]) / 2
+        // In a wide type: half of a period of one tick is no whole tick, and twice a long delay may be no tick count.
+        2 * i128::from(link.visibility.delay_bounds().0) < i128::from(periods[0].max(periods[1]))
     });
     let arrows: Vec<(usize, usize)> = tight.map(|link| (link.from.0, link.to.0)).collect();
     let mut groups = strongly_connected(plan.participants.len(), &arrows);

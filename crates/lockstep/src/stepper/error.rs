@@ -9,6 +9,9 @@ pub enum StepError {
     /// The participant itself gave up.
     #[error("{0}")]
     Failed(Failure),
+    /// The participant panicked.
+    #[error("it panicked: {0}")]
+    Panicked(String),
     /// The participant wrote a NaN or an infinity.
     #[error("its output `{port}` has {element} = {value}: an output must be finite")]
     NotFinite {

@@ -13,12 +13,14 @@ pub use error::{PositionError, StepError};
 
 pub use position::settle;
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use input::InputState;
 use output::{ConsumerState, Disturbed, OutputState};
 
 use crate::fault::Injector;
 use crate::link::Read;
-use crate::participant::{FiniteCheck, Inputs, Kind, Outputs, Participant, Step, first_not_finite};
+use crate::participant::{Failure, FiniteCheck, Inputs, Kind, Outputs, Participant, Step, first_not_finite};
 use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
 use crate::transport::{Header, Receiver, Recording, Sender};
@@ -70,8 +72,6 @@ enum Phase {
     Record { output: usize },
     /// Putting on the tape what this input has shown, where a fault may have changed it.
     Look { input: usize },
-    /// Handing the tape over, before anybody else sees the sample.
-    Flush,
     /// Sending this output to this consumer.
     Publish { output: usize, consumer: usize },
 }
@@ -261,12 +261,12 @@ impl Stepper {
                         return Ok(false);
                     }
                 }
-                Phase::Flush | Phase::Publish { .. } => {
+                Phase::Publish { .. } => {
                     self.next += u64::from(self.initialised);
                     self.initialised = true;
                     self.phase = Phase::Rest;
                 }
-                Phase::Rest => return self.flush(),
+                Phase::Rest => return self.recording.try_flush().map_err(to_the_recorder),
             }
         }
     }
@@ -279,7 +279,7 @@ impl Stepper {
                 Phase::Rest => {
                     let at_end = self.next >= self.assignment.activations;
                     if at_end || self.next_instant() >= self.horizon {
-                        if !self.flush()? {
+                        if !self.recording.try_flush().map_err(to_the_recorder)? {
                             return Ok(Progress::Waiting(Wait::Recording));
                         }
                         return Ok(if at_end {
@@ -305,12 +305,6 @@ impl Stepper {
                         return Ok(Progress::Waiting(Wait::Recording));
                     }
                 }
-                Phase::Flush => {
-                    if !self.flush()? {
-                        return Ok(Progress::Waiting(Wait::Recording));
-                    }
-                    self.phase = Phase::Publish { output: 0, consumer: 0 };
-                }
                 Phase::Publish { output, consumer } => {
                     if output < self.outputs.len() {
                         if !self.publish(output, consumer)? {
@@ -331,9 +325,8 @@ impl Stepper {
 
     fn initialise(&mut self) -> Result<(), StepError> {
         let continuous = self.assignment.interface.kind == Kind::Continuous;
-        self.participant
-            .initialise(self.next_seconds(), &mut self.output_buffers)
-            .map_err(StepError::Failed)?;
+        let t = self.next_seconds();
+        guarded(|| self.participant.initialise(t, &mut self.output_buffers))?;
         if continuous && self.assignment.activations > 0 {
             self.check_outputs()?;
             self.phase = Phase::Record { output: 0 };
@@ -419,9 +412,13 @@ impl Stepper {
             Kind::Sampled => self.next,
             Kind::Continuous => self.next + 1,
         };
-        self.participant
-            .step(&step, &self.input_buffers, &mut self.output_buffers)
-            .map_err(StepError::Failed)?;
+        let Stepper {
+            participant,
+            input_buffers,
+            output_buffers,
+            ..
+        } = self;
+        guarded(|| participant.step(&step, input_buffers, output_buffers))?;
         self.check_outputs()?;
         self.phase = Phase::Record { output: 0 };
         Ok(())
@@ -469,26 +466,19 @@ impl Stepper {
         Ok(appended)
     }
 
-    /// Everything is on its way to the tape.
+    /// Everything is put onto the tape. Samples that nobody reads need go no further.
     fn prepare_to_publish(&mut self) {
+        self.recording.commit();
         let header = self.header();
-        // Samples that nobody reads need only reach the tape, and that can wait until somebody is shown something.
-        self.phase = Phase::Publish {
-            output: self.outputs.len(),
-            consumer: 0,
-        };
         for (output, payload) in self.outputs.iter_mut().zip(&self.output_buffers.payloads) {
             output.disturb(header, payload.bytes());
         }
+        let mut wanted = false;
         for consumer in self.outputs.iter_mut().flat_map(|output| &mut output.consumers) {
-            if consumer.look_at(header.index) {
-                self.phase = Phase::Flush;
-            }
+            wanted |= consumer.look_at(header.index);
         }
-    }
-
-    fn flush(&mut self) -> Result<bool, StepError> {
-        self.recording.try_flush().map_err(to_the_recorder)
+        let output = if wanted { 0 } else { self.outputs.len() };
+        self.phase = Phase::Publish { output, consumer: 0 };
     }
 
     fn publish(&mut self, output: usize, consumer: usize) -> Result<bool, StepError> {
@@ -511,6 +501,14 @@ impl Stepper {
             consumer: consumer + 1,
         };
         Ok(true)
+    }
+}
+
+/// What a participant does, with a panic of its code as one more way to fail. Whatever it left half done is not used again.
+fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), StepError> {
+    match catch_unwind(AssertUnwindSafe(work)) {
+        Ok(result) => result.map_err(StepError::Failed),
+        Err(panic) => Err(StepError::Panicked(crate::panic::message(&*panic))),
     }
 }
 

@@ -132,14 +132,16 @@ impl Rational {
 
 /// The double nearest to `numerator / denominator` (ties to even), for a positive denominator.
 pub(crate) fn nearest_double(numerator: i128, denominator: i128) -> f64 {
-    const EXACT: u128 = 1 << 53;
-    let (n, d) = (numerator.unsigned_abs(), denominator.unsigned_abs());
-    let magnitude = if n <= EXACT && d <= EXACT {
+    const EXACT: u64 = 1 << 53;
+    // Almost every time of a run is like this, and 64-bit conversions are one instruction each.
+    if let (Ok(n), Ok(d)) = (i64::try_from(numerator), i64::try_from(denominator))
+        && n.unsigned_abs() <= EXACT
+        && d.unsigned_abs() <= EXACT
+    {
         // Both are doubles already, so the one division is the only rounding.
-        n as f64 / d as f64
-    } else {
-        long_division(n, d)
-    };
+        return n as f64 / d as f64;
+    }
+    let magnitude = long_division(numerator.unsigned_abs(), denominator.unsigned_abs());
     if numerator < 0 { -magnitude } else { magnitude }
 }
 

@@ -92,8 +92,10 @@ pub struct SampleTime {
 impl SampleTime {
     /// The instant of activation `k`; saturates at the end of representable time.
     pub fn instant(&self, k: u64) -> Ticks {
-        let exact = i128::from(self.offset) + i128::from(self.period) * i128::from(k);
-        exact.min(i128::from(Ticks::MAX)) as Ticks
+        let exact = Ticks::try_from(k).ok().and_then(|k| self.period.checked_mul(k));
+        exact
+            .and_then(|exact| exact.checked_add(self.offset))
+            .unwrap_or(Ticks::MAX)
     }
 
     /// How many instants lie before `end`.
@@ -108,8 +110,8 @@ impl SampleTime {
 
     /// The newest index whose instant is at or before `t`.
     pub fn index_at_or_before(&self, t: Ticks) -> Option<u64> {
-        let span = i128::from(t) - i128::from(self.offset);
-        (span >= 0).then(|| (span / i128::from(self.period)) as u64)
+        // From one end of representable time to the other is more than a signed word holds, but not more than an unsigned one.
+        (t >= self.offset).then(|| t.abs_diff(self.offset) / self.period.unsigned_abs())
     }
 
     /// The instants that two sample times have in common, as a sample time (Chinese remainder theorem); `None` when they

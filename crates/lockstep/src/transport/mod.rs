@@ -38,7 +38,11 @@ pub trait Recording {
     /// Puts one sample, or does nothing and answers `false` when there is no room now.
     fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken>;
 
-    /// Hands over everything put so far; `false` when that must be tried again.
+    /// The samples put since the last call are one activation, all of it. From now on they reach the recorder even if the
+    /// participant's process is killed at the next instruction: other participants may be shown them.
+    fn commit(&mut self) {}
+
+    /// To be called at rest: nothing of what was put stays with the participant. `false` when that must be tried again.
     fn try_flush(&mut self) -> Result<bool, Broken>;
 }
 

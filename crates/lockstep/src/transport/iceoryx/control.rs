@@ -80,9 +80,10 @@ impl ControlClient {
         let started = Instant::now();
         loop {
             if let Some(reply) = pending.receive().map_err(|error| broken("receiving a reply", error))? {
-                return Ok(Some(
-                    wire::decode("a reply", reply.payload()).map_err(|error| Broken(error.to_string()))?,
-                ));
+                // A copy, so that what is decoded does not change meanwhile.
+                let bytes = reply.payload().to_vec();
+                let reply = wire::decode("a reply", &bytes).map_err(|error| Broken(error.to_string()))?;
+                return Ok(Some(reply));
             }
             if started.elapsed() > limit || abandon() {
                 return Ok(None);
@@ -122,6 +123,20 @@ impl ControlServer {
 
     /// Answers one request, if there is one, with what `answer` makes of it. Whether there was one.
     pub fn serve(&self, answer: impl FnOnce(Request) -> Reply) -> Result<bool, Broken> {
+        self.serve_bytes(|request| {
+            let reply = match wire::decode("a request", request) {
+                Ok(request) => answer(request),
+                Err(error) => refused(error.to_string()),
+            };
+            // A reply too large for the wire (a state, say) is told, not sent.
+            wire::encode("a reply", &reply)
+                .or_else(|error| wire::encode("a reply", &refused(error.to_string())))
+                .unwrap_or_default()
+        })
+    }
+
+    /// As [`ControlServer::serve`], with the encoded request and the encoded reply.
+    pub fn serve_bytes(&self, answer: impl FnOnce(&[u8]) -> Vec<u8>) -> Result<bool, Broken> {
         let Some(active) = self
             .server
             .receive()
@@ -129,14 +144,9 @@ impl ControlServer {
         else {
             return Ok(false);
         };
-        let reply = match wire::decode("a request", active.payload()) {
-            Ok(request) => answer(request),
-            Err(error) => Reply::Refused {
-                key: String::new(),
-                reason: error.to_string(),
-            },
-        };
-        let bytes = wire::encode("a reply", &reply).map_err(|error| Broken(error.to_string()))?;
+        // A copy, so that what is decoded does not change meanwhile.
+        let request = active.payload().to_vec();
+        let bytes = answer(&request);
         let message = active
             .loan_slice_uninit(bytes.len())
             .map_err(|error| broken("no memory", error))?;
@@ -146,4 +156,9 @@ impl ControlServer {
             .map_err(|error| broken("replying", error))?;
         Ok(true)
     }
+}
+
+fn refused(reason: String) -> Reply {
+    let key = String::new();
+    Reply::Refused { key, reason }
 }

@@ -23,7 +23,7 @@ pub use control::{ControlClient, ControlServer};
 pub use domain::{Address, Domain, DomainError};
 pub use link::{LinkReceiver, LinkSender, LinkService};
 pub use record::{RecordReceiver, RecordSender, Recorded, SharedRecord, unpack};
-pub use status::{Activity, Status, StatusReader, StatusService, StatusWriter};
+pub use status::{Activity, Sleeping, Status, StatusReader, StatusService, StatusWriter};
 pub use wake::{Bell, Sleeper, WakeService, Waker};
 
 use iceoryx2::prelude::*;

@@ -1,14 +1,23 @@
 //! Everything a participant has for the tape, in parcels of many samples.
 //!
-//! A parcel is a row of entries, each of which is a header of three 64-bit words (stream or [`NOTE`], bytes, index) and one
-//! of the stamp, then the payload, filled up to a multiple of 8.
+//! A parcel is sent while it is still empty, and filled while the recorder holds it: appending a sample is a copy into shared
+//! memory, and one store commits those of an activation. From then on the recorder finds them, whatever becomes of the
+//! participant. The first
+//! word of a parcel says how many bytes of entries are committed, and whether any more will come ([`CLOSED`]).
+//!
+//! An entry is a header of four 64-bit words (stream or [`NOTE`], bytes, index, stamp), then the payload, filled up to a
+//! multiple of 8.
 
 use std::cell::RefCell;
+use std::mem::MaybeUninit;
+use std::ptr::NonNull;
 use std::rc::Rc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
+use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::domain::{Domain, DomainError};
@@ -21,41 +30,97 @@ use crate::wire;
 const NOTE: u64 = u64::MAX;
 /// The size of an entry's header, bytes.
 const ENTRY: usize = 32;
-/// The least room in a parcel, bytes. A parcel is handed over when the next entry does not fit.
-const PARCEL: usize = 8 * 1024;
+/// Added to the count of committed bytes when no more will come.
+const CLOSED: u64 = 1 << 63;
+/// The least room in a parcel, bytes. Sending one costs as much as sending a sample, so it should hold many samples; it
+/// should also stay in a core's own cache.
+const PARCEL: usize = 32 * 1024;
 /// The longest reason that a failing participant may give, bytes: a note fits into a parcel.
 const REASON: usize = 6 * 1024;
-/// Parcels on their way: enough for participants that exchange samples every two microseconds while the recorder naps. Only
-/// what is used of them takes memory.
-const PARCELS: usize = 512;
+/// Parcels on their way: 4 MiB, enough for participants that exchange samples every two microseconds while the recorder
+/// naps. Only what is used of them takes memory.
+const PARCELS: usize = 128;
 
-type Factory = PortFactory<Ipc, [u8], ()>;
+/// A word of a parcel: the participant writes while the recorder reads, so every access is atomic.
+#[derive(Debug)]
+#[repr(transparent)]
+struct Word(AtomicU64);
 
-fn builder(
-    domain: &Domain,
-    participant: &str,
-) -> Result<iceoryx2::service::builder::publish_subscribe::Builder<[u8], (), Ipc>, DomainError> {
-    let builder = domain
-        .service(&format!("record/{participant}"))?
-        .publish_subscribe::<[u8]>();
-    Ok(builder.payload_alignment(Alignment::ALIGN_8))
+// SAFETY: a 64-bit integer: no pointers, no padding, no drop.
+unsafe impl ZeroCopySend for Word {
+    unsafe fn type_name() -> &'static str {
+        "u64"
+    }
 }
 
-/// The bytes of an entry with a payload of `size` bytes.
-fn entry(size: usize) -> usize {
-    (ENTRY + size).next_multiple_of(8)
+type Factory = PortFactory<Ipc, [Word], ()>;
+type Builder = iceoryx2::service::builder::publish_subscribe::Builder<[Word], (), Ipc>;
+
+fn builder(domain: &Domain, participant: &str) -> Result<Builder, DomainError> {
+    Ok(domain
+        .service(&format!("record/{participant}"))?
+        .publish_subscribe::<[Word]>())
+}
+
+/// The words of an entry with a payload of `size` bytes.
+fn words_of(size: usize) -> usize {
+    (ENTRY + size).div_ceil(8)
+}
+
+/// A parcel that the recorder holds and that is still being filled.
+struct Open {
+    words: NonNull<[Word]>,
+    /// Words that are written, the first one of the parcel included.
+    used: usize,
+}
+
+impl Open {
+    fn words(&self) -> &[Word] {
+        // SAFETY: the words lie in the publisher's segment, which is mapped as long as the publisher lives and of fixed size,
+        // and `RecordSender` drops the publisher last. Nobody reuses them: the recorder gives a parcel back only when it is
+        // closed, after which there is no `Open` of it. All access is through atomics.
+        unsafe { self.words.as_ref() }
+    }
+
+    fn room(&self) -> usize {
+        self.words.len() - self.used
+    }
+
+    fn append(&mut self, head: [u64; 4], payload: &[u8]) {
+        let words = &self.words()[self.used..];
+        let put = |word: &Word, value: u64| word.0.store(value, Ordering::Relaxed);
+        words.iter().zip(head).for_each(|(word, value)| put(word, value));
+        let words = &words[head.len()..];
+        let (whole, rest) = payload.as_chunks::<8>();
+        words
+            .iter()
+            .zip(whole)
+            .for_each(|(word, bytes)| put(word, u64::from_ne_bytes(*bytes)));
+        if !rest.is_empty() {
+            let mut last = [0; 8];
+            last[..rest.len()].copy_from_slice(rest);
+            put(&words[whole.len()], u64::from_ne_bytes(last));
+        }
+        self.used += words_of(payload.len());
+    }
+
+    /// Everything so far is there for the recorder.
+    fn commit(&self, closed: u64) {
+        let bytes = 8 * (self.used as u64 - 1);
+        self.words()[0].0.store(bytes | closed, Ordering::Release);
+    }
 }
 
 /// The participant's end.
 pub struct RecordSender {
-    publisher: Publisher<Ipc, [u8], ()>,
-    _service: Factory,
-    /// Its capacity is the size of a parcel and never changes: a segment that grows would allocate at every loan.
-    parcel: Vec<u8>,
+    open: Option<Open>,
+    /// Words of a parcel. It never changes: a segment that grows would move.
     size: usize,
-    /// The participant's first stream, and the bytes of the entries of one activation.
+    /// The stream that an activation begins with, and the words of the entries of one activation.
     first: u32,
     activation: usize,
+    publisher: Publisher<Ipc, [Word], ()>,
+    _service: Factory,
 }
 
 impl RecordSender {
@@ -66,8 +131,8 @@ impl RecordSender {
         let service = builder(domain, participant)?
             .open()
             .map_err(|error| domain.failed(what(), error))?;
-        let activation = sizes.iter().map(|&size| entry(size)).sum();
-        let size = PARCEL.max(activation);
+        let activation = sizes.iter().map(|&size| words_of(size)).sum();
+        let size = (PARCEL / 8).max(1 + activation);
         let publisher = service
             .publisher_builder()
             .initial_max_slice_len(size)
@@ -76,22 +141,58 @@ impl RecordSender {
             .create()
             .map_err(|error| domain.failed(what(), error))?;
         Ok(RecordSender {
-            publisher,
-            _service: service,
-            parcel: Vec::with_capacity(size),
+            open: None,
             size,
             first,
             activation,
+            publisher,
+            _service: service,
         })
     }
 
-    fn append(&mut self, head: [u64; 4], payload: &[u8]) {
-        self.parcel.extend_from_slice(bytemuck::bytes_of(&head));
-        self.parcel.extend_from_slice(payload);
-        self.parcel.resize(self.parcel.len().next_multiple_of(8), 0);
+    /// A parcel with room for `words` more; `None` when there is none now.
+    fn with_room(&mut self, words: usize) -> Result<Option<&mut Open>, Broken> {
+        if self.open.as_ref().is_none_or(|open| open.room() < words) {
+            if let Some(full) = self.open.take() {
+                full.commit(CLOSED);
+            }
+            self.open = self.send()?;
+        }
+        Ok(self.open.as_mut().filter(|open| open.room() >= words))
     }
 
-    /// Puts a note behind the samples so far; it travels with the next flush. `false` when there is no room now.
+    fn sample(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
+        // The samples of one activation are committed together, so that whoever dies leaves whole activations.
+        let words = if stream == self.first {
+            self.activation
+        } else {
+            words_of(payload.len())
+        };
+        let Some(open) = self.with_room(words)? else {
+            return Ok(false);
+        };
+        let size = payload.len() as u64;
+        open.append([u64::from(stream), size, header.index, header.stamp as u64], payload);
+        Ok(true)
+    }
+
+    /// Sends an empty parcel; `None` when there is no room for it now.
+    fn send(&self) -> Result<Option<Open>, Broken> {
+        let mut parcel = self
+            .publisher
+            .loan_slice_uninit(self.size)
+            .map_err(|error| broken("no memory", error))?;
+        let payload: &mut [MaybeUninit<Word>] = parcel.payload_mut();
+        payload[0].write(Word(AtomicU64::new(0)));
+        let words = NonNull::from(payload);
+        let words = NonNull::slice_from_raw_parts(words.cast::<Word>(), self.size);
+        // SAFETY: shared memory is zero or what an earlier parcel left there, and every bit pattern is a `Word`.
+        let parcel = unsafe { parcel.assume_init() };
+        let taken_by = parcel.send().map_err(|error| broken("sending", error))?;
+        Ok((taken_by > 0).then_some(Open { words, used: 1 }))
+    }
+
+    /// Puts a note behind the samples so far. `false` when there is no room now.
     pub fn note(&mut self, note: &Note) -> Result<bool, Broken> {
         let mut note = note.clone();
         if let Note::Failed { reason, .. } = &mut note {
@@ -101,34 +202,12 @@ impl RecordSender {
             reason.truncate(end.unwrap_or(0));
         }
         let bytes = wire::encode("a note", &note).map_err(|error| Broken(error.to_string()))?;
-        if !self.fits(entry(bytes.len())) && !self.flush()? {
+        let Some(open) = self.with_room(words_of(bytes.len()))? else {
             return Ok(false);
-        }
-        self.append([NOTE, bytes.len() as u64, 0, 0], &bytes);
+        };
+        open.append([NOTE, bytes.len() as u64, 0, 0], &bytes);
+        open.commit(0);
         Ok(true)
-    }
-
-    /// Whether `bytes` more have room behind what is there.
-    fn fits(&self, bytes: usize) -> bool {
-        self.parcel.len() + bytes <= self.size
-    }
-
-    fn flush(&mut self) -> Result<bool, Broken> {
-        if self.parcel.is_empty() {
-            return Ok(true);
-        }
-        let parcel = self
-            .publisher
-            .loan_slice_uninit(self.parcel.len())
-            .map_err(|e| broken("no memory", e))?;
-        let taken_by = parcel
-            .write_from_slice(&self.parcel)
-            .send()
-            .map_err(|e| broken("sending", e))?;
-        if taken_by > 0 {
-            self.parcel.clear();
-        }
-        Ok(taken_by > 0)
     }
 }
 
@@ -138,25 +217,18 @@ pub struct SharedRecord(pub Rc<RefCell<RecordSender>>);
 
 impl Recording for SharedRecord {
     fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
-        let mut sender = self.0.borrow_mut();
-        // The samples of one activation travel together, so that whoever dies leaves whole activations.
-        if stream == sender.first && !sender.fits(sender.activation) && !sender.flush()? {
-            return Ok(false);
+        self.0.borrow_mut().sample(stream, header, payload)
+    }
+
+    fn commit(&mut self) {
+        if let Some(open) = &self.0.borrow().open {
+            open.commit(0);
         }
-        sender.append(
-            [
-                u64::from(stream),
-                payload.len() as u64,
-                header.index,
-                header.stamp as u64,
-            ],
-            payload,
-        );
-        Ok(true)
     }
 
     fn try_flush(&mut self) -> Result<bool, Broken> {
-        self.0.borrow_mut().flush()
+        // Every activation was handed over when it was complete.
+        Ok(true)
     }
 }
 
@@ -178,7 +250,12 @@ pub enum Recorded<'a> {
 
 /// The recorder's end.
 pub struct RecordReceiver {
-    subscriber: Subscriber<Ipc, [u8], ()>,
+    /// The parcel that is being filled, and how many of its bytes have been taken.
+    open: Option<Sample<Ipc, [Word], ()>>,
+    taken: usize,
+    /// What is looked at: a copy, so that what is checked is what is used, whatever the sender does to its memory.
+    copy: Vec<u64>,
+    subscriber: Subscriber<Ipc, [Word], ()>,
     _service: Factory,
 }
 
@@ -202,26 +279,59 @@ impl RecordReceiver {
             .create()
             .map_err(|error| domain.failed(what(), error))?;
         Ok(RecordReceiver {
+            open: None,
+            taken: 0,
+            copy: Vec::with_capacity(PARCEL / 8),
             subscriber,
             _service: service,
         })
     }
 
-    /// Hands the entries of the next parcel to `take`; `false` when there is none. The parcel comes from another process:
-    /// whatever it holds, this ends, and says what is wrong with it.
-    pub fn receive<E: From<Broken>>(&self, take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<bool, E> {
-        let Some(parcel) = self.subscriber.receive().map_err(|e| broken("receiving", e))? else {
+    /// Hands the entries that have come to `take`, of one parcel at most; `false` when there is none. The parcel comes from
+    /// another process: whatever it holds, this ends, and says what is wrong with it.
+    pub fn receive<E: From<Broken>>(&mut self, take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<bool, E> {
+        if !self.copy_new()? {
             return Ok(false);
-        };
-        unpack(parcel.payload(), take).map(|()| true)
+        }
+        unpack(&self.copy, take).map(|()| true)
+    }
+
+    /// Copies what has been committed since the last time; `false` when nothing has.
+    fn copy_new(&mut self) -> Result<bool, Broken> {
+        loop {
+            if self.open.is_none() {
+                self.open = self.subscriber.receive().map_err(|e| broken("receiving", e))?;
+                self.taken = 0;
+            }
+            let Some(parcel) = &self.open else { return Ok(false) };
+            let words = parcel.payload();
+            let fill = words.first().map(|word| word.0.load(Ordering::Acquire));
+            let (from, to) = (self.taken, committed(fill, words.len(), self.taken)?);
+            let new = words[1 + from..1 + to]
+                .iter()
+                .map(|word| word.0.load(Ordering::Relaxed));
+            self.copy.clear();
+            self.copy.extend(new);
+            self.taken = to;
+            let closed = fill.is_some_and(|fill| fill & CLOSED != 0);
+            if closed {
+                self.open = None;
+            }
+            if from < to {
+                return Ok(true);
+            }
+            if !closed {
+                return Ok(false);
+            }
+        }
     }
 }
 
-/// Hands the entries of a parcel to `take`.
+/// Hands the entries of a parcel, given in words, to `take`.
 ///
 /// # Errors
 /// What is wrong with the parcel, or what `take` says.
-pub fn unpack<E: From<Broken>>(parcel: &[u8], mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<(), E> {
+pub fn unpack<E: From<Broken>>(parcel: &[u64], mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<(), E> {
     let mut rest = parcel;
     while !rest.is_empty() {
         let (entry, after) = split_entry(rest)?;
@@ -231,29 +341,97 @@ pub fn unpack<E: From<Broken>>(parcel: &[u8], mut take: impl FnMut(Recorded<'_>)
     Ok(())
 }
 
-fn split_entry(bytes: &[u8]) -> Result<(Recorded<'_>, &[u8]), Broken> {
-    let torn = || Broken("a record that ends in the middle of an entry".to_owned());
-    let (head, rest) = bytes.split_first_chunk::<ENTRY>().ok_or_else(torn)?;
-    let word = |at: usize| u64::from_le_bytes(head[8 * at..8 * at + 8].try_into().expect("eight bytes"));
-    let size = usize::try_from(word(1))
+/// The words of entries that a parcel of `len` words has, which begins with `fill`; `taken` were there before.
+fn committed(fill: Option<u64>, len: usize, taken: usize) -> Result<usize, Broken> {
+    let odd = |what: String| Err(Broken(format!("it recorded a parcel {what}")));
+    let Some(fill) = fill else {
+        return odd("without a word".into());
+    };
+    let bytes = fill & !CLOSED;
+    match usize::try_from(bytes / 8) {
+        Ok(words) if bytes.is_multiple_of(8) && words < len && words >= taken => Ok(words),
+        Ok(words) if words < taken => odd(format!("that shrank from {} bytes to {bytes}", 8 * taken)),
+        _ => odd(format!("of {} bytes with {bytes} committed", 8 * len)),
+    }
+}
+
+fn split_entry(words: &[u64]) -> Result<(Recorded<'_>, &[u64]), Broken> {
+    let torn = || Broken("it recorded an entry that ends outside of its parcel".to_owned());
+    let (&[stream, size, index, stamp], rest) = words.split_first_chunk().ok_or_else(torn)?;
+    let bytes: &[u8] = bytemuck::cast_slice(rest);
+    let payload = usize::try_from(size)
         .ok()
-        .filter(|&size| size <= rest.len())
+        .and_then(|size| bytes.get(..size))
         .ok_or_else(torn)?;
-    let (payload, rest) = rest.split_at(size);
-    let padding = size.next_multiple_of(8) - size;
-    let rest = rest.get(padding..).ok_or_else(torn)?;
-    let entry = if word(0) == NOTE {
+    let rest = &rest[payload.len().div_ceil(8)..];
+    let entry = if stream == NOTE {
         Recorded::Note(wire::decode("a note", payload).map_err(|error| Broken(error.to_string()))?)
     } else {
-        let stream = u32::try_from(word(0)).map_err(|_| Broken(format!("a record of stream {}", word(0))))?;
+        let stream = u32::try_from(stream).map_err(|_| Broken(format!("it recorded a sample of stream {stream}")))?;
+        let header = Header {
+            index,
+            stamp: stamp as i64,
+        };
         Recorded::Sample {
             stream,
-            header: Header {
-                index: word(2),
-                stamp: word(3) as i64,
-            },
+            header,
             payload,
         }
     };
     Ok((entry, rest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All entries, or what is wrong.
+    fn read(words: &[u64]) -> Result<usize, Broken> {
+        let (mut rest, mut count) = (words, 0);
+        while !rest.is_empty() {
+            rest = split_entry(rest)?.1;
+            count += 1;
+        }
+        Ok(count)
+    }
+
+    #[test]
+    fn whatever_a_parcel_holds_it_ends_with_a_reason() {
+        let sample = [3, 9, 5, 50, 1, 2];
+        assert_eq!(read(&[sample, sample].concat()), Ok(2));
+        for bad in [
+            &[3, 17, 5, 50, 1, 2][..], // ends outside
+            &[3, u64::MAX, 5, 50, 1, 2],
+            &[3, 1 << 63, 5, 50],
+            &[3, 9, 5],                     // no whole header
+            &[1 << 40, 0, 5, 50],           // a stream that nobody can have
+            &[NOTE, 8, 0, 0, 77],           // no such note
+            &[NOTE, 16, 0, 0, 0, u64::MAX], // a count without end
+        ] {
+            assert!(read(bad).is_err(), "{bad:?}");
+        }
+        for (fill, len, taken) in [
+            (None, 0, 0),
+            (Some(8), 1, 0),
+            (Some(9), 8, 0),
+            (Some(8), 8, 2),
+            (Some(!CLOSED), 8, 0),
+        ] {
+            assert!(committed(fill, len, taken).is_err(), "{fill:?} {len} {taken}");
+        }
+        assert_eq!(committed(Some(16 | CLOSED), 3, 1), Ok(2));
+    }
+
+    #[test]
+    fn random_words_never_panic() {
+        let draws = crate::random::Stream::new(1, "parcels");
+        for round in 0..20_000 {
+            let word = |at: u64| draws.bits(64 * round + at);
+            let words: Vec<u64> = (0..word(0) % 40)
+                .map(|at| word(1 + at) >> (word(1 + at) % 64))
+                .collect();
+            let _ = read(&words);
+            let _ = committed(words.first().copied(), words.len(), 1);
+        }
+    }
 }

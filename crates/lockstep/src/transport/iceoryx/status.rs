@@ -13,6 +13,25 @@ use super::domain::{Domain, DomainError};
 const ASLEEP: u64 = 0;
 const STATUS: u64 = 1;
 
+/// For what a participant sleeps, as it stands in its *asleep* word: others wake it for nothing else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sleeping(u64);
+
+impl Sleeping {
+    /// For whatever may come.
+    pub const FOR_ANYTHING: Sleeping = Sleeping(1);
+
+    /// For a sample on link number `link`.
+    pub fn for_sample(link: u32) -> Sleeping {
+        Sleeping(2 * u64::from(link) + 2)
+    }
+
+    /// For room on link number `link`.
+    pub fn for_room(link: u32) -> Sleeping {
+        Sleeping(2 * u64::from(link) + 3)
+    }
+}
+
 /// What a participant does at the moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Activity {
@@ -141,10 +160,10 @@ impl StatusWriter {
         });
     }
 
-    /// Says that the participant is about to sleep, or is awake again. After `true` it must look once more before it
-    /// sleeps: whoever publishes after that look sees the flag.
-    pub fn set_asleep(&mut self, asleep: bool) {
-        self.asleep.update_with_copy(u64::from(asleep));
+    /// Says that the participant is about to sleep and for what, or that it is awake again. Before it sleeps it must look
+    /// once more: whoever publishes after that look sees the word.
+    pub fn set_asleep(&mut self, what: Option<Sleeping>) {
+        self.asleep.update_with_copy(what.map_or(0, |what| what.0));
         fence(Ordering::SeqCst);
     }
 }
@@ -176,9 +195,9 @@ impl StatusReader {
         })
     }
 
-    /// Whether the participant sleeps, or is about to.
-    pub fn asleep(&self) -> bool {
-        *self.asleep.get() != 0
+    /// For what the participant sleeps, or is about to.
+    pub fn asleep(&self) -> Option<Sleeping> {
+        Some(*self.asleep.get()).filter(|&word| word != 0).map(Sleeping)
     }
 
     /// What it does. The row is written by another process, so an unknown word is taken for `Starting`.

@@ -8,7 +8,7 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::service::port_factory::event::PortFactory;
 
 use super::domain::{Domain, DomainError};
-use super::status::StatusReader;
+use super::status::{Sleeping, StatusReader};
 use super::{Ipc, broken};
 use crate::transport::Broken;
 
@@ -115,11 +115,12 @@ impl Waker {
         })
     }
 
-    /// Wakes the participant if it sleeps. To be called after what it may be waiting for has been published; costs a look
+    /// Wakes the participant if it sleeps for something that `came`. To be called after that has been published; costs a look
     /// at its row while it is awake.
-    pub fn wake(&self) {
+    pub fn wake(&self, came: impl Fn(Sleeping) -> bool) {
         fence(Ordering::SeqCst);
-        if self.status.asleep() {
+        let asleep = self.status.asleep();
+        if asleep.is_some_and(|what| what == Sleeping::FOR_ANYTHING || came(what)) {
             let _ = self.notifier.notify();
         }
     }

@@ -1,0 +1,487 @@
+"""A participant of an Escapement run in Python: docs/protocol.md, word for word, over iceoryx2's own bindings.
+
+Meant to be read beside the protocol, and slow: a few thousand activations a second. It polls, so it never sleeps in the run, and it
+neither saves states nor moves to another place.
+"""
+
+import ctypes
+import os
+import struct
+import sys
+import tomllib
+
+import iceoryx2 as iox2
+
+PROTOCOL = 2
+SAMPLED, CONTINUOUS = 0, 1
+NOTE, CLOSED = 2**64 - 1, 1 << 63
+PARCEL = 32 * 1024
+ELEMENTS = "dfqiQIB"  # struct's letters for the elements f64, f32, i64, i32, u64, u32, u8
+U64 = 2**64 - 1
+
+
+class Header(ctypes.Structure):
+    """In front of every sample of a link."""
+
+    _fields_ = [("index", ctypes.c_uint64), ("stamp", ctypes.c_int64)]
+
+    @staticmethod
+    def type_name():
+        return "EscapementHeader"
+
+
+class Row(ctypes.Structure):
+    """What a participant does."""
+
+    _fields_ = [(name, ctypes.c_uint64) for name in ("next", "activity", "first", "second")]
+
+    @staticmethod
+    def type_name():
+        return "EscapementStatus"
+
+
+# The wire: section 2.
+
+
+class Refused(Exception):
+    """What this program cannot do."""
+
+
+class Reader:
+    """Takes a message apart, from the front."""
+
+    def __init__(self, data):
+        self.data, self.at = data, 0
+
+    def take(self, letter):
+        (value,) = struct.unpack_from("<" + letter, self.data, self.at)
+        self.at += struct.calcsize("<" + letter)
+        return value
+
+    def bytes(self):
+        size = self.take("Q")
+        self.at += size
+        return self.data[self.at - size : self.at]
+
+    def text(self):
+        return self.bytes().decode()
+
+    def list(self, item):
+        return [item() for _ in range(self.take("Q"))]
+
+    def option(self, item):
+        return item() if self.take("B") else None
+
+    def wide(self):
+        low, high = self.take("Q"), self.take("q")
+        return (high << 64) + low
+
+    def sample_time(self):
+        return self.take("q"), self.take("q")
+
+    def visibility(self):
+        producer = self.sample_time()
+        base, spread, scale = self.wide(), self.wide(), self.wide()
+        drop_below, hold, key = self.take("Q"), self.take("I"), self.take("Q")
+        disruption = lambda: (self.take("q"), self.take("q"), self.wide(), self.take("Q"), self.take("Q"))
+        return Visibility(producer, base, spread, scale, drop_below, hold, key, self.list(disruption))
+
+    def disturbances(self):
+        if self.take("Q"):
+            raise Refused("signal faults are not for this program: name another participant")
+
+    def descriptor(self):
+        name, size = self.text(), self.take("I")
+        field = lambda: (self.text(), self.take("I"), self.list(lambda: self.take("I")), self.text(), self.text(), self.take("I"))
+        return name, size, self.list(field)
+
+    def input_link(self):
+        link, source, visibility = self.take("I"), self.text(), self.visibility()
+        initial = self.bytes() if self.take("I") == 0 else None
+        capacity, disturbed = self.take("I"), self.take("B")
+        self.disturbances()
+        if disturbed or self.option(lambda: self.take("I")) is not None:
+            raise Refused("signal faults are not for this program: name another participant")
+        return {"link": link, "from": source, "visibility": visibility, "initial": initial, "capacity": capacity}
+
+    def output(self):
+        stream, consumers = self.take("I"), self.list(self.consumer)
+        self.disturbances()
+        return stream, consumers
+
+    def consumer(self):
+        link, to, _number = self.take("I"), self.text(), self.take("I")
+        visibility, sample_time = self.visibility(), self.sample_time()
+        first, _capacity, end = self.take("B") == 1, self.take("I"), self.take("q")
+        return Consumer(link, to, visibility, sample_time, first, end)
+
+    def assignment(self):
+        name, tick, sample_time, activations = self.text(), self.text(), self.sample_time(), self.take("Q")
+        self.take("I")  # the interface is the one that was described
+        self.list(lambda: (self.text(), self.descriptor(), self.take("B")))
+        self.list(lambda: (self.text(), self.descriptor()))
+        inputs = self.list(lambda: self.option(self.input_link))
+        outputs = self.list(self.output)
+        return name, tick, sample_time, activations, inputs, outputs
+
+
+def text(value):
+    data = value.encode()
+    return struct.pack("<Q", len(data)) + data
+
+
+def items(encoded):
+    encoded = list(encoded)
+    return struct.pack("<Q", len(encoded)) + b"".join(encoded)
+
+
+class Message:
+    """The layout of a port: rows of name, element (a letter of ELEMENTS), extents, unit, frame."""
+
+    def __init__(self, name, *fields):
+        self.name, self.fields = name, fields
+        self.format, self.described = "<", []
+        for field, letter, extents, unit, frame in fields:
+            count = 1
+            for extent in extents:
+                count *= extent
+            offset, self.format = struct.calcsize(self.format), f"{self.format}{count}{letter}"
+            shape = items(struct.pack("<I", extent) for extent in extents)
+            code = struct.pack("<I", ELEMENTS.index(letter))
+            self.described.append(text(field) + code + shape + text(unit) + text(frame) + struct.pack("<I", offset))
+        self.size = struct.calcsize(self.format)
+
+    def encode(self):
+        return text(self.name) + struct.pack("<I", self.size) + items(self.described)
+
+    def finite(self, payload):
+        values = struct.unpack(self.format, payload)
+        return all(value - value == 0 for value in values)
+
+
+# Which sample an activation reads: section 3.
+
+
+def mix(z):
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9 & U64
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EB & U64
+    return z ^ (z >> 31)
+
+
+class Visibility:
+    def __init__(self, producer, base, spread, scale, drop_below, hold, key, disruptions):
+        self.producer, self.base, self.spread, self.scale = producer, base, spread, scale
+        self.drop_below, self.hold, self.key, self.disruptions = drop_below, hold, key, disruptions
+
+    def draw(self, i, key=None):
+        return mix(((self.key if key is None else key) + 0x9E3779B97F4A7C15 * (i + 1)) & U64) >> 32
+
+    def concern(self, k):
+        return [d for d in self.disruptions if d[0] <= self.instant(k) < d[1]]
+
+    def instant(self, k):
+        return self.producer[0] + k * self.producer[1]
+
+    def dropped(self, k):
+        lost = self.drop_below > 0 and self.draw(2 * k + 1) < self.drop_below
+        return lost or any(self.draw(k, key) < below for _, _, _, below, key in self.concern(k))
+
+    def visible(self, k, t):
+        late = self.base + self.spread * (self.draw(2 * k) if self.spread else 0) + sum(d[2] for d in self.concern(k))
+        return self.instant(k) - (-late // self.scale) <= t
+
+    def reads(self, t):
+        """The index, -1 for the initial value, None for nothing."""
+        k = (t + self.base // -self.scale - self.producer[0]) // self.producer[1]
+        while k >= 0 and not (self.visible(k, t) and (self.hold == 1 or not self.dropped(k))):
+            k -= 1
+        if k < 0:
+            return None
+        return -1 if self.dropped(k) else k
+
+
+class Consumer:
+    """Somebody who reads an output: knows whether it will ever read a sample."""
+
+    def __init__(self, link, to, visibility, sample_time, first, end):
+        self.link, self.to, self.visibility, self.first = link, to, visibility, first
+        (self.t, self.period), self.end, self.due = sample_time, end, -1
+
+    def wants(self, index):
+        while self.due < index and self.t < self.end:
+            read = self.visibility.reads(self.t)
+            self.t += self.period
+            if read is None:
+                read = 0 if self.first else -1
+            self.due = max(self.due, read)
+        return self.due == index
+
+
+# The run: sections 1, 4, 5 and 6.
+
+
+class Parcels:
+    """The way to the recorder. A parcel is sent empty and filled while the recorder holds it."""
+
+    def __init__(self, publisher, size):
+        self.publisher, self.size, self.base, self.used = publisher, size, None, 0
+
+    def word(self, value):
+        ctypes.c_uint64.from_address(self.base).value = value
+
+    def append(self, entries, wait):
+        """Entries of stream, index, stamp and payload: all of one activation, committed together."""
+        data = b""
+        for stream, index, stamp, payload in entries:
+            data += struct.pack("<QQQq", stream, len(payload), index, stamp) + payload + bytes(-len(payload) % 8)
+        if self.base is not None and 8 + self.used + len(data) > self.size:
+            self.word(self.used | CLOSED)
+            self.base = None
+        while self.base is None:
+            parcel = self.publisher.loan_slice_uninit(self.size // 8)
+            self.base, self.used = parcel.payload_ptr, 0
+            self.word(0)
+            if parcel.assume_init().send() == 0:
+                self.base = None
+                wait()
+        ctypes.memmove(self.base + 8 + self.used, data, len(data))
+        self.used += len(data)
+        self.word(self.used)
+
+
+class Session:
+    """A participant in a run. `make(setup)` makes the model: an object with `kind`, `inputs` (name, Message, required), `outputs`
+    (name, Message), `initialise(t, outputs)` and `step(t, period, inputs, outputs)`. Payloads are tuples of numbers."""
+
+    def __init__(self, make, program):
+        self.make, self.program = make, program
+        prefix, _, folder = os.environ["ESCAPEMENT_RUN"].partition("@")
+        self.name = os.environ["ESCAPEMENT_PARTICIPANT"]
+        iox2.set_log_level(iox2.LogLevel.Fatal)
+        config = iox2.config.default()
+        config.global_cfg.prefix = iox2.FileName.new(prefix)
+        config.global_cfg.root_path = iox2.Path.new(folder)
+        config.global_cfg.node.cleanup_dead_nodes_on_creation = False
+        config.global_cfg.node.cleanup_dead_nodes_on_destruction = False
+        config.global_cfg.service.cleanup_dead_nodes_on_open = False
+        node = iox2.NodeBuilder.new().config(config).name(iox2.NodeName.new(self.name))
+        self.node = node.signal_handling_mode(iox2.SignalHandlingMode.Disabled).create(iox2.ServiceType.Ipc)
+        writer = self.board(f"status/{self.name}").writer_builder().create()
+        self.row = writer.entry(ctypes.c_uint64(1), Row)
+        self.listener = self.service(f"wake/{self.name}").event().open().listener_builder().create()
+        control = self.service(f"control/{self.name}").request_response(iox2.Slice[ctypes.c_uint8], iox2.Slice[ctypes.c_uint8])
+        server = control.open().server_builder().initial_max_slice_len(65536)
+        self.server = server.allocation_strategy(iox2.AllocationStrategy.PowerOfTwo).create()
+        self.model = self.parcels = None
+        self.leaving = False
+
+    def service(self, name):
+        return self.node.service_builder(iox2.ServiceName.new(name))
+
+    def board(self, name):
+        return self.service(name).blackboard_opener(ctypes.c_uint64).open()
+
+    def serve(self):
+        """Answers one request, if there is one."""
+        request = self.server.receive()
+        if request is None:
+            return
+        payload = request.payload()
+        reply = self.answer(Reader(ctypes.string_at(payload.as_ptr(), payload.len())))
+        response = request.loan_slice_uninit(len(reply))
+        ctypes.memmove(response.payload_ptr, reply, len(reply))
+        response.assume_init().send()
+
+    def answer(self, request):
+        variant = request.take("I")
+        if variant == 0:
+            return struct.pack("<II", 0, PROTOCOL) + text(self.program)
+        if variant == 1:
+            name, parameters, seed = request.text(), tomllib.loads(request.text()), request.take("Q")
+            try:
+                self.model = self.make({"name": name, "parameters": parameters, "seed": seed})
+            except KeyError as error:
+                return struct.pack("<I", 4) + text(str(error.args[0])) + text("is missing")
+            self.period = request.take("d")
+            inputs = (text(name) + message.encode() + bytes([required]) for name, message, required in self.model.inputs)
+            outputs = (text(name) + message.encode() for name, message in self.model.outputs)
+            return struct.pack("<II", 1, self.model.kind) + items(inputs) + items(outputs)
+        if variant == 2:
+            try:
+                assignment = request.assignment()
+            except Refused as error:
+                return struct.pack("<I", 4) + text("") + text(str(error))
+            cores, _waiting = request.list(lambda: request.take("I")), (request.take("I"), request.take("I"))
+            if request.take("B"):
+                return struct.pack("<I", 4) + text("") + text("it cannot take up a run on the way")
+            if cores:
+                os.sched_setaffinity(0, cores)
+            self.connect(*assignment)
+            return struct.pack("<I", 2)
+        if variant == 3:
+            return struct.pack("<IB", 3, 0)
+        if variant == 5:
+            self.leaving = True
+            return struct.pack("<I", 2)
+        return struct.pack("<I", 4) + text("") + text("it cannot move to another place")
+
+    def connect(self, name, tick, sample_time, activations, inputs, outputs):
+        number, unit = tick.split()
+        numerator, _, denominator = number.partition("/")
+        self.tick = int(numerator), int(denominator or 1) * {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
+        (self.offset, self.step_ticks), self.activations = sample_time, activations
+        clock = self.board("clock").reader_builder().create()
+        self.horizon = clock.entry(ctypes.c_uint64(0), ctypes.c_int64)
+        self.order = clock.entry(ctypes.c_uint64(1), ctypes.c_uint64)
+        self.inputs, self.outputs, self.others = inputs, outputs, {}
+        for link in filter(None, inputs):
+            link["subscriber"] = self.link(link["link"]).subscriber_builder().buffer_size(link["capacity"]).create()
+            link["received"] = -1
+            self.meet(link["from"])
+        for (_, consumers), (_, message) in zip(outputs, self.model.outputs):
+            for to in consumers:
+                to.publisher = self.publisher(self.link(to.link), message.size)
+                self.meet(to.to)
+        activation = 8 + sum(40 + message.size for _, message in self.model.outputs)
+        size = max(PARCEL, activation + -activation % 8)
+        record = self.service(f"record/{name}").publish_subscribe(iox2.Slice[ctypes.c_uint64]).open()
+        self.parcels = Parcels(self.publisher(record, size // 8), size)
+        self.payloads = [bytes(message.size) for _, message, _ in self.model.inputs]
+        self.values = [(0,) * len(struct.unpack(m.format, bytes(m.size))) for _, m in self.model.outputs]
+        self.next, self.initialised, self.rests_at, self.recalled = 0, False, -(2**63), False
+
+    def link(self, number):
+        service = self.service(f"link/{number}").publish_subscribe(iox2.Slice[ctypes.c_uint8])
+        return service.user_header(Header).payload_alignment(iox2.Alignment.new(8)).open()
+
+    def publisher(self, service, length):
+        builder = service.publisher_builder().initial_max_slice_len(length).max_loaned_samples(1)
+        return builder.backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
+
+    def meet(self, port):
+        other = port.split(".")[0]
+        if other != self.name and other not in self.others:
+            asleep = self.board(f"status/{other}").reader_builder().create().entry(ctypes.c_uint64(0), ctypes.c_uint64)
+            self.others[other] = asleep, self.service(f"wake/{other}").event().open().notifier_builder().create()
+
+    def wake(self):
+        for asleep, notifier in self.others.values():
+            if asleep.get().decode_as(ctypes.c_uint64).value:
+                notifier.notify()
+
+    def ordered(self):
+        return self.order.get().decode_as(ctypes.c_uint64).value
+
+    def say(self, activity, first=0, second=0):
+        self.row.update_with_copy(Row(self.next, activity, first, second))
+
+    def wait(self, activity, first=0, second=0):
+        """Something is missing: lets others run. Leaves when the run is over."""
+        self.say(activity, first, second)
+        self.wake()
+        os.sched_yield()
+        if self.ordered() == 1:
+            sys.exit(0)
+
+    def instant(self, k):
+        return self.offset + k * self.step_ticks
+
+    def seconds(self, ticks):
+        return ticks * self.tick[0] / self.tick[1]  # integers: one correct rounding
+
+    def fetch(self, number, link, message):
+        """What this activation reads of an input, into its payload."""
+        read = link["visibility"].reads(self.instant(self.next))
+        if read is None and link["initial"] is None:
+            read = 0
+        if read is None or read < 0:
+            self.payloads[number] = link["initial"] or bytes(message.size)
+            return
+        while link["received"] < read:
+            sample = link["subscriber"].receive()
+            if sample is None:
+                self.wait(2, number, read)
+                continue
+            header, payload = sample.user_header().contents, sample.payload()
+            index, stamp, size = header.index, header.stamp, payload.len()
+            if not link["received"] < index <= read or stamp != link["visibility"].instant(index) or size != message.size:
+                raise ValueError(f"`{link['from']}` sent sample #{index} stamped {stamp} where #{read} is due")
+            self.payloads[number], link["received"] = ctypes.string_at(payload.as_ptr(), size), index
+            if not message.finite(self.payloads[number]):
+                raise ValueError(f"`{link['from']}` sent sample #{index} with a value that is not finite")
+
+    def publish(self, index):
+        stamp, entries = self.instant(index), []
+        for (stream, _), (name, message), values in zip(self.outputs, self.model.outputs, self.values):
+            payload = struct.pack(message.format, *values)
+            if not message.finite(payload):
+                raise ValueError(f"its output `{name}` is not finite")
+            entries.append((stream, index, stamp, payload))
+        self.parcels.append(entries, lambda: self.wait(4))
+        for output, ((_, consumers), (_, _, _, payload)) in enumerate(zip(self.outputs, entries)):
+            for position, to in enumerate(consumers):
+                while to.wants(index):
+                    sample = to.publisher.loan_slice_uninit(len(payload))
+                    sample.user_header().contents.index, sample.user_header().contents.stamp = index, stamp
+                    ctypes.memmove(sample.payload_ptr, payload, len(payload))
+                    if sample.assume_init().send() > 0:
+                        break
+                    self.wait(3, output, position)
+        self.wake()
+
+    def note(self, payload):
+        self.parcels.append([(NOTE, 0, 0, payload)], lambda: self.wait(4))
+
+    def advance(self, horizon):
+        self.say(1)
+        if not self.initialised:
+            self.initialised = True
+            self.model.initialise(self.seconds(self.offset), self.values)
+            if self.model.kind == CONTINUOUS and self.activations > 0:
+                self.publish(0)
+        while self.next < self.activations and self.instant(self.next) < horizon and self.ordered() == 0:
+            for number, (link, (_, message, _)) in enumerate(zip(self.inputs, self.model.inputs)):
+                if link:
+                    self.fetch(number, link, message)
+            inputs = [struct.unpack(m.format, payload) for (_, m, _), payload in zip(self.model.inputs, self.payloads)]
+            self.model.step(self.seconds(self.instant(self.next)), self.seconds(self.step_ticks), inputs, self.values)
+            self.publish(self.next + (1 if self.model.kind == CONTINUOUS else 0))
+            self.next += 1
+            self.say(1)
+        if self.next >= self.activations:
+            self.say(6)
+            self.note(struct.pack("<IQQ", 0, 0, len(self.inputs)) + bytes(8 * (len(self.inputs) + 4)))
+        elif self.instant(self.next) >= horizon:
+            self.say(5)
+            self.note(struct.pack("<IqQ", 1, horizon, self.next))
+        else:
+            return
+        self.rests_at = horizon
+
+    def run(self):
+        while not self.leaving:
+            self.serve()
+            if self.parcels is None:
+                os.sched_yield()
+                continue
+            order, horizon = self.ordered(), self.horizon.get().decode_as(ctypes.c_int64).value
+            if order == 1:
+                return
+            if order == 2 and not self.recalled:
+                self.recalled = True
+                self.say(5)
+                self.note(struct.pack("<IQ", 3, self.next))
+            if self.recalled or horizon in (-(2**63), self.rests_at):
+                self.listener.timed_wait(iox2.Duration.from_millis(20))
+                continue
+            try:
+                self.advance(horizon)
+            except Exception as error:
+                t = str(self.seconds(self.instant(self.next)))
+                self.note(struct.pack("<IQ", 2, self.next) + text(t) + text(f"{error}"[:6000]))
+                raise
+
+
+def run(make, program):
+    """The `main` of a participant's program."""
+    Session(make, program).run()

@@ -1,0 +1,55 @@
+//! A damper that lies in the way that its argument names, at its hundredth sample or in its answers.
+
+use std::process::ExitCode;
+
+use escapement_tests::liar::{Liar, honest_reply, run};
+use escapement_tests::parts::Push;
+use lockstep::control::{Reply, Request};
+use lockstep::participant::Interface;
+use lockstep::wire::encode;
+
+const LIE: u64 = 100;
+
+fn reply(lie: &str, request: &Request) -> Option<Vec<u8>> {
+    let mut reply = honest_reply(request);
+    match (lie, request, &mut reply) {
+        ("silence", Request::Hello { .. }, _) => return None,
+        ("garbage", Request::Hello { .. }, _) => return Some((0..=255).collect()),
+        // A list of 2^63 ports.
+        ("count", Request::Configure { .. }, _) => return Some([&[1, 0, 0, 0, 0, 0, 0, 0][..], &[0xff; 8]].concat()),
+        ("nothing", Request::Configure { .. }, _) => return Some(Vec::new()),
+        ("version", Request::Hello { .. }, Reply::Hello { protocol, .. }) => *protocol += 7,
+        ("answer", Request::Connect { .. }, reply) => *reply = Reply::State(None),
+        ("gap", Request::Configure { .. }, Reply::Described { interface }) => {
+            *interface = Interface::new(interface.kind).output::<Push>("push");
+            interface.outputs[0].descriptor.fields[1].offset = 4;
+        }
+        _ => {}
+    }
+    Some(encode("a reply", &reply).expect("small"))
+}
+
+fn act(lie: &str, liar: &mut Liar) {
+    liar.behave(LIE);
+    let (mut header, mut payload, mut stream) = (liar.header(LIE), Liar::payload(LIE), None);
+    match lie {
+        "link-repeats" | "record-repeats" => header.index -= 1,
+        "link-skips" | "record-skips" => header = liar.header(LIE + 1),
+        "link-stamp" | "record-stamp" => header.stamp += 1,
+        "link-nan" => payload[..8].copy_from_slice(&f64::NAN.to_le_bytes()),
+        "record-size" => payload.truncate(9),
+        "record-stream" => stream = Some(1 - liar.assignment.outputs[0].stream),
+        "record-nobody" => stream = Some(77),
+        "record-last" => header.index = u64::MAX,
+        _ => return liar.behave(0),
+    }
+    match lie.starts_with("link") {
+        true => liar.send(header, &payload),
+        false => liar.record(stream, header, &payload),
+    }
+}
+
+fn main() -> ExitCode {
+    let lie = std::env::args().nth(1).unwrap_or_default();
+    run(|request| reply(&lie, request), |liar| act(&lie, liar))
+}

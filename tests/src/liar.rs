@@ -1,0 +1,164 @@
+//! A damper that keeps to the protocol until it is told to lie: it uses the transport by hand, where a host would not let it.
+
+use std::cell::RefCell;
+use std::process::{ExitCode, exit};
+use std::rc::Rc;
+
+use lockstep::control::{PROTOCOL, Reply, Request};
+use lockstep::participant::{Interface, Kind};
+use lockstep::plan::Assignment;
+use lockstep::time::Ticks;
+use lockstep::transport::iceoryx::{
+    ClockReader, ControlServer, Domain, LinkReceiver, LinkSender, LinkService, Order, RecordSender, SharedRecord,
+    Sleeper, StatusWriter,
+};
+use lockstep::transport::{Header, Receiver, Recording, Sender};
+use lockstep::wire;
+
+use crate::parts::{Motion, Push};
+
+/// Its place in a run, with the ends of its links.
+pub struct Liar {
+    /// Its part of the plan.
+    pub assignment: Assignment,
+    /// Where its samples go.
+    pub record: SharedRecord,
+    clock: ClockReader,
+    input: LinkReceiver,
+    output: LinkSender,
+    _links: [LinkService; 2],
+}
+
+/// What the healthy one answers.
+pub fn honest_reply(request: &Request) -> Reply {
+    match request {
+        Request::Hello { .. } => Reply::Hello {
+            protocol: PROTOCOL,
+            program: "liar".into(),
+        },
+        Request::Configure { .. } => Reply::Described {
+            interface: Interface::new(Kind::Sampled)
+                .input::<Motion>("motion")
+                .output::<Push>("push"),
+        },
+        _ => Reply::Done,
+    }
+}
+
+/// Takes the damper's place; `reply` gives the bytes of each answer, or none to stay silent, and `act` follows the start.
+pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Liar)) -> ExitCode {
+    let variable = |name| std::env::var(name).expect("started by an orchestrator");
+    let (address, name) = (variable(lockstep::host::ADDRESS), variable(lockstep::host::PARTICIPANT));
+    let domain = Domain::enter(address.parse().expect("an address"), &name).expect("the run is there");
+    let _status = StatusWriter::open(&domain, &name).expect("a status");
+    let mut sleeper = Sleeper::open(&domain, &name).expect("an event");
+    let control = ControlServer::open(&domain, &name).expect("a control service");
+    let mut nap = || sleeper.sleep(std::time::Duration::from_millis(1)).expect("an event");
+    let mut connected = None;
+    while connected.is_none() {
+        let served = control.serve_bytes(|bytes| {
+            let request: Request = wire::decode("a request", bytes).expect("the orchestrator keeps to the protocol");
+            let answer = reply(&request);
+            if let (Request::Connect { assignment, .. }, Some(_)) = (request, &answer) {
+                connected = Some(assignment);
+            }
+            // Who is silent is silent for good.
+            answer.unwrap_or_else(|| {
+                loop {
+                    std::thread::park();
+                }
+            })
+        });
+        if !served.expect("a control service") {
+            nap();
+        }
+    }
+    let assignment = connected.expect("just seen");
+    let link =
+        |number, size, capacity: u32| LinkService::open(&domain, number, size, capacity as usize).expect("a link");
+    let (from, to) = (
+        assignment.inputs[0].as_ref().expect("connected"),
+        &assignment.outputs[0].consumers[0],
+    );
+    let links = [
+        link(from.link, size_of::<Motion>(), from.capacity),
+        link(to.link, size_of::<Push>(), to.capacity),
+    ];
+    let mut liar = Liar {
+        clock: ClockReader::open(&domain).expect("a clock"),
+        input: links[0].receiver(&domain).expect("a subscriber"),
+        output: links[1].sender(&domain).expect("a publisher"),
+        record: record(&domain, &name, assignment.outputs[0].stream),
+        assignment,
+        _links: links,
+    };
+    while liar.clock.horizon() == Ticks::MIN {
+        nap();
+    }
+    act(&mut liar);
+    while liar.clock.order() == Order::GoOn {
+        nap();
+    }
+    ExitCode::SUCCESS
+}
+
+fn record(domain: &Domain, name: &str, stream: u32) -> SharedRecord {
+    let sender = RecordSender::open(domain, name, stream, &[size_of::<Push>()]).expect("a record");
+    SharedRecord(Rc::new(RefCell::new(sender)))
+}
+
+impl Liar {
+    /// The right header of sample `k`.
+    pub fn header(&self, k: u64) -> Header {
+        let stamp = self.assignment.sample_time.instant(k);
+        Header { index: k, stamp }
+    }
+
+    /// The payload that it gives: no force, the `k`-th time.
+    pub fn payload(k: u64) -> Vec<u8> {
+        bytemuck::bytes_of(&Push { force: 0.0, count: k }).to_vec()
+    }
+
+    /// Does what the plan says for activations 0 to `until`.
+    pub fn behave(&mut self, until: u64) {
+        for k in 0..until {
+            let mut motion = [0; size_of::<Motion>()];
+            let mut newest = None;
+            while newest.is_none_or(|index| index < 10 * k) {
+                newest = self
+                    .input
+                    .try_receive(&mut motion)
+                    .expect("a link")
+                    .map(|header| header.index)
+                    .or(newest);
+                self.look();
+            }
+            self.record(None, self.header(k), &Liar::payload(k));
+            self.send(self.header(k), &Liar::payload(k));
+        }
+    }
+
+    /// Puts a sample onto the tape: of its own stream, unless another is named.
+    pub fn record(&mut self, stream: Option<u32>, header: Header, payload: &[u8]) {
+        let own = self.assignment.outputs[0].stream;
+        let stream = stream.unwrap_or(own);
+        while !self.record.try_append(stream, header, payload).expect("a record") {
+            self.look();
+        }
+        self.record.commit();
+    }
+
+    /// Sends a sample.
+    pub fn send(&mut self, header: Header, payload: &[u8]) {
+        while !self.output.try_send(header, payload).expect("a link") {
+            self.look();
+        }
+    }
+
+    fn look(&self) {
+        std::thread::yield_now();
+        if self.clock.order() != Order::GoOn {
+            exit(0);
+        }
+    }
+}
