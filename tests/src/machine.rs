@@ -48,6 +48,19 @@ pub fn wait_for(path: &Path) {
     }
 }
 
+/// Waits until the file at `path` has at least `bytes`.
+pub fn wait_for_bytes(path: &Path, bytes: u64) {
+    let started = Instant::now();
+    while fs::metadata(path).map_or(0, |about| about.len()) < bytes {
+        assert!(
+            started.elapsed() < Duration::from_secs(60),
+            "{} does not grow",
+            path.display()
+        );
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
 /// The process that writes its standard error to `log`.
 pub fn writer_of(log: &Path) -> Option<u32> {
     let processes = fs::read_dir("/proc").into_iter().flatten().flatten();

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use escapement_tests::machine::{leftovers, processes_of, signal, wait_for, writer_of};
+use escapement_tests::machine::{leftovers, processes_of, signal, wait_for, wait_for_bytes, writer_of};
 use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, start};
 use escapement_tests::world::oscillator;
 
@@ -192,8 +192,10 @@ fn disturbed(name: &str) -> (Folder, std::process::Child) {
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");
     let child = start(&["run", text(&scenario), "--out", text(&out), "--real-time=2"]);
-    wait_for(&out.join("tape/index.json"));
-    std::thread::sleep(Duration::from_millis(300));
+    // Under way: both have said something.
+    for stream in ["plant.motion.bin", "damper.push.bin"] {
+        wait_for_bytes(&out.join("tape").join(stream), 24 * 20);
+    }
     (folder, child)
 }
 

@@ -14,7 +14,7 @@ struct Running {
     child: Child,
     folder: PathBuf,
     prefix: String,
-    _files: Folder,
+    files: Folder,
 }
 
 impl Running {
@@ -34,20 +34,21 @@ impl Running {
             .stderr(Stdio::piped())
             .spawn()
             .expect("the orchestrator can be started");
+        let mut running = Running {
+            child,
+            folder: PathBuf::new(),
+            prefix: String::new(),
+            files,
+        };
         let started = Instant::now();
         // Both participants run, so everything that a run has is there.
         loop {
-            let addresses = addresses(child.id());
-            let samples = fs::metadata(files.path().join("run/tape/plant.motion.bin"));
+            let addresses = addresses(running.child.id());
+            let samples = fs::metadata(running.files.path().join("run/tape/plant.motion.bin"));
             if let (true, [address, _]) = (samples.is_ok_and(|about| about.len() > 0), &addresses[..]) {
                 let (prefix, folder) = address.split_once('@').expect("an address has two parts");
-                let (prefix, folder) = (prefix.to_owned(), PathBuf::from(folder));
-                return Running {
-                    child,
-                    folder,
-                    prefix,
-                    _files: files,
-                };
+                (running.prefix, running.folder) = (prefix.to_owned(), PathBuf::from(folder));
+                return running;
             }
             assert!(started.elapsed() < Duration::from_secs(100), "the run does not start");
             std::thread::sleep(Duration::from_millis(5));

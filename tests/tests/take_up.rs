@@ -1,9 +1,8 @@
 //! Runs that are taken up in mid-course: from a checkpoint, after a death, with a substitute.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
-use escapement_tests::machine::{processes_of, signal, wait_for, writer_of};
+use escapement_tests::machine::{processes_of, signal, wait_for_bytes, writer_of};
 use escapement_tests::program::{Folder, Said, finish, orchestrate, participant, start};
 use escapement_tests::world::{oscillator, prefix};
 use rustix::process::Signal;
@@ -175,11 +174,7 @@ fn killed(world: &World, name: &str, who: &str, how: Signal) -> Said {
         &format!("participants.{who}.on-failure=restart-from-checkpoint"),
     ]);
     // At 4.5 s of 10: some time behind a checkpoint and, where there is one, behind the substitution.
-    let stream = out.join("tape/damper.push.bin");
-    wait_for(&stream);
-    while std::fs::metadata(&stream).expect("the stream stays").len() < 24 * 450 {
-        std::thread::sleep(Duration::from_millis(2));
-    }
+    wait_for_bytes(&out.join("tape/damper.push.bin"), 24 * 450);
     let pid = writer_of(&out.join("log").join(format!("{who}.stderr"))).expect("the participant runs");
     assert!(signal(pid, how));
     let said = finish(child);

@@ -75,8 +75,8 @@ impl Agenda {
         // What was done at the instant of a checkpoint that this run goes on from is not done again.
         rests.retain(|&(at, business)| {
             let early = match business {
-                Business::Substitute(_) => at < from,
-                _ => at <= from,
+                Business::Checkpoint { .. } => from > 0 && at <= from,
+                Business::Substitute(_) | Business::Pause => at < from,
             };
             !early && at < plan.end
         });
