@@ -38,7 +38,7 @@ pub enum ScopeError {
     #[error("the run was taken up {} times: it has no place left in shared memory; what fails again and again is not mended by a restart", PLACES.len() - 1)]
     Exhausted,
     /// The common folder is not the user's own.
-    #[error("`{}` belongs to somebody else or can be entered by others: remove it, or set TMPDIR to a folder of your own", .0.display())]
+    #[error("`{}` belongs to somebody else or can be entered by others: remove it, or let its owner do so", .0.display())]
     Untrusted(PathBuf),
 }
 
@@ -47,18 +47,11 @@ fn io_error(path: &Path, what: &'static str) -> impl FnOnce(io::Error) -> ScopeE
     move |source| ScopeError::Io { path, what, source }
 }
 
-/// The longest name of the common folder: sockets in the folders below must stay within the kernel's 107 bytes.
-const BASE_MAX: usize = 32;
-
-/// The folder in which the folders of all of this user's runs stand: under TMPDIR where that is short enough, else /tmp.
+/// The folder in which the folders of all of this user's runs stand. In memory: a run makes a file for each end of each link,
+/// which on a disk takes longer than all the rest of its start. The same for all of a user's runs: whoever looks for dead runs
+/// must see the locks of the living ones.
 pub fn base() -> PathBuf {
-    let name = format!("esc-{}", rustix::process::getuid().as_raw());
-    let base = std::env::temp_dir().join(&name);
-    if base.as_os_str().len() <= BASE_MAX {
-        base
-    } else {
-        Path::new("/tmp").join(name)
-    }
+    Path::new(SHARED_MEMORY).join(format!("esc-{}", rustix::process::getuid().as_raw()))
 }
 
 fn trusted_base() -> Result<PathBuf, ScopeError> {
@@ -194,8 +187,7 @@ impl Leftover {
 /// Everything that dead runs of this user left behind.
 pub fn leftovers() -> Vec<Leftover> {
     let Ok(base) = trusted_base() else { return Vec::new() };
-    // Objects in shared memory whose folder is not here may belong to a run with another TMPDIR, or in another container: only
-    // a folder with a lock that nobody holds proves that a run is dead. Its objects go first and the folder last.
+    // Only a folder with a lock that nobody holds proves that a run is dead. Its objects go first and the folder last.
     let ids: Vec<String> = fs::read_dir(&base)
         .into_iter()
         .flatten()

@@ -161,6 +161,37 @@ fn overrides_are_checked_like_the_file() {
     refused_with("nonsense", &["KEY.PATH=VALUE"]);
 }
 
+/// A file is read in stages, of which each needs what the one before it found: sections, parameters, plan.
+#[test]
+fn all_mistakes_of_a_stage_are_named_at_once() {
+    let scenario = root().join("scenarios/close.toml");
+    let sections = [
+        ("participants.plant.period=0s", "must be positive"),
+        ("participants.guidance.perod=1s", "unknown field `perod`"),
+        ("connections.measured.jitter=1m", "not one of time"),
+    ];
+    let parameters = [
+        ("participants.plant.parameters.speeed=1", "`speeed`"),
+        ("participants.controller.parameters.law=none", "`none`"),
+    ];
+    let plan = [
+        ("connections.measured.delay=-1ms", "must not be negative"),
+        (
+            "connections.target.to=[\"guidance.target\", \"guidance.target\"]",
+            "`guidance.target` is fed twice",
+        ),
+        ("connections.setpoint.to=plant.command", "f64 in s"),
+    ];
+    for stage in [&sections[..], &parameters, &plan] {
+        let sets = stage.iter().flat_map(|(set, _)| ["--set", set]);
+        let said = orchestrate(&["check", text(&scenario)].into_iter().chain(sets).collect::<Vec<_>>());
+        assert_eq!(said.code, Some(2), "{said:?}");
+        for (_, mistake) in stage {
+            assert!(said.err.contains(mistake), "`{mistake}` is not in: {}", said.err);
+        }
+    }
+}
+
 #[test]
 fn an_algebraic_loop_names_its_members_and_what_would_break_it() {
     let folder = Folder::new("loop");

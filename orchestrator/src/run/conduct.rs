@@ -22,6 +22,7 @@ use super::prepare;
 use super::progress::Progress;
 use super::recording::Recorder;
 use super::signals::Interrupt;
+use super::slices;
 use super::take_up::Restarts;
 use crate::scenario::{Entry, Scenario};
 use crate::scope::{self, Scope};
@@ -48,6 +49,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     let scope = Scope::create()?;
     let names = entries.iter().map(|entry| entry.setup.name.as_str());
     let (domain, ports) = Place::enter(scope.address(), names)?;
+    slices::ask_for_short_ones();
     let mut crew = Vec::new();
     for (entry, ports) in entries.iter().zip(ports) {
         let process = crew::start(entry, &domain, &folder.stderr(&entry.setup.name))?;

@@ -16,6 +16,7 @@ pub(crate) mod prepare;
 mod progress;
 mod recording;
 pub(crate) mod signals;
+mod slices;
 mod take_up;
 
 use std::path::PathBuf;

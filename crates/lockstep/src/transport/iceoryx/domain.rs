@@ -16,7 +16,7 @@ pub enum DomainError {
     #[error("`{0}` is not the address of a run: it reads PREFIX@FOLDER")]
     Address(String),
     /// The path is too long for shared memory.
-    #[error("the folder `{}` has a name that shared memory cannot use; choose a shorter one with TMPDIR", .0.display())]
+    #[error("the folder `{}` has a name that shared memory cannot use: it is too long or has other characters than letters, digits, `/`, `_` and `-`", .0.display())]
     Folder(PathBuf),
     /// iceoryx2 refused.
     #[error("shared memory of the run under `{}`: {what} failed: {reason}", .folder.display())]

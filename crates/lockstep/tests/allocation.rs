@@ -1,0 +1,168 @@
+//! What a participant takes from the heap between its first and its last step: nothing of ours, and in shared memory one handle
+//! per sample sent, which iceoryx2 makes for every loan and gives back when it is sent.
+
+mod common;
+mod place;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use common::{Mixed, Mixer};
+use lockstep::executor::{InLoop, assemble};
+use lockstep::link::Timing;
+use lockstep::participant::Kind;
+use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
+use lockstep::time::Rational;
+use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
+use lockstep::transport::{Broken, Header, NoRecording, Receiver, Recording, Sender};
+use place::Place;
+
+/// What this thread has taken: how often, the largest piece, and the bytes that it has not given back.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+struct Taken {
+    times: u64,
+    largest: usize,
+    held: i64,
+}
+
+struct Counting;
+
+thread_local! {
+    static TAKEN: Cell<Taken> = const { Cell::new(Taken { times: 0, largest: 0, held: 0 }) };
+}
+
+fn count(size: usize, given_back: usize) {
+    TAKEN.with(|cell| {
+        let mut taken = cell.get();
+        taken.times += u64::from(size > 0);
+        taken.largest = taken.largest.max(size);
+        taken.held += size as i64 - given_back as i64;
+        cell.set(taken);
+    });
+}
+
+// SAFETY: every call goes to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size(), 0);
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        count(0, layout.size());
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(size, layout.size());
+        // SAFETY: the caller's promise is passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn taken_by(work: impl FnOnce()) -> Taken {
+    TAKEN.set(Taken::default());
+    work();
+    TAKEN.get()
+}
+
+/// Two that read each other, with a delay, jitter and losses on the way.
+fn plan(participants: &[Mixer]) -> Plan {
+    use lockstep::participant::Participant;
+    let second = |text: &str| text.parse::<Rational>().expect("a time");
+    let specs = participants
+        .iter()
+        .zip([("plant", "1 ms"), ("controller", "1/300 s")])
+        .map(|(participant, (name, period))| ParticipantSpec {
+            name: name.into(),
+            period: second(period),
+            offset: Rational::ZERO,
+            interface: participant.interface(),
+        });
+    let link = |name: &str, from: &str, to: &str| LinkSpec {
+        name: name.into(),
+        from: (from.into(), "out0".into()),
+        to: (to.into(), "in0".into()),
+        timing: Timing {
+            delay: second("2 ms"),
+            jitter: second("3 ms"),
+            drop: 0.1,
+            ..Timing::default()
+        },
+        initial: None,
+        faults: Vec::new(),
+    };
+    let links = [
+        link("measured", "plant", "controller"),
+        link("command", "controller", "plant"),
+    ];
+    Plan::build(specs.collect(), &links, second("10 s"), 5).expect("a plan")
+}
+
+#[test]
+fn between_the_first_and_the_last_step_nothing_is_taken() {
+    let participants = || {
+        vec![
+            Mixer::new(Kind::Continuous, 1, 1, 1),
+            Mixer::new(Kind::Sampled, 1, 1, 2),
+        ]
+    };
+    let plan = plan(&participants());
+    let boxed = participants().into_iter().map(|own| Box::new(own) as _).collect();
+    let mut looped = InLoop::new(&plan, assemble(&plan, boxed, |_| Box::new(NoRecording)));
+    looped.run_to(1, |_| {}).expect("the first step");
+    let taken = taken_by(|| looped.run_to(plan.end, |_| {}).expect("the rest"));
+    assert_eq!(taken, Taken::default());
+}
+
+#[test]
+fn a_sample_in_shared_memory_takes_one_handle_and_gives_it_back() {
+    const SAMPLES: u64 = 5000;
+    let place = Place::new();
+    let link = LinkService::create(&place.domain, 0, 216, 4).expect("room");
+    let mut receiver = link.receiver(&place.domain).expect("the only one");
+    let mut sender = link.sender(&place.domain).expect("the only one");
+    let mut buffer = [0; 216];
+    let mut exchange = |count: u64| {
+        for index in 0..count {
+            let header = Header { index, stamp: 0 };
+            assert!(sender.try_send(header, &[3; 216]).expect("sent"));
+            assert_eq!(receiver.try_receive(&mut buffer), Ok(Some(header)));
+        }
+    };
+    exchange(8);
+    let taken = taken_by(|| exchange(SAMPLES));
+    assert!(taken.times <= SAMPLES, "{taken:?}");
+    assert!(taken.largest <= 64 && taken.held == 0, "{taken:?}");
+}
+
+#[test]
+fn a_recorded_sample_takes_nothing_but_its_share_of_a_parcel() {
+    const SAMPLES: u64 = 20_000;
+    let place = Place::new();
+    let mut receiver = RecordReceiver::create(&place.domain, "plant").expect("room");
+    let sender = RecordSender::open(&place.domain, "plant", 0, &[size_of::<Mixed>()]).expect("the only one");
+    let mut sender = SharedRecord(std::rc::Rc::new(std::cell::RefCell::new(sender)));
+    let mut seen = 0;
+    let mut record = |count: u64| {
+        for index in 0..count {
+            let header = Header { index, stamp: 0 };
+            assert!(sender.try_append(0, header, &[1; 16]).expect("recorded"));
+            sender.commit();
+            let take = |entry: Recorded<'_>| {
+                seen += u64::from(matches!(entry, Recorded::Sample { .. }));
+                Ok::<(), Broken>(())
+            };
+            receiver.receive(take).expect("whole entries");
+        }
+    };
+    record(SAMPLES / 10);
+    let taken = taken_by(|| record(SAMPLES));
+    assert_eq!(seen, SAMPLES + SAMPLES / 10);
+    // A parcel holds 32 KiB: some 680 of these samples with their heads.
+    assert!(taken.times <= SAMPLES / 500, "{taken:?}");
+    assert!(taken.held == 0, "{taken:?}");
+}

@@ -1,0 +1,141 @@
+//! What every transport must do, written once and held against each of them.
+
+mod place;
+
+use std::collections::VecDeque;
+
+use lockstep::transport::iceoryx::LinkService;
+use lockstep::transport::{Header, Receiver, Sender, local};
+use place::Place;
+use proptest::prelude::*;
+
+/// The two ends of a link, and what must outlive them.
+struct Link {
+    sender: Box<dyn Sender>,
+    receiver: Box<dyn Receiver>,
+    _keeps: Option<(LinkService, Place)>,
+}
+
+fn in_one_process(size: usize, capacity: usize) -> Link {
+    let (sender, receiver) = local::link(size, capacity);
+    Link {
+        sender: Box::new(sender),
+        receiver: Box::new(receiver),
+        _keeps: None,
+    }
+}
+
+fn in_shared_memory(size: usize, capacity: usize) -> Link {
+    let place = Place::new();
+    let service = LinkService::create(&place.domain, 7, size, capacity).expect("a new domain has room");
+    Link {
+        receiver: Box::new(service.receiver(&place.domain).expect("the only receiver")),
+        sender: Box::new(service.sender(&place.domain).expect("the only sender")),
+        _keeps: Some((service, place)),
+    }
+}
+
+fn sample(index: u64, size: usize) -> (Header, Vec<u8>) {
+    let payload = (0..size).map(|at| (index as usize * 31 + at * 7) as u8).collect();
+    let stamp = index as i64 * 1000 - 5;
+    (Header { index, stamp }, payload)
+}
+
+impl Link {
+    fn send(&mut self, index: u64, size: usize) -> bool {
+        let (header, payload) = sample(index, size);
+        self.sender
+            .try_send(header, &payload)
+            .expect("the size is the link's own")
+    }
+
+    fn receive(&mut self, size: usize) -> Option<(Header, Vec<u8>)> {
+        let mut payload = vec![0xff; size];
+        let header = self.receiver.try_receive(&mut payload);
+        header
+            .expect("the size is the link's own")
+            .map(|header| (header, payload))
+    }
+}
+
+/// Each implementation of a link runs every check.
+macro_rules! every_link {
+    ($($check:ident),+ $(,)?) => {
+        mod local_ring { $(#[test] fn $check() { super::$check(super::in_one_process); })+ }
+        mod shared_memory { $(#[test] fn $check() { super::$check(super::in_shared_memory); })+ }
+    };
+}
+
+every_link!(
+    an_empty_link_has_nothing,
+    a_sample_arrives_whole,
+    a_full_link_takes_nothing_and_loses_nothing,
+    a_sample_of_another_size_is_refused,
+    it_is_a_queue_whatever_the_order_of_calls,
+);
+
+type Make = fn(usize, usize) -> Link;
+
+fn an_empty_link_has_nothing(make: Make) {
+    let mut link = make(16, 2);
+    assert_eq!(link.receive(16), None);
+    assert!(link.send(0, 16));
+    assert!(link.receive(16).is_some());
+    assert_eq!(link.receive(16), None, "a sample is received once");
+}
+
+fn a_sample_arrives_whole(make: Make) {
+    for size in [1, 7, 8, 216, 4096, 100_000] {
+        let mut link = make(size, 1);
+        for index in [0, 1, u64::MAX >> 12] {
+            assert!(link.send(index, size));
+            assert_eq!(link.receive(size), Some(sample(index, size)), "{size} bytes");
+        }
+    }
+}
+
+fn a_full_link_takes_nothing_and_loses_nothing(make: Make) {
+    for capacity in [1, 2, 13] {
+        let mut link = make(24, capacity);
+        for index in 0..capacity as u64 {
+            assert!(link.send(index, 24), "there is room for {capacity}");
+        }
+        for round in 0..50 {
+            let next = round + capacity as u64;
+            assert!(!link.send(next, 24), "there is no room for more than {capacity}");
+            assert!(!link.send(next, 24), "nor when it is tried again");
+            assert_eq!(link.receive(24), Some(sample(round, 24)));
+            assert!(link.send(next, 24), "one that was taken makes room for one");
+        }
+    }
+}
+
+fn a_sample_of_another_size_is_refused(make: Make) {
+    let mut link = make(16, 2);
+    let (header, payload) = sample(0, 24);
+    assert!(link.sender.try_send(header, &payload).is_err());
+    assert!(link.sender.try_send(header, &payload[..8]).is_err());
+    assert_eq!(link.receive(16), None, "what was refused was not sent");
+    assert!(link.send(1, 16));
+    assert!(link.receiver.try_receive(&mut [0; 8]).is_err());
+}
+
+fn it_is_a_queue_whatever_the_order_of_calls(make: Make) {
+    let plans = (1..20_usize, prop::collection::vec(any::<bool>(), 0..400));
+    proptest!(ProptestConfig::with_cases(24), |((capacity, calls) in plans)| {
+        let mut link = make(40, capacity);
+        let (mut queue, mut next) = (VecDeque::new(), 0);
+        for sends in calls {
+            if sends {
+                let fits = queue.len() < capacity;
+                prop_assert_eq!(link.send(next, 40), fits);
+                if fits {
+                    queue.push_back(sample(next, 40));
+                    next += 1;
+                }
+            } else {
+                prop_assert_eq!(link.receive(40), queue.pop_front());
+            }
+        }
+    });
+}
