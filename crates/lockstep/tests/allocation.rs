@@ -1,16 +1,14 @@
 //! What a participant takes from the heap between its first and its last step: nothing of ours, and in shared memory one handle
 //! per sample sent, which iceoryx2 makes for every loan and gives back when it is sent.
 
-mod common;
 mod place;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::{Mixed, Mixer};
 use lockstep::executor::{InLoop, assemble};
 use lockstep::link::Timing;
-use lockstep::participant::Kind;
+use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
 use lockstep::time::Rational;
 use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
@@ -69,10 +67,44 @@ fn taken_by(work: impl FnOnce()) -> Taken {
     TAKEN.get()
 }
 
+lockstep::message! {
+    /// What the two tell each other.
+    pub struct Word {
+        /// A place.
+        pub x: f64 = "m",
+        /// A speed.
+        pub v: f64 = "m/s",
+    }
+}
+
+/// Adds up what it reads.
+struct Sum {
+    kind: Kind,
+    x: f64,
+}
+
+impl Participant for Sum {
+    fn interface(&self) -> Interface {
+        Interface::new(self.kind).input::<Word>("in0").output::<Word>("out0")
+    }
+    fn initialise(&mut self, _t: f64, _outputs: &mut Outputs) -> Result<(), Failure> {
+        Ok(())
+    }
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        self.x += step.period * (1.0 - inputs.get::<Word>(0).x);
+        *outputs.get_mut(0) = Word { x: self.x, v: step.t };
+        Ok(())
+    }
+}
+
+fn two() -> [Sum; 2] {
+    [Kind::Continuous, Kind::Sampled].map(|kind| Sum { kind, x: 0.0 })
+}
+
 /// Two that read each other, with a delay, jitter and losses on the way.
-fn plan(participants: &[Mixer]) -> Plan {
-    use lockstep::participant::Participant;
+fn plan() -> Plan {
     let second = |text: &str| text.parse::<Rational>().expect("a time");
+    let participants = two();
     let specs = participants
         .iter()
         .zip([("plant", "1 ms"), ("controller", "1/300 s")])
@@ -104,14 +136,8 @@ fn plan(participants: &[Mixer]) -> Plan {
 
 #[test]
 fn between_the_first_and_the_last_step_nothing_is_taken() {
-    let participants = || {
-        vec![
-            Mixer::new(Kind::Continuous, 1, 1, 1),
-            Mixer::new(Kind::Sampled, 1, 1, 2),
-        ]
-    };
-    let plan = plan(&participants());
-    let boxed = participants().into_iter().map(|own| Box::new(own) as _).collect();
+    let plan = plan();
+    let boxed = two().into_iter().map(|own| Box::new(own) as _).collect();
     let mut looped = InLoop::new(&plan, assemble(&plan, boxed, |_| Box::new(NoRecording)));
     looped.run_to(1, |_| {}).expect("the first step");
     let taken = taken_by(|| looped.run_to(plan.end, |_| {}).expect("the rest"));
@@ -144,7 +170,7 @@ fn a_recorded_sample_takes_nothing_but_its_share_of_a_parcel() {
     const SAMPLES: u64 = 20_000;
     let place = Place::new();
     let mut receiver = RecordReceiver::create(&place.domain, "plant").expect("room");
-    let sender = RecordSender::open(&place.domain, "plant", 0, &[size_of::<Mixed>()]).expect("the only one");
+    let sender = RecordSender::open(&place.domain, "plant", 0, &[size_of::<Word>()]).expect("the only one");
     let mut sender = SharedRecord(std::rc::Rc::new(std::cell::RefCell::new(sender)));
     let mut seen = 0;
     let mut record = |count: u64| {

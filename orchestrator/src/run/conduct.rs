@@ -22,7 +22,7 @@ use super::prepare;
 use super::progress::Progress;
 use super::recording::Recorder;
 use super::signals::Interrupt;
-use super::slices;
+use super::slices::Slices;
 use super::take_up::Restarts;
 use crate::scenario::{Entry, Scenario};
 use crate::scope::{self, Scope};
@@ -49,7 +49,6 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     let scope = Scope::create()?;
     let names = entries.iter().map(|entry| entry.setup.name.as_str());
     let (domain, ports) = Place::enter(scope.address(), names)?;
-    slices::ask_for_short_ones();
     let mut crew = Vec::new();
     for (entry, ports) in entries.iter().zip(ports) {
         let process = crew::start(entry, &domain, &folder.stderr(&entry.setup.name))?;
@@ -71,6 +70,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         guide: Guide::new(&plan, options, agenda, start.from),
         progress: Progress::new(scenario.duration.seconds(), options.quiet),
         restarts: vec![Restarts::default(); entries.len()],
+        slices: Slices::default(),
         entries,
         substituted: start.substituted,
         programs: 0,
@@ -155,6 +155,7 @@ pub(super) struct Conductor<'a> {
     pub(super) last_moved: Instant,
     last_flush: Instant,
     last_look: Instant,
+    slices: Slices,
     warned: bool,
 }
 
@@ -205,6 +206,7 @@ impl Conductor<'_> {
                 reason: error.to_string(),
             })?;
             self.look_for_floods()?;
+            self.slices.look(self.crew.iter().map(|member| member.process.pid()));
         }
         if let Some(now) = self.guide.stop()
             && self.crew.iter().all(|member| member.rests_at(now))

@@ -13,6 +13,7 @@ const SLEEP_MAX: Duration = Duration::from_millis(20);
 pub(super) struct Patience {
     strategy: Waiting,
     looks: u32,
+    turns: Turns,
     asleep: Option<Sleeping>,
     /// How often it slept.
     pub(super) sleeps: u64,
@@ -23,6 +24,7 @@ impl Patience {
         Patience {
             strategy,
             looks: 0,
+            turns: Turns::default(),
             asleep: None,
             sleeps: 0,
         }
@@ -30,6 +32,10 @@ impl Patience {
 
     /// What was waited for has come.
     pub(super) fn rest(&mut self, status: &mut StatusWriter) {
+        let yields = self.looks.saturating_sub(self.strategy.spins);
+        if (1..=self.strategy.yields).contains(&yields) {
+            self.turns.came_after(yields);
+        }
         self.looks = 0;
         if self.asleep.take().is_some() {
             status.set_asleep(None);
@@ -52,6 +58,9 @@ impl Patience {
         if self.looks <= self.strategy.spins {
             std::hint::spin_loop();
         } else if self.looks - self.strategy.spins <= self.strategy.yields {
+            if self.looks - self.strategy.spins > 1 && self.turns.change() {
+                std::thread::sleep(Duration::from_nanos(1));
+            }
             rustix::thread::sched_yield();
         } else if self.asleep != Some(what) {
             // Announce it, then look once more: whoever publishes after that look sees the announcement.
@@ -67,5 +76,86 @@ impl Patience {
     /// Sleeps at once, for waits that are known to be long.
     pub(super) fn doze(&mut self, sleeper: &mut Sleeper) -> Result<(), Broken> {
         sleeper.sleep(SLEEP_MAX)
+    }
+}
+
+/// Whether those who share this core take turns in an order that suits them.
+///
+/// Who yields goes to the end of the kernel's queue, so the order in which a core goes round stays what it happens to be at first. Where
+/// it is that of the work, everybody finds what it waits for at its first look. Where it is not, half of all turns are in vain, for
+/// ever. Then a short sleep deals the order anew.
+#[derive(Debug)]
+struct Turns {
+    waits: u32,
+    in_vain: u32,
+    /// Waits to look at before the next judgement.
+    window: u32,
+    change: bool,
+}
+
+impl Turns {
+    const WINDOW: u32 = 16;
+    /// Among several with different rates no order suits everybody: then trying gets rarer.
+    const WINDOW_MAX: u32 = 4096;
+
+    /// What was waited for was there after this many yields.
+    fn came_after(&mut self, yields: u32) {
+        self.waits += 1;
+        self.in_vain += u32::from(yields > 1);
+        if self.waits >= self.window {
+            self.change = 2 * self.in_vain > self.waits;
+            self.window = if self.change {
+                Turns::WINDOW_MAX.min(2 * self.window)
+            } else {
+                Turns::WINDOW
+            };
+            (self.waits, self.in_vain) = (0, 0);
+        }
+    }
+
+    /// Whether to change the order now; asked for once.
+    fn change(&mut self) -> bool {
+        std::mem::take(&mut self.change)
+    }
+}
+
+impl Default for Turns {
+    fn default() -> Turns {
+        Turns {
+            waits: 0,
+            in_vain: 0,
+            window: Turns::WINDOW,
+            change: false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Turns;
+
+    /// How many of `waits` waits, each over after `yields` yields, ask for another order.
+    fn changes(turns: &mut Turns, waits: u32, yields: u32) -> usize {
+        let change = |_: &u32| {
+            turns.came_after(yields);
+            turns.change()
+        };
+        (0..waits).filter(change).count()
+    }
+
+    #[test]
+    fn an_order_that_suits_is_kept() {
+        assert_eq!(changes(&mut Turns::default(), 100_000, 1), 0);
+    }
+
+    #[test]
+    fn one_that_does_not_is_changed_soon_and_where_that_does_not_help_ever_more_rarely() {
+        let mut turns = Turns::default();
+        assert_eq!(changes(&mut turns, Turns::WINDOW, 2), 1);
+        let later = changes(&mut turns, 100_000, 2);
+        assert!((20..=40).contains(&later), "{later}");
+        // As soon as the order suits, the next disorder is seen soon again.
+        changes(&mut turns, Turns::WINDOW_MAX, 1);
+        assert_eq!(changes(&mut turns, 2 * Turns::WINDOW, 2), 1);
     }
 }
