@@ -48,6 +48,11 @@ fn build(program: &str, what: &[&str]) -> PathBuf {
     folder.join(program)
 }
 
+/// A path as an argument.
+pub fn text(path: &Path) -> &str {
+    path.to_str().expect("paths of tests are text")
+}
+
 /// A folder that is removed with everything in it.
 pub struct Folder(PathBuf);
 

@@ -3,12 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use escapement_tests::program::{Folder, finish, orchestrate, orchestrator, root};
+use escapement_tests::program::{Folder, finish, orchestrate, orchestrator, root, text};
 use escapement_tests::world::oscillator;
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
 
 fn digest(scenario: &Path, out: &Path, more: &[&str]) -> String {
     let mut arguments = vec!["run", text(scenario), "--out", text(out), "--json"];

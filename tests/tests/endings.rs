@@ -1,17 +1,12 @@
 //! However a run ends: the right exit code, a message that names the culprit, no process, nothing in shared memory, and a tape
 //! that is a prefix of the undisturbed one.
 
-use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use escapement_tests::machine::{leftovers, processes_of, signal, wait_for, wait_for_bytes, writer_of};
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, start};
+use escapement_tests::machine::{leftovers, processes_of, signal, wait_for_bytes, writer_of};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, start, text};
 use escapement_tests::world::oscillator;
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
 
 /// Runs the oscillator with `damper` and looks at what is left.
 fn ended(damper: &str, more: &[&str]) -> (Folder, Said) {
@@ -140,8 +135,8 @@ fn who_ignores_the_end_is_ended() {
     let scenario = oscillator(&folder, "ignores_terminate");
     let out = folder.path().join("run");
     let child = start(&["run", text(&scenario), "--out", text(&out)]);
-    wait_for(&out.join("tape/index.json"));
-    std::thread::sleep(Duration::from_millis(300));
+    // The plant can go no further without what the damper owes it.
+    wait_for_bytes(&out.join("tape/plant.motion.bin"), 24 * 501);
     signal(child.id(), rustix::process::Signal::TERM);
     let said = finish(child);
     assert_eq!(said.code, Some(1), "{said:?}");

@@ -2,13 +2,9 @@
 
 use std::path::Path;
 
-use escapement_tests::program::{Folder, Said, orchestrate, root};
+use escapement_tests::program::{Folder, Said, orchestrate, root, text};
 use escapement_tests::world::oscillator;
 use recorder::tape::{EventKind, Reader, Source};
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
 
 const CLOSE: [&str; 8] = [
     "name=encoder,at=0.2s,until=0.4s,input=controller.measured,field=q[3],kind=bias,value=0.2 deg",

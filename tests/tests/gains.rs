@@ -1,12 +1,6 @@
 //! Tuned gains as their user sees them: recomputed, flown, and contradicted.
 
-use std::path::Path;
-
-use escapement_tests::program::{Folder, orchestrate, root};
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
+use escapement_tests::program::{Folder, orchestrate, root, text};
 
 /// `margins` on the stock P gains with a specification whose flights ask for this base rate at the end.
 fn flown(rate: &str) -> escapement_tests::program::Said {

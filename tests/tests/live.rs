@@ -7,13 +7,9 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use escapement_tests::machine::processes_of;
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, text};
 use escapement_tests::world::oscillator;
 use serde_json::Value;
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
 
 /// A run under way with the address of its page.
 struct Watched {
@@ -24,6 +20,15 @@ struct Watched {
 }
 
 impl Watched {
+    /// A run of `scenario` into `out` that rests at 1 s.
+    fn at_one_second(scenario: &Path, out: &Path) -> Watched {
+        let (scenario, out) = (text(scenario), text(out));
+        let pause = ["--quiet", "--live", "--pause-at", "1 s"];
+        let run = Watched::start(&[&["run", scenario, "--out", out][..], &pause].concat());
+        run.rests_at(1.0);
+        run
+    }
+
     fn start(arguments: &[&str]) -> Watched {
         let mut child = Command::new(orchestrator())
             .args(arguments)
@@ -144,17 +149,7 @@ fn a_page_pauses_steps_and_resumes_and_the_tape_is_the_same() {
         Some(0)
     );
     let out = folder.path().join("run");
-    let run = Watched::start(&[
-        "run",
-        text(&scenario),
-        "--out",
-        text(&out),
-        "--quiet",
-        "--live",
-        "--pause-at",
-        "1 s",
-    ]);
-    run.rests_at(1.0);
+    let run = Watched::at_one_second(&scenario, &out);
     has(&out, "damper.push.bin", 100, 24);
     // The next activation of the damper is at 1 s, the one after it at 1.01 s; the plant does all before it.
     assert_eq!(run.wish(r#"{"do": "step", "participant": "damper"}"#).0, 200);
@@ -237,17 +232,7 @@ fn nobody_else_can_see_or_steer_the_run() {
     let folder = Folder::new("live-hostile");
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");
-    let run = Watched::start(&[
-        "run",
-        text(&scenario),
-        "--out",
-        text(&out),
-        "--quiet",
-        "--live",
-        "--pause-at",
-        "1 s",
-    ]);
-    run.rests_at(1.0);
+    let run = Watched::at_one_second(&scenario, &out);
     let resume = "Content-Type: application/json\nContent-Length: 16\n\n{\"do\": \"resume\"}";
     for (what, request, status) in [
         (

@@ -1,13 +1,7 @@
 //! Whatever is wrong with a scenario is refused before anything starts: exit code 2, the file, the line, the key, the remedy, and
 //! no run folder.
 
-use std::path::Path;
-
-use escapement_tests::program::{Folder, orchestrate, root};
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
+use escapement_tests::program::{Folder, orchestrate, root, text};
 
 /// Runs the close capture with `from` replaced by `to`; all of `expected` must be in the message.
 fn refused(from: &str, to: &str, expected: &[&str]) {

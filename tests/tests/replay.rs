@@ -5,12 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use escapement_tests::machine::processes_of;
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, text};
 use escapement_tests::world::oscillator;
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
 
 /// Runs a scenario into `folder/run` and gives that folder.
 fn recorded(folder: &Folder, scenario: &Path, more: &[&str]) -> PathBuf {

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use escapement_tests::machine::{leftovers, processes_of, signal, wait_for, writer_of};
-use escapement_tests::program::{Folder, finish, orchestrate, participant, start};
+use escapement_tests::program::{Folder, finish, orchestrate, participant, start, text};
 use escapement_tests::world::{oscillator, prefix};
 use lockstep::random::Stream;
 use rustix::process::Signal;
@@ -17,10 +17,6 @@ use rustix::process::Signal;
 const ROUNDS: u64 = 120;
 /// Samples of the shortest stream of a whole run.
 const WHOLE: u64 = 1000;
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
 
 fn setting(name: &str, default: u64) -> u64 {
     std::env::var(name)
