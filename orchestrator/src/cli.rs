@@ -252,6 +252,9 @@ pub struct BenchArgs {
     /// The largest ring
     #[arg(long, default_value_t = 64)]
     pub participants: usize,
+    /// How many participants are killed to see how soon that is known
+    #[arg(long, default_value_t = 100)]
+    pub deaths: usize,
 }
 
 /// Arguments of `model`.

@@ -6,13 +6,12 @@
 
 use std::path::Path;
 
-use lockstep::participant::Interface;
 use recorder::compare::Comparison;
 use serde::Serialize;
 
 use crate::replay::{Replay, Request};
-use crate::run::{Ending, Options};
-use crate::scenario::{Scenario, ScenarioError};
+use crate::run::{Ending, Options, RunFailure, describe};
+use crate::scenario::Scenario;
 
 /// What `--shadow NAME=PROGRAM` asks for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -103,28 +102,35 @@ impl Shadow {
     }
 
     /// Whether it can stand in its place in a run of `scenario`, which was read from `file` with `overrides`: that is
-    /// refused before anything runs. The ports of a program of its own are known only when it runs.
+    /// refused before anything runs. A program of its own is started for a moment, to ask for its ports.
     ///
     /// # Errors
     /// What is wrong with the program or its parameters, or the difference of its ports.
-    pub fn check(&self, file: &Path, overrides: &[String]) -> Result<(), ScenarioError> {
-        let interface = |overrides: &[String]| -> Result<(Scenario, Option<Interface>), ScenarioError> {
+    pub fn check(&self, file: &Path, overrides: &[String]) -> Result<(), RunFailure> {
+        let ports = |overrides: &[String]| -> Result<_, RunFailure> {
             let scenario = Scenario::read(file, overrides)?;
-            let made = scenario.make()?;
-            let mut all = scenario.participants.iter().zip(made);
-            let own = all.find(|(entry, _)| entry.setup.name == self.participant);
-            let interface = own.and_then(|(_, made)| made).map(|made| made.interface());
-            Ok((scenario, interface))
+            // Whatever else is wrong with it is told first.
+            scenario.make()?;
+            let entry = scenario
+                .participants
+                .iter()
+                .find(|entry| entry.setup.name == self.participant);
+            let ports = entry.map(|entry| describe::ports(&scenario, entry)).transpose();
+            Ok((scenario, ports))
         };
-        let (_, original) = interface(overrides)?;
-        let (scenario, shadow) = interface(&[overrides, &self.overrides].concat())?;
-        let difference = original
-            .zip(shadow)
-            .and_then(|(original, shadow)| shadow.difference(&original));
-        match difference {
-            Some(difference) => {
-                let reason = format!("`{}` cannot be its shadow: {difference}", self.program);
-                Err(scenario.program_refusal(&self.participant, &reason))
+        let (_, original) = ports(overrides)?;
+        let (scenario, shadow) = ports(&[overrides, &self.overrides].concat())?;
+        let reason = match (original, shadow) {
+            (Ok(Some(original)), Ok(Some(shadow))) => shadow.difference(&original),
+            (_, Err(RunFailure::Participant { reason, .. })) => Some(format!("it {reason}")),
+            (_, Err(other)) => return Err(other),
+            // What is wrong with the run itself is said when it starts.
+            _ => None,
+        };
+        match reason {
+            Some(reason) => {
+                let reason = format!("`{}` cannot be its shadow: {reason}", self.program);
+                Err(scenario.program_refusal(&self.participant, &reason).into())
             }
             None => Ok(()),
         }

@@ -19,6 +19,7 @@ fn reply(lie: &str, request: &Request) -> Option<Vec<u8>> {
         ("count", Request::Configure { .. }, _) => return Some([&[1, 0, 0, 0, 0, 0, 0, 0][..], &[0xff; 8]].concat()),
         ("nothing", Request::Configure { .. }, _) => return Some(Vec::new()),
         ("version", Request::Hello { .. }, Reply::Hello { protocol, .. }) => *protocol += 7,
+        ("dies-on-move", Request::Move { .. }, _) => std::process::abort(),
         ("answer", Request::Connect { .. }, reply) => *reply = Reply::State(None),
         ("gap", Request::Configure { .. }, Reply::Described { interface }) => {
             *interface = Interface::new(interface.kind).output::<Push>("push");
@@ -34,6 +35,7 @@ fn act(lie: &str, liar: &mut Liar) {
     let (mut header, mut payload, mut stream) = (liar.header(LIE), Liar::payload(LIE), None);
     match lie {
         "link-repeats" | "record-repeats" => header.index -= 1,
+        "link-back" | "record-back" => header = liar.header(LIE / 2),
         "link-skips" | "record-skips" => header = liar.header(LIE + 1),
         "link-stamp" | "record-stamp" => header.stamp += 1,
         "link-nan" => payload[..8].copy_from_slice(&f64::NAN.to_le_bytes()),
@@ -41,6 +43,8 @@ fn act(lie: &str, liar: &mut Liar) {
         "record-stream" => stream = Some(1 - liar.assignment.outputs[0].stream),
         "record-nobody" => stream = Some(77),
         "record-last" => header.index = u64::MAX,
+        "record-twice" => liar.record_anew(),
+        "dies-on-move" => return liar.rest(liar.header(LIE).stamp, LIE, |request| reply(lie, request)),
         _ => return liar.behave(0),
     }
     match lie.starts_with("link") {

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::process::{ExitCode, exit};
 use std::rc::Rc;
 
-use lockstep::control::{PROTOCOL, Reply, Request};
+use lockstep::control::{Note, PROTOCOL, Reply, Request};
 use lockstep::participant::{Interface, Kind};
 use lockstep::plan::Assignment;
 use lockstep::time::Ticks;
@@ -26,7 +26,10 @@ pub struct Liar {
     clock: ClockReader,
     input: LinkReceiver,
     output: LinkSender,
+    control: ControlServer,
+    name: String,
     _links: [LinkService; 2],
+    domain: Domain,
 }
 
 /// What the healthy one answers.
@@ -90,7 +93,10 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
         output: links[1].sender(&domain).expect("a publisher"),
         record: record(&domain, &name, assignment.outputs[0].stream),
         assignment,
+        control,
+        name,
         _links: links,
+        domain,
     };
     while liar.clock.horizon() == Ticks::MIN {
         nap();
@@ -136,6 +142,28 @@ impl Liar {
             self.record(None, self.header(k), &Liar::payload(k));
             self.send(self.header(k), &Liar::payload(k));
         }
+    }
+
+    /// Comes to rest at `horizon` with activation `next` to come, and answers requests with `reply` from then on.
+    pub fn rest(&mut self, horizon: Ticks, next: u64, reply: impl Fn(&Request) -> Option<Vec<u8>>) {
+        let note = Note::AtRest { horizon, next };
+        while !self.record.0.borrow_mut().note(&note).expect("a record") {
+            self.look();
+        }
+        self.record.commit();
+        loop {
+            let served = self.control.serve_bytes(|bytes| {
+                let request = wire::decode("a request", bytes).expect("the orchestrator keeps to the protocol");
+                reply(&request).expect("an answer")
+            });
+            served.expect("a control service");
+            self.look();
+        }
+    }
+
+    /// Opens a second way to the recorder, in place of the first.
+    pub fn record_anew(&mut self) {
+        self.record = record(&self.domain, &self.name, self.assignment.outputs[0].stream);
     }
 
     /// Puts a sample onto the tape: of its own stream, unless another is named.

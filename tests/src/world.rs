@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::program::{Folder, participant};
+use crate::machine::processes_of;
+use crate::program::{Folder, Said, orchestrate, participant, text};
 
 /// Writes the scenario with `damper` in the damper's place.
 pub fn oscillator(folder: &Folder, damper: &str) -> PathBuf {
@@ -49,4 +50,92 @@ pub fn prefix(undisturbed: &Path, run: &Path) -> u64 {
         part.len() as u64 / 24
     });
     lengths[0].min(lengths[1])
+}
+
+/// A folder with a scenario and an undisturbed run of it.
+pub struct World {
+    /// Everything of the test.
+    pub folder: Folder,
+    /// The scenario of the run.
+    pub scenario: PathBuf,
+}
+
+impl World {
+    /// An undisturbed run, and the scenario with `damper` in the damper's place.
+    pub fn new(name: &str, damper: &str) -> World {
+        let folder = Folder::new(name);
+        let healthy = oscillator(&folder, "damper");
+        let out = folder.path().join("undisturbed");
+        let said = orchestrate(&["run", text(&healthy), "--out", text(&out), "--quiet"]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let scenario = oscillator(&folder, damper);
+        World { folder, scenario }
+    }
+
+    /// A file or folder in it.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Runs the scenario, and sees that no process is left.
+    pub fn run(&self, name: &str, more: &[&str]) -> Said {
+        let out = self.path(name);
+        let mut arguments = vec!["run", text(&self.scenario), "--out", text(&out)];
+        arguments.extend(more);
+        let said = orchestrate(&arguments);
+        assert_eq!(
+            processes_of(self.folder.path()),
+            Vec::<String>::new(),
+            "processes are left"
+        );
+        said
+    }
+
+    /// Resumes the run `from`.
+    pub fn resume(&self, from: &str, name: &str, more: &[&str]) -> Said {
+        let (run, out) = (self.path(from), self.path(name));
+        let mut arguments = vec!["resume", text(&run), "--out", text(&out)];
+        arguments.extend(more);
+        orchestrate(&arguments)
+    }
+
+    /// The run `name` has the tape of the undisturbed one.
+    pub fn same_as_undisturbed(&self, name: &str) {
+        let said = orchestrate(&["compare", text(&self.path("undisturbed")), text(&self.path(name))]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
+
+    /// The tape of `name` is a prefix of the undisturbed one: how many samples its shortest stream has.
+    pub fn prefix(&self, name: &str) -> u64 {
+        prefix(&self.path("undisturbed"), &self.path(name))
+    }
+
+    /// What the tape of `name` says of events.
+    pub fn events(&self, name: &str) -> String {
+        std::fs::read_to_string(self.path(name).join("tape/events.jsonl")).expect("a tape has events")
+    }
+
+    /// The damper's count of its own steps at its sample `index`.
+    pub fn count(&self, name: &str, index: usize) -> u64 {
+        let bytes = std::fs::read(self.path(name).join("tape/damper.push.bin")).expect("the damper is on the tape");
+        let record = &bytes[24 * index..24 * (index + 1)];
+        u64::from_le_bytes(record[16..].try_into().expect("eight bytes"))
+    }
+
+    /// A world whose scenario has `more` at its end.
+    pub fn with(name: &str, damper: &str, more: &str) -> World {
+        let world = World::new(name, damper);
+        let scenario = std::fs::read_to_string(&world.scenario).expect("it was just written") + more;
+        std::fs::write(&world.scenario, scenario).expect("the folder can be written");
+        world
+    }
+}
+
+/// `[[faults]]` with one substitution of the damper.
+pub fn substitution(at: &str, program: &str, state: &str) -> String {
+    let exe = participant(program);
+    format!(
+        "\n[[faults]]\nat = \"{at}\"\nsubstitute = \"damper\"\nrun = {{ exe = \"{}\" }}\nstate = \"{state}\"\n",
+        exe.display()
+    )
 }

@@ -5,16 +5,12 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use escapement_tests::machine::processes_of;
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, start};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, start, text};
 use escapement_tests::world::oscillator;
 use serde_json::Value;
 
 const CLOSE: &str = "scenarios/close.toml";
 const DELAYS: &str = "connections.measured.delay=0ms,10ms,60ms";
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
 
 /// `sweep` of the close capture with `more`, into `out`.
 fn sweep(out: &Path, more: &[&str]) -> Said {
@@ -370,6 +366,81 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
         assert_eq!(said.code, Some(2), "{said:?}");
         assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
     }
+}
+
+#[test]
+fn a_list_of_cases_injects_faults_and_substitutes() {
+    let folder = Folder::new("cases-faults");
+    let scenario = oscillator(&folder, "damper");
+    let exe = |name: &str| participant(name).display().to_string();
+    let list = format!(
+        r#"[[case]]
+name = "healthy"
+
+[[case]]
+name = "biased"
+faults = [{{ at = "2 s", until = "3 s", input = "damper.motion", field = "velocity", kind = "bias", value = "1 m/s" }}]
+
+[[case]]
+name = "another with the state of the one before"
+faults = [{{ at = "4 s", substitute = "damper", run = {{ exe = {:?} }}, state = "keep" }}]
+
+[[case]]
+name = "two at once"
+faults = [
+    {{ at = "2 s", until = "3 s", input = "damper.motion", field = "velocity", kind = "bias", value = "1 m/s" }},
+    {{ at = "4 s", substitute = "damper", run = {{ exe = {:?} }}, state = "keep" }},
+]
+
+[[case]]
+name = "one that fails"
+faults = [{{ at = "1 s", substitute = "damper", run = {{ exe = {:?} }} }}]
+
+[[case]]
+name = "a guard"
+set = {{ "guards.weak" = {{ output = "damper.push", field = "force", range = "[-1, 1] mN" }} }}
+"#,
+        exe("damper"),
+        exe("damper"),
+        exe("crash_at")
+    );
+    let list = folder.write("cases.toml", &list);
+    let out = folder.path().join("faults");
+    let said = orchestrate(&[
+        "faults",
+        text(&scenario),
+        "--cases",
+        text(&list),
+        "--json",
+        "--keep",
+        "--out",
+        text(&out),
+    ]);
+    assert_eq!(said.code, Some(1), "one fails: {said:?}");
+    let points = said.json()["rows"].as_array().expect("a list of rows").clone();
+    let column = |name: &str| -> Vec<String> {
+        let texts = points
+            .iter()
+            .map(|point| point[name].as_str().unwrap_or_default().to_owned());
+        texts.collect()
+    };
+    assert_eq!(
+        column("outcome"),
+        ["complete", "complete", "complete", "complete", "failed", "failed"],
+        "{points:?}"
+    );
+    // What a case does is what the run with the same faults does: the first differs from the healthy one, a substitute that
+    // keeps the state does not, and both together are the first again.
+    let digests = column("tape_digest");
+    assert_ne!(digests[1], digests[0]);
+    assert_eq!(digests[2], digests[0]);
+    // The tape of a disturbed run has the stream of what was seen, whoever sits there.
+    assert_eq!(digests[3], digests[1]);
+    let reasons = column("reason");
+    assert!(reasons[4].contains("signal 6 (abort) at t = 2 s"), "{reasons:?}");
+    assert!(reasons[5].contains("guard `weak`"), "{reasons:?}");
+    assert!(out.join("runs/00003/tape/events.jsonl").is_file());
+    assert_eq!(processes_of(folder.path()), Vec::<String>::new(), "processes are left");
 }
 
 #[test]

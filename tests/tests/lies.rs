@@ -29,6 +29,19 @@ fn a_repeated_sample_is_refused_by_its_reader() {
 }
 
 #[test]
+fn a_sample_out_of_order_is_refused_by_its_reader() {
+    caught("link-back", &["`damper.push` sent sample #50 after sample #99"]);
+}
+
+#[test]
+fn a_second_way_to_the_recorder_is_named_at_once() {
+    caught(
+        "record-twice",
+        &["`damper`", "recorded a parcel beside one that is still open"],
+    );
+}
+
+#[test]
 fn a_skipped_sample_is_refused_by_its_reader() {
     caught("link-skips", &["`damper.push` sent sample #101 where #100 is due"]);
 }
@@ -50,6 +63,7 @@ fn a_nan_is_refused_by_its_reader() {
 fn a_false_record_is_refused_and_its_author_named() {
     let of = "`damper`";
     caught("record-repeats", &[of, "stamped 1 s; its stamp must be 0.99 s"]);
+    caught("record-back", &[of, "damper.push", "50", "100"]);
     caught("record-skips", &[of, "damper.push", "101", "100"]);
     caught("record-stamp", &[of, "sample #100 stamped", "its stamp must be 1 s"]);
     caught("record-size", &[of, "damper.push", "9", "16"]);

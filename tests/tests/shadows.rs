@@ -1,13 +1,7 @@
 //! A second program on a participant's inputs: what it would have said, compared, without any effect on the run.
 
-use std::path::Path;
-
-use escapement_tests::program::{Folder, Said, orchestrate, participant, root};
+use escapement_tests::program::{Folder, Said, orchestrate, participant, root, text};
 use escapement_tests::world::oscillator;
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
 
 /// Runs the oscillator with its damper and `shadow` beside it.
 fn shadowed(folder: &Folder, shadow: &str) -> Said {
@@ -138,14 +132,24 @@ fn other_ports_are_refused_with_the_difference() {
             assert!(said.err.contains(part), "{shadow}: `{part}` is not in: {}", said.err);
         }
     }
-    // The ports of a program of its own are known when it runs: the run is over then, and stands.
-    let said = shadowed(&folder, "wrong_descriptor");
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let refused = said.json()["shadows"][0]["refused"].as_str().unwrap().to_owned();
-    assert!(
-        refused.contains("force") && refused.contains("does not fit"),
-        "{refused}"
-    );
+    // A program of its own is asked before anything runs as well.
+    for (shadow, parts) in [
+        (
+            "wrong_descriptor",
+            ["participants.damper.run", "cannot be its shadow", "kN"],
+        ),
+        (
+            "early_exit",
+            ["participants.damper.run", "exited with status 7", "licence server"],
+        ),
+    ] {
+        let said = shadowed(&folder, shadow);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(!out.exists(), "refused before anything runs");
+        for part in parts {
+            assert!(said.err.contains(part), "{shadow}: `{part}` is not in: {}", said.err);
+        }
+    }
 }
 
 #[test]

@@ -1,77 +1,9 @@
 //! Runs that are taken up in mid-course: from a checkpoint, after a death, with a substitute.
 
-use std::path::{Path, PathBuf};
-
 use escapement_tests::machine::{processes_of, signal, wait_for_bytes, writer_of};
-use escapement_tests::program::{Folder, Said, finish, orchestrate, participant, start};
-use escapement_tests::world::{oscillator, prefix};
+use escapement_tests::program::{Said, finish, participant, start, text};
+use escapement_tests::world::{World, substitution};
 use rustix::process::Signal;
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("paths of tests are text")
-}
-
-/// A folder with a scenario and an undisturbed run of it.
-struct World {
-    folder: Folder,
-    scenario: PathBuf,
-}
-
-impl World {
-    fn new(name: &str, damper: &str) -> World {
-        let folder = Folder::new(name);
-        let healthy = oscillator(&folder, "damper");
-        let out = folder.path().join("undisturbed");
-        let said = orchestrate(&["run", text(&healthy), "--out", text(&out), "--quiet"]);
-        assert_eq!(said.code, Some(0), "{said:?}");
-        let scenario = oscillator(&folder, damper);
-        World { folder, scenario }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn run(&self, name: &str, more: &[&str]) -> Said {
-        let out = self.path(name);
-        let mut arguments = vec!["run", text(&self.scenario), "--out", text(&out)];
-        arguments.extend(more);
-        let said = orchestrate(&arguments);
-        assert_eq!(
-            processes_of(self.folder.path()),
-            Vec::<String>::new(),
-            "processes are left"
-        );
-        said
-    }
-
-    fn resume(&self, from: &str, name: &str, more: &[&str]) -> Said {
-        let (run, out) = (self.path(from), self.path(name));
-        let mut arguments = vec!["resume", text(&run), "--out", text(&out)];
-        arguments.extend(more);
-        orchestrate(&arguments)
-    }
-
-    fn same_as_undisturbed(&self, name: &str) {
-        let said = orchestrate(&["compare", text(&self.path("undisturbed")), text(&self.path(name))]);
-        assert_eq!(said.code, Some(0), "{said:?}");
-    }
-
-    fn prefix(&self, name: &str) -> u64 {
-        prefix(&self.path("undisturbed"), &self.path(name))
-    }
-
-    fn events(&self, name: &str) -> String {
-        std::fs::read_to_string(self.path(name).join("tape/events.jsonl")).expect("a tape has events")
-    }
-
-    /// The damper's count of its own steps at its sample `index`.
-    fn count(&self, name: &str, index: usize) -> u64 {
-        let bytes = std::fs::read(self.path(name).join("tape/damper.push.bin")).expect("the damper is on the tape");
-        let record = &bytes[24 * index..24 * (index + 1)];
-        u64::from_le_bytes(record[16..].try_into().expect("eight bytes"))
-    }
-}
 
 #[test]
 fn a_resumed_run_is_the_same_run() {
@@ -154,7 +86,7 @@ fn who_cannot_be_saved_is_named() {
     let world = World::new("forgetful", "forgetful");
     let said = world.run("saved", &["--checkpoint-at", "4 s"]);
     assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("`damper` cannot save its state"), "{said:?}");
+    assert!(said.err.contains("`damper`: cannot save its state"), "{said:?}");
 }
 
 /// Kills `who` once in a paced run with the policy to restart.
@@ -213,7 +145,7 @@ fn who_fails_again_and_again_is_given_up() {
     let said = world.run("run", &["--set", policy]);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(
-        said.err.contains("signal 6") && said.err.contains("restarted 5 times"),
+        said.err.contains("signal 6") && said.err.contains("taken up again 5 times"),
         "{said:?}"
     );
     assert_eq!(world.prefix("run"), 200);
@@ -225,7 +157,7 @@ fn who_does_something_else_after_a_restart_is_named() {
     let said = killed(&world, "run", "damper", Signal::KILL);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(
-        said.err.contains("`damper` is not deterministic") && said.err.contains("force = "),
+        said.err.contains("`damper`: is not deterministic") && said.err.contains("force = "),
         "{said:?}"
     );
 }
@@ -249,25 +181,6 @@ fn a_substitute_takes_over_from_whoever_fails() {
             events.contains("`damper` takes over at activation 200"),
             "{bad}: {events}"
         );
-    }
-}
-
-/// `[[faults]]` with one substitution of the damper.
-fn substitution(at: &str, program: &str, state: &str) -> String {
-    let exe = participant(program);
-    format!(
-        "\n[[faults]]\nat = \"{at}\"\nsubstitute = \"damper\"\nrun = {{ exe = \"{}\" }}\nstate = \"{state}\"\n",
-        exe.display()
-    )
-}
-
-impl World {
-    /// A world whose scenario has `faults` at its end.
-    fn with(name: &str, damper: &str, faults: &str) -> World {
-        let world = World::new(name, damper);
-        let scenario = std::fs::read_to_string(&world.scenario).unwrap() + faults;
-        std::fs::write(&world.scenario, scenario).unwrap();
-        world
     }
 }
 
@@ -305,14 +218,35 @@ fn a_substitute_in_mid_run_starts_afresh_or_keeps_the_state() {
 
 #[test]
 fn a_substitute_with_other_ports_is_refused_with_the_difference() {
+    // Before anything runs, whoever may take over, at a given time or after a failure.
     let world = World::with("ports", "damper", &substitution("2 s", "wrong_descriptor", "cold"));
+    let wrong = participant("wrong_descriptor").display().to_string();
+    let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {wrong:?} }} }}");
+    let other = World::new("policy", "damper");
+    for (said, key) in [
+        (world.run("run", &[]), "faults.fault-1"),
+        (other.run("run", &["--set", &policy]), "participants.damper.on-failure"),
+    ] {
+        assert_eq!(said.code, Some(2), "{said:?}");
+        for part in [key, "`wrong_descriptor` has other ports than `damper`", "kN"] {
+            assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+        }
+    }
+    // And once more when it is its turn: who has described the right ports before may describe others then.
+    let world = World::with("fickle", "damper", &substitution("1 s", "fickle", "cold"));
+    let mark = format!("args = [{:?}] }}", world.path("mark"));
+    let scenario = std::fs::read_to_string(&world.scenario).unwrap();
+    std::fs::write(
+        &world.scenario,
+        scenario.replace("/fickle\" }", &format!("/fickle\", {mark}")),
+    )
+    .unwrap();
     let said = world.run("run", &[]);
     assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(
-        said.err.contains("describes other ports than expected") && said.err.contains("kN"),
-        "{said:?}"
-    );
-    assert_eq!(world.prefix("run"), 200);
+    for part in ["participant `damper`: describes other ports than expected", "kN"] {
+        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+    }
+    assert_eq!(world.prefix("run"), 100);
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! What lockstep costs on this machine, as ratios measured side by side in one run.
 
+mod deaths;
 mod exchange;
 mod participants;
 mod scaling;
 mod share;
 
+pub use deaths::deaths;
 pub use exchange::{be_an_end, exchange};
 pub use participants::{factory, scenario_text};
 pub use scaling::scaling;

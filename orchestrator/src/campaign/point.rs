@@ -89,14 +89,7 @@ impl Result {
 
     fn of(ending: &Ending, figures: Option<Summary>, tape: String) -> Result {
         let (outcome, reason) = match (ending, &figures) {
-            (Ending::Failed { participant, reason }, _) => {
-                let reason = if reason.starts_with("participant") || participant.is_empty() {
-                    reason.clone()
-                } else {
-                    format!("participant `{participant}` {reason}")
-                };
-                (Outcome::Failed, Some(reason))
-            }
+            (Ending::Failed { .. }, _) => (Outcome::Failed, ending.words()),
             (Ending::Stopped { reason }, _) => (Outcome::Crashed, Some(reason.clone())),
             (Ending::Complete, None) => (Outcome::Complete, None),
             (Ending::Complete, Some(figures)) if figures.met() => (Outcome::Captured, None),
@@ -148,8 +141,9 @@ fn judged(file: &Path, changes: &[String], keep: Option<&Path>, scratch: &Path) 
         Err(error) => return refused(&error),
     };
     let here: Option<Vec<Box<dyn Participant>>> = made.into_iter().collect();
-    // Who is replaced in mid-run is for the whole machinery of a run.
-    let here = here.filter(|_| scenario.substitutions.is_empty());
+    // Who is replaced in mid-run, and what is guarded, is for the whole machinery of a run.
+    let whole = scenario.substitutions.is_empty() && scenario.guards().next().is_none();
+    let here = here.filter(|_| whole);
     match (here, keep) {
         (Some(participants), None) => match tapeless(&scenario, participants) {
             Ok(result) => result,
@@ -206,10 +200,7 @@ fn tapeless(scenario: &Scenario, participants: Vec<Box<dyn Participant>>) -> std
     let mut looped = InLoop::new(&plan, parts);
     let ending = match looped.run_to(plan.end, |_| {}) {
         Ok(_) => Ending::Complete,
-        Err(error) => Ending::Failed {
-            participant: String::new(),
-            reason: error.to_string(),
-        },
+        Err(error) => error.into(),
     };
     drop(looped);
     let mut watch = watch.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,7 +1,6 @@
 //! The processes that run the points: each takes one point at a time as a line of JSON and answers with one.
 
 use std::io::{self, BufRead, BufReader, Write, stdin, stdout};
-use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::Sender;
@@ -97,20 +96,8 @@ impl Worker {
             .arg("campaign-worker")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            // Ctrl-C in a terminal goes to its foreground group: the orchestrator alone decides how a campaign ends.
-            .process_group(0);
-        let parent = rustix::process::getpid();
-        // SAFETY: between fork and exec only two system calls are made; neither allocates nor takes a lock.
-        unsafe {
-            command.pre_exec(move || {
-                rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
-                if rustix::process::getppid() != Some(parent) {
-                    return Err(io::Error::from(io::ErrorKind::BrokenPipe));
-                }
-                Ok(())
-            });
-        }
+            .stderr(Stdio::piped());
+        crate::run::tie(&mut command);
         let mut child = command.spawn()?;
         let orders = child.stdin.take();
         let said = Arc::new(Mutex::new(String::new()));

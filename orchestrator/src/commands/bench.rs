@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::bench::{self, Figures};
 use crate::cli::BenchArgs;
-use crate::run::{Options, Wait, run as run_scenario};
+use crate::run::{Options, Outcome, Wait, run as run_scenario};
 use crate::scenario::Scenario;
 
 /// Measures and prints ratios.
@@ -43,6 +43,31 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
         row(&format!("N = {size}"), figures);
     }
 
+    if args.deaths > 0 {
+        println!("\nfrom kill -9 of a participant to the orchestrator's knowing it, ms");
+        let many = args.participants.max(2);
+        for (name, size, pace, count) in [
+            ("ring of 2, as fast as it can", 2, None, args.deaths),
+            ("ring of 2, at the wall clock's pace", 2, Some(1.0), args.deaths),
+            (
+                &*format!("ring of {many}, at the wall clock's pace"),
+                many,
+                Some(1.0),
+                args.deaths.div_ceil(10),
+            ),
+        ] {
+            let figures = bench::deaths(count, &folder.join("run"), || {
+                ring_run(folder, size, FAR, Wait::Auto, pace)
+            })?;
+            row(name, &figures);
+            println!(
+                "  {:<42} {:>32.1}",
+                format!("  the slowest of {count}"),
+                figures.percentile(100)
+            );
+        }
+    }
+
     if let Some(path) = &args.scenario {
         let scenario = Scenario::read(path, &[])?;
         let share = bench::share(&scenario, args.rounds, folder)?;
@@ -72,25 +97,33 @@ fn row(name: &str, figures: &Figures) {
     println!("  {name:<42} {} {} {}", cell(5), cell(50), cell(95));
 }
 
+/// More steps than anybody waits for.
+const FAR: u64 = 1_000_000_000;
+
 /// Runs a ring of relays; seconds per step.
 fn ring(folder: &Path, count: usize, steps: u64, wait: Wait) -> anyhow::Result<f64> {
+    let outcome = ring_run(folder, count, steps, wait, None)?;
+    std::fs::remove_dir_all(&outcome.folder)?;
+    if outcome.ending != crate::run::Ending::Complete {
+        anyhow::bail!("the ring of {count} did not run to its end: {:?}", outcome.ending);
+    }
+    Ok(outcome.wall_s / steps as f64)
+}
+
+fn ring_run(folder: &Path, count: usize, steps: u64, wait: Wait, pace: Option<f64>) -> anyhow::Result<Outcome> {
     let file = folder.join("ring.toml");
     std::fs::write(&file, bench::scenario_text(count, steps))?;
     let scenario = Scenario::read(&file, &[])?;
     let out = folder.join("run");
     let options = Options {
-        out: Some(out.clone()),
+        out: Some(out),
         quiet: true,
+        pace,
         wait,
         // Two that spin need a core each, which placement gives them only where there is one to spare.
         no_placement: wait == Wait::Spin,
         patience_s: 60.0,
         ..Options::default()
     };
-    let outcome = run_scenario(&scenario, &options)?;
-    std::fs::remove_dir_all(&out)?;
-    if outcome.ending != crate::run::Ending::Complete {
-        anyhow::bail!("the ring of {count} did not run to its end: {:?}", outcome.ending);
-    }
-    Ok(outcome.wall_s / steps as f64)
+    Ok(run_scenario(&scenario, &options)?)
 }

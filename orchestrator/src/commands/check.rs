@@ -87,6 +87,12 @@ fn describe(scenario: &Scenario, plan: &Plan) {
             link.capacity
         );
     }
+    if scenario.guards().next().is_some() {
+        println!("guards:");
+    }
+    for (name, words) in scenario.guards() {
+        println!("  {name:<24} {words}");
+    }
     let faults = faults::notices(plan);
     if !faults.is_empty() {
         println!("faults:");

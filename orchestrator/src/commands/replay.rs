@@ -99,17 +99,8 @@ fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
     for note in &found.notes {
         eprintln!("note: {note}");
     }
-    let failed = match &found.ending {
-        Ending::Complete => false,
-        Ending::Stopped { reason } => {
-            eprintln!("{reason}");
-            true
-        }
-        Ending::Failed { participant, reason } => {
-            eprintln!("error: participant `{participant}` {reason}");
-            true
-        }
-    };
+    found.ending.tell();
+    let failed = found.ending != Ending::Complete;
     let mut out = io::stdout().lock();
     if args.json {
         let result = json!({

@@ -83,11 +83,7 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     }
     let folder = RunFolder::open(&outcome.folder);
     folder.write_json(&folder.summary(), &summary)?;
-    match &outcome.ending {
-        Ending::Complete => {}
-        Ending::Stopped { reason } => eprintln!("{reason}"),
-        Ending::Failed { participant, reason } => eprintln!("error: participant `{participant}` {reason}"),
-    }
+    outcome.ending.tell();
     if how.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
     } else if !how.quiet {
@@ -114,11 +110,7 @@ fn live(how: &HowArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
 
 /// The run is over and its folder complete: pages that are open get the whole of it.
 fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result<()> {
-    server.finish(match &outcome.ending {
-        Ending::Complete => "complete".to_owned(),
-        Ending::Stopped { reason } => reason.clone(),
-        Ending::Failed { participant, reason } => format!("participant `{participant}` {reason}"),
-    });
+    server.finish(outcome.ending.words().unwrap_or_else(|| "complete".to_owned()));
     if !how.live_stay || matches!(outcome.ending, Ending::Stopped { .. }) {
         return Ok(());
     }

@@ -312,7 +312,9 @@ fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) -> Result<(
     keep_faults(table, subject, &kept, &connections);
     table.insert("participants".into(), Value::Table(kept));
     table.insert("connections".into(), Value::Table(connections));
+    // What the run was judged by, and what ended it, is no matter of one participant.
     table.remove("assessment");
+    table.remove("guards");
     Ok(())
 }
 

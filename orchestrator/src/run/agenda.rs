@@ -67,10 +67,6 @@ impl Agenda {
         for (number, substitution) in scenario.substitutions.iter().enumerate().skip(done) {
             let at = instant(substitution.at)?;
             rests.push((at, Business::Substitute(number)));
-            // A restart must not go back to before it: another program was in the seat then.
-            if scenario.restarts() {
-                rests.push((at + 1, Business::Checkpoint { file: false }));
-            }
         }
         // What was done at the instant of a checkpoint that this run goes on from is not done again.
         rests.retain(|&(at, business)| {
@@ -86,6 +82,19 @@ impl Agenda {
         rests.sort_unstable();
         rests.dedup();
         Ok(Agenda(rests.into()))
+    }
+
+    /// The run goes back: the substitutions of `scenario` from number `done` on are still to come.
+    pub(super) fn rewind(&mut self, scenario: &Scenario, plan: &Plan, done: usize) {
+        self.0
+            .retain(|(_, business)| !matches!(business, Business::Substitute(_)));
+        for (number, substitution) in scenario.substitutions.iter().enumerate().skip(done) {
+            match plan.timebase.ceil(substitution.at) {
+                Ok(at) if at < plan.end => self.0.push_back((at, Business::Substitute(number))),
+                _ => {}
+            }
+        }
+        self.0.make_contiguous().sort_unstable();
     }
 
     /// Pauses alone.

@@ -7,11 +7,13 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use lockstep::plan::Cut;
+use lockstep::plan::{Cut, Plan};
 use lockstep::time::Rational;
 use lockstep::wire::{self, WireError};
 use recorder::tape::Digest;
 use serde::{Deserialize, Serialize};
+
+use crate::scenario::Entry;
 
 const MAGIC: &[u8] = b"escapement checkpoint 1\n";
 const DIGEST: usize = 32;
@@ -83,6 +85,26 @@ pub enum CheckpointError {
 }
 
 impl Checkpoint {
+    /// The state of a run of `plan` at `time`, with `entries` in the seats, which stand at `cut` and have these states.
+    pub fn new(
+        plan: &Plan,
+        time: Rational,
+        cut: Cut,
+        states: Vec<Vec<u8>>,
+        substituted: usize,
+        entries: &[Entry],
+    ) -> Checkpoint {
+        Checkpoint {
+            version: env!("CARGO_PKG_VERSION").into(),
+            time,
+            participants: plan.participants.iter().map(|own| own.name.clone()).collect(),
+            cut,
+            states,
+            substitutions: substituted as u64,
+            replaced: entries.iter().map(|entry| entry.replaced).collect(),
+        }
+    }
+
     /// The bytes of a checkpoint's file.
     ///
     /// # Errors

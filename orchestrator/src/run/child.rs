@@ -25,6 +25,26 @@ pub struct Participant {
     status: Option<ExitStatus>,
 }
 
+/// Ties the life of the process that `command` starts to that of this one, and nothing else: it dies with it, and Ctrl-C in a
+/// terminal, which goes to the foreground group, is for the orchestrator alone.
+///
+/// The kernel kills the child when the thread that starts it dies, so that must be the main thread.
+pub fn tie(command: &mut Command) {
+    command.process_group(0);
+    let parent = rustix::process::getpid();
+    // SAFETY: between fork and exec only two system calls are made; neither allocates nor takes a lock.
+    unsafe {
+        command.pre_exec(move || {
+            rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
+            // The orchestrator may have died before the line above.
+            if rustix::process::getppid() != Some(parent) {
+                return Err(io::Error::from(io::ErrorKind::BrokenPipe));
+            }
+            Ok(())
+        });
+    }
+}
+
 impl Participant {
     /// Starts the program of `entry` with its place in the run in the environment.
     ///
@@ -49,21 +69,8 @@ impl Participant {
             .env(lockstep::host::PARTICIPANT, &name)
             .stdin(Stdio::null())
             .stdout(output.try_clone()?)
-            .stderr(output)
-            // Ctrl-C in a terminal goes to its foreground group: the orchestrator alone decides how a run ends.
-            .process_group(0);
-        let parent = rustix::process::getpid();
-        // SAFETY: between fork and exec only two system calls are made; neither allocates nor takes a lock.
-        unsafe {
-            command.pre_exec(move || {
-                rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
-                // The orchestrator may have died before the line above.
-                if rustix::process::getppid() != Some(parent) {
-                    return Err(io::Error::from(io::ErrorKind::BrokenPipe));
-                }
-                Ok(())
-            });
-        }
+            .stderr(output);
+        tie(&mut command);
         let mut child = command.spawn()?;
         let pid = Pid::from_child(&child);
         match pidfd_open(pid, PidfdFlags::empty()) {

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use lockstep::control::Note;
 use lockstep::plan::Plan;
 use lockstep::time::Ticks;
 use recorder::folder::RunFolder;
@@ -14,17 +13,18 @@ use super::Options;
 use super::agenda::Agenda;
 use super::checkpoint::Checkpoint;
 use super::crew::{self, Member};
+use super::describe;
 use super::explain;
 use super::horizon::Guide;
-use super::outcome::{Ending, Outcome, RunFailure};
+use super::outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
 use super::place::Place;
 use super::prepare;
 use super::progress::Progress;
 use super::recording::Recorder;
 use super::signals::Interrupt;
 use super::slices::Slices;
-use super::take_up::Restarts;
-use crate::scenario::{Entry, Scenario};
+use super::survive::{Fallen, Restarts};
+use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::{self, Scope};
 
 /// How long participants may take to leave after they were told to.
@@ -54,23 +54,34 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         let process = crew::start(entry, &domain, &folder.stderr(&entry.setup.name))?;
         crew.push(Member::new(process, ports));
     }
-    crew::gather(&mut crew, &interrupt)?;
+    let asked = Instant::now();
+    for member in &mut crew {
+        crew::arrive(member, asked, &interrupt)?;
+    }
     let mut interfaces = Vec::new();
     for ((member, entry), known) in crew.iter_mut().zip(&entries).zip(&known.interfaces) {
         interfaces.push(crew::introduce(scenario, entry, known.as_ref(), member, &interrupt)?);
     }
     let plan = scenario.plan(&interfaces)?;
+    describe::check_substitutes(scenario, &interfaces)?;
     let mut recorder = prepare::recorder(scenario, &plan, &folder)?;
     let start = prepare::start(&plan, options, &mut recorder)?;
     let agenda = Agenda::new(scenario, &plan, options, start.from, start.substituted)?;
     let place = Place::furnish(domain, &plan)?;
-    let placement = crew::connect(&plan, &mut crew, start.positions, options, &interrupt)?;
+    let placement = crew::placement(&plan, options);
+    let mut positions = start.positions.map(Vec::into_iter);
+    for (number, member) in crew.iter_mut().enumerate() {
+        let position = positions.as_mut().and_then(Iterator::next);
+        crew::connect(&plan, number, member, position, &placement, options, &interrupt)?;
+    }
     options.begin(&plan, &folder);
     let mut conductor = Conductor {
         guide: Guide::new(&plan, options, agenda, start.from),
         progress: Progress::new(scenario.duration.seconds(), options.quiet),
         restarts: vec![Restarts::default(); entries.len()],
         slices: Slices::default(),
+        fallen: Vec::new(),
+        base: vec![0; entries.len()],
         entries,
         substituted: start.substituted,
         programs: 0,
@@ -91,7 +102,8 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         warned: false,
     };
     let ending = conductor.conduct();
-    let wall_s = conductor.started.elapsed().as_secs_f64();
+    let known = Instant::now();
+    let wall_s = (known - conductor.started).as_secs_f64();
     let Conductor {
         crew,
         recorder,
@@ -121,11 +133,12 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         ending,
         simulated_s,
         wall_s,
+        known,
         digest,
         figures,
         timing,
         sources,
-        placement,
+        placement: placement.reason,
     })
 }
 
@@ -142,6 +155,10 @@ pub(super) struct Conductor<'a> {
     /// How many programs were started in mid-run.
     pub(super) programs: usize,
     pub(super) restarts: Vec<Restarts>,
+    /// Who else failed, besides the one that was reported, and was not attended to yet.
+    pub(super) fallen: Vec<Fallen>,
+    /// The activation at which each participant took up its work in this place; it stands there or further on.
+    pub(super) base: Vec<u64>,
     pub(super) last_checkpoint: Option<Checkpoint>,
     pub(super) crew: Vec<Member>,
     pub(super) place: Place,
@@ -182,12 +199,14 @@ impl Conductor<'_> {
         if self.drain()? {
             self.last_moved = Instant::now();
             self.warned = false;
+            self.look_for_lies()?;
             // However much the others have to say, a death is seen in time.
             if self.last_look.elapsed() > LOOK {
                 self.look_for_deaths()?;
             }
         } else {
             self.look_for_deaths()?;
+            self.look_for_lies()?;
             if self.crew.iter().all(|member| member.timing.is_some()) {
                 return Ok(Some(Ending::Complete));
             }
@@ -202,7 +221,7 @@ impl Conductor<'_> {
         if self.last_flush.elapsed() > FLUSH {
             self.last_flush = Instant::now();
             self.recorder.flush().map_err(|error| Ending::Failed {
-                participant: "orchestrator".into(),
+                participant: ORCHESTRATOR.into(),
                 reason: error.to_string(),
             })?;
             self.look_for_floods()?;
@@ -272,15 +291,12 @@ impl Conductor<'_> {
         let taken = member.take(number, &mut self.recorder);
         let name = &member.process.name;
         let moved = taken.map_err(|broken| match self.recorder.take_error() {
-            Some(error) => failed("orchestrator", error.to_string()),
+            Some(error) => failed(ORCHESTRATOR, error.to_string()),
             None => failed(name, broken.to_string()),
         })?;
-        match &member.failed {
-            Some(Note::Failed { activation, t, reason }) => Err(failed(
-                name,
-                format!("failed at t = {t} s (activation {activation}): {reason}"),
-            )),
-            _ => Ok(moved),
+        match member.failure() {
+            Some(reason) => Err(failed(name, reason)),
+            None => Ok(moved),
         }
     }
 
@@ -302,6 +318,20 @@ impl Conductor<'_> {
             });
         }
         Ok(())
+    }
+
+    /// A guard did not let a sample pass. The sample is on the tape, so a restart would have to give it again.
+    fn look_for_lies(&mut self) -> Result<(), Ending> {
+        let Some((number, mut reason)) = self.recorder.take_lie() else {
+            return Ok(());
+        };
+        let entry = &mut self.entries[number];
+        if entry.on_failure == OnFailure::Restart {
+            entry.on_failure = OnFailure::Stop;
+            reason += "; a restart would have to give the same again, so the run ends";
+        }
+        let participant = entry.setup.name.clone();
+        Err(Ending::Failed { participant, reason })
     }
 
     fn look_for_floods(&self) -> Result<(), Ending> {

@@ -80,6 +80,16 @@ impl Member {
         self.timing.is_some() || self.at_rest == Some(horizon)
     }
 
+    /// Why it failed, in its own account, if it did.
+    pub(super) fn failure(&self) -> Option<String> {
+        match &self.failed {
+            Some(Note::Failed { activation, t, reason }) => {
+                Some(format!("failed at t = {t} s (activation {activation}): {reason}"))
+            }
+            _ => None,
+        }
+    }
+
     /// What it does.
     pub(super) fn status(&self) -> lockstep::transport::iceoryx::Status {
         self.ports.status.get()
@@ -130,11 +140,19 @@ impl Member {
         ports.bell.ring();
         let control = &ports.control;
         let reply = control.ask(request, PATIENCE, || process.ended().is_some() || interrupt.asked());
+        let when = match request {
+            Request::Hello { .. } => "when it was greeted",
+            Request::Configure { .. } => "when it was given its parameters",
+            Request::Connect { .. } => "when it was given its part of the plan",
+            Request::Save => "when it was asked for its state",
+            Request::Move { .. } => "when it was asked to move",
+            Request::Terminate => "when it was told to leave",
+        };
         match reply {
             Ok(Some(reply)) => Ok(reply),
             Ok(None) if interrupt.asked() => Err(RunFailure::Interrupted),
-            Ok(None) => Err(silent(&mut self.process, "answer")),
-            Err(broken) => Err(self.odd(broken.0)),
+            Ok(None) => Err(silent(&mut self.process, "answer", when)),
+            Err(broken) => Err(self.odd(format!("gave no answer that can be used {when}: {broken}"))),
         }
     }
 
@@ -147,14 +165,15 @@ impl Member {
     }
 }
 
-fn silent(process: &mut Participant, what: &str) -> RunFailure {
+/// Who did not do `what`, and is dead or too late.
+fn silent(process: &mut Participant, what: &str, when: &str) -> RunFailure {
     let reason = match process.ended() {
-        Some(status) => format!(
-            "{} when it was to {what}{}",
-            Participant::ending(status),
-            explain::words(process)
+        Some(status) => format!("{} {when}{}", Participant::ending(status), explain::words(process)),
+        None => format!(
+            "did not {what} within {} s {when} (pid {})",
+            PATIENCE.as_secs(),
+            process.pid()
         ),
-        None => format!("did not {what} within {} s (pid {})", PATIENCE.as_secs(), process.pid()),
     };
     RunFailure::Participant {
         participant: process.name.clone(),
@@ -170,19 +189,20 @@ pub(super) fn start(entry: &Entry, domain: &Domain, log: &std::path::Path) -> Re
     })
 }
 
-/// Waits until all have entered the run.
-pub(super) fn gather(crew: &mut [Member], interrupt: &Interrupt) -> Result<(), RunFailure> {
-    let started = Instant::now();
-    for member in crew {
-        while !member.ports.control.present() {
-            if interrupt.asked() {
-                return Err(RunFailure::Interrupted);
-            }
-            if member.process.ended().is_some() || started.elapsed() > PATIENCE {
-                return Err(silent(&mut member.process, "enter the run"));
-            }
-            std::thread::sleep(Duration::from_micros(300));
+/// Waits until it has entered the run, which everybody was asked to do at `asked`.
+pub(super) fn arrive(member: &mut Member, asked: Instant, interrupt: &Interrupt) -> Result<(), RunFailure> {
+    while !member.ports.control.present() {
+        if interrupt.asked() {
+            return Err(RunFailure::Interrupted);
         }
+        if member.process.ended().is_some() || asked.elapsed() > PATIENCE {
+            return Err(silent(
+                &mut member.process,
+                "enter the run",
+                "before it had entered the run",
+            ));
+        }
+        std::thread::sleep(Duration::from_micros(300));
     }
     Ok(())
 }
@@ -229,33 +249,40 @@ pub(super) fn introduce(
     Ok(interface)
 }
 
-/// Gives every participant its part of the plan, its core, and where to take up the work; nothing for the start of a run.
-/// Returns the choice of cores in words.
+/// Gives participant number `number` its part of the plan, its cores, and where to take up the work; nothing for the start of
+/// a run.
 pub(super) fn connect(
     plan: &Plan,
-    crew: &mut [Member],
-    positions: Option<Vec<Position>>,
+    number: usize,
+    member: &mut Member,
+    position: Option<Position>,
+    placement: &Placement,
     options: &Options,
     interrupt: &Interrupt,
-) -> Result<String, RunFailure> {
-    let placement = placement(plan, options);
-    let mut positions = positions.map(Vec::into_iter);
-    for (number, member) in crew.iter_mut().enumerate() {
-        let request = Request::Connect {
-            assignment: plan.assignment(number),
-            cores: placement.cores[number].iter().map(|&core| core as u32).collect(),
-            waiting: options.wait.strategy(placement.sharing[number]),
-            position: positions
-                .as_mut()
-                .map(|positions| Box::new(positions.next().unwrap_or_default())),
-        };
-        match member.ask(&request, interrupt)? {
-            Reply::Done => {}
-            Reply::Refused { reason, .. } => return Err(member.odd(format!("cannot connect: {reason}"))),
-            other => return Err(member.odd(format!("answered its part of the plan with {other:?}"))),
-        }
+) -> Result<(), RunFailure> {
+    let request = Request::Connect {
+        assignment: plan.assignment(number),
+        cores: placement.cores[number].iter().map(|&core| core as u32).collect(),
+        waiting: options.wait.strategy(placement.sharing[number]),
+        position: position.map(Box::new),
+    };
+    match member.ask(&request, interrupt)? {
+        Reply::Done => Ok(()),
+        Reply::Refused { reason, .. } => Err(member.odd(format!("cannot connect: {reason}"))),
+        other => Err(member.odd(format!("answered its part of the plan with {other:?}"))),
     }
-    Ok(placement.reason)
+}
+
+/// Asks a participant at rest to go to `address` when the clock says leave.
+pub(super) fn send_to(member: &mut Member, address: &str, interrupt: &Interrupt) -> Result<(), RunFailure> {
+    let address = address.to_owned();
+    match member.ask(&Request::Move { address }, interrupt)? {
+        Reply::Done => Ok(()),
+        Reply::Refused { reason, .. } => {
+            Err(member.odd(format!("cannot take part in a substitution or a restart: {reason}")))
+        }
+        other => Err(member.odd(format!("answered the request to move with {other:?}"))),
+    }
 }
 
 /// The state of a participant at rest.

@@ -8,6 +8,7 @@ use lockstep::transport::iceoryx::{Activity, Status};
 
 use super::child::Participant;
 use super::crew::Member;
+use super::outcome::ORCHESTRATOR;
 
 /// The last lines that a process wrote, ready to be put behind a message.
 pub(super) fn words(process: &Participant) -> String {
@@ -59,7 +60,7 @@ fn instant(plan: &Plan, number: usize, status: Status) -> f64 {
 pub(super) fn death(plan: &Plan, number: usize, member: &Member, status: ExitStatus) -> String {
     let last = member.status();
     format!(
-        "(pid {}) {} at t = {} s (activation {}) while {}{}",
+        "process {} {} at t = {} s (activation {}) while {}{}",
         member.process.pid(),
         Participant::ending(status),
         instant(plan, number, last),
@@ -105,7 +106,7 @@ pub(super) fn standstill(plan: &Plan, crew: &[Member], horizon: Ticks, seconds: 
             let debt = format!("{name} (pid {pid}, {does}) {}", owes(plan, number, &statuses));
             (name, debt)
         }
-        None => ("orchestrator".to_owned(), "nobody owes anything".to_owned()),
+        None => (ORCHESTRATOR.to_owned(), "nobody owes anything".to_owned()),
     };
     let text = format!(
         "nothing has moved for {seconds:.1} s: {debt}; recorder idle\n{}",

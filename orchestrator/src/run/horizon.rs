@@ -9,6 +9,7 @@ use lockstep::time::Ticks;
 use super::Options;
 use super::agenda::{Agenda, Business};
 use crate::live::Steering;
+use crate::scenario::Scenario;
 
 /// A run that is steered is let ahead by about this much wall time, so that it never waits for leave, and stops soon.
 const AHEAD: Duration = Duration::from_millis(50);
@@ -80,6 +81,13 @@ impl Guide {
     /// What was taken could not be done.
     pub(super) fn put_back(&mut self, now: Ticks, business: Business) {
         self.agenda.put_back(now, business);
+    }
+
+    /// The run goes back: the substitutions from number `done` on are still to come.
+    pub(super) fn rewind(&mut self, scenario: &Scenario, plan: &Plan, done: usize) {
+        self.agenda.rewind(scenario, plan, done);
+        // Substitutes are seated where everybody rests, and the newest rest may lie behind now.
+        self.granted = self.granted.min(self.agenda.next().unwrap_or(self.granted));
     }
 
     /// Everybody rests at `now` for the user: it is over when somebody lets the run go on.

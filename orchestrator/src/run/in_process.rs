@@ -15,7 +15,7 @@ use recorder::tape::{Event, EventKind};
 use super::agenda::{Agenda, Business};
 use super::checkpoint::Checkpoint;
 use super::horizon::Guide;
-use super::outcome::{Ending, Outcome, RunFailure};
+use super::outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
 use super::progress::Progress;
 use super::recording::{Direct, Recorder};
 use super::signals::Interrupt;
@@ -73,7 +73,8 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         started: Instant::now(),
     };
     let ending = run.conduct(start.from)?;
-    let wall_s = run.started.elapsed().as_secs_f64();
+    let known = Instant::now();
+    let wall_s = (known - run.started).as_secs_f64();
     let Run {
         looped,
         plan,
@@ -106,12 +107,31 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         ending,
         simulated_s,
         wall_s,
+        known,
         digest,
         figures,
         timing: BTreeMap::new(),
         sources: BTreeMap::new(),
         placement: "all participants in one loop of one process".into(),
     })
+}
+
+impl From<RunError> for Ending {
+    fn from(error: RunError) -> Ending {
+        let (participant, reason) = match error {
+            RunError::Participant {
+                participant,
+                t,
+                activation,
+                source,
+            } => (
+                participant,
+                format!("failed at t = {t} s (activation {activation}): {source}"),
+            ),
+            stuck @ RunError::Stuck { .. } => (ORCHESTRATOR.into(), stuck.to_string()),
+        };
+        Ending::Failed { participant, reason }
+    }
 }
 
 /// A participant that this program contains.
@@ -216,15 +236,9 @@ impl Run<'_> {
 
     fn checkpoint(&mut self, now: Ticks) -> Result<(), RunFailure> {
         let states = (0..self.entries.len()).map(|number| self.save(number));
-        let checkpoint = Checkpoint {
-            version: env!("CARGO_PKG_VERSION").into(),
-            time: self.plan.timebase.time(now).unwrap_or_default(),
-            participants: self.plan.participants.iter().map(|own| own.name.clone()).collect(),
-            cut: self.plan.cut_at(now),
-            states: states.collect::<Result<_, _>>()?,
-            substitutions: self.substituted as u64,
-            replaced: self.entries.iter().map(|entry| entry.replaced).collect(),
-        };
+        let states = states.collect::<Result<_, _>>()?;
+        let (time, cut) = (self.plan.timebase.time(now).unwrap_or_default(), self.plan.cut_at(now));
+        let checkpoint = Checkpoint::new(&self.plan, time, cut, states, self.substituted, &self.entries);
         self.recorder().flush()?;
         checkpoint.write(&self.checkpoints)?;
         Ok(())
@@ -261,6 +275,7 @@ impl Run<'_> {
         self.looped = Some(looped.map_err(|error| RunFailure::Other(error.to_string()))?);
         let event = prepare::substitution_event(&self.plan, now, &cut, seat, &entry, substitution.state);
         self.recorder().event(&event)?;
+        self.recorder().renew(seat);
         self.entries[seat] = entry;
         self.substituted = number + 1;
         Ok(())
@@ -275,14 +290,11 @@ impl Run<'_> {
             std::thread::sleep(NAP);
         }
         if let Some(Err(error)) = self.looped.as_mut().map(|looped| looped.run_to(horizon, |_| {})) {
-            let participant = match &error {
-                RunError::Participant { participant, .. } => participant.clone(),
-                RunError::Stuck { .. } => String::new(),
-            };
-            return Some(Ending::Failed {
-                participant,
-                reason: error.to_string(),
-            });
+            return Some(error.into());
+        }
+        if let Some((number, reason)) = self.recorder().take_lie() {
+            let participant = self.entries[number].setup.name.clone();
+            return Some(Ending::Failed { participant, reason });
         }
         self.guide.tell(horizon, horizon == *reached);
         *reached = horizon;

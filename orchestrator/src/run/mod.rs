@@ -5,8 +5,10 @@ pub mod checkpoint;
 mod child;
 mod conduct;
 pub(crate) mod crew;
+pub(crate) mod describe;
 mod explain;
 pub(crate) mod faults;
+mod guard;
 mod horizon;
 mod in_process;
 mod outcome;
@@ -17,6 +19,7 @@ mod progress;
 mod recording;
 pub(crate) mod signals;
 mod slices;
+mod survive;
 mod take_up;
 
 use std::path::PathBuf;
@@ -27,6 +30,8 @@ use lockstep::plan::Plan;
 use lockstep::time::Rational;
 use recorder::folder::RunFolder;
 
+pub(crate) use child::tie;
+pub(crate) use guard::Watch;
 pub use outcome::{Ending, Outcome, RunFailure};
 pub use prepare::check;
 pub(crate) use progress::Progress;

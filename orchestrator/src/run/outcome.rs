@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::time::Instant;
 
 use lockstep::control::Timing;
 use recorder::folder::FolderError;
@@ -68,6 +69,9 @@ impl RunFailure {
     }
 }
 
+/// Who failed when no participant did.
+pub const ORCHESTRATOR: &str = "orchestrator";
+
 /// How a run that was recorded ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "status", rename_all = "kebab-case")]
@@ -88,6 +92,30 @@ pub enum Ending {
     },
 }
 
+impl Ending {
+    /// For people: who failed, and why; nothing where all went well.
+    pub fn words(&self) -> Option<String> {
+        match self {
+            Ending::Complete => None,
+            Ending::Stopped { reason } => Some(reason.clone()),
+            Ending::Failed { participant, reason } if participant == ORCHESTRATOR => Some(reason.clone()),
+            Ending::Failed { participant, reason } => Some(format!("participant `{participant}`: {reason}")),
+        }
+    }
+
+    /// Prints it on standard error, where there is anything to say.
+    pub fn tell(&self) {
+        let error = if matches!(self, Ending::Failed { .. }) {
+            "error: "
+        } else {
+            ""
+        };
+        if let Some(words) = self.words() {
+            eprintln!("{error}{words}");
+        }
+    }
+}
+
 /// A run that was recorded.
 pub struct Outcome {
     /// The run folder.
@@ -98,6 +126,8 @@ pub struct Outcome {
     pub simulated_s: f64,
     /// Wall time between the first activation and the last sample on the tape, s.
     pub wall_s: f64,
+    /// When the orchestrator knew how the run ends.
+    pub known: Instant,
     /// The tape.
     pub digest: Digest,
     /// The figures of merit.

@@ -11,6 +11,7 @@ use recorder::folder::{RunFolder, utc_text};
 use recorder::tape::{Event, EventKind, StreamSpec, Writer};
 use serde::Serialize;
 
+use super::checkpoint::Checkpoint;
 use super::outcome::RunFailure;
 use super::played::Played;
 use super::progress::Progress;
@@ -54,6 +55,7 @@ pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
         }
     }
     let plan = scenario.sketch(&interfaces)?;
+    scenario.watches(&plan, |participant| interfaces[participant].is_some())?;
     if interfaces.iter().all(Option::is_some) {
         assess(scenario, &streams(&plan))?;
     }
@@ -133,8 +135,9 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<RunFolder
 pub(super) fn recorder(scenario: &Scenario, plan: &Plan, folder: &RunFolder) -> Result<Recorder, RunFailure> {
     let streams = streams(plan);
     let assessment = assess(scenario, &streams)?;
+    let watches = scenario.watches(plan, |_| true)?;
     let writer = Writer::create(&folder.tape(), streams)?;
-    Ok(Recorder::new(plan.clone(), writer, assessment))
+    Ok(Recorder::new(plan.clone(), writer, assessment, watches))
 }
 
 /// Where a run begins.
@@ -164,18 +167,25 @@ pub(super) fn entries(scenario: &Scenario, options: &Options) -> Result<Vec<Entr
                     .join(", ")
             )));
         }
-        let done = usize::try_from(origin.checkpoint.substitutions).unwrap_or(usize::MAX);
-        for substitution in scenario.substitutions.iter().take(done) {
-            let seat = &mut entries[substitution.participant];
-            *seat = substitution.entry(seat);
-        }
-        for (seat, replaced) in entries.iter_mut().zip(&origin.checkpoint.replaced) {
-            if let (true, OnFailure::Substitute(program)) = (replaced, seat.on_failure.clone()) {
-                *seat = seat.replaced_by(&program);
-            }
-        }
+        entries = entries_at(scenario, &origin.checkpoint);
     }
     Ok(entries)
+}
+
+/// What sat in each seat when `checkpoint` was made.
+pub(super) fn entries_at(scenario: &Scenario, checkpoint: &Checkpoint) -> Vec<Entry> {
+    let mut entries = scenario.participants.clone();
+    let done = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
+    for substitution in scenario.substitutions.iter().take(done) {
+        let seat = &mut entries[substitution.participant];
+        *seat = substitution.entry(seat);
+    }
+    for (seat, replaced) in entries.iter_mut().zip(&checkpoint.replaced) {
+        if let (true, OnFailure::Substitute(program)) = (replaced, seat.on_failure.clone()) {
+            *seat = seat.replaced_by(&program);
+        }
+    }
+    entries
 }
 
 /// Where the run begins; what was before it is put on the tape.

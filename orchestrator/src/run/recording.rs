@@ -9,6 +9,7 @@ use lockstep::transport::{Broken, Header, Recording};
 use recorder::tape::{AppendError, Digest, Event, EventKind, StreamSpec, Writer};
 
 use super::faults;
+use super::guard::Watch;
 use super::outcome::{Ending, RunFailure};
 use super::played::{Played, difference};
 use crate::assessment::{Assessment, Summary};
@@ -54,19 +55,24 @@ pub struct Recorder {
     /// The newest stamp of anybody, ticks.
     pub newest: i64,
     error: Option<AppendError>,
+    watches: Vec<Watch>,
+    /// The first sample that a guard did not let pass: whose, and what was wrong with it.
+    lie: Option<(usize, String)>,
     /// What was recorded before everybody went back to a checkpoint, and is now recorded again.
     again: Option<Played>,
 }
 
 impl Recorder {
-    /// Records onto `writer`, which was made for the streams of `plan`.
-    pub fn new(plan: Plan, writer: Writer, assessment: Option<Box<dyn Assessment>>) -> Recorder {
+    /// Records onto `writer`, which was made for the streams of `plan`, and looks at every sample with `watches`.
+    pub fn new(plan: Plan, writer: Writer, assessment: Option<Box<dyn Assessment>>, watches: Vec<Watch>) -> Recorder {
         let outputs = plan.participants.iter().enumerate();
         let outputs = outputs.flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number));
         let owners = outputs.chain(plan.seen.iter().map(|seen| seen.participant)).collect();
         Recorder {
             writer,
             assessment,
+            watches,
+            lie: None,
             faults: faults::events(&plan),
             plan,
             owners,
@@ -145,7 +151,7 @@ impl Recorder {
         let number = stream as usize;
         if self.owners.get(number) != Some(&participant) {
             return Err(Broken(format!(
-                "it recorded a sample of stream {stream}, which is not its own"
+                "recorded a sample of stream {stream}, which is not its own"
             )));
         }
         let due = self.plan.participants[participant].sample_time.instant(header.index);
@@ -155,7 +161,7 @@ impl Recorder {
                 self.plan.timebase.seconds(due),
             );
             return Err(Broken(format!(
-                "it recorded sample #{} stamped {stamp} s; its stamp must be {due} s",
+                "recorded sample #{} stamped {stamp} s; its stamp must be {due} s",
                 header.index
             )));
         }
@@ -172,10 +178,19 @@ impl Recorder {
                 self.error = Some(error);
                 return Err(Broken(text));
             }
-            Err(error) => return Err(Broken(format!("it recorded {error}"))),
+            Err(error) => return Err(Broken(format!("recorded {error}"))),
         }
         if let Some(assessment) = &mut self.assessment {
             assessment.sample(number, stamp, payload);
+        }
+        for watch in self.watches.iter_mut().filter(|watch| watch.stream == number) {
+            if let Some(what) = watch.look(header.index, header.stamp, payload, self.plan.timebase)
+                && self.lie.is_none()
+            {
+                let own = &self.plan.participants[participant];
+                let output = &own.interface.outputs[number - own.first_stream as usize].name;
+                self.lie = Some((participant, format!("gave out `{}.{output}` {what}", own.name)));
+            }
         }
         if header.stamp > self.newest {
             self.newest = header.stamp;
@@ -218,6 +233,21 @@ impl Recorder {
     /// Puts what is buffered onto the disk.
     pub fn flush(&mut self) -> Result<(), AppendError> {
         self.writer.flush()
+    }
+
+    /// Whose sample a guard did not let pass, and why; told once. The sample is on the tape, and others may have seen it.
+    pub fn take_lie(&mut self) -> Option<(usize, String)> {
+        self.lie.take()
+    }
+
+    /// Another program gives the outputs of participant number `participant` from now on.
+    pub fn renew(&mut self, participant: usize) {
+        let own = self.owners.iter().map(|owner| *owner == participant);
+        let own: Vec<bool> = own.collect();
+        let watches = self.watches.iter_mut();
+        watches.filter(|watch| own[watch.stream]).for_each(Watch::renew);
+        // What the one before it gave while it was brought to its end is known well enough.
+        self.lie = self.lie.take().filter(|(liar, _)| *liar != participant);
     }
 
     /// The failure of the tape itself, if there was one: not the fault of any participant.

@@ -74,6 +74,11 @@ impl Substitution {
 }
 
 impl Entry {
+    /// Whether it is the same program with the same parameters.
+    pub fn runs_as(&self, other: &Entry) -> bool {
+        (&self.program, &self.setup.parameters) == (&other.program, &other.setup.parameters)
+    }
+
     /// What sits in this seat once `program` has taken over from whoever failed in it.
     pub fn replaced_by(&self, program: &Program) -> Entry {
         Entry {

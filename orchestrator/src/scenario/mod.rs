@@ -3,6 +3,7 @@
 mod error;
 mod failure;
 mod faults;
+mod guards;
 mod initial;
 mod program;
 mod resolve;

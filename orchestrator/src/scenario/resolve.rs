@@ -13,6 +13,7 @@ use toml::{Table, Value};
 use super::error::{Mistake, ScenarioError};
 use super::failure::{Named, OnFailure, OnFailureEntry};
 use super::faults::{self, Faults, Substitution};
+use super::guards::{self, Guard};
 use super::program::{Program, program};
 use super::source::Source;
 use super::types::{ConnectionEntry, ParticipantEntry, Top};
@@ -53,7 +54,8 @@ pub struct Scenario {
     pub substitutions: Vec<Substitution>,
     connections: Vec<(String, ConnectionEntry)>,
     faults: Faults,
-    source: Source,
+    pub(super) guards: Vec<Guard>,
+    pub(super) source: Source,
 }
 
 impl Scenario {
@@ -98,6 +100,10 @@ impl Scenario {
             mistakes.extend(wrong);
             Default::default()
         });
+        let guards = guards::read(&source, &names, top.guards).unwrap_or_else(|wrong| {
+            mistakes.extend(wrong);
+            Vec::new()
+        });
         let mut connections = Vec::new();
         for (name, value) in top.connections {
             match typed::<ConnectionEntry>(&source, &format!("connections.{name}"), value) {
@@ -119,6 +125,7 @@ impl Scenario {
             assessment: top.assessment,
             substitutions,
             faults,
+            guards,
             source,
         })
     }
@@ -194,6 +201,12 @@ impl Scenario {
     /// A refusal of a substitution, with its place in the file.
     pub fn substitution_refusal(&self, substitution: &Substitution, reason: &str) -> ScenarioError {
         self.source.error(vec![self.source.mistake(&substitution.key, reason)])
+    }
+
+    /// A refusal of what takes over from a participant that fails.
+    pub fn policy_refusal(&self, participant: &str, reason: &str) -> ScenarioError {
+        let key = format!("participants.{participant}.on-failure");
+        self.source.error(vec![self.source.mistake(&key, reason)])
     }
 
     /// A mistake in the table `assessment`.

@@ -102,6 +102,8 @@ pub(super) struct Top {
     pub(super) assessment: Option<Table>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) faults: Vec<Value>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) guards: BTreeMap<String, Value>,
 }
 
 fn one() -> u64 {

@@ -41,9 +41,20 @@ impl Slot {
         Some((field, vec![slots[index]]))
     }
 
+    /// Where the bytes of the element are in a payload.
+    pub fn range(self) -> std::ops::Range<usize> {
+        let start = self.offset as usize;
+        start..start + self.element.size()
+    }
+
+    /// The element of a payload as a double.
+    pub fn value(self, payload: &[u8]) -> f64 {
+        self.element.to_f64(&payload[self.range()])
+    }
+
     /// The bytes of the element.
     pub(super) fn bytes(self, payload: &mut [u8]) -> &mut [u8] {
-        &mut payload[self.offset as usize..][..self.element.size()]
+        &mut payload[self.range()]
     }
 
     /// True when the element lies inside a payload of `descriptor`.

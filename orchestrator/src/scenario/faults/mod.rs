@@ -20,6 +20,7 @@ use entry::{FaultEntry, Sort};
 use signal::Signal;
 
 pub use entry::State;
+pub(super) use signal::values;
 pub(super) use text::append;
 pub use text::table;
 
@@ -197,7 +198,7 @@ impl Reader<'_> {
     }
 }
 
-fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a String>) -> String {
+pub(super) fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a String>) -> String {
     let known: Vec<String> = known.map(|name| format!("`{name}`")).collect();
     let known = if known.is_empty() {
         "none".to_owned()

@@ -236,7 +236,7 @@ impl Signal {
 }
 
 /// One value for each of `count` elements, in `unit`: one for all, or a list.
-fn values(value: &Value, unit: &str, count: usize) -> Result<Vec<f64>, String> {
+pub(in crate::scenario) fn values(value: &Value, unit: &str, count: usize) -> Result<Vec<f64>, String> {
     let (numbers, listed) = match value {
         Value::String(text) => units::convert(text, unit).map_err(|error| error.to_string())?,
         bare if unit == "1" => {

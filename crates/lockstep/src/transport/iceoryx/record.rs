@@ -296,11 +296,28 @@ impl RecordReceiver {
         unpack(&self.copy, take).map(|()| true)
     }
 
+    /// A parcel is closed before the next one is sent. Who sends one beside it would be heard no more, so that is told.
+    fn look_for_another(&self) -> Result<(), Broken> {
+        let more = self.subscriber.has_samples();
+        let more = more.map_err(|e| broken("its record cannot be received", e))?;
+        let fill =
+            |parcel: &Sample<Ipc, [Word], ()>| parcel.payload().first().map(|word| word.0.load(Ordering::Acquire));
+        // Looked at again: it may have been closed just before the next one was sent.
+        match self.open.as_ref().and_then(fill) {
+            Some(fill) if more && fill & CLOSED == 0 => Err(Broken(
+                "recorded a parcel beside one that is still open: close it first, and open one publisher of the record"
+                    .into(),
+            )),
+            _ => Ok(()),
+        }
+    }
+
     /// Copies what has been committed since the last time; `false` when nothing has.
     fn copy_new(&mut self) -> Result<bool, Broken> {
         loop {
             if self.open.is_none() {
-                self.open = self.subscriber.receive().map_err(|e| broken("receiving", e))?;
+                let sample = self.subscriber.receive();
+                self.open = sample.map_err(|e| broken("its record cannot be received", e))?;
                 self.taken = 0;
             }
             let Some(parcel) = &self.open else { return Ok(false) };
@@ -321,7 +338,7 @@ impl RecordReceiver {
                 return Ok(true);
             }
             if !closed {
-                return Ok(false);
+                return self.look_for_another().map(|()| false);
             }
         }
     }
@@ -343,7 +360,7 @@ pub fn unpack<E: From<Broken>>(parcel: &[u64], mut take: impl FnMut(Recorded<'_>
 
 /// The words of entries that a parcel of `len` words has, which begins with `fill`; `taken` were there before.
 fn committed(fill: Option<u64>, len: usize, taken: usize) -> Result<usize, Broken> {
-    let odd = |what: String| Err(Broken(format!("it recorded a parcel {what}")));
+    let odd = |what: String| Err(Broken(format!("recorded a parcel {what}")));
     let Some(fill) = fill else {
         return odd("without a word".into());
     };
@@ -356,7 +373,7 @@ fn committed(fill: Option<u64>, len: usize, taken: usize) -> Result<usize, Broke
 }
 
 fn split_entry(words: &[u64]) -> Result<(Recorded<'_>, &[u64]), Broken> {
-    let torn = || Broken("it recorded an entry that ends outside of its parcel".to_owned());
+    let torn = || Broken("recorded an entry that ends outside of its parcel".to_owned());
     let (&[stream, size, index, stamp], rest) = words.split_first_chunk().ok_or_else(torn)?;
     let bytes: &[u8] = bytemuck::cast_slice(rest);
     let payload = usize::try_from(size)
@@ -365,9 +382,12 @@ fn split_entry(words: &[u64]) -> Result<(Recorded<'_>, &[u64]), Broken> {
         .ok_or_else(torn)?;
     let rest = &rest[payload.len().div_ceil(8)..];
     let entry = if stream == NOTE {
-        Recorded::Note(wire::decode("a note", payload).map_err(|error| Broken(error.to_string()))?)
+        Recorded::Note(
+            wire::decode("a note", payload)
+                .map_err(|error| Broken(format!("recorded a note that is none: {error}")))?,
+        )
     } else {
-        let stream = u32::try_from(stream).map_err(|_| Broken(format!("it recorded a sample of stream {stream}")))?;
+        let stream = u32::try_from(stream).map_err(|_| Broken(format!("recorded a sample of stream {stream}")))?;
         let header = Header {
             index,
             stamp: stamp as i64,

@@ -1,0 +1,81 @@
+//! How long it takes until the death of a participant is known.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use lockstep::random::Stream;
+use rustix::process::{Pid, Signal, kill_process};
+
+use super::Figures;
+use crate::run::{Ending, Outcome};
+
+/// Milliseconds from `kill -9` of a participant to the moment when the orchestrator knows, `count` times. Each time `run` makes
+/// a run of some participants into `out` that is far from its end, and one of them is killed at a random time.
+///
+/// # Errors
+/// What `run` says, or a run that ends in another way.
+pub fn deaths(count: usize, out: &Path, mut run: impl FnMut() -> anyhow::Result<Outcome>) -> anyhow::Result<Figures> {
+    let draws = Stream::new(1, "deaths");
+    let mut figures = Figures::default();
+    for number in 0..count as u64 {
+        let draw = |which: u64| draws.uniform(4 * number + which);
+        // Up to 20 ms: several looks of the orchestrator, whatever it waits for between them.
+        let pause = Duration::from_secs_f64(0.02 * draw(0));
+        let killer = {
+            let (out, victim) = (out.to_owned(), draw(1));
+            std::thread::spawn(move || kill_one(&out, pause, victim))
+        };
+        // Here, because the kernel ends participants with the thread that starts them.
+        let outcome = run()?;
+        let killed = killer.join().unwrap_or(None);
+        match (killed, &outcome.ending) {
+            (Some(killed), Ending::Failed { .. }) => {
+                figures.add(1e3 * outcome.known.saturating_duration_since(killed).as_secs_f64());
+            }
+            (_, ending) => anyhow::bail!("nobody was killed: {ending:?}"),
+        }
+        std::fs::remove_dir_all(out)?;
+    }
+    Ok(figures)
+}
+
+/// Kills one of this process's children when the run in `out` has been under way for `pause`; when that was.
+fn kill_one(out: &Path, pause: Duration, victim: f64) -> Option<Instant> {
+    let samples = || std::fs::read_dir(out.join("tape")).into_iter().flatten().flatten();
+    let under_way = || {
+        samples().any(|file| {
+            file.metadata()
+                .is_ok_and(|about| about.len() > 0 && is_stream(&file.path()))
+        })
+    };
+    let started = Instant::now();
+    while !under_way() {
+        if started.elapsed() > Duration::from_secs(60) {
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    std::thread::sleep(pause);
+    let children = children();
+    let child = children.get((victim * children.len() as f64) as usize)?;
+    let killed = Instant::now();
+    kill_process(*child, Signal::KILL).ok()?;
+    Some(killed)
+}
+
+fn is_stream(file: &Path) -> bool {
+    file.extension().is_some_and(|ending| ending == "bin")
+}
+
+fn children() -> Vec<Pid> {
+    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    let lists = threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
+    let numbers: Vec<i32> = lists
+        .flat_map(|list| {
+            list.split_whitespace()
+                .filter_map(|pid| pid.parse().ok())
+                .collect::<Vec<_>>()
+        })
+        .collect();
+    numbers.into_iter().filter_map(Pid::from_raw).collect()
+}

@@ -1,0 +1,298 @@
+//! What becomes of a run when participants fail: who is restarted, who is replaced, and when it is enough.
+
+use std::time::{Duration, Instant};
+
+use lockstep::plan::Cut;
+use lockstep::time::Ticks;
+use recorder::tape::{Event, EventKind};
+
+use super::conduct::Conductor;
+use super::explain;
+use super::outcome::{Ending, RunFailure};
+use super::prepare;
+use super::take_up::Seat;
+use crate::scenario::OnFailure;
+
+/// How often somebody may fail without getting any further.
+const RESTARTS_MAX: u32 = 5;
+
+/// A participant that failed.
+#[derive(Debug, Clone)]
+pub(super) struct Fallen {
+    /// Its number in the plan.
+    pub(super) number: usize,
+    /// Why, in words that follow its name.
+    pub(super) reason: String,
+}
+
+impl Fallen {
+    fn first_line(&self) -> &str {
+        self.reason.lines().next().unwrap_or_default()
+    }
+}
+
+/// How often a participant failed where.
+#[derive(Debug, Default, Clone, Copy)]
+pub(super) struct Restarts {
+    furthest: u64,
+    count: u32,
+}
+
+impl Conductor<'_> {
+    /// What the scenario says about the failure in `ending`: goes on, or gives the ending back. Who fails while the run is
+    /// taken up is one more failure.
+    pub(super) fn survive(&mut self, ending: Ending) -> Result<(), Ending> {
+        let Ending::Failed { participant, reason } = &ending else {
+            return Err(ending);
+        };
+        let Some(number) = self.plan.participant(participant) else {
+            return Err(ending);
+        };
+        let reason = reason.clone();
+        let mut fallen = vec![Fallen { number, reason }];
+        let others = std::mem::take(&mut self.fallen);
+        fallen.extend(others.into_iter().filter(|one| one.number != number));
+        let first = fallen[0].clone();
+        let mut judged = 0;
+        loop {
+            for one in &fallen[judged..] {
+                self.judge(one, &first)?;
+            }
+            judged = fallen.len();
+            let done = self.recall(&mut fallen).and_then(|()| {
+                if fallen.len() > judged {
+                    // Somebody else failed meanwhile, and is to be judged before anything is done.
+                    return Ok(None);
+                }
+                self.recover(&fallen).map(Some)
+            });
+            match done {
+                Ok(Some(missing)) if missing.is_empty() => return Ok(()),
+                Ok(Some(missing)) => (fallen, judged) = (missing, 0),
+                Ok(None) => {}
+                Err(RunFailure::Interrupted) => return Err(self.over(RunFailure::Interrupted)),
+                // What went wrong first is what matters most.
+                Err(second) => {
+                    return Err(Ending::Failed {
+                        participant: self.plan.participants[first.number].name.clone(),
+                        reason: format!("{}\nand the run could not be taken up: {second}", first.reason),
+                    });
+                }
+            }
+        }
+    }
+
+    /// Whether the run may go on after `one` failed, which was not the first to fail unless it is `first`.
+    fn judge(&mut self, one: &Fallen, first: &Fallen) -> Result<(), Ending> {
+        let participant = self.plan.participants[one.number].name.clone();
+        let mut over = None;
+        if self.entries[one.number].on_failure == OnFailure::Stop || self.crew.is_empty() {
+            over = Some(String::new());
+        } else {
+            let furthest = self.crew[one.number].status().next;
+            let restarts = &mut self.restarts[one.number];
+            if furthest > restarts.furthest {
+                *restarts = Restarts { furthest, count: 0 };
+            }
+            restarts.count += 1;
+            if restarts.count > RESTARTS_MAX {
+                over = Some(format!(
+                    "\n(taken up again {RESTARTS_MAX} times without getting any further)"
+                ));
+            }
+        }
+        let Some(mut more) = over else {
+            self.progress
+                .say(&format!("participant `{participant}`: {}", one.reason));
+            return Ok(());
+        };
+        if one.number != first.number {
+            let name = &self.plan.participants[first.number].name;
+            more += &format!(
+                "\n(when the run was to go on after participant `{name}`: {})",
+                first.first_line()
+            );
+        }
+        let reason = one.reason.clone() + &more;
+        Err(Ending::Failed { participant, reason })
+    }
+
+    /// Ends what is left of `fallen`, and brings everybody else to rest. Who fails before it rests joins them.
+    fn recall(&mut self, fallen: &mut Vec<Fallen>) -> Result<(), RunFailure> {
+        for one in fallen.iter() {
+            let member = &mut self.crew[one.number];
+            member.process.bring_down(Duration::ZERO);
+            member.failed = None;
+            // What it had handed over counts, up to what was wrong with it.
+            while let Ok(true) = member.take(one.number, &mut self.recorder) {}
+        }
+        self.place.clock.recall();
+        let started = Instant::now();
+        loop {
+            let mut left = None;
+            for number in 0..self.crew.len() {
+                if fallen.iter().any(|one| one.number == number) {
+                    continue;
+                }
+                match self.comes_to_rest(number)? {
+                    Ok(true) => {}
+                    Ok(false) => left = Some(number),
+                    Err(reason) => {
+                        self.crew[number].process.bring_down(Duration::ZERO);
+                        fallen.push(Fallen { number, reason });
+                    }
+                }
+            }
+            let Some(number) = left else { return Ok(()) };
+            if self.interrupt.asked() {
+                return Err(RunFailure::Interrupted);
+            }
+            let patience = self.options.patience_s;
+            if started.elapsed().as_secs_f64() > patience {
+                let process = &mut self.crew[number].process;
+                let reason = format!("process {} did not come to rest within {patience} s", process.pid());
+                process.bring_down(Duration::ZERO);
+                fallen.push(Fallen { number, reason });
+            }
+            std::thread::sleep(Duration::from_micros(300));
+        }
+    }
+
+    /// Whether participant number `number` has come to rest; why it will not, if it failed too.
+    fn comes_to_rest(&mut self, number: usize) -> Result<Result<bool, String>, RunFailure> {
+        let member = &mut self.crew[number];
+        member.ring();
+        let ended = member.process.ended();
+        loop {
+            match member.take(number, &mut self.recorder) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(broken) => {
+                    return match self.recorder.take_error() {
+                        Some(error) => Err(error.into()),
+                        None => Ok(Err(broken.0)),
+                    };
+                }
+            }
+        }
+        if let Some(failed) = member.failure() {
+            return Ok(Err(failed));
+        }
+        match ended {
+            // Who ended after it came to rest is found missing when it is to move.
+            Some(status) if member.recalled.is_none() => {
+                Ok(Err(explain::death(&self.plan, number, &self.crew[number], status)))
+            }
+            _ => Ok(Ok(member.recalled.is_some())),
+        }
+    }
+
+    /// Everybody is at rest but `fallen`, who are dead: the run goes on as the scenario says. Gives those who fail on the way.
+    fn recover(&mut self, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
+        let mut policies = fallen.iter().map(|one| &self.entries[one.number].on_failure);
+        if policies.any(|policy| *policy == OnFailure::Restart) {
+            self.go_back(fallen)
+        } else {
+            self.replace(fallen)
+        }
+    }
+
+    /// Everybody goes back to the last checkpoint; `fallen` in new processes, whatever else was to become of them: nothing of
+    /// them is lost that way.
+    fn go_back(&mut self, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
+        let Some(checkpoint) = self.last_checkpoint.clone() else {
+            return Err(RunFailure::Other("there is no checkpoint to go back to".into()));
+        };
+        let entries = prepare::entries_at(self.scenario, &checkpoint);
+        let seats = checkpoint.states.into_iter().zip(entries).enumerate();
+        let seats = seats.map(|(number, (state, entry))| {
+            if fallen.iter().any(|one| one.number == number) || !entry.runs_as(&self.entries[number]) {
+                Seat::New(Box::new(entry), Some(state))
+            } else {
+                Seat::Same(Some(state))
+            }
+        });
+        let seats = seats.collect();
+        self.recorder.expect_again()?;
+        let missing = self.take_up(&checkpoint.cut, seats)?;
+        self.substituted = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
+        self.guide.rewind(self.scenario, &self.plan, self.substituted);
+        for one in fallen {
+            let text = format!(
+                "restarted from the checkpoint at t = {}: {}",
+                checkpoint.time,
+                one.first_line()
+            );
+            self.note(EventKind::Restart, self.recorder.newest.max(0), one.number, text)?;
+        }
+        Ok(missing)
+    }
+
+    /// Other programs take over from `fallen`, where those had come to.
+    fn replace(&mut self, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
+        let mut cut = Cut { next: Vec::new() };
+        let mut seats = Vec::new();
+        let mut notes = Vec::new();
+        for (number, member) in self.crew.iter().enumerate() {
+            let stands = match member.recalled {
+                Some(next) => next,
+                None => self
+                    .recorder
+                    .activations(number)
+                    .unwrap_or_else(|| member.status().next),
+            };
+            cut.next.push(stands);
+            let (one, entry) = (fallen.iter().find(|one| one.number == number), &self.entries[number]);
+            seats.push(match (one, &entry.on_failure) {
+                (Some(one), OnFailure::Substitute(program)) => {
+                    let entry = entry.replaced_by(program);
+                    let text = format!(
+                        "{} takes over at activation {stands} from afresh: the one before {}",
+                        entry.program,
+                        one.first_line()
+                    );
+                    notes.push((number, text));
+                    Seat::New(Box::new(entry), None)
+                }
+                _ => Seat::Same(None),
+            });
+        }
+        // What the one before had been shown last is shown to the substitute again.
+        self.recorder.expect_again()?;
+        let mut missing = self.take_up(&cut, seats)?;
+        // A restart must not bring back who was replaced.
+        self.last_checkpoint = None;
+        let mut at = 0;
+        for (number, text) in notes {
+            self.recorder.renew(number);
+            at = self.plan.participants[number].sample_time.instant(cut.next[number]);
+            self.note(EventKind::Substitution, at, number, text)?;
+        }
+        if missing.is_empty() && self.scenario.restarts() {
+            match self.saved(self.time(at), cut) {
+                Ok(checkpoint) => self.last_checkpoint = Some(checkpoint),
+                Err(failure) => {
+                    let one = self.fallen(failure)?;
+                    // One that lives but cannot be saved is in nobody's way as long as nobody must go back.
+                    if self.crew[one.number].process.ended().is_some() {
+                        missing.push(one);
+                    }
+                }
+            }
+        }
+        Ok(missing)
+    }
+
+    /// Puts `text` about participant number `number` onto the tape and before the user.
+    fn note(&mut self, kind: EventKind, at: Ticks, number: usize, text: String) -> Result<(), RunFailure> {
+        let name = self.plan.participants[number].name.clone();
+        self.progress.say(&format!("participant `{name}`: {text}"));
+        let event = Event {
+            time: self.time(at),
+            kind,
+            participant: Some(name),
+            text,
+        };
+        Ok(self.recorder.event(&event)?)
+    }
+}

@@ -1,0 +1,173 @@
+//! `[guards.NAME]`: what an output must never show.
+
+use std::collections::BTreeMap;
+
+use lockstep::fault::Slot;
+use lockstep::plan::Plan;
+use lockstep::time::Rational;
+use serde::{Deserialize, Serialize};
+use toml::Value;
+
+use super::error::{Mistake, ScenarioError};
+use super::faults::{unknown, values};
+use super::resolve::{Scenario, not_a_port, port, typed};
+use super::source::Source;
+use crate::run::Watch;
+
+/// One section as it is written.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct GuardEntry {
+    output: String,
+    field: Option<String>,
+    range: Option<Value>,
+    frozen_for: Option<Rational>,
+}
+
+/// A guard that has been understood as far as that goes without the ports.
+#[derive(Debug, Clone)]
+pub(super) struct Guard {
+    name: String,
+    /// Participant and output.
+    port: (String, String),
+    field: Option<String>,
+    range: Option<Value>,
+    frozen_for: Option<Rational>,
+}
+
+/// The key below the guard that is wrong, and why.
+type Refusal = (&'static str, String);
+
+/// Reads all sections, as far as that goes without the ports of the participants.
+pub(super) fn read(
+    source: &Source,
+    participants: &[String],
+    sections: BTreeMap<String, Value>,
+) -> Result<Vec<Guard>, Vec<Mistake>> {
+    let (mut guards, mut mistakes) = (Vec::new(), Vec::new());
+    for (name, value) in sections {
+        let key = format!("guards.{name}");
+        let entry = typed::<GuardEntry>(source, &key, value);
+        match entry
+            .and_then(|entry| Guard::new(&name, participants, entry).map_err(|wrong| mistake(source, &name, wrong)))
+        {
+            Ok(guard) => guards.push(guard),
+            Err(mistake) => mistakes.push(mistake),
+        }
+    }
+    if mistakes.is_empty() { Ok(guards) } else { Err(mistakes) }
+}
+
+fn mistake(source: &Source, guard: &str, (key, reason): Refusal) -> Mistake {
+    let dot = if key.is_empty() { "" } else { "." };
+    source.mistake(&format!("guards.{guard}{dot}{key}"), reason)
+}
+
+impl Guard {
+    fn new(name: &str, participants: &[String], entry: GuardEntry) -> Result<Guard, Refusal> {
+        let port = port(&entry.output).ok_or_else(|| ("output", not_a_port(&entry.output)))?;
+        if !participants.contains(&port.0) {
+            return Err(("output", unknown("participant", &port.0, participants.iter())));
+        }
+        if entry.range.is_none() && entry.frozen_for.is_none() {
+            let reason = "guards against nothing: write range = \"[-10, 10] N m\", frozen-for = \"1 s\", or both";
+            return Err(("", reason.into()));
+        }
+        if entry.range.is_some() && entry.field.is_none() {
+            let reason = "`field` is missing: a range is one of a field, which has a unit";
+            return Err(("", reason.into()));
+        }
+        if let Some(time) = entry.frozen_for.filter(|time| !time.is_positive()) {
+            return Err(("frozen-for", format!("{time} must be above zero")));
+        }
+        Ok(Guard {
+            name: name.to_owned(),
+            port,
+            field: entry.field,
+            range: entry.range,
+            frozen_for: entry.frozen_for,
+        })
+    }
+
+    /// The guard against the ports of `plan`; `None` where the participant's ports are not certain.
+    fn watch(&self, plan: &Plan, certain: &impl Fn(usize) -> bool) -> Result<Option<Watch>, Refusal> {
+        let (participant, output) = (&self.port.0, &self.port.1);
+        let Some(number) = plan.participant(participant).filter(|&number| certain(number)) else {
+            return Ok(None);
+        };
+        let own = &plan.participants[number];
+        let ports = || own.interface.outputs.iter();
+        let Some(position) = ports().position(|port| port.name == *output) else {
+            let known: Vec<&String> = ports().map(|port| &port.name).collect();
+            return Err(("output", unknown("output", output, known.into_iter())));
+        };
+        let descriptor = &own.interface.outputs[position].descriptor;
+        let (field, slots) = match &self.field {
+            None => (None, Slot::all(descriptor)),
+            Some(name) => {
+                let Some((field, slots)) = Slot::named(descriptor, name) else {
+                    let known: Vec<String> = descriptor.fields.iter().map(|field| format!("`{field}`")).collect();
+                    let reason = format!(
+                        "`{}` has no field or element `{name}`; it has {}",
+                        descriptor.name,
+                        known.join("; ")
+                    );
+                    return Err(("field", reason));
+                };
+                (Some(field), slots)
+            }
+        };
+        let bounds = |value: &Value, unit: &str| match values(value, unit, 2).map_err(|reason| ("range", reason))?[..] {
+            [low, high] if low < high => Ok((low, high)),
+            _ => Err((
+                "range",
+                format!("{value} is not a range: write two bounds, the lower one first, such as \"[-10, 10] {unit}\""),
+            )),
+        };
+        let range = match (&self.range, field) {
+            (Some(value), Some(field)) => Some(bounds(value, &field.unit)?),
+            _ => None,
+        };
+        let ticks = |time| plan.timebase.ceil(time);
+        let frozen_for = self.frozen_for.map(ticks).transpose();
+        let frozen_for = frozen_for.map_err(|error| ("frozen-for", error.to_string()))?;
+        let (name, stream) = (self.name.clone(), own.first_stream as usize + position);
+        Ok(Some(Watch::new(name, stream, descriptor, slots, range, frozen_for)))
+    }
+}
+
+impl Scenario {
+    /// The guards against the ports of `plan`; those of participants whose ports are not `certain` are left out.
+    ///
+    /// # Errors
+    /// Every guard that does not fit the ports.
+    pub fn watches(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<Vec<Watch>, ScenarioError> {
+        let (mut watches, mut mistakes) = (Vec::new(), Vec::new());
+        for guard in &self.guards {
+            match guard.watch(plan, &certain) {
+                Ok(watch) => watches.extend(watch),
+                Err(wrong) => mistakes.push(mistake(&self.source, &guard.name, wrong)),
+            }
+        }
+        if mistakes.is_empty() {
+            Ok(watches)
+        } else {
+            Err(self.source.error(mistakes))
+        }
+    }
+
+    /// The guards in words, with their names.
+    pub fn guards(&self) -> impl Iterator<Item = (&str, String)> {
+        self.guards.iter().map(|guard| {
+            let mut words = format!("{}.{}", guard.port.0, guard.port.1);
+            words.extend(guard.field.iter().map(|field| format!(" {field}")));
+            match &guard.range {
+                Some(Value::String(range)) => words += &format!(" within {range}"),
+                Some(range) => words += &format!(" within {range}"),
+                None => {}
+            }
+            words.extend(guard.frozen_for.map(|time| format!(", not frozen for {time}")));
+            (guard.name.as_str(), words)
+        })
+    }
+}

@@ -1,0 +1,152 @@
+//! Lies that have the form of the truth, and the guards that do not let them pass.
+
+use escapement_tests::program::{Folder, orchestrate, participant, root, text};
+use escapement_tests::world::World;
+
+const GUARDS: &str = r#"
+[guards.strong]
+output = "damper.push"
+field = "force"
+range = "[-80, 80] N"
+
+[guards.alive]
+output = "damper.push"
+frozen-for = "500 ms"
+"#;
+
+#[test]
+fn who_tells_the_truth_passes() {
+    let world = World::with("truth", "damper", GUARDS);
+    let said = world.run("run", &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    world.same_as_undisturbed("run");
+}
+
+#[test]
+fn a_value_out_of_its_range_ends_the_run_with_field_time_and_value() {
+    let world = World::with("range", "out_of_range", GUARDS);
+    let said = world.run("run", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    let words = "participant `damper`: gave out `damper.push` sample #200 at t = 2 s with force = 90 N, outside of -80 to 80 N \
+                 (guard `strong`)";
+    assert!(said.err.contains(words), "{said:?}");
+    // It is on the tape, because others may have seen it.
+    let tape = std::fs::read(world.path("run/tape/damper.push.bin")).unwrap();
+    assert!(tape.len() >= 24 * 201, "{}", tape.len());
+    assert_eq!(tape[24 * 200 + 8..24 * 200 + 16], 90_f64.to_le_bytes());
+}
+
+#[test]
+fn an_output_that_does_not_change_any_more_ends_the_run() {
+    let world = World::with("frozen", "frozen", GUARDS);
+    let said = world.run("run", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    for part in [
+        "participant `damper`",
+        "sample #250 at t = 2.5 s frozen: force = ",
+        "since t = 2 s (guard `alive`)",
+    ] {
+        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+    }
+}
+
+#[test]
+fn a_liar_can_be_replaced_but_not_restarted() {
+    let good = participant("damper").display().to_string();
+    for (liar, first) in [("out_of_range", 200), ("frozen", 250)] {
+        let world = World::with("replaced", liar, GUARDS);
+        let policy = format!("participants.damper.on-failure={{ substitute = {{ exe = {good:?} }} }}");
+        let said = world.run("run", &["--set", &policy]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        // How far the liar had come by then is a matter of the machine.
+        let count = world.count("run", 999);
+        assert!((1..1000 - first).contains(&count), "{count}");
+        let said = world.run(
+            "again",
+            &["--set", "participants.damper.on-failure=restart-from-checkpoint"],
+        );
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(
+            said.err.contains("a restart would have to give the same again"),
+            "{said:?}"
+        );
+    }
+}
+
+#[test]
+fn in_one_process_as_well() {
+    let folder = Folder::new("guards");
+    let guard = "guards.weak={ output = \"controller.command\", field = \"tau[2]\", range = \"[-1, 1] mN m\" }";
+    let scenario = root().join("scenarios/close.toml");
+    let mut said = Vec::new();
+    for (name, more) in [("one", &["--in-process"][..]), ("many", &[])] {
+        let out = folder.path().join(name);
+        let arguments = ["run", text(&scenario), "--out", text(&out), "--quiet", "--set", guard];
+        let it = orchestrate(&[&arguments[..], more].concat());
+        assert_eq!(it.code, Some(1), "{it:?}");
+        assert!(
+            it.err
+                .contains("participant `controller`: gave out `controller.command`"),
+            "{it:?}"
+        );
+        said.push(it.err);
+    }
+    assert_eq!(said[0], said[1]);
+}
+
+#[test]
+fn a_guard_that_cannot_be_is_refused_with_the_remedy() {
+    let folder = Folder::new("refused");
+    let close = std::fs::read_to_string(root().join("scenarios/close.toml")).unwrap();
+    let close = close.replace("\"../", &format!("\"{}/", root().display()));
+    for (guard, parts) in [
+        (
+            "output = \"controller\"\nfrozen-for = \"1 s\"",
+            &["guards.g.output", "not a port"][..],
+        ),
+        (
+            "output = \"pilot.command\"\nfrozen-for = \"1 s\"",
+            &["guards.g.output", "`pilot`", "`controller`"],
+        ),
+        (
+            "output = \"controller.thrust\"\nfrozen-for = \"1 s\"",
+            &["guards.g.output", "`thrust`", "`command`"],
+        ),
+        (
+            "output = \"controller.command\"",
+            &["guards.g:", "against nothing", "frozen-for"],
+        ),
+        (
+            "output = \"controller.command\"\nrange = \"[-1, 1] N m\"",
+            &["guards.g:", "`field` is missing"],
+        ),
+        (
+            "output = \"controller.command\"\nfield = \"warp\"\nrange = \"[-1, 1] N m\"",
+            &["guards.g.field", "`warp`", "tau"],
+        ),
+        (
+            "output = \"controller.command\"\nfield = \"tau\"\nrange = \"[-1, 1] deg\"",
+            &["guards.g.range", "N m"],
+        ),
+        (
+            "output = \"controller.command\"\nfield = \"tau\"\nrange = \"[1, -1] N m\"",
+            &["guards.g.range", "is not a range", "lower one first"],
+        ),
+        (
+            "output = \"controller.command\"\nfield = \"tau\"\nrange = \"3 N m\"",
+            &["guards.g.range", "is not a range"],
+        ),
+        (
+            "output = \"controller.command\"\nfrozen-for = \"0 s\"",
+            &["guards.g.frozen-for", "above zero"],
+        ),
+        ("output = \"controller.command\"\nforever = true", &["guards.g.forever"]),
+    ] {
+        let file = folder.write("bad.toml", &format!("{close}\n[guards.g]\n{guard}\n"));
+        let said = orchestrate(&["check", text(&file)]);
+        assert_eq!(said.code, Some(2), "{guard}: {said:?}");
+        for part in [&["bad.toml:"], parts].concat() {
+            assert!(said.err.contains(part), "{guard}: `{part}` is not in {}", said.err);
+        }
+    }
+}
