@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Looks at a run as its user does: exports read back by the tools' own packages, the report opened in a real browser,
-# and a run watched in it while it goes on. Where Rerun is installed (`pip install rerun-sdk`) it reads the MCAP file too.
+# and a run watched in it while it goes on. Where Rerun is installed (`pip install rerun-sdk`) it makes and reads its recording too.
 #
 #     tests/see.sh [ORCHESTRATOR [SCREENSHOTS]]
 #
@@ -25,8 +25,11 @@ fi
 "$orchestrator" run scenarios/close.toml --in-process --quiet --out "$work/close"
 # A second run to lay over the first: the same capture with a slower controller. Whether it succeeds does not matter here.
 "$orchestrator" run scenarios/close.toml --in-process --quiet --set participants.controller.period=20ms --out "$work/slower" || [ $? -eq 3 ]
+# And two whose momenta follow other laws: the propellant on a ball joint, and the target held by the gripper.
+"$orchestrator" run scenarios/close.toml --in-process --quiet --set 'participants.plant.parameters.slosh="spherical"' --out "$work/spherical"
+"$orchestrator" run scenarios/capture-and-stabilise.toml --in-process --quiet --duration "34 s" --out "$work/grasped" || [ $? -eq 3 ]
 "$python" tests/exports/check_exports.py "$orchestrator" "$work/close"
-"$python" tests/pages/check_report.py "$orchestrator" "$work/close" "$work/slower" ${2:+--screenshots "$2"}
+"$python" tests/pages/check_report.py "$orchestrator" "$work/close" "$work/slower" --bodies "$work/spherical" --bodies "$work/grasped" ${2:+--screenshots "$2"}
 "$python" tests/pages/check_live.py "$orchestrator" ${2:+--screenshots "$2"}
 
 # A participant in Python takes the place of one in Rust, and the tape stays the same: docs/protocol.md is enough.

@@ -7,6 +7,7 @@ ORCHESTRATOR is the program, RUN a run folder. Needs the packages of requirement
 
 import csv
 import json
+import os
 import pathlib
 import shutil
 import subprocess
@@ -109,6 +110,7 @@ def check_mcap(out, streams):
             if channel.topic == "/tf":
                 assert schema.name == "foxglove.FrameTransforms"
                 for t in decoded.transforms:
+                    assert abs(t.rotation.w**2 + t.rotation.x**2 + t.rotation.y**2 + t.rotation.z**2 - 1) < 1e-9, f"{t.child_frame_id} has no attitude"
                     assert t.timestamp.seconds * 10**9 + t.timestamp.nanos == message.log_time
                     key = (t.parent_frame_id, t.child_frame_id)
                     p, q = t.translation, t.rotation
@@ -150,17 +152,51 @@ def check_mcap(out, streams):
     return checked
 
 
-def check_rerun(path, streams):
-    """Rerun, where it is installed, finds every stream in the MCAP file."""
-    rerun = shutil.which("rerun") or shutil.which("rerun", path=str(pathlib.Path(sys.executable).parent))
-    if rerun is None:
-        return "rerun: not installed, so not asked"
-    converted = path.with_suffix(".rrd")
-    subprocess.run([rerun, "mcap", "convert", path, "-o", converted], check=True, capture_output=True)
-    found = subprocess.run([rerun, "rrd", "stats", converted], check=True, capture_output=True, text=True).stdout
-    for name in streams:
-        assert f"/{name.replace('.', '/')}:" in found, f"rerun does not see {name}"
-    return f"rerun: sees {len(streams)} streams"
+def check_rerun(program, run, out, streams):
+    """Where Rerun is installed: the recording that it makes, read back by its own package, and its transforms."""
+    beside = pathlib.Path(sys.executable).parent
+    if not (shutil.which("rerun") or shutil.which("rerun", path=str(beside))):
+        refused = subprocess.run([program, "export", run, "--to", "rrd"], capture_output=True, text=True)
+        assert refused.returncode == 2 and "rerun-sdk" in refused.stderr, refused
+        return "rrd: Rerun is not installed, and the refusal says so"
+    from rerun.chunk import RrdReader
+
+    path = f"{beside}{os.pathsep}{os.environ['PATH']}"
+    subprocess.run([program, "export", run, "--to", "rrd", "--out", out], check=True, capture_output=True, env={**os.environ, "PATH": path})
+    checked, frames, counts = 0, {}, dict.fromkeys(streams, 0)
+    chunks = [(chunk.entity_path, chunk.to_record_batch()) for chunk in RrdReader(str(out / "run.rrd")).stream()]
+    chunks = [(entity, batch) for entity, batch in chunks if "message_log_time" in batch.schema.names]
+    chunks.sort(key=lambda one: (one[0], one[1].column("message_log_time")[0].value))
+    for entity, batch in chunks:
+        stamps = [stamp.value for stamp in batch.column("message_log_time")]
+        if entity == "/tf":
+            children, positions = (batch.column(f"Transform3D:{name}").to_pylist() for name in ("child_frame", "translation"))
+            for stamp, names, places in zip(stamps, children, positions):
+                for name, place in zip(names or [], places or []):
+                    frames.setdefault(name, []).append((stamp, place))
+            continue
+        name = entity[1:].replace("/", ".")
+        if name not in streams:
+            continue
+        _, fields, records = streams[name]
+        first, counts[name] = counts[name], counts[name] + len(stamps)
+        records = records[first : counts[name]]
+        assert stamps == [round(float(t) * 1e9) for t in records["t"]], f"{name}: other stamps"
+        column = next(column for column in batch.schema.names if column.endswith(":message"))
+        messages = batch.column(column).flatten()
+        for field in fields:
+            values = messages.field(field["name"])
+            values = values.flatten() if field["shape"] else values
+            same(values.to_numpy(zero_copy_only=False).astype(records[field["name"]].dtype), records[field["name"]].reshape(-1), f"{name}.{field['name']}")
+            checked += records[field["name"]].size
+    assert counts == {name: len(records) for name, (_, _, records) in streams.items()}, counts
+    for name, (_, fields, records) in streams.items():
+        if name.endswith(".truth"):
+            times = np.round(records["t"] * 1e9).astype(np.int64)
+            for stamp, place in frames["B"]:
+                k = int(np.searchsorted(times, stamp))
+                assert np.allclose(place, records["p_NB_N"][k], rtol=1e-6, atol=1e-6), f"frame B at {stamp}"
+    return f"rrd: Rerun shows {checked} values equal to those of the tape, and {len(frames)} moving frames"
 
 
 def main():
@@ -172,9 +208,7 @@ def main():
         for kind, check in [("csv", check_csv), ("parquet", check_parquet), ("mcap", check_mcap)]:
             subprocess.run([program, "export", str(run), "--to", kind, "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
             print(f"{kind}: {check(out, streams)} values equal those of the tape")
-        print(check_rerun(out / "run.mcap", streams))
-    refused = subprocess.run([program, "export", str(run), "--to", "rrd"], capture_output=True, text=True)
-    assert refused.returncode == 2 and "rerun run.mcap" in refused.stderr, refused
+        print(check_rerun(program, run, out, streams))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,9 @@ import subprocess
 import tempfile
 import time
 
-from check_report import browser
+import numpy as np
+from check_report import browser, curve
+from expected import BODIES, curves
 from selenium.webdriver.common.by import By
 
 
@@ -25,7 +27,22 @@ def until(what, condition, seconds=60):
     return value
 
 
-def check(driver, url, screenshots):
+def check_points(driver, run):
+    """Every point of every curve so far is a sample of the tape."""
+    points = 0
+    for figure, count in driver.execute_script("return escapement.data.figures.map((f) => [f.id, escapement.figures[f.id].series.length])"):
+        for series in range(count):
+            x, y, _ = curve(driver, figure, series)
+            assert len(x) > 5 and (np.diff(x) > 0).all(), f"{figure}: {len(x)} points"
+            if figure not in BODIES:
+                stamps, values = curves(run, figure)
+                k = np.searchsorted(stamps, x - 1e-9)
+                assert np.allclose(x, stamps[k], rtol=0, atol=1e-9) and np.allclose(y, values[k, series], rtol=1e-12, atol=1e-9), figure
+                points += len(y)
+    return points
+
+
+def check(driver, url, run, screenshots):
     driver.get(url)
     points = lambda: driver.execute_script("return escapement.figures['position-error'].series[0].samples")
     frames = lambda: driver.execute_script("return escapement.player.scenes[0].motion.frames")
@@ -42,6 +59,7 @@ def check(driver, url, screenshots):
     still = (points(), text())
     time.sleep(0.6)
     assert (points(), text()) == still, "a run at rest does not move"
+    points_now = check_points(driver, run)
     if screenshots:
         screenshots.mkdir(parents=True, exist_ok=True)
         driver.execute_script("escapement.setTheme('light')")
@@ -68,7 +86,7 @@ def check(driver, url, screenshots):
     # The browser notes the refusal of the wrong time; nothing else is wrong.
     severe = [entry for entry in driver.get_log("browser") if entry["level"] == "SEVERE" and "/control - " not in entry["message"]]
     assert not severe, severe
-    return result
+    return *result, points_now
 
 
 def main():
@@ -84,13 +102,13 @@ def main():
             driver = browser(folder)
             try:
                 url = program.stderr.readline().strip().removeprefix("live: ")
-                digest, rows, end = check(driver, url, None if how else args.screenshots)
+                digest, rows, end, compared = check(driver, url, run, None if how else args.screenshots)
                 assert program.wait(timeout=60) in (0, 3)
                 summary = json.loads((run / "summary.json").read_text())
                 assert digest == summary["tape_digest"] and rows > 3 and end == 12.0, (digest, rows, end)
                 # The program is gone; the page is not.
                 assert driver.execute_script("return escapement.figures['position-error'].series[0].length") > 1000
-                print(f"live{' in one process' if how else ''}: grows, pauses, steps, resumes, and ends as the report")
+                print(f"live{' in one process' if how else ''}: grows, pauses, steps, resumes, and ends as the report; {compared} points at rest are those of the tape")
             finally:
                 driver.quit()
                 program.kill()

@@ -8,12 +8,16 @@ chromium-driver) and the packages of requirements.txt beside this file.
 """
 
 import argparse
+import base64
 import json
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
 import time
+import tomllib
+import zlib
 
 import numpy as np
 from selenium import webdriver
@@ -22,19 +26,7 @@ from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 
-NUMPY = {"f64": "<f8", "f32": "<f4", "i64": "<i8", "i32": "<i4", "u64": "<u8", "u32": "<u4", "u8": "u1"}
-
-
-def read_stream(run, port, field):
-    """The records of the first stream of that port that has the field."""
-    index = json.loads((run / "tape/index.json").read_text())
-    for stream in index["streams"]:
-        fields = stream["descriptor"]["fields"]
-        if stream["port"] == port and any(f["name"] == field for f in fields):
-            dtype = [("t", "<f8")] + [(f["name"], NUMPY[f["element"]], tuple(f["shape"])) for f in fields]
-            return np.fromfile(run / "tape" / stream["file"], dtype=np.dtype(dtype))
-    return None
-
+from expected import BODIES, BY_DIFFERENCES, curves, linear_momenta, read_stream, rotate
 
 def browser(folder, width=1500, height=1000):
     options = Options()
@@ -48,7 +40,10 @@ def browser(folder, width=1500, height=1000):
     ]:
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    return webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+    driver = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+    driver.set_script_timeout(300)
+    driver.set_page_load_timeout(300)
+    return driver
 
 
 def curve(driver, figure, series):
@@ -66,7 +61,8 @@ def check_curve(driver, figure, series, stamps, values):
     if len(values) <= 8192:
         assert len(y) == len(values), f"{figure}: {len(y)} points of {len(values)}"
     else:
-        assert 2048 <= len(y) <= 4096, f"{figure}: {len(y)} points"
+        buckets = -(-len(values) // -(-len(values) // 2048))
+        assert buckets <= len(y) <= 2 * buckets, f"{figure}: {len(y)} points"
     k = np.searchsorted(stamps, x - 1e-9)
     assert np.allclose(x, stamps[k], rtol=0, atol=1e-9), figure
     assert np.allclose(y, values[k], rtol=1e-12, atol=1e-9), f"{figure}: {np.abs(y - values[k]).max()}"
@@ -75,28 +71,134 @@ def check_curve(driver, figure, series, stamps, values):
 
 
 def check_values(driver, run):
-    truth = read_stream(run, "truth", "p_NE_N")
-    points = check_curve(driver, "position-error", 0, truth["t"], np.linalg.norm(truth["p_NE_N"] - truth["p_NG_N"], axis=1))
-    dot = np.abs(np.sum(truth["quat_NE"] * truth["quat_NG"], axis=1)).clip(max=1.0)
-    a, b = truth["quat_NE"], truth["quat_NG"]
-    vector = a[:, :1] * b[:, 1:] - b[:, :1] * a[:, 1:] - np.cross(a[:, 1:], b[:, 1:])
-    angle = np.degrees(2 * np.arctan2(np.linalg.norm(vector, axis=1), dot))
-    points += check_curve(driver, "attitude-error", 0, truth["t"], angle)
-    for axis in range(3):
-        points += check_curve(driver, "base-position", axis, truth["t"], truth["p_NB_N"][:, axis])
-    for joint in range(7):
-        points += check_curve(driver, "joint-angles", joint, truth["t"], np.degrees(truth["q"][:, joint]))
-    name = next(n for n in ("torque_B", "base_torque") if read_stream(run, "command", n) is not None)
-    command = read_stream(run, "command", name)
-    for axis in range(3):
-        points += check_curve(driver, "base-torque", axis, command["t"], command[name][:, axis])
-    return points
+    """Every curve of every figure against the tape."""
+    points, figures = 0, driver.execute_script("return escapement.data.figures.map((f) => [f.id, escapement.figures[f.id].series.length])")
+    for figure, count in figures:
+        if figure in BODIES:
+            continue
+        stamps, values = curves(run, figure)
+        assert values.shape[1] == count, f"{figure}: {count} curves of {values.shape[1]}"
+        for series in range(count):
+            points += check_curve(driver, figure, series, stamps, values[:, series])
+    assert len(figures) > 30, figures
+    return points + check_bodies(driver, run)
+
+
+def check_bodies(driver, run):
+    """The momentum of each body: all together are what the plant has recorded, and each one is what its motion says."""
+    shown = {}
+    for figure in BODIES:
+        labels = driver.execute_script("return escapement.figures[arguments[0]].series.map((s) => s.label)", figure)
+        for series, label in enumerate(labels):
+            x, y, _ = curve(driver, figure, series)
+            shown[figure, label] = y
+    r, momenta, centre = linear_momenta(run, tomllib.loads((run / "plan.toml").read_text())["participants"]["plant"]["parameters"])
+    k = np.searchsorted(r["t"], x - 1e-9)
+    assert np.allclose(x, r["t"][k], rtol=0, atol=1e-9) and len(k) > 1000 and k[0] == 0
+    wheels = rotate(r["quat_NB"], r["wheel_momentum_B"])
+    # About the common centre of mass, from the totals about the world's origin.
+    angular = r["angular_momentum_N"] - np.cross(centre, r["linear_momentum_N"])
+    # A difference of positions across the impact of the grasp is no velocity.
+    jump = np.flatnonzero(np.diff(r["grasped"]))
+    inside = (k > 0) & (k < len(r) - 1) & ~np.isin(k, [at + near for at in jump for near in range(-1, 3)])
+    worst = 0
+    for a, axis in enumerate("xyz"):
+        linear = {label: y for (figure, label), y in shown.items() if figure == f"linear-momentum-{axis}"}
+        assert set(linear) == set(momenta) | {"sum"}, sorted(linear)
+        for name, expected in momenta.items():
+            assert np.allclose(linear[name][inside], expected[k, a][inside], rtol=1e-5, atol=BY_DIFFERENCES), f"{name} along {axis}"
+        own = {label: y for (figure, label), y in shown.items() if figure == f"angular-momentum-{axis}"}
+        assert np.allclose(own["wheels"], wheels[k, a], rtol=1e-12, atol=1e-12)
+        assert np.allclose(shown["centre-of-mass", axis], centre[k, a], rtol=1e-12, atol=1e-12)
+        for parts, recorded in ((linear, r["linear_momentum_N"]), (own, angular)):
+            total = sum(y for label, y in parts.items() if label != "sum")
+            worst = max(worst, np.abs(total - recorded[k, a]).max(), np.abs(parts["sum"] - recorded[k, a]).max())
+    assert worst < 1e-11, f"the bodies' momenta miss the recorded sum by {worst}"
+    print(f"momentum of {len(momenta)} bodies and the wheels: the sum is the recorded one to {worst:.1e}")
+    return len(shown) * len(k)
+
+
+def check_read_off(driver, run):
+    """What the pointer reads off is the tape's value at that stamp, in every figure; and something is drawn there."""
+    figures = [figure for figure in driver.execute_script("return escapement.data.figures.map((f) => f.id)") if figure not in BODIES]
+    read = 0
+    for figure in figures:
+        stamps, values = curves(run, figure)
+        driver.execute_script("document.getElementById(arguments[0]).scrollIntoView({block: 'center'})", figure)
+        for part in (0.13, 0.5, 0.87):
+            t, rows, inked = driver.execute_async_script("""
+                const [id, part, done] = arguments, chart = escapement.figures[id].shared.panels[0];
+                const act = () => {
+                  if (!chart.toX || chart.stale) return requestAnimationFrame(act);
+                  const [lo, hi] = chart.xRange(), box = chart.box.getBoundingClientRect();
+                  chart.box.dispatchEvent(new PointerEvent("pointermove", { clientX: box.left + chart.toX(lo + part * (hi - lo)), clientY: box.top + 50 }));
+                  const { width, height } = chart.base, pixels = chart.base.getContext("2d").getImageData(0, 0, width, height).data;
+                  let inked = 0;
+                  for (let i = 3; i < pixels.length; i += 4) inked += pixels[i] > 0;
+                  done([chart.hover, [...chart.tip.querySelectorAll("div")].slice(1).map((row) => row.querySelector("b").textContent), inked]);
+                };
+                act();""", figure, part)
+            k = int(np.searchsorted(stamps, t - 1e-9))
+            assert abs(stamps[k] - t) < 1e-9, f"{figure}: {t} is no stamp"
+            got = [float(row.split()[0].replace("\u2212", "-")) for row in rows]
+            # Six digits, or four where there is an exponent. A thinned curve shows its own nearest sample, at most a bucket away.
+            far = -(-len(stamps) // 2048) if len(stamps) > 8192 else 0
+            near = values[max(0, k - far):k + far + 1]
+            slack = 6e-4 * np.abs(values[k]) + 1e-300
+            assert len(got) == values.shape[1] and (near.min(axis=0) - slack <= got).all() and (got <= near.max(axis=0) + slack).all(), \
+                f"{figure} at {t}: {rows} against {values[k]}"
+            assert np.isclose(got[0], values[k, 0], rtol=6e-4, atol=1e-300), f"{figure} at {t}: {rows} against {values[k]}"
+            assert inked > 500, f"{figure} is blank"
+            read += len(got)
+    return read
+
+
+def check_looks(driver, folder):
+    """Light, dark, narrow and on paper: nothing sticks out of the page, nothing is blank."""
+    blank = """return Object.values(escapement.figures).flatMap((f) => f.shared.panels.map((panel) => {
+        const { width, height } = panel.base, pixels = panel.base.getContext("2d").getImageData(0, 0, width, height).data;
+        for (let i = 3; i < pixels.length; i += 4) if (pixels[i] > 0) return null;
+        return f.spec.id; })).filter(Boolean)"""
+    grounds = []
+    for theme in ("light", "dark"):
+        driver.execute_script("escapement.setTheme(arguments[0])", theme)
+        grounds.append(driver.execute_script("return getComputedStyle(document.body).backgroundColor"))
+    assert grounds[0] != grounds[1], grounds
+    for width in (1500, 760, 400):
+        driver.set_window_size(width, 900)
+        time.sleep(0.3)
+        wide, room = driver.execute_script("return [document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+        assert wide <= room, f"at {room} the page is {wide} wide"
+    driver.set_window_size(1500, 1000)
+    driver.execute_script("window.scrollTo(0, 0); dispatchEvent(new Event('beforeprint'))")
+    assert driver.execute_script(blank) == [], "on paper everything is drawn, seen before or not"
+    assert driver.execute_script("return document.documentElement.dataset.theme") == "light"
+    assert driver.execute_script("return getComputedStyle(document.getElementById('transport')).display") == "none"
+    driver.execute_script("dispatchEvent(new Event('afterprint'))")
+    assert driver.execute_script("return document.documentElement.dataset.theme") == "dark"
+    paper = base64.b64decode(driver.execute_cdp_cmd("Page.printToPDF", {"printBackground": True, "preferCSSPageSize": True})["data"])
+    # The curves are on it as strokes, and nothing lies over them.
+    strokes = 0
+    for stream in re.findall(rb"stream\r?\n(.*?)\r?\nendstream", paper, re.DOTALL):
+        try:
+            strokes += len(re.findall(rb" l\s", zlib.decompress(stream)))
+        except zlib.error:
+            pass
+    pages = len(re.findall(rb"/Type\s*/Page\b", paper))
+    assert paper.startswith(b"%PDF") and 3 < pages < 40 and strokes > 50_000, f"{pages} pages with {strokes} strokes"
+    driver.execute_script("document.documentElement.classList.add('printing')")
+    assert driver.execute_script("return [...document.querySelectorAll('.over')].every((one) => getComputedStyle(one).display === 'none')")
+    driver.execute_script("document.documentElement.classList.remove('printing')")
+    return pages
 
 
 def check_playback(driver, run):
     shown = lambda: driver.find_element(By.CSS_SELECTOR, ".hud .t").text
-    picture = lambda: driver.execute_script("return escapement.player.canvas.toDataURL().length + ':' + escapement.player.canvas.toDataURL().slice(-4000)")
-    driver.execute_script("escapement.clock.set(escapement.clock.start)")
+    picture = lambda: driver.execute_script("""
+        const g = escapement.player.gl.gl, [w, h] = [g.drawingBufferWidth, g.drawingBufferHeight], p = new Uint8Array(4 * w * h);
+        g.readPixels(0, 0, w, h, g.RGBA, g.UNSIGNED_BYTE, p);
+        return p.reduce((sum, x) => (31 * sum + x) | 0, 7);""")
+    driver.execute_script("window.scrollTo(0, 0); escapement.clock.set(escapement.clock.start)")
     time.sleep(0.4)
     before, t0, frames = picture(), shown(), driver.execute_script("return escapement.player.frames")
     driver.find_element(By.ID, "play").click()
@@ -155,11 +257,33 @@ def check_quiet(driver, page):
     assert not severe, severe
 
 
+def take_pictures(driver, folder):
+    """The pictures of README.md and docs/run-folder.md."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stage = driver.find_element(By.ID, "stage")
+    views = {
+        "playback": ("dark", 17.0, "overview", {"yaw": 0.72, "pitch": 0.28}),
+        "grasp": ("dark", 29.5, "grasp", {}),
+    }
+    for name, (theme, t, camera, turned) in views.items():
+        driver.execute_script(
+            "const [theme, t, camera, turned] = arguments, { player, clock } = escapement; escapement.setTheme(theme); window.scrollTo(0, 0);"
+            "clock.set(t); player.preset(camera); Object.assign(player.view, turned); player.request()", theme, t, camera, turned)
+        time.sleep(1.0)
+        stage.screenshot(str(folder / f"{name}.png"))
+    driver.set_window_size(1500, 1640)
+    driver.execute_script("escapement.setTheme('light'); window.scrollTo(0, 0); escapement.clock.set(17); escapement.player.preset('overview')")
+    time.sleep(1.0)
+    driver.save_screenshot(str(folder / "report.png"))
+    driver.set_window_size(1500, 1000)
+
+
 def main():
     arguments = argparse.ArgumentParser()
     arguments.add_argument("program")
     arguments.add_argument("run", type=pathlib.Path)
     arguments.add_argument("second", type=pathlib.Path, nargs="?")
+    arguments.add_argument("--bodies", type=pathlib.Path, action="append", default=[], help="another run whose momenta are checked")
     arguments.add_argument("--screenshots", type=pathlib.Path)
     args = arguments.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -169,10 +293,12 @@ def main():
         try:
             driver.get(page.as_uri())
             points = check_values(driver, args.run)
+            read = check_read_off(driver, args.run)
             bodies = check_playback(driver, args.run)
             check_zoom(driver)
+            pages = check_looks(driver, folder)
             check_quiet(driver, page)
-            print(f"one run: {points} points are those of the tape; {len(bodies or [])} bodies move")
+            print(f"one run: {points} points and {read} values read off are those of the tape; {len(bodies or [])} bodies move; {pages} pages on paper")
             figures = driver.execute_script("return Object.keys(escapement.figures)")
             for figure in figures:
                 for kind, magic in (("svg", b"<svg"), ("png", b"\x89PNG")):
@@ -180,19 +306,21 @@ def main():
                     assert data.startswith(magic) and len(data) > 1000, f"{figure}.{kind}"
             print(f"{len(figures)} figures as SVG and PNG")
             if args.screenshots:
-                args.screenshots.mkdir(parents=True, exist_ok=True)
-                for theme in ("light", "dark"):
-                    driver.execute_script(f"escapement.setTheme('{theme}'); window.scrollTo(0, 0); escapement.clock.set(0.45 * escapement.clock.end);"
-                                          "escapement.player.preset('overview')")
-                    time.sleep(0.8)
-                    driver.save_screenshot(str(args.screenshots / f"report-{theme}.png"))
-                driver.find_element(By.ID, "stage").screenshot(str(args.screenshots / "playback.png"))
+                take_pictures(driver, args.screenshots)
+            for run in args.bodies:
+                subprocess.run([args.program, "report", run, "--out", page], check=True, stdout=sys.stderr)
+                driver.get(page.as_uri())
+                check_bodies(driver, run)
             if args.second:
                 subprocess.run([args.program, "report", args.run, args.second, "--out", both], check=True, stdout=sys.stderr)
                 driver.get(both.as_uri())
                 runs, scenes, panels = driver.execute_script(
                     "return [escapement.data.runs.length, escapement.player.scenes.length, escapement.figures['base-torque'].shared.panels.length]")
                 assert (runs, scenes, panels) == (2, 2, 2), "two runs, two scenes, panels side by side"
+                if args.screenshots:
+                    driver.execute_script("escapement.setTheme('dark'); escapement.clock.set(9); window.scrollTo(0, 0)")
+                    time.sleep(1.0)
+                    driver.save_screenshot(str(args.screenshots / "two.png"))
                 check_quiet(driver, both)
                 print("two runs: side by side and overlaid")
         finally:

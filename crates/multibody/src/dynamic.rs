@@ -310,6 +310,25 @@ impl DynTree {
         Momentum::of(&self.sums(s), self.model().base_part(&s.nu).1)
     }
 
+    /// Mass, centre of mass and momentum of each body in B axes, in the order of [`DynTree::bodies`]; the angular momentum is
+    /// about the body's own centre of mass. A body without mass has its origin for a centre of mass.
+    pub fn body_momenta(&self, s: &DynState) -> Vec<Momentum> {
+        let (placed, rates) = self.placed(s);
+        let v = self.model().base_part(&s.nu).1;
+        let each = momentum::each(self.model(), &placed, &rates);
+        each.zip(&rates)
+            .map(|(sums, rate)| match sums.mass > 0.0 {
+                true => Momentum::of(&sums, v),
+                false => Momentum {
+                    mass: 0.0,
+                    p_bc: vector(rate.p),
+                    linear_b: Vector3::zeros(),
+                    angular_b: vector(sums.l),
+                },
+            })
+            .collect()
+    }
+
     /// Kinetic energy (J).
     pub fn kinetic_energy(&self, s: &DynState) -> f64 {
         self.sums(s).energy_at(self.model().base_part(&s.nu).1)

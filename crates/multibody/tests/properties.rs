@@ -61,6 +61,16 @@ proptest! {
         prop_assert!(relative(force_size(&mass, &minus(&ours, &bias)), force_size(&mass, &bias)) < 1e-12);
         prop_assert!(relative(tree.kinetic_energy(&s) - energy, energy).abs() < 1e-13);
         let h = tree.momentum(&s);
+        let each = tree.body_momenta(&s);
+        prop_assert!(each.iter().map(|body| body.mass).eq(tree.bodies().iter().map(|body| body.mass)));
+        let mass: f64 = each.iter().map(|body| body.mass).sum();
+        let centre = each.iter().map(|body| body.p_bc * body.mass).sum::<Vector3<f64>>() / mass;
+        let linear: Vector3<f64> = each.iter().map(|body| body.linear_b).sum();
+        let about = |body: &multibody::Momentum| body.angular_b + (body.p_bc - centre).cross(&body.linear_b);
+        let angular: Vector3<f64> = each.iter().map(about).sum();
+        let sizes = each.iter().map(|body| about(body).norm() + body.linear_b.norm()).sum::<f64>();
+        prop_assert!((mass - h.mass).abs() < 1e-12 * mass && (centre - h.p_bc).norm() < 1e-12 * (1.0 + centre.norm()));
+        prop_assert!((linear - h.linear_b).norm() < 1e-12 * sizes && (angular - h.angular_b).norm() < 1e-11 * sizes);
         let scale = (2.0 * energy * h.mass).sqrt();
         prop_assert!((s.quat_nb.rotate(&h.linear_b) - linear_n).norm() < 1e-13 * scale);
         prop_assert!((s.quat_nb.rotate(&h.angular_b) - angular_com_n).norm() < 1e-13 * scale * 10.0);

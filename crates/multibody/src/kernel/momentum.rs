@@ -23,14 +23,7 @@ pub(crate) struct Sums<T> {
 #[inline(always)]
 pub(crate) fn sums<T: Real>(model: Model, placed: &[Placed<T>], rates: &[Rates<T>], nu: &[T]) -> Sums<T> {
     let half = T::of(0.5);
-    let zero = V3::zero();
-    let mut out = Sums {
-        mass: T::of(0.0),
-        h: zero,
-        p: zero,
-        l: zero,
-        energy: T::of(0.0),
-    };
+    let mut out = Sums::nothing();
     out.add(model.base, &placed[0], &rates[0], false);
     for (link, (at, rate)) in model.bodies.iter().zip(placed[1..].iter().zip(&rates[1..])) {
         out.add(&link.rigid, at, rate, true);
@@ -40,7 +33,34 @@ pub(crate) fn sums<T: Real>(model: Model, placed: &[Placed<T>], rates: &[Rates<T
     out
 }
 
+/// The same of each body alone, base first.
+pub(crate) fn each<'a>(
+    model: Model<'a>,
+    placed: &'a [Placed<f64>],
+    rates: &'a [Rates<f64>],
+) -> impl Iterator<Item = Sums<f64>> + 'a {
+    let rigid = core::iter::once(model.base).chain(model.bodies.iter().map(|link| &link.rigid));
+    let all = rigid.zip(placed.iter().zip(rates)).enumerate();
+    all.map(|(body, (rigid, (at, rate)))| {
+        let mut out = Sums::nothing();
+        out.add(rigid, at, rate, body > 0);
+        out
+    })
+}
+
 impl<T: Real> Sums<T> {
+    #[inline(always)]
+    fn nothing() -> Self {
+        let zero = V3::zero();
+        Self {
+            mass: T::of(0.0),
+            h: zero,
+            p: zero,
+            l: zero,
+            energy: T::of(0.0),
+        }
+    }
+
     /// Kinetic energy with the base origin moving at `v` (J).
     #[inline(always)]
     pub(crate) fn energy_at(&self, v: V3<T>) -> T {

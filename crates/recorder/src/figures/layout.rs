@@ -23,7 +23,11 @@ pub(super) const COLORS: [Rgb; 8] = [
 const PANEL: [f32; 2] = [480.0, 260.0];
 const LEFT: f32 = 62.0;
 const RIGHT: f32 = 16.0;
-const TOP: f32 = 52.0;
+const TOP: f32 = 38.0;
+/// Distance of two lines of the legend.
+const LINE: f32 = 14.0;
+/// Width of a letter of the legend.
+const LETTER: f32 = 6.2;
 const BOTTOM: f32 = 40.0;
 
 /// What one panel shows.
@@ -41,6 +45,11 @@ pub(crate) fn layout(title: &str, unit: &str, panels: &[Panel<'_>], limits: &[f6
         height: PANEL[1],
         items: Vec::new(),
     };
+    let lines = panels
+        .iter()
+        .map(|panel| entries(panel).last().map_or(0, |(_, [_, line])| line + 1));
+    let top = TOP + LINE * lines.max().unwrap_or(0).max(1) as f32;
+    drawing.height += top - TOP - LINE;
     let all = || {
         panels
             .iter()
@@ -80,8 +89,8 @@ pub(crate) fn layout(title: &str, unit: &str, panels: &[Panel<'_>], limits: &[f6
         let frame = Frame {
             left: at as f32 * PANEL[0] + LEFT,
             right: (at + 1) as f32 * PANEL[0] - RIGHT,
-            top: TOP,
-            bottom: PANEL[1] - BOTTOM,
+            top,
+            bottom: drawing.height - BOTTOM,
             x: (start, if end > start { end } else { start + 1.0 }),
             y: (lo, hi),
         };
@@ -103,7 +112,7 @@ pub(crate) fn layout(title: &str, unit: &str, panels: &[Panel<'_>], limits: &[f6
         for (series, _, color, dashed) in &panel.series {
             let points = (0..series.y.len()).map(|k| [frame.x(series.x(k)), frame.y(series.y[k])]);
             let clip = Some([frame.left, frame.top, frame.right, frame.bottom]);
-            let dash = dashed.then_some([5.0, 2.5]);
+            let dash = dash(*dashed, *color);
             drawing.line(points.collect(), COLORS[color % COLORS.len()], 1.3, dash, clip);
         }
         drawing.legend(&frame, panel);
@@ -190,11 +199,13 @@ impl Drawing {
         if !panel.name.is_empty() {
             self.text([frame.right, frame.top - 24.0], &panel.name, 10.5, INK, Anchor::End);
         }
-        let named: Vec<_> = panel.series.iter().filter(|(_, name, ..)| !name.is_empty()).collect();
-        let mut x = frame.left;
-        for (_, name, color, dashed) in named {
-            let y = frame.top - 10.0;
-            let dash = dashed.then_some([5.0, 2.5]);
+        let listed = entries(panel);
+        let lines = listed.last().map_or(0, |(_, [_, line])| line + 1);
+        for (entry, [letters, line]) in listed {
+            let (_, name, color, dashed) = &panel.series[entry];
+            let x = frame.left + letters as f32 * LETTER;
+            let y = frame.top - 10.0 - (lines - 1 - line) as f32 * LINE;
+            let dash = dash(*dashed, *color);
             self.line(
                 vec![[x, y], [x + 16.0, y]],
                 COLORS[color % COLORS.len()],
@@ -203,7 +214,30 @@ impl Drawing {
                 None,
             );
             self.text([x + 20.0, y + 3.5], name, 9.5, SOFT, Anchor::Start);
-            x += 32.0 + 6.2 * name.chars().count() as f32;
         }
     }
+}
+
+/// Curves beyond the last colour take the first ones again, dotted.
+fn dash(dashed: bool, color: usize) -> Option<[f32; 2]> {
+    match (dashed, color >= COLORS.len()) {
+        (true, _) => Some([5.0, 2.5]),
+        (false, true) => Some([1.8, 1.8]),
+        (false, false) => None,
+    }
+}
+
+/// The entries of a legend: the number of the curve, and where it stands: letters from the left, and the line.
+fn entries(panel: &Panel<'_>) -> Vec<(usize, [usize; 2])> {
+    let width = ((PANEL[0] - LEFT - RIGHT) / LETTER) as usize;
+    let (mut x, mut line, mut out) = (0, 0, Vec::new());
+    for (curve, (_, name, ..)) in panel.series.iter().enumerate().filter(|(_, one)| !one.1.is_empty()) {
+        let own = 5 + name.chars().count();
+        if x > 0 && x + own > width {
+            (x, line) = (0, line + 1);
+        }
+        out.push((curve, [x, line]));
+        x += own;
+    }
+    out
 }

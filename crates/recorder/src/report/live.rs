@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value, json};
 
 use super::motion::{MAX_FRAMES, Wanted};
-use super::series::{Binding, FigureData, Series, bindings};
+use super::series::{Binding, FigureData, Figures, Series, bindings, whole};
 use super::table::FIGURES;
-use super::{Report, ReportError, Run, base64, limits_of, name_of, page};
+use super::{Report, ReportError, Run, base64, limits_of, name_of, page, read_json, table_of};
 use crate::folder::RunFolder;
 use crate::geometry::Geometry;
 use crate::tape::{Reader, Source, split_record};
@@ -23,6 +23,7 @@ const POINTS: u64 = 1500;
 pub struct Live {
     folder: PathBuf,
     reader: Reader,
+    plan: String,
     bindings: Vec<Binding>,
     motion: Option<Wanted>,
     /// Every n-th sample of each stream is shown.
@@ -50,6 +51,7 @@ impl Live {
     /// Opens the folder of a run that is planned to last `duration_s`. Its tape must have been begun.
     pub fn open(folder: &Path, duration_s: f64) -> Result<Live, ReportError> {
         let reader = Reader::open(folder)?;
+        let plan = std::fs::read_to_string(RunFolder::open(folder).plan()).unwrap_or_default();
         let stride = |stream: usize, points: u64| {
             let spec = &reader.streams()[stream];
             let samples = (duration_s - spec.offset.seconds()) / spec.period.seconds();
@@ -62,7 +64,8 @@ impl Live {
         let frames = motion.as_ref().map_or(1, |motion| stride(motion.lead, MAX_FRAMES));
         Ok(Live {
             folder: folder.to_owned(),
-            bindings: bindings(reader.streams()),
+            bindings: bindings(reader.streams(), &table_of(&plan)),
+            plan,
             motion,
             strides,
             frames,
@@ -80,7 +83,6 @@ impl Live {
     /// The page with what there is now. `about` is what the page is told about the run that it watches.
     pub fn page(&mut self, about: &Value) -> Result<String, ReportError> {
         self.reader.refresh()?;
-        let plan = std::fs::read_to_string(RunFolder::open(&self.folder).plan()).unwrap_or_default();
         let geometry = Geometry::read(&self.reader, &self.folder, &[])?;
         let motion = match &self.motion {
             Some(motion) => {
@@ -96,12 +98,13 @@ impl Live {
             notes: geometry.notes.clone(),
             events: Vec::new(),
             figures: self.figures()?,
-            limits: limits_of(&plan),
+            limits: limits_of(&table_of(&self.plan)),
             participants: Vec::new(),
-            plan,
+            plan: self.plan.clone(),
             motion,
             geometry,
             summary: Value::Null,
+            about: read_json(&RunFolder::open(&self.folder).run())?,
         };
         let title = run.name.clone();
         let mut data = page::data(&title, &[run], &[]);
@@ -111,43 +114,36 @@ impl Live {
 
     /// The figures with all of their points.
     fn figures(&self) -> Result<Vec<FigureData>, ReportError> {
-        let mut figures: Vec<FigureData> = Vec::new();
+        let mut figures = Figures::default();
         for binding in &self.bindings {
             let spec = &self.reader.streams()[binding.stream];
             let samples = self.reader.count(binding.stream);
             let picks = missing(samples, self.strides[binding.stream], 0).picks;
             let curves = self.curves(binding, &picks)?;
-            let series = binding.labels.iter().zip(curves).map(|(label, y)| Series {
-                label: label.clone(),
-                origin: binding.origin.clone(),
-                offset_s: spec.offset.seconds(),
-                period_s: spec.period.seconds(),
-                index: Some(
-                    picks
-                        .iter()
-                        .map(|pick| u32::try_from(*pick).unwrap_or(u32::MAX))
-                        .collect(),
-                ),
-                first_index: spec.first_index,
-                y,
-                samples,
-            });
-            let id = FIGURES[binding.figure].id;
-            match figures.last_mut().filter(|last| last.id == id) {
-                Some(last) => last.series.extend(series),
-                None => figures.push(FigureData {
-                    id: id.to_owned(),
-                    series: series.collect(),
-                }),
+            let index: Vec<u32> = picks.iter().map(|pick| whole(*pick)).collect();
+            for (place, y) in binding.places.iter().zip(curves) {
+                figures.add(
+                    place.figure,
+                    Series {
+                        label: place.label.clone(),
+                        origin: binding.origin.clone(),
+                        offset_s: spec.offset.seconds(),
+                        period_s: spec.period.seconds(),
+                        index: Some(index.clone()),
+                        first_index: spec.first_index,
+                        y,
+                        samples,
+                    },
+                );
             }
         }
-        Ok(figures)
+        Ok(figures.in_order())
     }
 
     /// The values of all curves of a binding at these records.
     fn curves(&self, binding: &Binding, picks: &[u64]) -> Result<Vec<Vec<f64>>, ReportError> {
         let spec = &self.reader.streams()[binding.stream];
-        let mut curves = vec![Vec::with_capacity(picks.len()); binding.labels.len()];
+        let mut curves = vec![Vec::with_capacity(picks.len()); binding.places.len()];
         let mut out = vec![0.0; curves.len()];
         let mut record = vec![0; spec.stride()];
         for &pick in picks {
@@ -174,13 +170,12 @@ impl Live {
             let Missing { keep, picks } = &news[binding.stream];
             let index = base64(picks.iter().flat_map(|&pick| (pick as u32).to_le_bytes()));
             let samples = self.reader.count(binding.stream);
-            let series = self.curves(binding, picks)?.into_iter().map(|y| {
+            for (place, y) in binding.places.iter().zip(self.curves(binding, picks)?) {
                 let y = base64(y.iter().flat_map(|y| y.to_le_bytes()));
-                json!({ "keep": keep, "index": index, "y": y, "samples": samples })
-            });
-            let list = figures.entry(FIGURES[binding.figure].id).or_insert_with(|| json!([]));
-            if let Value::Array(list) = list {
-                list.extend(series);
+                let list = figures.entry(FIGURES[place.figure].id).or_insert_with(|| json!([]));
+                if let Value::Array(list) = list {
+                    list.push(json!({ "keep": keep, "index": index, "y": y, "samples": samples }));
+                }
             }
         }
         let grid = |count: u64, stride: u64| count.div_ceil(stride);

@@ -5,6 +5,7 @@
 //! 8192 samples is thinned to the least and greatest sample of each of 2048 buckets, and the playback to 3000 instants.
 
 mod live;
+mod momenta;
 mod motion;
 mod page;
 mod series;
@@ -69,6 +70,8 @@ pub(crate) struct Run {
     motion: Option<Motion>,
     geometry: Geometry,
     summary: Value,
+    /// What is known of how it came about: the contents of `run.json`.
+    about: Value,
     participants: Vec<ParticipantTime>,
 }
 
@@ -193,6 +196,7 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
     let reader = Reader::open(root)?;
     let folder = RunFolder::open(root);
     let plan = fs::read_to_string(folder.plan()).unwrap_or_default();
+    let table = table_of(&plan);
     let summary = read_json(&folder.summary())?;
     let geometry = Geometry::read(&reader, root, models)?;
     let mut notes = geometry.notes.clone();
@@ -211,13 +215,14 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
         sealed: reader.sealed_digest().is_some(),
         notes,
         events: reader.events()?,
-        figures: series::extract(&reader)?,
-        limits: limits_of(&plan),
+        figures: series::extract(&reader, &table)?,
+        limits: limits_of(&table),
         participants: participants_of(&summary),
         plan,
         motion: motion::extract(&reader)?,
         geometry,
         summary,
+        about: read_json(&folder.run())?,
     })
 }
 
@@ -226,6 +231,11 @@ fn name_of(root: &Path) -> String {
     let name = fs::canonicalize(root).ok();
     let name = name.as_deref().unwrap_or(root).file_name();
     name.map_or("run".into(), |name| name.to_string_lossy().into_owned())
+}
+
+/// The plan, empty where there is none that can be read.
+fn table_of(plan: &str) -> toml::Table {
+    plan.parse().unwrap_or_default()
 }
 
 /// A JSON file that may be missing: a run that was killed has no summary.
@@ -244,11 +254,8 @@ fn read_json(path: &Path) -> Result<Value, ReportError> {
 /// The limits of the actuators, from the tables `actuators` of the participants in the plan, else from
 /// `assessment.limits`. The plan is the scenario as the user wrote it with its defaults, so quantities are texts with
 /// units; a plan of another program has other tables, and no limits are drawn then.
-fn limits_of(plan: &str) -> Limits {
+fn limits_of(plan: &toml::Table) -> Limits {
     let mut limits = BTreeMap::new();
-    let Ok(plan) = plan.parse::<toml::Table>() else {
-        return Limits(limits);
-    };
     let lookup = |table: &toml::Table, path: &[&str]| {
         let (last, folders) = path.split_last()?;
         let inner = folders
@@ -283,7 +290,7 @@ fn limits_of(plan: &str) -> Limits {
         ("base_force", "force"),
         ("joint_torque", "joint_torque"),
     ] {
-        if let (false, Some(numbers)) = (limits.contains_key(key), lookup(&plan, &["assessment", "limits", name])) {
+        if let (false, Some(numbers)) = (limits.contains_key(key), lookup(plan, &["assessment", "limits", name])) {
             limits.insert(key.to_owned(), numbers);
         }
     }
@@ -357,12 +364,12 @@ mod tests {
             force = "[9, 9, 8] N"
             torque = "1 N m"
         "#;
-        let limits = limits_of(plan).0;
+        let limits = limits_of(&table_of(plan)).0;
         assert_eq!(limits["base_torque"], [0.2]);
         assert_eq!(limits["wheel_momentum"], [12.0]);
         assert_eq!(limits["joint_torque"], [320.0, 40.5]);
         assert_eq!(limits["base_force"], [9.0, 9.0, 8.0]);
-        assert!(limits_of("not toml [").0.is_empty());
+        assert!(limits_of(&table_of("not toml [")).0.is_empty());
     }
 
     #[test]

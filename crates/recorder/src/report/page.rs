@@ -101,6 +101,8 @@ fn run(run: &Run) -> Value {
         "model": run.geometry.servicer,
         "target": run.geometry.target,
         "participants": run.participants,
+        "title": run.about["title"],
+        "started": run.about["started"],
     })
 }
 

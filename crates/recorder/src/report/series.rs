@@ -1,7 +1,10 @@
 //! Curves from records, in one pass over a tape of any length and in bounded memory.
 
+use std::collections::BTreeMap;
+
 use lockstep::port::Field;
 
+use super::momenta::{Momenta, Share};
 use super::table::{FIGURES, Formula, Names};
 use crate::tape::{ReadError, Record, Records, Source, StreamSpec};
 
@@ -11,6 +14,9 @@ const MAX_SAMPLES: u64 = 8192;
 
 /// How many buckets a thinned curve has.
 const BUCKETS: u64 = 2048;
+
+/// How many points a curve has at most that has to be computed, evenly spaced.
+const COMPUTED: u64 = 2048;
 
 /// One curve of a figure.
 #[derive(Debug, Clone)]
@@ -49,13 +55,17 @@ pub(crate) struct FigureData {
     pub(crate) series: Vec<Series>,
 }
 
-/// A row of the table of figures bound to the fields of a stream: what gives one curve or several.
-pub(super) struct Binding {
+/// A curve of a binding: the number of its figure in the table, and its label there.
+pub(super) struct Place {
     pub(super) figure: usize,
+    pub(super) label: String,
+}
+
+/// Rows of the table of figures bound to the fields of a stream: what gives one curve or several.
+pub(super) struct Binding {
     pub(super) stream: usize,
     evaluate: Evaluate,
-    scale: f64,
-    pub(super) labels: Vec<String>,
+    pub(super) places: Vec<Place>,
     pub(super) origin: String,
 }
 
@@ -63,12 +73,22 @@ impl Binding {
     /// The values of all curves in one record, in the figure's unit.
     pub(super) fn values(&self, payload: &[u8], out: &mut [f64]) {
         self.evaluate.run(payload, out);
-        out.iter_mut().for_each(|y| *y *= self.scale);
+        for (y, place) in out.iter_mut().zip(&self.places) {
+            *y *= FIGURES[place.figure].scale;
+        }
+    }
+
+    /// Every how many-th sample is worth its computing, of `count`. What was published is looked at whole.
+    fn stride(&self, count: u64) -> u64 {
+        match self.evaluate {
+            Evaluate::Bodies(..) => count.div_ceil(COMPUTED),
+            _ => 1,
+        }
     }
 }
 
 /// Everything of the table that these streams have curves for, in the order of the table.
-pub(super) fn bindings(streams: &[StreamSpec]) -> Vec<Binding> {
+pub(super) fn bindings(streams: &[StreamSpec], plan: &toml::Table) -> Vec<Binding> {
     let mut all = Vec::new();
     for (figure, row) in FIGURES.iter().enumerate() {
         for curve in row.curves {
@@ -77,22 +97,45 @@ pub(super) fn bindings(streams: &[StreamSpec]) -> Vec<Binding> {
             let Some((stream, (evaluate, width, origin))) = found else {
                 continue;
             };
+            let labels = labels(curve.labels, width).into_iter();
             all.push(Binding {
-                figure,
                 stream,
                 evaluate,
-                scale: row.scale,
-                labels: labels(curve.labels, width),
+                places: labels.map(|label| Place { figure, label }).collect(),
                 origin,
             });
         }
     }
+    let mut momenta = streams.iter().enumerate();
+    all.extend(momenta.find_map(|(stream, spec)| bodies(stream, spec, plan)));
     all
+}
+
+/// All figures of the bodies' momenta at once: one computation gives them all.
+fn bodies(stream: usize, spec: &StreamSpec, plan: &toml::Table) -> Option<Binding> {
+    let momenta = Momenta::of(spec, plan)?;
+    let (mut shares, mut places) = (Vec::new(), Vec::new());
+    for (figure, row) in FIGURES.iter().enumerate() {
+        for curve in row.curves {
+            if let (Formula::Bodies(share), true) = (curve.formula, curve.port == spec.port) {
+                shares.push(share);
+                let labels = momenta.labels(share).into_iter();
+                places.extend(labels.map(|label| Place { figure, label }));
+            }
+        }
+    }
+    (!places.is_empty()).then(|| Binding {
+        stream,
+        evaluate: Evaluate::Bodies(Box::new(momenta), shares),
+        places,
+        origin: format!("{}, computed from the motion", spec.name()),
+    })
 }
 
 /// A binding with what has been collected of its curves.
 struct Bound {
     binding: Binding,
+    stride: u64,
     series: Vec<Thinner>,
 }
 
@@ -102,6 +145,7 @@ enum Evaluate {
     Distance(Field, Field),
     Angle(Field, Field),
     RotationVector(Field),
+    Bodies(Box<Momenta>, Vec<Share>),
 }
 
 impl Evaluate {
@@ -127,6 +171,7 @@ impl Evaluate {
                 let vector = rotation_vector(product([a[0], -a[1], -a[2], -a[3]], b));
                 out[0] = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
             }
+            Evaluate::Bodies(momenta, shares) => momenta.values(shares, payload, out),
             Evaluate::RotationVector(field) => out.copy_from_slice(&rotation_vector(quaternion(field))),
         }
     }
@@ -199,7 +244,7 @@ impl Thinner {
             &[first, second][..]
         };
         for (at, y) in points {
-            self.index.push(u32::try_from(*at).unwrap_or(u32::MAX));
+            self.index.push(whole(*at));
             self.y.push(*y);
         }
     }
@@ -240,6 +285,8 @@ fn bind(spec: &StreamSpec, formula: Formula) -> Option<(Evaluate, usize, String)
             let field = find(spec, names, 4)?;
             (Evaluate::RotationVector(field.clone()), 3, named(field))
         }
+        // Bound all together.
+        Formula::Bodies(_) => return None,
     })
 }
 
@@ -256,11 +303,13 @@ fn labels(given: &[&str], count: usize) -> Vec<String> {
 }
 
 /// All figures of the table that `source` has curves for, in the order of the table.
-pub(crate) fn extract(source: &(impl Source + ?Sized)) -> Result<Vec<FigureData>, ReadError> {
-    let thinner = |binding: &Binding, label: &String| {
-        let count = source.count(binding.stream);
+pub(crate) fn extract(source: &(impl Source + ?Sized), plan: &toml::Table) -> Result<Vec<FigureData>, ReadError> {
+    let thinner = |binding: &Binding, place: &Place| {
+        let count = source
+            .count(binding.stream)
+            .div_ceil(binding.stride(source.count(binding.stream)).max(1));
         Thinner {
-            label: label.clone(),
+            label: place.label.clone(),
             origin: binding.origin.clone(),
             bucket: if count <= MAX_SAMPLES {
                 1
@@ -273,10 +322,11 @@ pub(crate) fn extract(source: &(impl Source + ?Sized)) -> Result<Vec<FigureData>
             high: (0, 0.0),
         }
     };
-    let all = bindings(source.streams()).into_iter();
+    let all = bindings(source.streams(), plan).into_iter();
     let mut bound: Vec<Bound> = all
         .map(|binding| Bound {
-            series: binding.labels.iter().map(|label| thinner(&binding, label)).collect(),
+            series: binding.places.iter().map(|place| thinner(&binding, place)).collect(),
+            stride: binding.stride(source.count(binding.stream)).max(1),
             binding,
         })
         .collect();
@@ -286,30 +336,52 @@ pub(crate) fn extract(source: &(impl Source + ?Sized)) -> Result<Vec<FigureData>
             scan(source, stream, &mut mine)?;
         }
     }
-    let mut figures: Vec<FigureData> = Vec::new();
+    let mut figures = Figures::default();
     for b in bound {
         let spec = &source.streams()[b.binding.stream];
         let samples = source.count(b.binding.stream);
-        let series = b.series.into_iter().map(|thin| Series {
-            label: thin.label,
-            origin: thin.origin,
-            offset_s: spec.offset.seconds(),
-            period_s: spec.period.seconds(),
-            index: (thin.bucket > 1).then_some(thin.index),
-            first_index: spec.first_index,
-            y: thin.y,
-            samples,
-        });
-        let id = FIGURES[b.binding.figure].id;
-        match figures.last_mut() {
-            Some(last) if last.id == id => last.series.extend(series),
-            _ => figures.push(FigureData {
-                id: id.to_owned(),
-                series: series.collect(),
-            }),
+        for (thin, place) in b.series.into_iter().zip(&b.binding.places) {
+            let evenly = (b.stride > 1).then(|| (0..thin.y.len()).map(|k| whole(k as u64 * b.stride)).collect());
+            figures.add(
+                place.figure,
+                Series {
+                    label: thin.label,
+                    origin: thin.origin,
+                    offset_s: spec.offset.seconds(),
+                    period_s: spec.period.seconds(),
+                    index: evenly.or((thin.bucket > 1).then_some(thin.index)),
+                    first_index: spec.first_index,
+                    y: thin.y,
+                    samples,
+                },
+            );
         }
     }
-    Ok(figures)
+    Ok(figures.in_order())
+}
+
+/// Curves under the numbers of their figures.
+#[derive(Default)]
+pub(super) struct Figures(BTreeMap<usize, Vec<Series>>);
+
+impl Figures {
+    pub(super) fn add(&mut self, figure: usize, series: Series) {
+        self.0.entry(figure).or_default().push(series);
+    }
+
+    /// The figures in the order of the table.
+    pub(super) fn in_order(self) -> Vec<FigureData> {
+        let named = self.0.into_iter().map(|(figure, series)| FigureData {
+            id: FIGURES[figure].id.to_owned(),
+            series,
+        });
+        named.collect()
+    }
+}
+
+/// The number of a record as the page has it.
+pub(super) fn whole(record: u64) -> u32 {
+    u32::try_from(record).unwrap_or(u32::MAX)
 }
 
 fn scan(source: &(impl Source + ?Sized), stream: usize, bound: &mut [&mut Bound]) -> Result<(), ReadError> {
@@ -318,7 +390,10 @@ fn scan(source: &(impl Source + ?Sized), stream: usize, bound: &mut [&mut Bound]
     let mut records = Records::new(source, stream);
     let mut record_number = 0;
     while let Some(Record { payload, .. }) = records.next()? {
-        for b in &mut *bound {
+        for b in bound
+            .iter_mut()
+            .filter(|b| u64::is_multiple_of(record_number, b.stride))
+        {
             let out = &mut out[..b.series.len()];
             b.binding.values(payload, out);
             for (thin, y) in b.series.iter_mut().zip(&*out) {
@@ -368,7 +443,7 @@ mod tests {
     }
 
     fn first_curve(values: &[f64], first_index: u64) -> Series {
-        let figures = extract(&tape(values, first_index)).unwrap();
+        let figures = extract(&tape(values, first_index), &toml::Table::new()).unwrap();
         let figure = figures.iter().find(|figure| figure.id == "base-position").unwrap();
         assert_eq!(figure.series.len(), 3);
         figure.series[0].clone()
@@ -385,7 +460,11 @@ mod tests {
 
     #[test]
     fn tapes_without_known_fields_have_no_figures() {
-        assert!(extract(&MemoryTape::new(Vec::new()).unwrap()).unwrap().is_empty());
+        assert!(
+            extract(&MemoryTape::new(Vec::new()).unwrap(), &toml::Table::new())
+                .unwrap()
+                .is_empty()
+        );
         assert_eq!(first_curve(&[], 0).y.len(), 0);
     }
 

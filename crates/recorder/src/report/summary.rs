@@ -9,7 +9,7 @@ pub(crate) struct Row {
     pub(crate) key: String,
     /// In words, without the unit.
     pub(crate) label: String,
-    pub(crate) unit: &'static str,
+    pub(crate) unit: String,
     /// As text; empty where a run has no such value.
     pub(crate) values: Vec<String>,
     /// Whether the value meets its criterion, where there is one.
@@ -41,7 +41,7 @@ const UNITS: &[(&str, &str)] = &[
 ];
 
 /// Keys with a line of their own elsewhere on the page, or none at all.
-const HIDDEN: &[&str] = &["tape_digest", "criteria", "timing", "placement"];
+const HIDDEN: &[&str] = &["tape_digest", "criteria", "timing", "placement", "run_folder"];
 
 /// What people look for first comes first; the rest follows by name.
 const ORDER: &[&str] = &[
@@ -67,7 +67,7 @@ pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
                 let (label, unit) = name(&key);
                 rows.push(Row {
                     label,
-                    unit,
+                    unit: unit.to_owned(),
                     values: vec![String::new(); summaries.len()],
                     met: vec![None; summaries.len()],
                     criterion: String::new(),
@@ -78,10 +78,17 @@ pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
             });
             let row = &mut rows[at];
             row.values[run] = text(&value);
-            if let Some((criterion, met)) = criterion(summary, &key) {
-                row.criterion = criterion;
+            if let Some(Judged {
+                criterion,
+                value,
+                unit,
+                met,
+            }) = criterion(summary, &key)
+            {
+                (row.criterion, row.unit) = (criterion, unit);
                 row.main = true;
                 row.met[run] = met;
+                row.values[run] = value;
             } else if let Value::Bool(yes) = value {
                 row.met[run] = (key == "captured").then_some(yes);
             }
@@ -110,17 +117,27 @@ fn flatten(prefix: &str, value: &Value, leaves: &mut Vec<(String, Value)>) {
     }
 }
 
-/// `criteria` of a summary is a list of `{ name, limit, unit, met }`; the name is that of the figure without its unit.
-fn criterion(summary: &Value, key: &str) -> Option<(String, Option<bool>)> {
+/// A figure with its criterion, in the unit in which the criterion is stated.
+struct Judged {
+    criterion: String,
+    value: String,
+    unit: String,
+    met: Option<bool>,
+}
+
+/// `criteria` of a summary is a list of `{ name, value, limit, unit, met }`; the name is that of the figure without its unit.
+fn criterion(summary: &Value, key: &str) -> Option<Judged> {
     let (stem, _) = split_unit(key);
     let all = summary.get("criteria")?.as_array()?;
     let entry = all.iter().find(|c| c["name"] == stem || c["name"] == key)?;
     let limit = entry["limit"].as_f64().map(short)?;
     let unit = entry["unit"].as_str().filter(|unit| *unit != "1").unwrap_or_default();
-    Some((
-        format!("≤ {limit} {unit}").trim_end().to_owned(),
-        entry["met"].as_bool(),
-    ))
+    Some(Judged {
+        criterion: format!("at most {limit} {unit}").trim_end().to_owned(),
+        value: entry["value"].as_f64().map(short)?,
+        unit: unit.to_owned(),
+        met: entry["met"].as_bool(),
+    })
 }
 
 /// A key of `summary.json` without the unit at its end, and that unit as it is written; empty where it has none.
@@ -179,21 +196,21 @@ mod tests {
     #[test]
     fn keys_become_words_with_units() {
         let a = json!({"captured": true, "peak_base_torque_n_m": 0.073_912_34, "saturated_fraction": 0.0,
-            "criteria": [{"name": "peak_base_torque", "value": 0.07, "limit": 0.2, "unit": "N m", "met": true}], "tape_digest": "x"});
+            "criteria": [{"name": "peak_base_torque", "value": 73.912_34, "limit": 200, "unit": "mN m", "met": true}], "tape_digest": "x"});
         let b = json!({"captured": false, "wall_time_s": 1.0});
         let rows = rows(&[a, b]);
         let lines: Vec<_> = rows
             .iter()
-            .map(|r| (&*r.label, r.unit, &*r.values[0], &*r.values[1], r.met.clone()))
+            .map(|r| (&*r.label, &*r.unit, &*r.values[0], &*r.values[1], r.met.clone()))
             .collect();
         assert_eq!(lines[0], ("Captured", "", "yes", "no", vec![Some(true), Some(false)]));
         assert_eq!(
             lines[1],
-            ("Peak base torque", "N m", "0.073912", "", vec![Some(true), None])
+            ("Peak base torque", "mN m", "73.912", "", vec![Some(true), None])
         );
         assert_eq!(lines[2], ("Saturated fraction", "", "0", "", vec![None, None]));
         assert_eq!(lines[3], ("Wall time", "s", "", "1", vec![None, None]));
-        assert_eq!(rows[1].criterion, "≤ 0.2 N m");
+        assert_eq!(rows[1].criterion, "at most 200 mN m");
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! curve whose fields nobody publishes is left out, and a figure without curves too. So the table serves the stock
 //! participants, their variants, and anybody's own participant that uses the same names.
 
+use super::momenta::Share;
 use crate::geometry::{ARM_ANGLES, SLOSH_ANGLES};
 
 /// A figure.
@@ -49,9 +50,11 @@ pub(crate) enum Formula {
     Angle(Names, Names),
     /// The rotation vector of an attitude, rad.
     RotationVector(Names),
+    /// Of each body, of the wheels and of all together.
+    Bodies(Share),
 }
 
-use Formula::{Angle, Distance, Each, Norm, Part, RotationVector};
+use Formula::{Angle, Bodies, Distance, Each, Norm, Part, RotationVector};
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
@@ -358,6 +361,55 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         "Angular momentum about the world's origin",
         ("N m s", 1.0),
         &[curve("truth", Each(&["angular_momentum_N", "momentum_angular_N"]), &[])],
+    ),
+    figure(
+        BALANCE,
+        "linear-momentum-x",
+        "Linear momentum of each body, x",
+        ("N s", 1.0),
+        &[curve("truth", Bodies(Share::Linear(0)), &[])],
+    ),
+    figure(
+        BALANCE,
+        "linear-momentum-y",
+        "Linear momentum of each body, y",
+        ("N s", 1.0),
+        &[curve("truth", Bodies(Share::Linear(1)), &[])],
+    ),
+    figure(
+        BALANCE,
+        "linear-momentum-z",
+        "Linear momentum of each body, z",
+        ("N s", 1.0),
+        &[curve("truth", Bodies(Share::Linear(2)), &[])],
+    ),
+    figure(
+        BALANCE,
+        "angular-momentum-x",
+        "Angular momentum about the common centre of mass, x",
+        ("N m s", 1.0),
+        &[curve("truth", Bodies(Share::Angular(0)), &[])],
+    ),
+    figure(
+        BALANCE,
+        "angular-momentum-y",
+        "Angular momentum about the common centre of mass, y",
+        ("N m s", 1.0),
+        &[curve("truth", Bodies(Share::Angular(1)), &[])],
+    ),
+    figure(
+        BALANCE,
+        "angular-momentum-z",
+        "Angular momentum about the common centre of mass, z",
+        ("N m s", 1.0),
+        &[curve("truth", Bodies(Share::Angular(2)), &[])],
+    ),
+    figure(
+        BALANCE,
+        "centre-of-mass",
+        "Common centre of mass of servicer and target",
+        ("m", 1.0),
+        &[curve("truth", Bodies(Share::Centre), &[])],
     ),
     limited(
         figure(

@@ -113,7 +113,10 @@ pub(super) fn write(
         {
             message.clear();
             poses.encode(&topic.payload, time, geometry, &mut message);
-            file.message(channel, topic.index as u32, time, &message)?;
+            // Rerun trips over a message without a transform.
+            if !message.is_empty() {
+                file.message(channel, topic.index as u32, time, &message)?;
+            }
         }
         topic.advance()?;
     }

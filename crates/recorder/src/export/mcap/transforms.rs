@@ -89,7 +89,11 @@ impl Poses {
     pub(super) fn encode(&self, payload: &[u8], nanos: u64, geometry: Option<&Geometry>, out: &mut Vec<u8>) {
         for pose in &self.poses {
             let p = std::array::from_fn(|i| pose.position.value(payload, i));
-            let q = std::array::from_fn(|i| pose.attitude.value(payload, i));
+            let q: [f64; 4] = std::array::from_fn(|i| pose.attitude.value(payload, i));
+            // Before its first activation a participant publishes zeros, which are no attitude: viewers refuse them.
+            if q.iter().map(|x| x * x).sum::<f64>() < 0.5 {
+                continue;
+            }
             transform(out, nanos, &pose.parent, &pose.child, p, q);
         }
         let Some(geometry) = geometry else { return };

@@ -38,8 +38,10 @@ function show(x) {
 }
 
 const showTime = (t) => t.toFixed(2) + " s";
+/** Whether the page is laid out for paper. */
+const printing = () => document.documentElement.classList.contains("printing");
 const cssVar = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const colour = (i) => cssVar("--c" + (i % 8));
+const COLOURS = 8, colour = (i) => cssVar("--c" + (i % COLOURS));
 
 /** The first index whose value is not below x, in a sorted array (or anything with `length` and `at(i)`). */
 function lowerBound(length, at, x) {

@@ -1,6 +1,6 @@
 // One panel of a figure: axes, curves, limits, zoom and read-off. Curves are drawn once per change on one canvas; what
 // follows the pointer and the clock is on another one above it.
-const MARGIN = { left: 60, right: 14, top: 10, bottom: 24 };
+const MARGIN = { left: 52, right: 12, top: 8, bottom: 24 };
 
 function ticks(lo, hi, count) {
   const raw = (hi - lo) / Math.max(1, count);
@@ -20,14 +20,13 @@ class Chart {
   constructor(parent, shared, series, name) {
     this.shared = shared; this.series = series;
     this.box = el("div", { class: "panel" });
-    this.base = el("canvas"); this.over = el("canvas");
+    this.base = el("canvas"); this.over = el("canvas", { class: "over" });
     this.box.append(this.base, this.over);
-    if (name) this.box.append(el("div", { class: "name" }, name));
     this.tip = el("div", { class: "tip", hidden: true });
     this.box.append(this.tip);
-    parent.append(this.box);
+    parent.append(name ? el("div", {}, el("div", { class: "name" }, name), this.box) : this.box);
     this.hover = null; this.drag = null; this.seen = false; this.stale = true;
-    new ResizeObserver(() => this.invalidate()).observe(this.box);
+    new ResizeObserver(() => { this.hover = null; this.invalidate(); }).observe(this.box);
     new IntersectionObserver(([entry]) => { this.seen = entry.isIntersecting; if (this.seen) this.refresh(); }, { rootMargin: "200px" })
       .observe(this.box);
     range.listen(() => this.invalidate());
@@ -93,7 +92,7 @@ class Chart {
   }
 
   fit(canvas) {
-    const scale = window.devicePixelRatio || 1, { clientWidth: w, clientHeight: h } = this.box;
+    const scale = printing() ? 3 : window.devicePixelRatio || 1, { clientWidth: w, clientHeight: h } = this.box;
     if (canvas.width !== Math.round(w * scale) || canvas.height !== Math.round(h * scale)) {
       canvas.width = Math.round(w * scale); canvas.height = Math.round(h * scale);
     }
@@ -133,10 +132,6 @@ class Chart {
       line(MARGIN.left, py, MARGIN.left + width, py);
       pen.fillText(label, MARGIN.left - 7, py);
     }
-    pen.save();
-    pen.translate(11, MARGIN.top + height / 2); pen.rotate(-Math.PI / 2);
-    pen.textAlign = "center"; pen.fillText(this.shared.unit === "1" ? "" : this.shared.unit, 0, 0);
-    pen.restore();
 
     pen.save();
     pen.beginPath(); pen.rect(MARGIN.left, MARGIN.top, width, height); pen.clip();
@@ -156,6 +151,12 @@ class Chart {
       }
     }
     pen.setLineDash([]); pen.lineWidth = 1;
+    // One line in words: the others look the same.
+    const [first] = this.shared.limitsDrawn || [];
+    if (first !== undefined) {
+      pen.textAlign = "right"; pen.textBaseline = "top";
+      pen.fillText(this.shared.limitsDrawn.length > 1 ? "limits" : `limit ${show(first)} ${this.shared.unit}`, MARGIN.left + width - 5, linear(Math.max(...this.shared.limitsDrawn)) + 3);
+    }
     const hidden = this.shared.limits.filter((limit) => !this.shared.limitsDrawn.includes(limit));
     if (hidden.length) {
       pen.textAlign = "right"; pen.textBaseline = "bottom";
@@ -182,6 +183,9 @@ class Chart {
     pen.stroke();
     pen.setLineDash([]);
   }
+
+  /** Now, whether anybody has scrolled here yet or not: paper shows everything. */
+  print() { this.draw(); }
 
   drawOver() {
     if (!this.toX) return;
@@ -260,6 +264,8 @@ class Figure {
     for (const s of this.series) {
       s.name = apart ? s.label : [RUNS.length > 1 ? RUNS[s.run].name : "", s.label].filter(Boolean).join(" ");
       if (!apart && s.run > 0) s.dash = [6, 3];
+      // Curves beyond the last colour take the first ones again, dotted.
+      if (s.slot >= COLOURS) s.dash = [2, 2];
     }
     const limits = RUNS.map((run) => run.limits[spec.id] || []).reduce((a, b) => (a.length >= b.length ? a : b), []);
     this.shared = {
@@ -274,7 +280,7 @@ class Figure {
     this.legend = el("div", { class: "legend" });
     const panels = el("div", { class: "panels" });
     this.card = el("article", { class: "card figure" + (apart ? " wide" : ""), id: spec.id },
-      el("div", { class: "bar" }, el("h3", { title: origins }, spec.title + (spec.unit === "1" ? "" : ` [${spec.unit}]`)), el("div", { class: "tools" }, log, save)),
+      el("div", { class: "bar" }, el("h3", { title: origins }, this.heading()), el("div", { class: "tools" }, log, save)),
       this.legend, panels);
     parent.append(this.card);
     const groups = apart ? RUNS.map((run, r) => [run.name, this.series.filter((s) => s.run === r)]) : [["", this.series]];
@@ -290,7 +296,7 @@ class Figure {
       if (key) entries.set(key, [...(entries.get(key) || []), s]);
     }
     this.legend.replaceChildren(...[...entries].map(([name, list]) => {
-      const dash = list[0].dash ? "dashed" : "solid";
+      const dash = !list[0].dash ? "solid" : list[0].slot >= COLOURS ? "dotted" : "dashed";
       const entry = el("span", { title: "Show or hide", onclick: () => {
         const on = !list[0].visible;
         for (const s of list) s.visible = on;
@@ -301,17 +307,45 @@ class Figure {
     }));
   }
 
+  heading() { return this.spec.title + (this.spec.unit === "1" ? "" : ` [${this.spec.unit}]`); }
+
   invalidate() { for (const panel of this.shared.panels) panel.invalidate(); }
 
-  save() {
-    const [first] = this.shared.panels, scale = window.devicePixelRatio || 1;
-    const canvas = el("canvas", { width: this.shared.panels.length * first.base.width, height: first.base.height + 24 * scale });
-    const pen = canvas.getContext("2d");
+  /** Heading, legend and panels as they are on the screen, as a picture of its own. */
+  picture() {
+    const [first] = this.shared.panels, scale = window.devicePixelRatio || 1, { width, height } = first.base;
+    const entries = [...this.legend.children].filter((entry) => !entry.classList.contains("off"));
+    const canvas = el("canvas", { width: this.shared.panels.length * width }), pen = canvas.getContext("2d");
+    const small = `${11 * scale}px system-ui, sans-serif`, left = MARGIN.left * scale;
+    pen.font = small;
+    let x = left, y = 38 * scale;
+    const places = entries.map((entry) => {
+      const wide = 36 * scale + pen.measureText(entry.textContent).width;
+      if (x > left && x + wide > canvas.width) { x = left; y += 16 * scale; }
+      x += wide;
+      return [x - wide, y];
+    });
+    const named = this.shared.panels.length > 1 ? 18 * scale : 0, top = (entries.length ? y + 12 * scale : 26 * scale) + named;
+    canvas.height = top + height;
     pen.fillStyle = cssVar("--card"); pen.fillRect(0, 0, canvas.width, canvas.height);
-    pen.fillStyle = cssVar("--ink"); pen.font = `${13 * scale}px system-ui, sans-serif`;
-    pen.fillText(`${this.spec.title} [${this.spec.unit}]`, 8 * scale, 16 * scale);
-    this.shared.panels.forEach((panel, i) => pen.drawImage(panel.base, i * first.base.width, 24 * scale));
-    canvas.toBlob((blob) => {
+    pen.fillStyle = cssVar("--ink"); pen.font = `600 ${13 * scale}px system-ui, sans-serif`;
+    pen.fillText(this.heading(), 10 * scale, 18 * scale);
+    pen.font = small; pen.fillStyle = cssVar("--soft"); pen.textBaseline = "middle"; pen.lineWidth = 2 * scale;
+    entries.forEach((entry, i) => {
+      const [ex, ey] = places[i], line = entry.firstChild.style;
+      pen.strokeStyle = line.borderTopColor; pen.setLineDash(line.borderTopStyle === "solid" ? [] : line.borderTopStyle === "dashed" ? [5 * scale, 3 * scale] : [2 * scale, 2 * scale]);
+      pen.beginPath(); pen.moveTo(ex, ey); pen.lineTo(ex + 16 * scale, ey); pen.stroke();
+      pen.fillText(entry.textContent, ex + 21 * scale, ey);
+    });
+    this.shared.panels.forEach((panel, i) => {
+      if (named) pen.fillText(panel.series[0] ? RUNS[panel.series[0].run].name : "", i * width + left, top - named / 2);
+      pen.drawImage(panel.base, i * width, top);
+    });
+    return canvas;
+  }
+
+  save() {
+    this.picture().toBlob((blob) => {
       const url = URL.createObjectURL(blob);
       el("a", { href: url, download: `${this.spec.id}.png` }).click();
       setTimeout(() => URL.revokeObjectURL(url), 1000);

@@ -22,17 +22,19 @@ function summaryCard() {
   if (captured) card.append(el("div", { class: "verdicts" }, ...RUNS.map((run, i) => captured.met[i] === null ? null
     : el("span", { class: "verdict " + (captured.met[i] ? "yes" : "no") }, `${many ? run.name + ": " : ""}${captured.met[i] ? "captured" : "not captured"}`))));
   card.append(summaryTable(DATA.summary.filter((row) => row.main && row.key !== "captured")));
+  if (!many) card.append(el("div", { class: "origin" }, ...RUNS.map((run) => el("p", { class: "note" },
+    [run.title, run.started && run.started.replace("T", " ").replace(/:\d\dZ$/, " UTC")].filter(Boolean).join(" · ")))));
   return card;
 }
 
 function summaryTable(rows) {
   const many = RUNS.length > 1;
-  const head = el("tr", {}, el("th", {}, ""), ...RUNS.map((run, i) => el("th", {}, many ? el("span", { class: "swatch", style: `background:var(--c${i})` }) : "", many ? run.name : "")), el("th", {}, ""), el("th", {}, ""));
+  const head = el("tr", {}, el("th", {}, ""), ...RUNS.map((run, i) => el("th", {}, el("span", { class: "swatch", style: `background:var(--c${i % COLOURS})` }), run.name)), el("th", {}, ""));
   const body = rows.map((row) => el("tr", { "data-key": row.key },
-    el("td", { title: row.key }, row.label),
-    ...row.values.map((value, i) => el("td", {}, row.met[i] === null ? "" : el("span", { class: "mark " + (row.met[i] ? "yes" : "no") }, row.met[i] ? "✓" : "✗"), value)),
-    el("td", { class: "unit" }, row.unit), el("td", { class: "unit" }, row.criterion)));
-  return el("table", {}, el("thead", {}, head), el("tbody", {}, ...body));
+    el("td", { title: row.key }, row.label, row.criterion ? el("small", {}, row.criterion) : ""),
+    ...row.values.map((value, i) => el("td", {}, row.met[i] === null ? "" : el("span", { class: "mark " + (row.met[i] ? "yes" : "no") }, row.met[i] ? "✓" : "✗"), value.replace(/-/g, "−"))),
+    el("td", { class: "unit" }, row.unit)));
+  return el("table", {}, many ? el("thead", {}, head) : null, el("tbody", {}, ...body));
 }
 
 function timesCard(run) {
@@ -93,17 +95,24 @@ function controls() {
   setTheme(dark.matches ? "dark" : "light");
   dark.addEventListener("change", () => setTheme(dark.matches ? "dark" : "light"));
   at("theme").addEventListener("click", () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
-  // Paper is white whatever the screen was.
+  // Paper is white whatever the screen was, as wide as it is, and nobody scrolls on it: everything is drawn for it at once.
   let before = "light";
-  window.addEventListener("beforeprint", () => { before = document.documentElement.dataset.theme; setTheme("light"); });
-  window.addEventListener("afterprint", () => setTheme(before));
+  const draw = () => {
+    const { figures = {}, player } = window.escapement || {};
+    for (const figure of Object.values(figures)) for (const panel of figure.shared.panels) panel.print();
+    if (player) player.draw();
+  };
+  window.addEventListener("beforeprint", () => { before = document.documentElement.dataset.theme; document.documentElement.classList.add("printing"); setTheme("light"); draw(); });
+  window.addEventListener("afterprint", () => { document.documentElement.classList.remove("printing"); setTheme(before); draw(); });
 }
 
 /** Puts everything of DATA on the page, in place of what was there. */
 function build() {
   for (const signal of [clock, range, themeChanged]) signal.listeners.length = 0;
   document.getElementById("main").replaceChildren(); document.getElementById("nav").replaceChildren();
-  document.getElementById("runs").textContent = RUNS.map((run) => (run.digest ? `${run.name}: tape ${run.digest.slice(0, 12)}` : run.name)).join("   ·   ");
+  const title = (RUNS.length === 1 && RUNS[0].title) || DATA.title;
+  document.querySelector("h1").textContent = title;
+  document.getElementById("runs").textContent = RUNS.map((run) => [run.name !== title ? run.name : "", run.digest ? `tape ${run.digest.slice(0, 12)}` : ""].filter(Boolean).join(", ")).join("   ·   ");
 
   const motions = RUNS.filter((run) => run.motion).map((run) => decode(run.motion.t, Float64Array)).filter((t) => t.length);
   const top = el("div", { class: "top" }), summary = summaryCard();

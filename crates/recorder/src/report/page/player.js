@@ -1,5 +1,6 @@
 // The 3-D playback: camera, layers, labels, read-off.
 const SHOWS = [["inside", "Tank and slosh", true], ["frames", "Frames", true], ["paths", "Paths", true], ["arrows", "Thrust and torque", true], ["labels", "Labels", true]];
+const PATHS = { p_NE: [0.16, 0.62, 0.98], p_ND: [0.98, 0.72, 0.22], p_NB: [0.55, 0.6, 0.68] };
 const ARROWS = { force: [0.98, 0.62, 0.16, 1], torque: [0.74, 0.42, 0.96, 1] };
 
 class Player {
@@ -37,9 +38,11 @@ class Player {
     this.lo = [0, 1, 2].map((i) => Math.min(...points.map((p) => p[i]), Infinity)); this.hi = [0, 1, 2].map((i) => Math.max(...points.map((p) => p[i]), -Infinity));
     const peak = (key) => Math.max(...this.scenes.map((s) => s[key]), 0) || 1;
     this.arrowScale = { force: 0.9 / peak("forcePeak"), torque: 0.9 / peak("torquePeak") };
+    const mark = ([r, g, b], text, dashed) => el("span", {}, el("i", { class: dashed && "dashed", style: `border-color:rgb(${[r, g, b].map((x) => Math.round(255 * x))})` }), text);
     const part = (key, unit, name) => (this.scenes.some((s) => s[key + "Peak"] > 0)
-      ? [el("i", { style: `border-color:rgb(${ARROWS[key].slice(0, 3).map((x) => Math.round(255 * x))})` }), `${name}, 1 m = ${show(Number((1 / this.arrowScale[key]).toPrecision(2)))} ${unit}`] : []);
-    this.scaleNote.replaceChildren(...part("force", "N", "base force"), ...part("torque", "N m", "base torque"));
+      ? [mark(ARROWS[key], `${name}, 1 m = ${show(Number((1 / this.arrowScale[key]).toPrecision(2)))} ${unit}`)] : []);
+    const path = (name, text, dashed) => (this.scenes.length === 1 && this.scenes[0].motion.has(name) ? [mark(PATHS[name], text, dashed)] : []);
+    this.scaleNote.replaceChildren(...part("force", "N", "base force"), ...part("torque", "N m", "base torque"), ...path("p_NE", "path of the tool"), ...path("p_ND", "commanded", true));
   }
 
   cameraButtons() {
@@ -66,9 +69,9 @@ class Player {
     // The whole motion fits: the sphere around it, and a metre for the bodies themselves.
     const all = V.scale(V.add(this.lo, this.hi), 0.5), fit = (0.5 * V.norm(V.sub(this.hi, this.lo)) + 1.35) / Math.sin(0.31);
     const presets = {
-      overview: { follow: () => all, yaw: 0.5, pitch: 0.34, distance: 0.84 * fit },
-      side: { follow: () => all, yaw: 0, pitch: 0, distance: 0.84 * fit },
-      top: { follow: () => all, yaw: 0, pitch: 1.45, distance: 0.84 * fit },
+      overview: { follow: () => all, yaw: 0.5, pitch: 0.34, distance: 0.94 * fit },
+      side: { follow: () => all, yaw: 0, pitch: 0, distance: 0.94 * fit },
+      top: { follow: () => all, yaw: 0, pitch: 1.45, distance: 0.94 * fit },
       approach: { follow: () => (s.p_NT ? this.state().p_NT : grasp()), yaw: 1.0, pitch: 0.44, distance: 1.8 * span + 1.4 },
       grasp: { follow: grasp, yaw: 0.62, pitch: 0.22, distance: 1.5 },
       tool: { tool: true, follow: grasp, yaw: 0, pitch: 0, distance: 1 },
@@ -147,7 +150,7 @@ class Player {
   paths(scene, dark) {
     const many = this.scenes.length > 1;
     for (const { name, line } of scene.paths) {
-      const base = many ? hexColour(colour(scene.slot)) : { p_NE: [0.16, 0.62, 0.98], p_ND: [0.98, 0.72, 0.22], p_NB: [0.55, 0.6, 0.68] }[name];
+      const base = many ? hexColour(colour(scene.slot)) : PATHS[name];
       const bright = [...base, name === "p_NB" ? 0.55 : 1], dim = [...base, dark ? 0.28 : 0.35];
       this.gl.drawLine(line, name === "p_NE" ? 3 : 2, bright, { rest: dim, now: clock.t, dash: name === "p_ND" ? 0.5 : 0 });
     }

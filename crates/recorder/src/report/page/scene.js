@@ -87,7 +87,9 @@ class Scene {
     const m = this.motion;
     for (const { line } of this.paths || []) this.gl.forget(line);
     this.paths = ["p_NE", "p_ND", "p_NB"].filter((name) => m.has(name)).map((name) => ({ name, line: this.gl.line(m.points(name), m.t) }));
-    this.forcePeak = Math.max(m.peak("force"), m.peak("command_force")); this.torquePeak = Math.max(m.peak("torque"), m.peak("command_torque"));
+    // What is drawn is what acts; what was demanded only where nobody tells what acted.
+    const peak = (key) => m.peak(m.has(key) ? key : "command_" + key);
+    this.forcePeak = peak("force"); this.torquePeak = peak("torque");
   }
 
   /** A box that has the grasp point on its face, with a ring there, when no model of the target is given. */
