@@ -152,15 +152,9 @@ pub struct HowArgs {
     /// All participants in this process, in one loop: the same tape to the last bit
     #[arg(long)]
     pub in_process: bool,
-    /// The run folder; a new one under runs/ when not given
-    #[arg(long, value_name = "FOLDER")]
-    pub out: Option<PathBuf>,
-    /// Print the summary as JSON
-    #[arg(long)]
-    pub json: bool,
-    /// No progress line and no verdict
-    #[arg(long)]
-    pub quiet: bool,
+    /// What every run takes
+    #[command(flatten)]
+    pub common: CommonArgs,
     /// Keep pace with the wall clock, or with a multiple of it
     #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", require_equals = true)]
     pub real_time: Option<f64>,
@@ -186,7 +180,21 @@ pub struct HowArgs {
     /// Leave the choice of cores to the operating system
     #[arg(long)]
     pub no_placement: bool,
-    /// Give the run up when nothing has moved for this long
+}
+
+/// What `run`, `resume` and `replay` have in common.
+#[derive(Debug, Args)]
+pub struct CommonArgs {
+    /// The run folder; a new one under runs/ when not given, and none for a replay
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// No progress line, and no result but the exit code
+    #[arg(long)]
+    pub quiet: bool,
+    /// Give up when nothing has moved for this long; not used while a replay waits for a debugger
     #[arg(long, value_name = "TIME", default_value = "60 s")]
     pub patience: Rational,
 }

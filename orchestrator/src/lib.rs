@@ -3,6 +3,9 @@
 #[cfg(target_arch = "x86_64")]
 mod processor;
 
+#[macro_use]
+mod output;
+
 mod assessment;
 mod bench;
 mod builtin;

@@ -7,6 +7,8 @@ use clap::Args;
 use recorder::compare::{Comparison, compare};
 use recorder::tape::Reader;
 
+use crate::output;
+
 /// Exit code: the tapes differ.
 pub(super) const DIFFERENT: i32 = 3;
 /// Exit code: a folder is not a tape, or cannot be read.
@@ -36,7 +38,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<i32> {
             return Ok(UNREADABLE);
         }
     };
-    let mut out = io::stdout().lock();
+    let mut out = output::stdout();
     if args.json {
         serde_json::to_writer_pretty(&mut out, &comparison)?;
         writeln!(out)?;

@@ -1,12 +1,15 @@
 //! `orchestrator export RUN --to FORMAT`: a tape as files that other tools open.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use recorder::export;
 use recorder::geometry::Geometry;
 use recorder::tape::Reader;
+
+use crate::scenario::in_path;
 
 /// Exit code: the folder is not a run, or a file of it cannot be read.
 const UNREADABLE: i32 = 2;
@@ -22,8 +25,7 @@ pub enum Format {
     Parquet,
     /// One MCAP file with protobuf messages, frame transforms and a scene
     Mcap,
-    /// Not written: Rerun opens the MCAP file
-    #[value(hide = true)]
+    /// The MCAP file, and a Rerun recording that the program `rerun` in PATH makes of it
     Rrd,
 }
 
@@ -46,11 +48,11 @@ pub struct ExportArgs {
 /// Exports and says which files there are; gives the exit code.
 pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
-    if args.to == Format::Rrd {
+    let rerun = (args.to == Format::Rrd).then(|| in_path("rerun"));
+    if let Some(None) = rerun {
         eprintln!(
-            "error: --to rrd: this program does not write Rerun's own format, which changes with Rerun; Rerun opens the MCAP \
-             file: `orchestrator export {} --to mcap`, then `rerun run.mcap`, or `rerun mcap convert run.mcap -o run.rrd`",
-            args.run.display()
+            "error: --to rrd: Rerun's own format changes with Rerun, so Rerun itself must write it, and there is no program `rerun` \
+             in PATH (`pip install rerun-sdk` brings it); Rerun also opens the file of --to mcap as it is"
         );
         return Ok(UNREADABLE);
     }
@@ -71,7 +73,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let result = match args.to {
         Format::Csv => export::csv(&reader, &out),
         Format::Parquet => export::parquet(&reader, &out),
-        Format::Mcap => {
+        Format::Mcap | Format::Rrd => {
             let geometry = match Geometry::read(&reader, &args.run, &args.model) {
                 Ok(geometry) => geometry,
                 Err(error) => {
@@ -83,10 +85,18 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             std::fs::create_dir_all(&out)?;
             export::mcap(&reader, &path, Some(&geometry)).map(|()| vec![path])
         }
-        Format::Rrd => unreachable!("refused above"),
     };
     match result {
-        Ok(files) => {
+        Ok(mut files) => {
+            if let (Some(Some(rerun)), [mcap]) = (rerun, &files[..]) {
+                match recording(&rerun, mcap) {
+                    Ok(path) => files.push(path),
+                    Err(reason) => {
+                        eprintln!("error: {reason}");
+                        return Ok(UNWRITABLE);
+                    }
+                }
+            }
             for file in &files {
                 println!("{}", file.display());
             }
@@ -98,4 +108,24 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             Ok(UNWRITABLE)
         }
     }
+}
+
+/// Lets Rerun write its own format, which is that of the very version that will open it.
+fn recording(rerun: &Path, mcap: &Path) -> Result<PathBuf, String> {
+    let path = mcap.with_extension("rrd");
+    let mut command = Command::new(rerun);
+    command.args(["mcap", "convert"]).arg(mcap).arg("-o").arg(&path);
+    let said = command.stdin(Stdio::null()).output();
+    let said = said.map_err(|error| format!("{} does not start: {error}", rerun.display()))?;
+    if said.status.success() {
+        return Ok(path);
+    }
+    let _ = std::fs::remove_file(&path);
+    let words = String::from_utf8_lossy(&said.stderr);
+    Err(format!(
+        "{} does not make a recording of {}: {}",
+        rerun.display(),
+        mcap.display(),
+        words.trim()
+    ))
 }

@@ -107,7 +107,7 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
             write(&folder.join(name), &svg)?;
         }
     }
-    let mut out = std::io::stdout().lock();
+    let mut out = crate::output::stdout();
     if args.json {
         writeln!(out, "{}", serde_json::to_string_pretty(&file)?)?;
     } else if args.table {

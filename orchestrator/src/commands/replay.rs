@@ -1,6 +1,6 @@
 //! `orchestrator replay RUN --participant NAME`: one participant again, with the inputs it had.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -8,6 +8,8 @@ use lockstep::time::Rational;
 use serde_json::json;
 
 use super::compare::{DIFFERENT, print};
+use crate::cli::CommonArgs;
+use crate::output;
 use crate::replay::{Found, Replay, ReplayError, Request};
 use crate::run::{Ending, Options, Wait};
 
@@ -38,18 +40,9 @@ pub struct ReplayArgs {
     /// Come to rest before the first step, or at this simulated time, say the process number, and wait for Enter
     #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true)]
     pub wait_for_debugger: Option<Rational>,
-    /// Keep the replay as a run folder of its own
-    #[arg(long, value_name = "FOLDER")]
-    pub out: Option<PathBuf>,
-    /// Print the result as JSON
-    #[arg(long)]
-    pub json: bool,
-    /// No progress line
-    #[arg(long)]
-    pub quiet: bool,
-    /// Give the replay up when nothing has moved for this long; not used while waiting for a debugger
-    #[arg(long, value_name = "TIME", default_value = "60 s")]
-    pub patience: Rational,
+    /// What every run takes
+    #[command(flatten)]
+    pub common: CommonArgs,
     /// Arguments of the program named with --exe
     #[arg(last = true, requires = "exe")]
     pub args: Vec<String>,
@@ -82,14 +75,14 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
     let in_process = !args.process && !replay.external();
     replay.run(&Options {
         in_process,
-        out: args.out.clone(),
-        quiet: args.quiet,
+        out: args.common.out.clone(),
+        quiet: args.common.quiet,
         pause_at: args.wait_for_debugger.into_iter().collect(),
         wait: Wait::Auto,
         // Whoever stands in a debugger does not move, and should not be given up for it.
         patience_s: match args.wait_for_debugger {
             Some(_) => f64::INFINITY,
-            None => args.patience.seconds(),
+            None => args.common.patience.seconds(),
         },
         ..Options::default()
     })
@@ -101,8 +94,8 @@ fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
     }
     found.ending.tell();
     let failed = found.ending != Ending::Complete;
-    let mut out = io::stdout().lock();
-    if args.json {
+    let mut out = output::stdout();
+    if args.common.json {
         let result = json!({
             "participant": args.participant,
             "ending": found.ending,
@@ -112,7 +105,7 @@ fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
         });
         serde_json::to_writer_pretty(&mut out, &result)?;
         writeln!(out)?;
-    } else {
+    } else if !args.common.quiet {
         writeln!(
             out,
             "`{}` of {} (A) and again (B), up to t = {} s:",

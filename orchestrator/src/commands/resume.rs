@@ -37,7 +37,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     if let Some(name) = name(&folder) {
         scenario.name = name;
     }
-    if !args.how.quiet {
+    if !args.how.common.quiet {
         eprintln!("going on from the checkpoint at t = {}", checkpoint.time);
     }
     let run = args.run.clone();

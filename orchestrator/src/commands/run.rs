@@ -50,8 +50,8 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     };
     let options = Options {
         in_process: how.in_process,
-        out: how.out.clone(),
-        quiet: how.quiet,
+        out: how.common.out.clone(),
+        quiet: how.common.quiet,
         pace: how.real_time,
         pause_at: how.pause_at.clone(),
         checkpoint_every: how.checkpoint_every,
@@ -59,7 +59,7 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
         origin,
         wait: how.wait,
         no_placement: how.no_placement,
-        patience_s: how.patience.seconds(),
+        patience_s: how.common.patience.seconds(),
         steering: server.as_ref().map(|(_, steering)| steering.clone()),
     };
     let outcome = match run_scenario(scenario, &options) {
@@ -84,11 +84,11 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     let folder = RunFolder::open(&outcome.folder);
     folder.write_json(&folder.summary(), &summary)?;
     outcome.ending.tell();
-    if how.json {
+    if how.common.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
-    } else if !how.quiet {
+    } else if !how.common.quiet {
         print(scenario, &outcome);
-        let mut out = std::io::stdout().lock();
+        let mut out = crate::output::stdout();
         accounts.iter().try_for_each(|account| account.print(&mut out))?;
     }
     if let Some((server, _)) = &server {

@@ -8,7 +8,6 @@
 use std::collections::BTreeMap;
 use std::io::{self, Read};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -28,6 +27,9 @@ const WRITE: Duration = Duration::from_secs(5);
 const ABSENT: Duration = Duration::from_secs(3);
 /// How long the end waits for pages to fetch the result.
 const FAREWELL: Duration = Duration::from_secs(5);
+/// How many times as long as it has worked the server rests before it looks at the run again: a tenth of a core is the most
+/// that all pages together can ask of it.
+const RESTS: u32 = 9;
 /// Pages that are remembered.
 const PAGES: usize = 32;
 const JSON: &str = "application/json";
@@ -40,12 +42,19 @@ struct Page {
     has_result: bool,
 }
 
+/// The run as it is shown, and when it may be looked at again.
+#[derive(Default)]
+struct Watched {
+    live: Option<Live>,
+    not_before: Option<Instant>,
+}
+
 struct Shared {
     port: u16,
     token: String,
     steering: Arc<Steering>,
     /// Opened when the first page asks.
-    live: Mutex<Option<Live>>,
+    live: Mutex<Watched>,
     result: Mutex<Option<Arc<Vec<u8>>>>,
     pages: Mutex<BTreeMap<String, Page>>,
     connections: AtomicUsize,
@@ -70,7 +79,7 @@ impl Server {
             port: listener.local_addr()?.port(),
             token: bits.iter().map(|byte| format!("{byte:02x}")).collect(),
             steering,
-            live: Mutex::new(None),
+            live: Mutex::new(Watched::default()),
             result: Mutex::new(None),
             pages: Mutex::new(BTreeMap::new()),
             connections: AtomicUsize::new(0),
@@ -89,6 +98,10 @@ impl Server {
 
     /// The run folder is complete. Waits for open pages to fetch what it holds, but not for long.
     pub fn finish(&self, how: String) {
+        // What pages will ask for is made here, with the priority of the run; the server's threads have a lower one.
+        if !locked(&self.shared.pages).is_empty() {
+            let _ = self.shared.whole();
+        }
         self.shared.steering.end(how);
         let since = Instant::now();
         let waits = |page: &Page| !page.has_result && page.seen.elapsed() < ABSENT;
@@ -236,6 +249,15 @@ fn route(request: &Request, below: &str, shared: &Shared) -> Answer {
     }
 }
 
+/// Processor time of this thread: on a loaded machine a little work takes long, and is no reason to rest for longer still.
+fn computed() -> Duration {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::new(
+        now.tv_sec.unsigned_abs(),
+        u32::try_from(now.tv_nsec).unwrap_or_default(),
+    )
+}
+
 /// What is shown until the first sample is there.
 const SOON: &[u8] = b"<!DOCTYPE html><meta charset=utf-8><meta http-equiv=refresh content=1><title>Escapement</title>\
 <body style='font-family:system-ui;margin:4rem;color:#667'>The run is about to begin.";
@@ -249,16 +271,27 @@ impl Shared {
         let Some(course) = self.steering.course() else {
             return Ok(None);
         };
-        let mut live = locked(&self.live);
-        if live.is_none() {
+        let mut watched = locked(&self.live);
+        // Whoever asks too early waits here, and everybody behind it: the run has the machine, however many pages ask.
+        if let Some(rest) = watched
+            .not_before
+            .map(|when| when.saturating_duration_since(Instant::now()))
+        {
+            std::thread::sleep(rest);
+        }
+        let began = computed();
+        if watched.live.is_none() {
             let duration = course.plan.timebase.seconds(course.plan.end);
-            *live = Some(Live::open(&course.folder, duration)?);
+            watched.live = Some(Live::open(&course.folder, duration)?);
         }
-        let live = live.as_mut().expect("just made");
-        if !live.ready()? {
-            return Ok(None);
-        }
-        act(live, course).map(Some)
+        let live = watched.live.as_mut().expect("just made");
+        let done = match live.ready() {
+            Ok(true) => act(live, course).map(Some),
+            Ok(false) => Ok(None),
+            Err(error) => Err(error),
+        };
+        watched.not_before = Some(Instant::now() + computed().saturating_sub(began) * RESTS);
+        done
     }
 
     fn page(&self) -> Answer {
@@ -308,20 +341,24 @@ impl Shared {
 
     /// What the page of the finished run shows.
     fn result(&self) -> Answer {
-        let (Some(course), Some(_)) = (self.steering.course(), self.steering.ended()) else {
+        if self.steering.ended().is_none() {
             return text(409, "the run is not over");
-        };
-        let folder: PathBuf = course.folder.clone();
-        let mut result = locked(&self.result);
-        if result.is_none() {
-            match Live::result(&folder) {
-                Ok(data) => *result = Some(Arc::new(data.to_string().into_bytes())),
-                Err(error) => return text(500, &error.to_string()),
-            }
         }
-        let bytes = result.as_ref().expect("just made").clone();
-        drop(result);
-        (200, JSON, bytes.to_vec())
+        match self.whole() {
+            Ok(bytes) => (200, JSON, bytes.to_vec()),
+            Err(reason) => text(500, &reason),
+        }
+    }
+
+    /// The whole of a run whose folder is complete; made once.
+    fn whole(&self) -> Result<Arc<Vec<u8>>, String> {
+        let course = self.steering.course().ok_or("there was no run")?;
+        let mut result = locked(&self.result);
+        if let Some(made) = &*result {
+            return Ok(made.clone());
+        }
+        let data = Live::result(&course.folder).map_err(|error| error.to_string())?;
+        Ok(result.insert(Arc::new(data.to_string().into_bytes())).clone())
     }
 
     fn control(&self, request: &Request) -> Answer {
@@ -372,7 +409,7 @@ mod tests {
             port: 4711,
             token: "0123456789abcdef".into(),
             steering: Arc::new(Steering::default()),
-            live: Mutex::new(None),
+            live: Mutex::new(Watched::default()),
             result: Mutex::new(None),
             pages: Mutex::new(BTreeMap::new()),
             connections: AtomicUsize::new(0),

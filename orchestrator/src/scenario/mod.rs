@@ -13,6 +13,6 @@ mod types;
 pub use error::ScenarioError;
 pub use failure::OnFailure;
 pub use faults::{State, Substitution, table as fault_table};
-pub use program::Program;
+pub use program::{Program, in_path};
 pub use resolve::{Entry, Scenario};
 pub use source::fault_name;

@@ -48,10 +48,6 @@ pub(super) fn program(source: &Source, folder: &Path, key: &str, run: RunEntry) 
 
 /// A program named with a slash is relative to the scenario; a bare name is looked for in PATH.
 fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
-    use std::os::unix::fs::PermissionsExt;
-    let runs = |path: &Path| {
-        std::fs::metadata(path).is_ok_and(|about| about.is_file() && about.permissions().mode() & 0o111 != 0)
-    };
     if exe.contains('/') {
         let path = folder.join(exe);
         return if runs(&path) {
@@ -60,10 +56,19 @@ fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
             Err(format!("`{}` is not an executable file", path.display()))
         };
     }
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    let found = std::env::split_paths(&path)
-        .map(|folder| folder.join(exe))
-        .find(|path| runs(path));
-    found
+    in_path(exe)
         .ok_or_else(|| format!("there is no program `{exe}` in PATH; name a file with its folder, such as \"./{exe}\""))
+}
+
+fn runs(path: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::metadata(path).is_ok_and(|about| about.is_file() && about.permissions().mode() & 0o111 != 0)
+}
+
+/// The file that a bare name stands for.
+pub fn in_path(name: &str) -> Option<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path)
+        .map(|folder| folder.join(name))
+        .find(|path| runs(path))
 }

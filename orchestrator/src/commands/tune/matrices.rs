@@ -65,7 +65,7 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
     if let Some(path) = &args.out {
         write(path, &serde_json::to_string_pretty(&result)?)?;
     }
-    let mut out = std::io::stdout().lock();
+    let mut out = crate::output::stdout();
     if args.json {
         writeln!(out, "{}", serde_json::to_string_pretty(&result)?)?;
         return Ok(0);

@@ -9,7 +9,7 @@ use super::TuneArgs;
 
 /// Prints the file as the user asked for it.
 pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64) -> anyhow::Result<()> {
-    let mut out = std::io::stdout().lock();
+    let mut out = crate::output::stdout();
     if args.json {
         writeln!(out, "{}", serde_json::to_string_pretty(file)?)?;
         return Ok(());
