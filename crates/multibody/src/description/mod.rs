@@ -6,6 +6,7 @@
 //! is built, and every link keeps its name as a frame.
 
 mod check;
+mod digest;
 mod edit;
 mod merge;
 mod urdf;
