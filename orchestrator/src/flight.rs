@@ -9,6 +9,7 @@ use toml::{Table, Value};
 
 use crate::run::{Ending, Options, run};
 use crate::scenario::Scenario;
+use crate::scope::Scope;
 
 /// Flies the gains through every configuration and delay that the specification asks for, until `stop` says so.
 ///
@@ -30,7 +31,9 @@ pub fn fly(
             flight.scenario
         )
     })?;
-    let folder = std::env::temp_dir().join(format!("escapement-flight-{}", std::process::id()));
+    // In a place that the next run or `doctor` clears if this program is killed.
+    let scope = Scope::create()?;
+    let folder = scope.folder().join("flight");
     let mut flown = Vec::new();
     // A payload is a body that the simulator has only after a grasp.
     for model in spec.models.iter().filter(|model| model.payload.is_none()) {

@@ -1,5 +1,6 @@
 //! Where tuned gains come from, and whether that is what they are used with.
 
+use multibody::Description;
 use toml::{Table, Value};
 
 use crate::scenario::Scenario;
@@ -10,6 +11,13 @@ pub fn digest(text: &str) -> String {
         (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
     });
     format!("fnv1a64:{hash:016x}")
+}
+
+/// Digest of the physics of a robot description: masses, inertias, joints, frames and limits, not what it looks like. `None` when
+/// the text is no description.
+pub fn plant_digest(urdf: &str) -> Option<String> {
+    let description = Description::from_urdf(urdf).ok()?;
+    Some(format!("physics:{:016x}", description.digest()))
 }
 
 /// What does not match between the gains of a scenario's controllers and their provenance. Nothing of it keeps a run from
@@ -24,12 +32,12 @@ pub fn remarks(scenario: &Scenario) -> Vec<String> {
         };
         let specification = text(provenance, "specification").unwrap_or("their specification");
         if let (Some(then), Some(urdf)) = (text(provenance, "plant_digest"), text(parameters, "urdf"))
-            && then != digest(urdf)
+            && let Some(now) = plant_digest(urdf)
+            && then != now
         {
             out.push(format!(
-                "{key}: these gains were tuned for another robot description ({then}, here {}): their margins are not those of this \
-                 robot; tune again with `orchestrator tune {specification}`",
-                digest(urdf)
+                "{key}: these gains were tuned for another robot ({then}, here {now}): their margins are not those of this \
+                 robot; tune again with `orchestrator tune {specification}`"
             ));
         }
         let (then, now) = (

@@ -123,6 +123,11 @@ impl Scope {
         }
     }
 
+    /// A folder that only the user can enter, and that goes with the run.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Makes room for everybody to move to, so that nothing of a dead process can be met there.
     pub fn move_on(&mut self) -> Result<(), ScopeError> {
         if self.place + 1 == PLACES.len() {

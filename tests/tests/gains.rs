@@ -1,28 +1,47 @@
 //! Tuned gains as their user sees them: recomputed, flown, and contradicted.
 
-use escapement_tests::program::{Folder, orchestrate, root, text};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-/// `margins` on the stock P gains with a specification whose flights ask for this base rate at the end.
-fn flown(rate: &str) -> escapement_tests::program::Said {
-    let folder = Folder::new("flown");
-    let absolute = |text: String| text.replace("../", &format!("{}/", root().display()));
-    let scenario = std::fs::read_to_string(root().join("gains/flight.toml")).unwrap();
-    let stock = "base_rate_at_end = \"0.02 deg/s\"";
-    assert!(scenario.contains(stock));
-    let scenario = absolute(scenario)
-        .replace(stock, &format!("base_rate_at_end = \"{rate}\""))
-        .replace("file = \"pi", &format!("file = \"{}/gains/pi", root().display()))
-        .replace("duration = \"20 s\"", "duration = \"12 s\"")
-        .replace("grasp_at = \"20 s\"", "grasp_at = \"12 s\"");
+use escapement_tests::machine::signal;
+use escapement_tests::program::{Folder, finish, orchestrate, root, start, text};
+
+/// The specification of the stock P gains with one flight of this title, length and criterion.
+fn specification(folder: &Folder, title: &str, length: &str, rate: &str) -> PathBuf {
+    let mut scenario = std::fs::read_to_string(root().join("gains/flight.toml")).unwrap();
+    for (stock, new) in [
+        ("\"Hold the end effector after a push\"", format!("\"{title}\"")),
+        (
+            "base_rate_at_end = \"0.02 deg/s\"",
+            format!("base_rate_at_end = \"{rate}\""),
+        ),
+        ("duration = \"20 s\"", format!("duration = \"{length}\"")),
+        ("grasp_at = \"20 s\"", format!("grasp_at = \"{length}\"")),
+        ("../", format!("{}/", root().display())),
+        ("file = \"pi", format!("file = \"{}/gains/pi", root().display())),
+    ] {
+        assert!(scenario.contains(stock), "{stock}");
+        scenario = scenario.replace(stock, &new);
+    }
     let scenario = folder.write("flight.toml", &scenario);
     let specification = std::fs::read_to_string(root().join("gains/p-diagonal.spec.toml")).unwrap();
     let specification = specification
         .replace("gains/flight.toml", text(&scenario))
         .replace("models/servicer.urdf", text(&root().join("models/servicer.urdf")))
         .replace("delays_s = [0.0, 0.005, 0.01, 0.02]", "delays_s = [0.01]");
-    let specification = folder.write("p.spec.toml", &specification);
+    folder.write("p.spec.toml", &specification)
+}
+
+fn margins(specification: &Path) -> [String; 6] {
     let gains = root().join("gains/p-diagonal.toml");
-    orchestrate(&["margins", text(&gains), "--spec", text(&specification), "--models", "0"])
+    ["margins", text(&gains), "--spec", text(specification), "--models", "0"].map(String::from)
+}
+
+/// `margins` on the stock P gains with a specification whose flights ask for this base rate at the end.
+fn flown(rate: &str) -> escapement_tests::program::Said {
+    let folder = Folder::new("flown");
+    let arguments = margins(&specification(&folder, "a push", "12 s", rate));
+    orchestrate(&arguments.each_ref().map(String::as_str))
 }
 
 /// A flight that misses its criteria although the sampled loop is stable ends with 3, and says which.
@@ -37,4 +56,44 @@ fn a_flight_that_contradicts_the_linear_claim_is_told() {
         contradicted.err.contains("the sampled loop is stable") && contradicted.err.contains("does not settle"),
         "{contradicted:?}"
     );
+}
+
+/// Who is killed in the middle of a flight leaves its folder where `doctor` finds it.
+#[test]
+fn what_a_killed_flight_leaves_is_removed() {
+    let doctor = orchestrate(&["doctor"]);
+    let line = doctor
+        .out
+        .lines()
+        .find_map(|line| line.strip_prefix("runs keep their files under "));
+    let base = PathBuf::from(line.expect("doctor says where runs keep their files"));
+    let folder = Folder::new("killed-flight");
+    let title = format!("a flight to be killed {}", std::process::id());
+    let arguments = margins(&specification(&folder, &title, "100000 s", "1 deg/s"));
+    let child = start(&arguments.each_ref().map(String::as_str));
+    let started = Instant::now();
+    let left = loop {
+        let entries = std::fs::read_dir(&base).into_iter().flatten().flatten();
+        let mut flights = entries.map(|entry| entry.path());
+        let ours = flights.find(|run| {
+            let plan = std::fs::read_to_string(run.join("flight/plan.toml"));
+            plan.is_ok_and(|plan| plan.contains(&title))
+        });
+        if let Some(ours) = ours {
+            break ours;
+        }
+        assert!(
+            started.elapsed() < Duration::from_secs(60),
+            "no flight under {}",
+            base.display()
+        );
+        std::thread::sleep(Duration::from_millis(5));
+    };
+    // While it lives nobody takes it away.
+    assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
+    assert!(left.exists());
+    signal(child.id(), rustix::process::Signal::KILL);
+    assert_eq!(finish(child).code, None);
+    assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
+    assert!(!left.exists(), "{} is left", left.display());
 }

@@ -295,14 +295,25 @@ fn gains_of_another_robot_are_warned_of() {
     assert!(slower.err.contains("tuned for a period of 0.01 s"), "{slower:?}");
     let folder = Folder::new("robot");
     let urdf = std::fs::read_to_string(root().join("models/servicer.urdf")).unwrap();
-    let changed = folder.write("changed.urdf", &format!("{urdf}\n<!-- another robot -->\n"));
-    let set = format!(
-        "participants.controller.parameters.urdf={{ file = {:?} }}",
-        text(&changed)
+    let with = |name: &str, urdf: String| {
+        let file = folder.write(name, &urdf);
+        check(&format!(
+            "participants.controller.parameters.urdf={{ file = {:?} }}",
+            text(&file)
+        ))
+    };
+    // What is drawn differently is the same robot; what weighs differently is not.
+    let painted = with("painted.urdf", format!("{urdf}\n<!-- another coat of paint -->\n"));
+    assert_eq!(
+        (painted.code, painted.err.contains("warning")),
+        (Some(0), false),
+        "{painted:?}"
     );
-    let another = check(&set);
+    let heavier = urdf.replacen("<mass value=\"", "<mass value=\"1", 1);
+    assert_ne!(heavier, urdf);
+    let another = with("heavier.urdf", heavier);
     assert_eq!(another.code, Some(0), "{another:?}");
-    assert!(another.err.contains("another robot description"), "{another:?}");
+    assert!(another.err.contains("tuned for another robot"), "{another:?}");
     assert!(
         another
             .err

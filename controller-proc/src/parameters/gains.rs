@@ -41,6 +41,10 @@ pub struct GainsFile {
     _flown: Option<IgnoredAny>,
     #[serde(rename = "validation")]
     _validation: Option<IgnoredAny>,
+    #[serde(rename = "full_order")]
+    _full_order: Option<IgnoredAny>,
+    #[serde(rename = "rounds")]
+    _rounds: Option<IgnoredAny>,
     #[serde(rename = "adversary")]
     _adversary: Option<IgnoredAny>,
 }

@@ -46,6 +46,7 @@ pub mod linalg;
 pub mod matrices;
 pub mod mu;
 pub mod norm;
+mod parallel;
 pub mod plot;
 pub mod reduce;
 mod rng;

@@ -226,6 +226,24 @@ fn a_scheduled_gain_serves_two_mass_matrices() {
     close(t.gains[0][(0, 0)], 10f64.sqrt(), 5e-3);
     close(t.gains[0][(1, 1)], 10f64.sqrt(), 5e-3);
     assert!(t.gains[0][(0, 1)].abs() < 0.03);
+    // Threads share the models of one start, and cannot be told from the result.
+    let threads = |threads| {
+        let options = Options {
+            starts: 1,
+            threads,
+            ..Options::default()
+        };
+        tune(&problem, &options, &|_| Flow::Continue).unwrap()
+    };
+    let (one, two) = (threads(1), threads(2));
+    assert_eq!(to_rows(&one.gains[0]), to_rows(&two.gains[0]));
+    assert_eq!(one.certificate, two.certificate);
+    // At this kink the certificate is tight: no step of a factor e promises a hundredth of a per cent.
+    assert!(
+        t.certificate.length < 1e-4 * t.certificate.steepest,
+        "{:?}",
+        t.certificate
+    );
     // The same with a constant gain is several times worse.
     problem.models.iter_mut().for_each(|m| m.transforms = vec![None]);
     let constant = go(

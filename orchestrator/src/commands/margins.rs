@@ -9,13 +9,17 @@ use synthesis::mu::{MarginOptions, margin, upper_bound};
 use synthesis::norm::gain_at;
 use synthesis::plot::{Curve, figure};
 use synthesis::robot::{
-    FlownEntry, Gains, GainsFile, MarginEntry, Robot, SampledEntry, Spec, multiplicative_loop, report, tracking_weights,
+    FlownEntry, Gains, GainsFile, MarginEntry, Robot, SampledEntry, Spec, export, multiplicative_loop, report,
+    tracking_weights, validate,
 };
-use synthesis::tuner::Problem;
+use synthesis::tuner::{Problem, controllers};
 
-use super::tune::{channel_entries, contradictions, load, sampled_entries, stated_margins, write};
+use super::tune::{
+    channel_entries, contradictions, load, optima, print_validation, sampled_entries, stated_margins, threads,
+    validation_entry, write,
+};
 use crate::flight::fly;
-use crate::provenance::digest;
+use crate::provenance::{digest, plant_digest};
 
 /// Exit code: a file is missing or wrong.
 const REFUSED: i32 = 2;
@@ -50,6 +54,9 @@ pub struct MarginsArgs {
     /// Print one table line per margin, for a page
     #[arg(long)]
     pub table: bool,
+    /// Write the generalised plants at the reporting order, the gains and their norms as plain matrices
+    #[arg(long, value_name = "FILE.json")]
+    pub export_problem: Option<PathBuf>,
     /// Write singular values against weights, sensitivity and mu as SVG into this folder
     #[arg(long, value_name = "FOLDER")]
     pub plots: Option<PathBuf>,
@@ -72,7 +79,11 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
         let provenance = &mut file.provenance;
         for (what, now, then) in [
             ("the specification", digest(&text), &mut provenance.specification_digest),
-            ("the robot description", digest(&urdf), &mut provenance.plant_digest),
+            (
+                "the robot",
+                plant_digest(&urdf).unwrap_or_default(),
+                &mut provenance.plant_digest,
+            ),
         ] {
             if *then != now {
                 eprintln!("note: {what} has changed since these gains were tuned");
@@ -81,6 +92,14 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
         }
         provenance.controller_period_s = Some(spec.sampling.controller_period_s);
         let gains = file.gains.gains()?;
+        if gains.structure != spec.gains.structure {
+            anyhow::bail!(
+                "gains.structure is {:?}, but gains.structure of {} is {:?}: these are not gains of that specification",
+                gains.structure,
+                path.display(),
+                spec.gains.structure
+            );
+        }
         anyhow::Ok((file, path, spec, robot, gains))
     })();
     let (mut file, path, spec, robot, gains) = match loaded {
@@ -96,12 +115,21 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
     file.provenance.gamma_reported = evaluation.gamma;
     file.channels = channel_entries(&evaluation);
     file.sampled = sampled_entries(&spec, &robot, &gains)?;
+    file.full_order = optima(&spec, &robot, &file.adversary);
+    if spec.validation.samples > 0 {
+        file.validation = Some(validation_entry(&validate(&spec, &robot, &gains, threads(), &|_| {})?));
+    }
     file.flown = if args.no_flights {
         Vec::new()
     } else {
         fly(&path, &spec, &robot, &gains, &|| false)?
     };
-    file.margins = stated_margins(&spec, &robot, &gains, args.models.unwrap_or(usize::MAX))?;
+    file.margins = stated_margins(&spec, &robot, &gains, args.models.unwrap_or(usize::MAX), &|| false)?;
+    if let Some(path) = &args.export_problem {
+        let (blocks, controllers) = controllers(&problem)?;
+        let exported = export(&problem, &blocks, &controllers, &evaluation, None);
+        write(path, &serde_json::to_string(&exported)?)?;
+    }
     if let Some(folder) = &args.plots {
         for (name, svg) in figures(&spec, &robot, &problem, &gains, true)? {
             write(&folder.join(name), &svg)?;
@@ -127,6 +155,7 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
         print_sampled(&mut out, &file.sampled)?;
         print_flown(&mut out, &file.flown)?;
         print_margins(&mut out, &file.margins)?;
+        print_validation(&mut out, &spec, file.validation.as_ref())?;
     }
     if !tolerable {
         eprintln!(

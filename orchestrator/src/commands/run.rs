@@ -8,6 +8,7 @@ use serde_json::json;
 
 use crate::cli::{HowArgs, RunArgs};
 use crate::live::{self, Server, Steering};
+use crate::provenance;
 use crate::run::signals::Interrupt;
 use crate::run::{Ending, Options, Origin, Outcome, run as run_scenario};
 use crate::scenario::Scenario;
@@ -22,6 +23,11 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
             return Ok(2);
         }
     };
+    if !args.how.common.quiet {
+        for remark in provenance::remarks(&scenario) {
+            eprintln!("warning: {remark}");
+        }
+    }
     match shadows(args) {
         Ok(shadows) => execute(&scenario, &args.how, None, &shadows),
         Err(reason) => {

@@ -1,9 +1,13 @@
 //! The whole procedure: tune, report at the higher order, validate, let the adversary add models, repeat.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde::{Deserialize, Serialize};
+
 use super::body::{Robot, RobotError};
 use super::plant::{Gains, generalised_plant, problem};
 use super::spec::{ModelSpec, Spec};
-use super::validate::{ValidateError, Validation, validate, worsen};
+use super::validate::{ValidateError, Validation, adversary, validate};
 use crate::full_order::{FullOrderError, full_order_optimum};
 use crate::linalg::{self, Matrix};
 use crate::tuner::{Evaluation, Flow, Options, Problem, Progress, Tuned, evaluate, tune};
@@ -15,7 +19,7 @@ pub enum Step {
     Tune(Progress),
     /// Validating; samples done.
     Validate(usize),
-    /// The adversary added a model with this gamma.
+    /// The adversary added models, the worst with this gamma.
     Adversary(f64),
 }
 
@@ -36,6 +40,24 @@ pub struct Design {
     pub validation: Option<Validation>,
     /// Models that the adversary added.
     pub adversary: Vec<ModelSpec>,
+    /// How it went, round by round.
+    pub rounds: Vec<Round>,
+}
+
+/// One tuning and its validation.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Round {
+    /// Models tuned for.
+    pub models: usize,
+    /// Gamma on them.
+    pub gamma: f64,
+    /// Situations of the validation set that are unstable.
+    pub unstable: usize,
+    /// Stable ones above the limit.
+    pub above: usize,
+    /// Largest gamma of the stable ones.
+    pub worst_gamma: f64,
 }
 
 /// Options of the tuner from the specification.
@@ -49,6 +71,7 @@ pub fn options(spec: &Spec, threads: usize) -> Options {
         finishing: s.finishing,
         rounds: s.rounds,
         tolerance: s.tolerance,
+        certify: true,
         threads,
     }
 }
@@ -66,6 +89,10 @@ fn to_gains(spec: &Spec, blocks: &[Matrix]) -> Gains {
 
 /// Runs the procedure. `watch` may stop it; the best gains so far are then returned without another round.
 ///
+/// Tuned first for the models of the specification alone. While the validation set does not pass, the adversary adds models and the
+/// gains are tuned again, from where they are and not to the end, because more models are coming; once it passes, to the end, and
+/// it is validated again.
+///
 /// # Errors
 /// A specification that does not fit, a plant that cannot be stabilised, no stabilising gain found.
 pub fn design(
@@ -74,40 +101,67 @@ pub fn design(
     threads: usize,
     watch: &(dyn Fn(Step) -> Flow + Sync),
 ) -> Result<Design, ValidateError> {
-    let mut adversary: Vec<ModelSpec> = Vec::new();
-    let mut options = options(spec, threads);
+    let full = options(spec, threads);
+    let again = Options {
+        starts: 1,
+        ..full.clone()
+    };
+    let brief = Options {
+        iterations: BRIEF,
+        finishing: BRIEF / 4,
+        rounds: 1,
+        certify: false,
+        ..again.clone()
+    };
+    let order = spec.sampling.pade_order_tuning;
+    let mut added: Vec<ModelSpec> = Vec::new();
+    let mut rounds: Vec<Round> = Vec::new();
     let mut start: Option<Gains> = None;
+    let mut to_the_end = true;
     loop {
-        let problem_now = problem(spec, robot, &adversary, spec.sampling.pade_order_tuning, start.as_ref())?;
-        let tuned = tune(&problem_now, &options, &|p| watch(Step::Tune(p)))?;
+        let problem_now = problem(spec, robot, &added, order, start.as_ref())?;
+        let options = match (&start, to_the_end) {
+            (None, _) => &full,
+            (Some(_), true) => &again,
+            (Some(_), false) => &brief,
+        };
+        let tuned = tune(&problem_now, options, &|p| watch(Step::Tune(p)))?;
         let gains = to_gains(spec, &tuned.gains);
+        let mut round = Round {
+            models: problem_now.models.len(),
+            gamma: tuned.evaluation.gamma,
+            ..Round::default()
+        };
+        let stopped = AtomicBool::new(tuned.stopped);
         let validation = if spec.validation.samples > 0 && !tuned.stopped {
-            Some(validate(spec, robot, &gains, &|done| {
-                watch(Step::Validate(done));
+            Some(validate(spec, robot, &gains, threads, &|done| {
+                if watch(Step::Validate(done)) == Flow::Stop {
+                    stopped.store(true, Ordering::Relaxed);
+                }
             })?)
         } else {
             None
         };
-        let again = validation
-            .as_ref()
-            .filter(|v| !v.passed() && adversary.len() < spec.validation.rounds);
-        if let Some(worst) = again.and_then(|v| v.samples.first()) {
-            let mut found = worsen(spec, robot, &gains, worst, 15)?;
-            found.model.name = format!("adversary {}", adversary.len() + 1);
-            watch(Step::Adversary(found.gamma));
-            adversary.push(found.model);
-            // The gains so far are a good start for the harder problem; wide scatter would only forget them.
+        if let Some(v) = &validation {
+            (round.unstable, round.above, round.worst_gamma) = (v.unstable(), v.above(), v.worst_gamma());
+        }
+        rounds.push(round);
+        let passed = validation.as_ref().is_none_or(Validation::passed);
+        let exhausted = added.len() >= spec.validation.rounds * spec.validation.added;
+        if !stopped.into_inner() && !(to_the_end && (passed || exhausted)) {
+            if passed || exhausted {
+                to_the_end = true;
+            } else {
+                let found = adversary(spec, robot, &gains, added.len() / spec.validation.added, threads)?;
+                watch(Step::Adversary(found.first().map_or(0.0, |worst| worst.gamma)));
+                added.extend(found.into_iter().map(|sample| sample.model));
+                to_the_end = false;
+            }
             start = Some(gains);
-            options.scatter *= 0.5;
             continue;
         }
-        let reported_problem = problem(
-            spec,
-            robot,
-            &adversary,
-            spec.sampling.pade_order_reporting,
-            Some(&gains),
-        )?;
+        let reporting = spec.sampling.pade_order_reporting;
+        let reported_problem = problem(spec, robot, &added, reporting, Some(&gains))?;
         let reported = evaluate(&reported_problem)?;
         return Ok(Design {
             gains,
@@ -116,10 +170,14 @@ pub fn design(
             reported_problem,
             reported,
             validation,
-            adversary,
+            adversary: added,
+            rounds,
         });
     }
 }
+
+/// BFGS iterations between two rounds of the adversary.
+const BRIEF: usize = 60;
 
 /// The norms of given gains on the models of a specification and an adversary's, at the reporting order.
 ///

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::design::Round;
 use super::plant::Gains;
 use super::spec::{GainStructure, ModelSpec};
 use crate::linalg::{self, LinalgError, Matrix, diagonal};
@@ -26,6 +27,12 @@ pub struct GainsFile {
     /// Flights in the non-linear simulator.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub flown: Vec<FlownEntry>,
+    /// The full-order optimum of the tracking channel of every model, an adversary's included.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub full_order: Vec<OptimumEntry>,
+    /// The rounds of the adversary, when there were several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub rounds: Vec<Round>,
     /// The validation set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub validation: Option<ValidationEntry>,
@@ -43,7 +50,7 @@ pub struct Provenance {
     pub specification: String,
     /// Digest of the specification's text.
     pub specification_digest: String,
-    /// Digest of the robot description's text.
+    /// Digest of the robot's physics: masses, inertias, joints, frames and limits.
     pub plant_digest: String,
     /// Period of the controller for which the gains were tuned, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -60,11 +67,11 @@ pub struct Provenance {
     pub starts: Vec<String>,
     /// Length of the smallest element of the convex hull of the active gradients of ln γ.
     pub certificate: f64,
+    /// Length of the longest of these gradients, for comparison.
+    #[serde(default)]
+    pub certificate_steepest: f64,
     /// Radius of the neighbourhood of that certificate.
     pub certificate_radius: f64,
-    /// The full-order optimum of the tracking channel of the first model, between these two.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub full_order: Vec<f64>,
 }
 
 /// The gains as a table. Units: N m s/rad and N s/m for K_P, N m/rad and N/m for K_I; 1/s for X.
@@ -187,6 +194,28 @@ impl FlownEntry {
     }
 }
 
+/// What any linear controller could reach in the tracking channel of one model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OptimumEntry {
+    /// Model.
+    pub model: String,
+    /// No controller reaches this.
+    pub unreachable: f64,
+    /// Some controller reaches this.
+    pub reachable: f64,
+}
+
+impl OptimumEntry {
+    /// From the two ends.
+    pub fn new(model: &str, (unreachable, reachable): (f64, f64)) -> Self {
+        Self {
+            model: model.to_owned(),
+            unreachable,
+            reachable,
+        }
+    }
+}
+
 /// The validation set in brief.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ValidationEntry {
@@ -194,6 +223,9 @@ pub struct ValidationEntry {
     pub samples: usize,
     /// Unstable ones.
     pub unstable: usize,
+    /// Stable ones above the limit of the specification.
+    #[serde(default)]
+    pub above: usize,
     /// Largest gamma among the stable ones.
     pub worst_gamma: f64,
     /// Histogram: lower edge of each bin, and count.

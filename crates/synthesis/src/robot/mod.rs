@@ -11,10 +11,10 @@ mod spec;
 mod validate;
 
 pub use body::{Body, Robot, RobotError};
-pub use design::{Design, OptimumError, Step, design, options, report, tracking_optimum};
+pub use design::{Design, OptimumError, Round, Step, design, options, report, tracking_optimum};
 pub use file::{
-    ChannelEntry, ExportedProblem, FlownEntry, GainTable, GainsFile, MarginEntry, Provenance, SampledEntry,
-    ValidationEntry, export,
+    ChannelEntry, ExportedProblem, FlownEntry, GainTable, GainsFile, MarginEntry, OptimumEntry, Provenance,
+    SampledEntry, ValidationEntry, export,
 };
 pub use margins::{MarginError, StatedMargin, margins, multiplicative_loop, parametric_loop};
 pub use plant::{Gains, generalised_plant, problem, tracking_weights};
@@ -23,4 +23,4 @@ pub use spec::{
     FlightSpec, GainSpec, GainStructure, LoadSpec, ModelSpec, Payload, RobotSpec, SamplingSpec, ScaleSpec, SearchSpec,
     Spec, UncertaintySpec, ValidationSpec, WeightSpec,
 };
-pub use validate::{Sample, ValidateError, Validation, assess, draw, sampled_models, validate, worsen};
+pub use validate::{Sample, ValidateError, Validation, adversary, assess, draw, sampled_models, validate};

@@ -275,9 +275,9 @@ impl Default for SearchSpec {
             scatter: 0.5,
             seed: 1,
             iterations: 120,
-            finishing: 30,
-            rounds: 2,
-            tolerance: 1e-3,
+            finishing: 40,
+            rounds: 3,
+            tolerance: 2e-4,
         }
     }
 }
@@ -314,8 +314,10 @@ pub struct ValidationSpec {
     pub extra_delay_s: f64,
     /// Largest gamma at which a sample passes.
     pub gamma: f64,
-    /// Most models that the adversary may add.
+    /// Most rounds of the adversary.
     pub rounds: usize,
+    /// Models that the adversary adds per round.
+    pub added: usize,
 }
 
 impl Default for ValidationSpec {
@@ -329,6 +331,7 @@ impl Default for ValidationSpec {
             extra_delay_s: 0.0,
             gamma: f64::INFINITY,
             rounds: 0,
+            added: 4,
         }
     }
 }

@@ -1,9 +1,12 @@
-//! Validation on random situations, and the adversary that turns the worst of them into models.
+//! Validation on random situations, and the adversary, who looks for bad ones and turns them into models.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::body::{Robot, RobotError};
 use super::plant::{Gains, problem};
 use super::sampled::sampled;
 use super::spec::{ModelSpec, Spec};
+use crate::parallel;
 use crate::rng::Rng;
 use crate::tuner::{TuneError, evaluate};
 
@@ -52,6 +55,20 @@ impl Validation {
     /// Number of samples that are not stable.
     pub fn unstable(&self) -> usize {
         self.samples.iter().filter(|s| !s.stable()).count()
+    }
+
+    /// Number of stable samples above the limit.
+    pub fn above(&self) -> usize {
+        self.samples
+            .iter()
+            .filter(|s| s.stable() && s.gamma > self.limit)
+            .count()
+    }
+
+    /// The largest gamma of the stable samples; zero when there is none.
+    pub fn worst_gamma(&self) -> f64 {
+        let stable = self.samples.iter().filter(|s| s.stable());
+        stable.map(|s| s.gamma).fold(0.0, f64::max)
     }
 
     /// A histogram of gamma: edges of the bins (the last bin is open) and counts.
@@ -119,39 +136,74 @@ pub fn assess(
 ///
 /// # Errors
 /// An impossible specification.
-pub fn validate(spec: &Spec, robot: &Robot, gains: &Gains, watch: &dyn Fn(usize)) -> Result<Validation, ValidateError> {
-    let mut samples = Vec::new();
-    for index in 0..spec.validation.samples {
-        samples.push(assess(
-            spec,
-            robot,
-            &draw(spec, index as u64),
-            gains,
-            spec.sampling.pade_order_tuning,
-        )?);
-        watch(index + 1);
-    }
-    samples.sort_by(|a, b| b.badness().total_cmp(&a.badness()));
+pub fn validate(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    threads: usize,
+    watch: &(dyn Fn(usize) + Sync),
+) -> Result<Validation, ValidateError> {
     Ok(Validation {
-        samples,
+        samples: pool(spec, robot, gains, 0, threads, watch)?,
         limit: spec.validation.gamma,
     })
 }
+
+/// As many random situations as the validation set has, from index `first`, the worst first.
+fn pool(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    first: u64,
+    threads: usize,
+    watch: &(dyn Fn(usize) + Sync),
+) -> Result<Vec<Sample>, ValidateError> {
+    let done = AtomicUsize::new(0);
+    let assessed = parallel::map(spec.validation.samples, threads, |index| {
+        let model = draw(spec, first + index as u64);
+        let sample = assess(spec, robot, &model, gains, spec.sampling.pade_order_tuning);
+        watch(done.fetch_add(1, Ordering::Relaxed) + 1);
+        sample
+    });
+    let mut samples = assessed.into_iter().collect::<Result<Vec<_>, _>>()?;
+    samples.sort_by(|a, b| b.badness().total_cmp(&a.badness()));
+    Ok(samples)
+}
+
+/// The adversary's search in round `round`: random situations of its own, which are not those of the validation set, the worst few
+/// made worse still.
+///
+/// # Errors
+/// An impossible specification.
+pub fn adversary(
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    round: usize,
+    threads: usize,
+) -> Result<Vec<Sample>, ValidateError> {
+    let found = pool(spec, robot, gains, (round as u64 + 1) << 32, threads, &|_| {})?;
+    let worst = &found[..spec.validation.added.min(found.len())];
+    let mut worsened = parallel::map(worst.len(), threads, |i| worsen(spec, robot, gains, &worst[i], TRIES))
+        .into_iter()
+        .collect::<Result<Vec<_>, _>>()?;
+    for (k, sample) in worsened.iter_mut().enumerate() {
+        sample.model.name = format!("adversary {round}.{k}", round = round + 1, k = k + 1);
+    }
+    Ok(worsened)
+}
+
+/// Steps of the adversary's local search.
+const TRIES: usize = 20;
 
 /// Makes a bad situation worse: random steps inside the ranges of the validation set that are kept when they hurt.
 ///
 /// # Errors
 /// An impossible specification.
-pub fn worsen(
-    spec: &Spec,
-    robot: &Robot,
-    gains: &Gains,
-    worst: &Sample,
-    tries: usize,
-) -> Result<Sample, ValidateError> {
+fn worsen(spec: &Spec, robot: &Robot, gains: &Gains, worst: &Sample, tries: usize) -> Result<Sample, ValidateError> {
     let v = &spec.validation;
     let mut worst = worst.clone();
-    let mut rng = Rng::new(v.seed, 1 << 40);
+    let mut rng = Rng::new(v.seed, 1 << 60);
     let mut size = 0.2;
     for _ in 0..tries {
         let mut model = worst.model.clone();
@@ -164,7 +216,6 @@ pub fn worsen(
         model.arm_inertia = step(model.arm_inertia, 1.0 - v.mass, 1.0 + v.mass);
         model.fill = step(model.fill, v.fill[0], v.fill[1]);
         model.extra_delay_s = step(model.extra_delay_s, 0.0, v.extra_delay_s);
-        model.name = "adversary".into();
         let trial = assess(spec, robot, &model, gains, spec.sampling.pade_order_tuning)?;
         if trial.badness() > worst.badness() {
             worst = trial;

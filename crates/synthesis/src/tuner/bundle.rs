@@ -24,17 +24,17 @@ impl Cut {
     }
 }
 
-/// Improves `x` (value `value`, pieces `pieces`) until the model promises less than `gain`, or `steps` evaluations.
+/// Improves `x` (with its value and pieces) until the model promises less than `gain`, or `steps` evaluations. Lengths are
+/// measured in the inverse Hessian that BFGS has learnt (Lukšan and Vlček 1999): it knows which directions are steep.
 pub(crate) fn finish<E>(
     x: &mut Vec<f64>,
-    value: f64,
-    pieces: Vec<Piece>,
+    (mut value, pieces): (f64, Vec<Piece>),
+    metric: &[Vec<f64>],
     steps: usize,
     gain: f64,
     mut f: impl FnMut(&[f64]) -> Pieces<E>,
     mut watch: impl FnMut(&[f64], f64) -> bool,
 ) -> Result<f64, E> {
-    let mut value = value;
     let cuts_of = |pieces: Vec<Piece>, x: &[f64]| -> Vec<Cut> {
         pieces
             .into_iter()
@@ -46,32 +46,35 @@ pub(crate) fn finish<E>(
             .collect()
     };
     let mut cuts = cuts_of(pieces, x);
-    let most = 3 * x.len() + 40;
-    // Step parameter: the first trial moves by at most a tenth of a unit.
-    let steepest = cuts
-        .iter()
-        .map(|c| length(&c.gradient))
-        .fold(f64::MIN_POSITIVE, f64::max);
-    let mut t = 0.1 / steepest;
+    let most = 3 * x.len() / 2 + 40;
+    // A metric that is flat across a kink keeps the search from ever leaving it, so it gets a little of every direction.
+    let floor = 0.02 * (0..x.len()).map(|i| metric[i][i]).fold(0.0, f64::max);
+    let times = |g: &[f64]| -> Vec<f64> {
+        let rows = metric.iter().zip(g);
+        rows.map(|(row, own)| dot(row, g) + floor * own).collect()
+    };
+    let mut t = 1.0;
     for _ in 0..steps {
         let level: Vec<f64> = cuts.iter().map(|c| c.at(x, value) - value).collect();
         let gradients: Vec<Vec<f64>> = cuts.iter().map(|c| c.gradient.clone()).collect();
+        let moved: Vec<Vec<f64>> = gradients.iter().map(|g| times(g)).collect();
         let gram: Vec<Vec<f64>> = gradients
             .iter()
-            .map(|a| gradients.iter().map(|b| t * dot(a, b)).collect())
+            .map(|a| moved.iter().map(|b| t * dot(a, b)).collect())
             .collect();
         let lambda = simplex_qp(&gram, &level);
         let aggregate = combine(&gradients, &lambda);
-        let promised = -t * dot(&aggregate, &aggregate) + dot(&level, &lambda);
+        let step = times(&aggregate);
+        let promised = -t * dot(&aggregate, &step) + dot(&level, &lambda);
         if -promised < gain {
             // Little to gain at this step length; a longer one may see further, unless it was tried.
-            if t * length(&aggregate) > 0.5 || -promised < 0.01 * gain {
+            if t * length(&step) > 0.5 || -promised < 0.01 * gain {
                 break;
             }
             t *= 4.0;
             continue;
         }
-        let trial: Vec<f64> = x.iter().zip(&aggregate).map(|(a, g)| a - t * g).collect();
+        let trial: Vec<f64> = x.iter().zip(&step).map(|(a, g)| a - t * g).collect();
         let (trial_value, trial_pieces) = f(&trial)?;
         let achieved = value - trial_value;
         let at = if trial_value.is_finite() {

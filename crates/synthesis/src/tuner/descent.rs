@@ -17,20 +17,21 @@ pub(crate) struct Limits {
 }
 
 /// Minimises `f` from `x` (value `fx`, gradient `gx`). `f(x, ceiling)` may give up above `ceiling`. `watch(x, value)` is
-/// called after every accepted step and ends the descent by returning false.
+/// called after every accepted step and ends the descent by returning false. `metric` is what an earlier descent has learnt.
 pub(crate) fn bfgs<E>(
     x: &mut Vec<f64>,
     fx: f64,
     gx: Vec<f64>,
+    metric: Option<Metric>,
     limits: Limits,
     mut f: impl FnMut(&[f64], f64) -> Evaluation<E>,
     mut watch: impl FnMut(&[f64], f64) -> bool,
-) -> Result<f64, E> {
+) -> Result<(f64, Metric), E> {
     let n = x.len();
     let (mut value, mut gradient) = (fx, gx);
-    let mut inverse = identity(n, 1.0);
+    let mut first = metric.is_none();
+    let mut inverse = metric.unwrap_or_else(|| identity(n, 1.0));
     let mut history = vec![value];
-    let mut first = true;
     for _ in 0..limits.iterations {
         let slope_scale = length(&gradient);
         if slope_scale == 0.0 || !slope_scale.is_finite() {
@@ -72,10 +73,13 @@ pub(crate) fn bfgs<E>(
             break;
         }
     }
-    Ok(value)
+    Ok((value, inverse))
 }
 
-fn identity(n: usize, scale: f64) -> Vec<Vec<f64>> {
+/// The inverse Hessian that a descent has learnt.
+pub(crate) type Metric = Vec<Vec<f64>>;
+
+pub(crate) fn identity(n: usize, scale: f64) -> Vec<Vec<f64>> {
     (0..n)
         .map(|i| (0..n).map(|j| if i == j { scale } else { 0.0 }).collect())
         .collect()

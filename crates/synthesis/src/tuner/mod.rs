@@ -3,12 +3,13 @@
 //!
 //! 1. **Stabilise**: descend on the spectral abscissa until every model is stable (Burke, Henrion, Lewis, Overton 2006).
 //! 2. **Descend** on the logarithm of the largest norm by BFGS with a weak Wolfe line search.
-//! 3. **Finish** with a bundle of the active pieces, and go back to 2 while that helps.
+//! 3. **Finish** with a bundle of the active pieces, in the metric that 2 has learnt, and go back to 2 while that helps.
 //! 4. **Certify**: the smallest element of the convex hull of the active gradients.
 //!
 //! Several starts, each its own deterministic run; threads only decide when a run happens, never what it does.
 
 mod bundle;
+mod certificate;
 mod descent;
 mod gains;
 mod objective;
@@ -16,6 +17,7 @@ mod problem;
 pub(crate) mod qp;
 mod run;
 
+pub use certificate::Certificate;
 pub use gains::{GainBlock, GainError, GainKind};
 pub use problem::{Channel, Model, Problem, TuneError};
-pub use run::{Certificate, ChannelReport, Evaluation, Flow, Options, Phase, Progress, Tuned, evaluate, tune};
+pub use run::{ChannelReport, Evaluation, Flow, Options, Phase, Progress, Tuned, controllers, evaluate, tune};

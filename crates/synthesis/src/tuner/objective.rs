@@ -4,10 +4,13 @@
 //! `dT = G₁₂ dK G₂₁`, where G₂₁ leads from w to y and G₁₂ from a disturbance added to u to z, both in closed loop
 //! (Apkarian and Noll 2006, section III). Gradients of the abscissa: `dλ = yᴴ dA x / yᴴ x` (Burke, Lewis and Overton 2006).
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::problem::{Checked, Model};
 use crate::balance;
 use crate::linalg::{self, CMatrix, LinalgError, Matrix, c64};
 use crate::norm;
+use crate::parallel;
 use crate::state_space::{StateSpace, shifted};
 
 /// A smooth piece of the objective near a point: its value there and its gradient.
@@ -15,6 +18,16 @@ use crate::state_space::{StateSpace, shifted};
 pub(crate) struct Piece {
     pub(crate) value: f64,
     pub(crate) gradient: Vec<f64>,
+}
+
+impl Piece {
+    /// The same piece of the logarithm of the objective.
+    pub(crate) fn logarithm(&self) -> Self {
+        Self {
+            value: self.value.ln(),
+            gradient: self.gradient.iter().map(|g| g / self.value).collect(),
+        }
+    }
 }
 
 /// The closed loop of one model with what gradients need.
@@ -61,15 +74,29 @@ pub(crate) struct Objective<'a> {
     pub(crate) problem: &'a Checked,
     memory: Vec<Vec<Vec<f64>>>,
     tolerance: f64,
+    /// Channels whose remembered peaks all lie below this part of the largest one are not tested further; 0 tests all.
+    screen: f64,
+    /// Threads that share the models; has no influence on the result.
+    threads: usize,
     /// Evaluations of the norm so far.
     pub(crate) evaluations: usize,
 }
 
-/// A closed loop must be at least this far from the axis, relative to its fastest pole, to count as stable.
-const MARGIN: f64 = 1e-13;
+/// One closed loop on the way to its norms.
+struct Look<'a> {
+    closed: Closed<'a>,
+    /// The channels.
+    parts: Vec<StateSpace>,
+    /// The largest gain of each at the frequencies that mattered lately.
+    norms: Vec<ChannelNorm>,
+}
+
+/// A closed loop must be at least this far from the axis, relative to its fastest pole, to count as stable. Nearer, neither its
+/// stability nor its norm can be told from rounding: a search that may go there finds gains of 1e11 whose peak the Hamiltonian misses.
+const MARGIN: f64 = 1e-9;
 
 impl<'a> Objective<'a> {
-    pub(crate) fn new(problem: &'a Checked, tolerance: f64) -> Self {
+    pub(crate) fn new(problem: &'a Checked, tolerance: f64, threads: usize) -> Self {
         let memory = problem
             .models
             .iter()
@@ -79,8 +106,16 @@ impl<'a> Objective<'a> {
             problem,
             memory,
             tolerance,
+            screen: 0.0,
+            threads,
             evaluations: 0,
         }
+    }
+
+    /// The same, sparing channels that lie far below the largest: for a search, which ends with an evaluation that spares none.
+    pub(crate) fn screened(mut self, screen: f64) -> Self {
+        self.screen = screen;
+        self
     }
 
     fn close(&self, model: &'a Model, k: &Matrix) -> Result<Option<Closed<'a>>, LinalgError> {
@@ -160,110 +195,161 @@ impl<'a> Objective<'a> {
     }
 
     /// The largest channel norm and its gradient. Gives up as soon as the norm is known to exceed `ceiling`: the value
-    /// is then a lower bound and the gradient is empty.
+    /// is then infinite and the gradient empty.
     pub(crate) fn norm(&mut self, x: &[f64], ceiling: f64) -> Result<(Value, Vec<f64>), LinalgError> {
+        let (value, looks) = self.look(x, ceiling)?;
+        if value.gamma.is_infinite() {
+            return Ok((value, Vec::new()));
+        }
+        let mut worst = (0, 0);
+        for (m, norms) in value.channels.iter().enumerate() {
+            for (c, norm) in norms.iter().enumerate() {
+                if norm.gain > value.channels[worst.0][worst.1].gain {
+                    worst = (m, c);
+                }
+            }
+        }
+        let (m, c) = worst;
+        let pieces = self.pieces_at(&looks[m].closed, c, value.channels[m][c].omega, x, 1)?;
+        Ok((value, pieces.into_iter().next().map(|p| p.gradient).unwrap_or_default()))
+    }
+
+    /// The norms, and the closed loops they belong to; none of these when a loop is unstable or the ceiling exceeded.
+    fn look(&mut self, x: &[f64], ceiling: f64) -> Result<(Value, Vec<Look<'a>>), LinalgError> {
         self.evaluations += 1;
         let blocks = self.problem.blocks(x);
+        let count = self.problem.models.len();
+        // The cheap tests first, over all models: stability, and the gain at the frequencies that mattered lately. Who is found
+        // above ends it for all; which one that is depends on the threads, but not that there is one.
+        let above = AtomicBool::new(false);
+        let first = parallel::map(count, self.threads, |m| {
+            if above.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            let found = self.first_look(m, &blocks, ceiling)?;
+            if found.as_ref().is_none_or(|look| look.norms.is_empty()) {
+                above.store(true, Ordering::Relaxed);
+            }
+            Ok(found)
+        });
         let mut value = Value {
             abscissa: f64::NEG_INFINITY,
             gamma: 0.0,
             channels: Vec::new(),
         };
-        let mut loops = Vec::new();
-        for model in &self.problem.models {
-            match self.close(model, &self.problem.gain(model, &blocks))? {
-                Some(closed) => {
-                    value.abscissa = value.abscissa.max(closed.abscissa());
-                    let fastest = closed.poles.iter().map(|p| p.norm()).fold(0.0, f64::max);
-                    if closed.abscissa() >= -MARGIN * fastest {
-                        value.gamma = f64::INFINITY;
-                    }
-                    loops.push(closed);
-                }
-                None => value.gamma = f64::INFINITY,
+        let mut looks = Vec::new();
+        for found in first {
+            if let Some(look) = found? {
+                value.abscissa = value.abscissa.max(look.closed.abscissa());
+                looks.push(look);
             }
         }
-        if value.gamma.is_infinite() {
+        if above.into_inner() {
+            value.gamma = f64::INFINITY;
             return Ok((value, Vec::new()));
         }
-        let parts: Vec<Vec<StateSpace>> = loops
-            .iter()
-            .map(|c| {
-                c.model
-                    .channels
-                    .iter()
-                    .map(|ch| channel_system(&c.system, ch))
-                    .collect()
-            })
-            .collect();
-        // The cheap test first, over all channels: the gain at the frequencies that mattered lately.
-        let mut quick = 0.0f64;
-        if ceiling.is_finite() {
-            for (part, memory) in parts.iter().flatten().zip(self.memory.iter().flatten()) {
-                for &omega in memory {
-                    quick = quick.max(norm::gain_at(part, omega)?);
-                    if quick > ceiling {
-                        value.gamma = quick;
-                        return Ok((value, Vec::new()));
-                    }
+        let floor = self.screen * looks.iter().flat_map(|l| &l.norms).map(|n| n.gain).fold(0.0, f64::max);
+        let norms = parallel::map(count, self.threads, |m| -> Result<Vec<ChannelNorm>, LinalgError> {
+            let look = &looks[m];
+            let certain = |(part, seen): (&StateSpace, &ChannelNorm)| {
+                if seen.gain < floor {
+                    return Ok(*seen);
                 }
-            }
-        }
-        let mut worst = (0, 0, ChannelNorm { gain: -1.0, omega: 0.0 });
-        for (m, closed) in loops.iter().enumerate() {
-            let mut norms = Vec::new();
-            for (c, part) in parts[m].iter().enumerate() {
-                let mut start = vec![0.0, f64::INFINITY];
-                if self.memory[m][c].is_empty() {
-                    start.extend(norm::peak_guesses(&closed.poles));
-                } else {
-                    start.extend(&self.memory[m][c]);
-                }
-                let found = norm::climb(part, self.tolerance, &start)?;
-                let here = ChannelNorm {
+                let found = norm::climb(part, self.tolerance, &[seen.omega])?;
+                Ok(ChannelNorm {
                     gain: found.gain,
                     omega: found.omega,
-                };
-                remember(&mut self.memory[m][c], found.omega);
-                if here.gain > worst.2.gain {
-                    worst = (m, c, here);
-                }
-                norms.push(here);
+                })
+            };
+            look.parts.iter().zip(&look.norms).map(certain).collect()
+        });
+        for (m, found) in norms.into_iter().enumerate() {
+            let found = found?;
+            for (c, norm) in found.iter().enumerate() {
+                value.gamma = value.gamma.max(norm.gain);
+                remember(&mut self.memory[m][c], norm.omega);
             }
-            value.channels.push(norms);
+            value.channels.push(found);
         }
-        value.gamma = worst.2.gain;
-        let (m, c, peak) = worst;
-        let pieces = self.pieces_at(&loops[m], c, peak.omega, x, 1)?;
-        Ok((value, pieces.into_iter().next().map(|p| p.gradient).unwrap_or_default()))
+        Ok((value, looks))
+    }
+
+    /// One model: `None` when the loop cannot be closed, no norms when it is unstable or above the ceiling.
+    fn first_look(&self, m: usize, blocks: &[Matrix], ceiling: f64) -> Result<Option<Look<'a>>, LinalgError> {
+        let model = &self.problem.models[m];
+        let Some(closed) = self.close(model, &self.problem.gain(model, blocks))? else {
+            return Ok(None);
+        };
+        let mut look = Look {
+            parts: Vec::new(),
+            norms: Vec::new(),
+            closed,
+        };
+        let fastest = look.closed.poles.iter().map(|p| p.norm()).fold(0.0, f64::max);
+        if look.closed.abscissa() >= -MARGIN * fastest {
+            return Ok(Some(look));
+        }
+        let mut norms = Vec::new();
+        for (c, channel) in model.channels.iter().enumerate() {
+            let part = channel_system(&look.closed.system, channel);
+            let memory = &self.memory[m][c];
+            let mut frequencies = memory.clone();
+            if memory.is_empty() {
+                frequencies.extend(norm::peak_guesses(&look.closed.poles));
+            }
+            frequencies.extend([0.0, f64::INFINITY]);
+            let mut best = ChannelNorm { gain: -1.0, omega: 0.0 };
+            for omega in frequencies {
+                let gain = norm::gain_at(&part, omega)?;
+                if gain > best.gain {
+                    best = ChannelNorm { gain, omega };
+                }
+                if gain > ceiling {
+                    return Ok(Some(look));
+                }
+            }
+            norms.push(best);
+            look.parts.push(part);
+        }
+        look.norms = norms;
+        Ok(Some(look))
     }
 
     /// The smooth pieces within a factor `depth` (below one) of the largest norm: every local peak of every channel, with
-    /// up to three singular values at each.
+    /// up to three singular values at each. Spares no channel.
     pub(crate) fn pieces(&mut self, x: &[f64], depth: f64) -> Result<(Value, Vec<Piece>), LinalgError> {
-        let (value, _) = self.norm(x, f64::INFINITY)?;
-        let mut pieces = Vec::new();
+        let screen = std::mem::replace(&mut self.screen, 0.0);
+        let looked = self.look(x, f64::INFINITY);
+        self.screen = screen;
+        let (value, looks) = looked?;
         if value.gamma.is_infinite() {
-            return Ok((value, pieces));
+            return Ok((value, Vec::new()));
         }
-        let blocks = self.problem.blocks(x);
-        for (m, model) in self.problem.models.iter().enumerate() {
-            let Some(closed) = self.close(model, &self.problem.gain(model, &blocks))? else {
-                continue;
-            };
-            for c in 0..model.channels.len() {
+        let floor = depth * value.gamma;
+        type Found = Result<(Vec<(usize, f64)>, Vec<Piece>), LinalgError>;
+        let found = parallel::map(looks.len(), self.threads, |m| -> Found {
+            let look = &looks[m];
+            let (mut peaks, mut pieces) = (Vec::new(), Vec::new());
+            for (c, part) in look.parts.iter().enumerate() {
                 let top = value.channels[m][c];
-                if top.gain < depth * value.gamma {
+                if top.gain < floor {
                     continue;
                 }
-                let part = channel_system(&closed.system, &model.channels[c]);
-                let mut peaks = local_peaks(&part, &closed.poles, top, depth * value.gamma)?;
-                peaks.truncate(12);
-                for omega in peaks {
-                    let near = self.pieces_at(&closed, c, omega, x, 3)?;
-                    pieces.extend(near.into_iter().filter(|p| p.value >= depth * value.gamma));
-                    remember(&mut self.memory[m][c], omega);
+                for omega in local_peaks(part, top, floor)?.into_iter().take(12) {
+                    let near = self.pieces_at(&look.closed, c, omega, x, 3)?;
+                    pieces.extend(near.into_iter().filter(|p| p.value >= floor));
+                    peaks.push((c, omega));
                 }
+            }
+            Ok((peaks, pieces))
+        });
+        let mut pieces = Vec::new();
+        for (m, found) in found.into_iter().enumerate() {
+            let (peaks, mut some) = found?;
+            pieces.append(&mut some);
+            // The highest last, so that it is remembered longest.
+            for (c, omega) in peaks.into_iter().rev() {
+                remember(&mut self.memory[m][c], omega);
             }
         }
         Ok((value, pieces))
@@ -344,69 +430,52 @@ fn remember(memory: &mut Vec<f64>, omega: f64) {
     memory.truncate(6);
 }
 
-/// Frequencies of local maxima of the gain above `floor`: the known peak, and what a grid through the poles shows,
-/// refined by golden sections. Extra pieces only help the search, so a peak missed here does no harm.
-fn local_peaks(g: &StateSpace, poles: &[c64], top: ChannelNorm, floor: f64) -> Result<Vec<f64>, LinalgError> {
-    let mut grid = norm::peak_guesses(poles);
-    if top.omega.is_finite() {
-        grid.push(top.omega);
-    }
-    grid.push(0.0);
-    grid.sort_by(f64::total_cmp);
-    grid.dedup_by(|a, b| (*a - *b).abs() <= 1e-3 * b.abs());
-    let middle: Vec<f64> = grid
-        .windows(2)
-        .map(|w| if w[0] > 0.0 { (w[0] * w[1]).sqrt() } else { 0.5 * w[1] })
-        .collect();
-    grid.extend(middle);
-    grid.sort_by(f64::total_cmp);
-    let gains = grid
-        .iter()
-        .map(|&w| norm::gain_at(g, w))
-        .collect::<Result<Vec<_>, _>>()?;
+/// Frequencies of local maxima of the gain above `floor`, the highest first: every interval above it, by level crossings, and in
+/// each what a few points show, refined by golden sections. Extra pieces only help the search, so one missed does no harm.
+fn local_peaks(g: &StateSpace, top: ChannelNorm, floor: f64) -> Result<Vec<f64>, LinalgError> {
+    const POINTS: usize = 6;
+    const GOLDEN: f64 = 0.381_966_011_250_105;
     let mut peaks = vec![(top.gain, top.omega)];
-    for i in 0..grid.len() {
-        let left = if i > 0 { gains[i - 1] } else { f64::NEG_INFINITY };
-        let right = if i + 1 < grid.len() {
-            gains[i + 1]
-        } else {
-            f64::NEG_INFINITY
-        };
-        if gains[i] < left || gains[i] < right || gains[i] < 0.8 * floor {
-            continue;
-        }
-        let (mut a, mut b) = (
-            if i > 0 { grid[i - 1] } else { grid[i] },
-            if i + 1 < grid.len() { grid[i + 1] } else { grid[i] },
-        );
-        let (mut best, mut at) = (gains[i], grid[i]);
-        const GOLDEN: f64 = 0.381_966_011_250_105;
-        for _ in 0..24 {
-            if b - a <= 1e-6 * b {
-                break;
+    let mut edges = vec![0.0];
+    edges.extend(norm::level_crossings(g, floor)?.into_iter().filter(|w| *w > 0.0));
+    edges.dedup_by(|a, b| (*a - *b).abs() <= 1e-6 * b.abs());
+    for pair in edges.windows(2) {
+        let (low, high) = (pair[0].max(1e-3 * pair[1]), pair[1]);
+        let at = |i: usize| low * (high / low).powf(i as f64 / (POINTS + 1) as f64);
+        let gains = (1..=POINTS)
+            .map(|i| norm::gain_at(g, at(i)))
+            .collect::<Result<Vec<_>, _>>()?;
+        for i in 0..POINTS {
+            let (left, right) = (
+                i.checked_sub(1).map_or(floor, |k| gains[k]),
+                *gains.get(i + 1).unwrap_or(&floor),
+            );
+            if gains[i] < floor || gains[i] < left || gains[i] < right {
+                continue;
             }
-            let trial = if at - a > b - at {
-                at - GOLDEN * (at - a)
-            } else {
-                at + GOLDEN * (b - at)
-            };
-            let gain = norm::gain_at(g, trial)?;
-            let (inner, outer) = (trial.min(at), trial.max(at));
-            if gain > best {
-                if trial > at {
-                    a = inner
+            let (mut a, mut b) = (at(i), at(i + 2));
+            let (mut best, mut peak) = (gains[i], at(i + 1));
+            if (a..=b).contains(&top.omega) {
+                continue;
+            }
+            while b - a > 1e-5 * b {
+                let left = peak - a > b - peak;
+                let trial = if left {
+                    peak - GOLDEN * (peak - a)
                 } else {
-                    b = outer
+                    peak + GOLDEN * (b - peak)
+                };
+                let gain = norm::gain_at(g, trial)?;
+                match (gain > best, left) {
+                    (true, true) => (b, best, peak) = (peak, gain, trial),
+                    (true, false) => (a, best, peak) = (peak, gain, trial),
+                    (false, true) => a = trial,
+                    (false, false) => b = trial,
                 }
-                (best, at) = (gain, trial);
-            } else if trial > at {
-                b = outer;
-            } else {
-                a = inner;
             }
-        }
-        if best >= floor && peaks.iter().all(|(_, w)| (w - at).abs() > 1e-3 * at) {
-            peaks.push((best, at));
+            if peaks.iter().all(|(_, w)| (w - peak).abs() > 1e-3 * peak) {
+                peaks.push((best, peak));
+            }
         }
     }
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));

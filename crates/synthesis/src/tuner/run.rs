@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use super::bundle;
+use super::certificate::{Certificate, certify};
 use super::descent::{self, Limits};
 use super::objective::{Objective, Piece, Value};
 use super::problem::{Checked, Problem, TuneError};
-use super::qp::{least_in_hull, length};
 use crate::linalg::{LinalgError, Matrix};
 use crate::rng::Rng;
 
@@ -29,7 +29,9 @@ pub struct Options {
     pub rounds: usize,
     /// Relative gain below which a phase ends.
     pub tolerance: f64,
-    /// Threads that share the starts; has no influence on the result.
+    /// Whether to compute the certificate, which costs a hundred evaluations.
+    pub certify: bool,
+    /// Threads that share the starts and the models; has no influence on the result.
     pub threads: usize,
 }
 
@@ -43,6 +45,7 @@ impl Default for Options {
             finishing: 60,
             rounds: 3,
             tolerance: 1e-5,
+            certify: true,
             threads: 2,
         }
     }
@@ -94,25 +97,6 @@ pub struct ChannelReport {
     pub omega: f64,
 }
 
-/// Evidence of local optimality: the smallest convex combination of the gradients of ln γ in the tuner's parameters, over
-/// the pieces within `depth` of the top at the result and at points `radius` around it. A length of 0.01 says that to
-/// first order no unit step of the parameters (a factor e of a positive gain) promises more than about one per cent.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Certificate {
-    /// Length of that smallest element.
-    pub length: f64,
-    /// The largest length among the gradients it combines, for comparison.
-    pub steepest: f64,
-    /// Number of gradients.
-    pub gradients: usize,
-    /// Number of them that carry weight above 1e-4.
-    pub active: usize,
-    /// Radius of the neighbourhood in parameter space.
-    pub radius: f64,
-    /// How far below the top a piece may lie, relative.
-    pub depth: f64,
-}
-
 /// The value of given gains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
@@ -143,6 +127,9 @@ pub struct Tuned {
     pub evaluations: usize,
 }
 
+/// While searching, a channel whose known peaks all lie below this part of the largest one is believed without a proof.
+const SCREEN: f64 = 0.7;
+
 struct Outcome {
     x: Vec<f64>,
     gamma: f64,
@@ -165,6 +152,9 @@ pub fn tune(
     let next = AtomicUsize::new(0);
     let stop = AtomicBool::new(false);
     let outcomes: Mutex<Vec<Option<Result<Outcome, LinalgError>>>> = Mutex::new((0..starts).map(|_| None).collect());
+    // Starts first; threads that are left over share the models of a start.
+    let workers = options.threads.clamp(1, starts);
+    let inner = (options.threads / workers).max(1);
     let work = || loop {
         let index = next.fetch_add(1, Ordering::Relaxed);
         if index >= starts || stop.load(Ordering::Relaxed) {
@@ -176,11 +166,11 @@ pub fn tune(
             }
             !stop.load(Ordering::Relaxed)
         };
-        let outcome = one_start(&checked, options, index, &report);
+        let outcome = one_start(&checked, options, index, inner, &report);
         outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = Some(outcome);
     };
     std::thread::scope(|scope| {
-        for _ in 1..options.threads.clamp(1, starts) {
+        for _ in 1..workers {
             scope.spawn(work);
         }
         work();
@@ -224,11 +214,15 @@ pub fn tune(
             }
         });
     }
-    let mut objective = Objective::new(&checked, 1e-7);
-    let certificate = certify(&mut objective, &best.x, options)?;
+    let mut objective = Objective::new(&checked, 1e-7, options.threads);
+    let certificate = if options.certify {
+        certify(&mut objective, &best.x, options.seed)?
+    } else {
+        Certificate::NONE
+    };
     let gains = checked.blocks(&best.x);
     let controllers = checked.models.iter().map(|m| checked.gain(m, &gains)).collect();
-    let (value, _) = Objective::new(&checked, 1e-8).norm(&best.x, f64::INFINITY)?;
+    let (value, _) = Objective::new(&checked, 1e-8, options.threads).norm(&best.x, f64::INFINITY)?;
     let evaluation = report(&checked, &value);
     Ok(Tuned {
         gains,
@@ -248,8 +242,19 @@ pub fn tune(
 pub fn evaluate(problem: &Problem) -> Result<Evaluation, TuneError> {
     let checked = Checked::new(problem)?;
     let x = vec![0.0; checked.parameters()];
-    let (value, _) = Objective::new(&checked, 1e-8).norm(&x, f64::INFINITY)?;
+    let (value, _) = Objective::new(&checked, 1e-8, 1).norm(&x, f64::INFINITY)?;
     Ok(report(&checked, &value))
+}
+
+/// The gain blocks at their start values, and the controller gain matrix K of every model that they make.
+///
+/// # Errors
+/// As [`evaluate`].
+pub fn controllers(problem: &Problem) -> Result<(Vec<Matrix>, Vec<Matrix>), TuneError> {
+    let checked = Checked::new(problem)?;
+    let blocks = checked.blocks(&vec![0.0; checked.parameters()]);
+    let controllers = checked.models.iter().map(|m| checked.gain(m, &blocks)).collect();
+    Ok((blocks, controllers))
 }
 
 fn report(checked: &Checked, value: &Value) -> Evaluation {
@@ -296,10 +301,11 @@ fn one_start(
     checked: &Checked,
     options: &Options,
     index: usize,
+    threads: usize,
     report: &dyn Fn(Progress) -> bool,
 ) -> Result<Outcome, LinalgError> {
     let mut x = scattered(checked, options, index);
-    let mut objective = Objective::new(checked, 1e-7);
+    let mut objective = Objective::new(checked, 1e-7, threads).screened(SCREEN);
     let mut abscissa = stabilise(&objective, &mut x, index, report)?;
     let (first, gradient) = objective.norm(&x, f64::INFINITY)?;
     if first.gamma.is_infinite() {
@@ -332,6 +338,7 @@ fn one_start(
             go.get()
         }
     };
+    let mut metric = None;
     for _ in 0..options.rounds.max(1) {
         let before = best;
         let descend = |x: &[f64], ceiling: f64| -> descent::Evaluation<LinalgError> {
@@ -341,22 +348,22 @@ fn one_start(
                 Err(_) => (f64::INFINITY, Vec::new()),
             })
         };
-        descent::bfgs(&mut x, best, gradient, limits, descend, watch(Phase::Descend))?;
+        let (_, learnt) = descent::bfgs(&mut x, best, gradient, metric, limits, descend, watch(Phase::Descend))?;
         if !go.get() {
             break;
         }
         let mut in_logs = |x: &[f64]| -> bundle::Pieces<LinalgError> {
             Ok(match objective.pieces(x, 0.9) {
-                Ok((value, pieces)) => (value.gamma.ln(), pieces.into_iter().map(|p| log_piece(&p)).collect()),
+                Ok((value, pieces)) => (value.gamma.ln(), pieces.iter().map(Piece::logarithm).collect()),
                 Err(_) => (f64::INFINITY, Vec::new()),
             })
         };
-        let (value, pieces) = in_logs(&x)?;
+        let here = in_logs(&x)?;
         let gain = 0.1 * options.tolerance;
         best = bundle::finish(
             &mut x,
-            value,
-            pieces,
+            here,
+            &learnt,
             options.finishing,
             gain,
             in_logs,
@@ -365,10 +372,13 @@ fn one_start(
         if !go.get() || before - best < options.tolerance {
             break;
         }
+        metric = Some(learnt);
         let (value, fresh) = objective.norm(&x, f64::INFINITY)?;
         best = value.gamma.ln();
         gradient = fresh.iter().map(|g| g / value.gamma).collect();
     }
+    // What is reported spares nothing.
+    let mut objective = objective.screened(0.0);
     let (value, _) = objective.norm(&x, f64::INFINITY)?;
     Ok(Outcome {
         x,
@@ -376,13 +386,6 @@ fn one_start(
         abscissa: value.abscissa,
         evaluations: objective.evaluations,
     })
-}
-
-fn log_piece(p: &Piece) -> Piece {
-    Piece {
-        value: p.value.ln(),
-        gradient: p.gradient.iter().map(|g| g / p.value).collect(),
-    }
 }
 
 /// Descends on the spectral abscissa until it is negative by a little, in a few descents (a fresh metric gets BFGS over
@@ -422,7 +425,7 @@ fn stabilise(
         if abscissa < enough || !go {
             break;
         }
-        abscissa = descent::bfgs(x, value, gradient, limits, evaluate, |_, value| {
+        abscissa = descent::bfgs(x, value, gradient, None, limits, evaluate, |_, value| {
             go = report(Progress {
                 start: index,
                 phase: Phase::Stabilise,
@@ -430,50 +433,8 @@ fn stabilise(
                 best: f64::INFINITY,
             });
             go && value >= enough
-        })?;
+        })?
+        .0;
     }
     Ok(abscissa)
-}
-
-/// Collects active gradients at `x` and at a few points around it, for a few radii, and keeps the tightest evidence.
-fn certify(objective: &mut Objective<'_>, x: &[f64], options: &Options) -> Result<Certificate, LinalgError> {
-    let mut best: Option<Certificate> = None;
-    for (radius, depth) in [(1e-4, 1e-3), (1e-3, 5e-3), (1e-2, 2e-2)] {
-        let (value, pieces) = objective.pieces(x, 1.0 - depth)?;
-        let mut gradients: Vec<Vec<f64>> = pieces.iter().map(|p| log_piece(p).gradient).collect();
-        let mut rng = Rng::new(options.seed, u64::MAX);
-        for _ in 0..x.len().clamp(4, 30) {
-            let step: Vec<f64> = x.iter().map(|_| rng.normal()).collect();
-            let factor = radius / length(&step);
-            let near: Vec<f64> = x.iter().zip(&step).map(|(a, s)| a + factor * s).collect();
-            let (at, gradient) = objective.norm(&near, f64::INFINITY)?;
-            if at.gamma.is_finite() && (at.gamma - value.gamma).abs() <= depth * value.gamma {
-                gradients.push(gradient.iter().map(|g| g / at.gamma).collect());
-            }
-        }
-        if gradients.is_empty() {
-            continue;
-        }
-        let (lambda, least) = least_in_hull(&gradients);
-        let found = Certificate {
-            length: length(&least),
-            steepest: gradients.iter().map(|g| length(g)).fold(0.0, f64::max),
-            gradients: gradients.len(),
-            active: lambda.iter().filter(|l| **l > 1e-4).count(),
-            radius,
-            depth,
-        };
-        // A wider neighbourhood must earn its place by being much better.
-        if best.as_ref().is_none_or(|b| found.length < 0.2 * b.length) {
-            best = Some(found);
-        }
-    }
-    Ok(best.unwrap_or(Certificate {
-        length: f64::INFINITY,
-        steepest: 0.0,
-        gradients: 0,
-        active: 0,
-        radius: 0.0,
-        depth: 0.0,
-    }))
 }

@@ -15,10 +15,11 @@ use clap::Args;
 use synthesis::robot::{Robot, Spec, Step, design, export};
 use synthesis::tuner::{Flow, Phase, Progress, TuneError};
 
-use crate::provenance::digest;
+use crate::provenance::{digest, plant_digest};
 use matrices::tune_matrices;
 use print::print;
-pub(super) use verify::{channel_entries, contradictions, sampled_entries, stated_margins};
+pub(super) use print::print_validation;
+pub(super) use verify::{channel_entries, contradictions, optima, sampled_entries, stated_margins, validation_entry};
 
 /// Exit code: no stabilising gain was found, or the run broke down.
 const FAILED: i32 = 1;
@@ -141,9 +142,8 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
         stop,
         last: Mutex::new(None),
     };
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let clock = Instant::now();
-    let design = match design(&spec, &robot, threads, &|step| {
+    let design = match design(&spec, &robot, threads(), &|step| {
         reporter.say(|| match step {
             Step::Tune(p) => progress_line(p),
             Step::Validate(done) => format!("validating: {done} of {}", spec.validation.samples),
@@ -174,7 +174,7 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
     let (mut file, mut complaints) = verify::verify(args, &spec, &robot, &design, &|| stop.load(Ordering::Relaxed))?;
     file.provenance.specification = args.spec.display().to_string();
     file.provenance.specification_digest = digest(text);
-    file.provenance.plant_digest = digest(&urdf);
+    file.provenance.plant_digest = plant_digest(&urdf).unwrap_or_default();
     if design.tuned.stopped {
         complaints.push("the search was stopped before it was done".into());
     }
@@ -208,6 +208,11 @@ pub(super) fn load(path: &Path, text: &str) -> anyhow::Result<(Spec, Robot, Stri
     let robot = Robot::new(&urdf, &spec.robot)?;
     spec.check(robot.channels())?;
     Ok((spec, robot, urdf))
+}
+
+/// How many threads to use.
+pub(super) fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// `x.spec.toml` becomes `x.toml`; anything else gets `.gains.toml`, so that a specification is never overwritten.

@@ -1,8 +1,8 @@
 //! What `tune` prints.
 
-use std::io::Write as _;
+use std::io::Write;
 
-use synthesis::robot::{GainsFile, Spec};
+use synthesis::robot::{GainsFile, Spec, ValidationEntry};
 
 use super::super::margins::{print_flown, print_margins, print_sampled};
 use super::TuneArgs;
@@ -16,7 +16,7 @@ pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64
     }
     let p = &file.provenance;
     if args.table {
-        let optimum = p.full_order.last().map_or("-".into(), |x| format!("{x:.3}"));
+        let hardest = file.full_order.iter().map(|o| o.reachable).fold(0.0, f64::max);
         let margins: Vec<String> = file
             .margins
             .iter()
@@ -24,7 +24,7 @@ pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64
             .collect();
         writeln!(
             out,
-            "| {} | {:.4} | {:.4} | {optimum} | {} | {seconds:.1} |",
+            "| {} | {:.4} | {:.4} | {hardest:.3} | {} | {seconds:.1} |",
             spec.title,
             p.gamma,
             p.gamma_reported,
@@ -40,17 +40,32 @@ pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64
     )?;
     writeln!(
         out,
-        "starts {}; certificate {:.1e} within {:.0e}",
+        "starts {}; certificate {:.1e} (steepest gradient {:.1e}) within {:.0e}",
         p.starts.join(" "),
         p.certificate,
+        p.certificate_steepest,
         p.certificate_radius
     )?;
-    if let [low, high] = p.full_order[..] {
+    for o in &file.full_order {
         writeln!(
             out,
-            "full-order optimum of the tracking channel, {}: between {low:.4} and {high:.4}",
-            spec.models[0].name
+            "full-order optimum of the tracking channel, {}: between {:.4} and {:.4}",
+            o.model, o.unreachable, o.reachable
         )?;
+    }
+    if !file.rounds.is_empty() {
+        writeln!(
+            out,
+            "\n{:>9} {:>9}   validation: {:>8} {:>6} {:>12}",
+            "models", "gamma", "unstable", "above", "worst gamma"
+        )?;
+        for r in &file.rounds {
+            writeln!(
+                out,
+                "{:9} {:9.4} {:>22} {:6} {:12.3}",
+                r.models, r.gamma, r.unstable, r.above, r.worst_gamma
+            )?;
+        }
     }
     writeln!(
         out,
@@ -67,15 +82,24 @@ pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64
     print_sampled(&mut out, &file.sampled)?;
     print_flown(&mut out, &file.flown)?;
     print_margins(&mut out, &file.margins)?;
-    if let Some(v) = &file.validation {
-        writeln!(
-            out,
-            "\nvalidation: {} situations, {} unstable, worst gamma {:.3}",
-            v.samples, v.unstable, v.worst_gamma
-        )?;
-        for (edge, count) in &v.histogram {
-            writeln!(out, "  from {edge:5.2} {count:4} {}", "#".repeat(*count))?;
-        }
+    print_validation(&mut out, spec, file.validation.as_ref())
+}
+
+/// The histogram of the validation set.
+pub(in crate::commands) fn print_validation(
+    out: &mut impl Write,
+    spec: &Spec,
+    validation: Option<&ValidationEntry>,
+) -> anyhow::Result<()> {
+    let Some(v) = validation else { return Ok(()) };
+    let limit = spec.validation.gamma;
+    writeln!(
+        out,
+        "\nvalidation: {} situations, {} unstable, {} above {limit}, worst gamma {:.3}",
+        v.samples, v.unstable, v.above, v.worst_gamma
+    )?;
+    for (edge, count) in &v.histogram {
+        writeln!(out, "  from {edge:5.2} {count:4} {}", "#".repeat(*count))?;
     }
     Ok(())
 }

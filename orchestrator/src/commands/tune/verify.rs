@@ -2,8 +2,8 @@
 
 use synthesis::mu::MarginOptions;
 use synthesis::robot::{
-    ChannelEntry, Design, GainTable, Gains, GainsFile, MarginEntry, Provenance, Robot, RobotError, SampledEntry, Spec,
-    ValidationEntry, margins, sampled_models, tracking_optimum,
+    ChannelEntry, Design, GainTable, Gains, GainsFile, MarginEntry, ModelSpec, OptimumEntry, Provenance, Robot,
+    RobotError, SampledEntry, Spec, Validation, ValidationEntry, margins, sampled_models, tracking_optimum,
 };
 use synthesis::tuner::Evaluation;
 
@@ -19,20 +19,13 @@ pub(super) fn verify(
     design: &Design,
     stop: &dyn Fn() -> bool,
 ) -> anyhow::Result<(GainsFile, Vec<String>)> {
-    let full_order = match tracking_optimum(spec, robot, &spec.models[0]) {
-        Ok((low, high)) => vec![low, high],
-        Err(error) => {
-            eprintln!("note: no full-order optimum: {error}");
-            Vec::new()
-        }
-    };
-    let mut file = gains_file(spec, design, full_order);
+    let mut file = gains_file(spec, design);
+    file.full_order = optima(spec, robot, &design.adversary);
     file.sampled = sampled_entries(spec, robot, &design.gains)?;
     let mut complaints = Vec::new();
     // The gains were expensive: what fails from here on is said beside them, not in place of them.
     if !args.no_margins {
-        // The first model here; `margins` does all of them.
-        match stated_margins(spec, robot, &design.gains, 1) {
+        match stated_margins(spec, robot, &design.gains, usize::MAX, stop) {
             Ok(margins) => file.margins = margins,
             Err(error) => complaints.push(format!("margins: {error:#}")),
         }
@@ -44,13 +37,7 @@ pub(super) fn verify(
         }
     }
     if let Some(v) = &design.validation {
-        let stable = v.samples.iter().filter(|s| s.stable());
-        file.validation = Some(ValidationEntry {
-            samples: v.samples.len(),
-            unstable: v.unstable(),
-            worst_gamma: stable.map(|s| s.gamma).fold(0.0, f64::max),
-            histogram: v.histogram(),
-        });
+        file.validation = Some(validation_entry(v));
     }
     complaints.extend(contradictions(spec, &file));
     if let Some(folder) = &args.plots {
@@ -95,8 +82,8 @@ pub(in crate::commands) fn contradictions(spec: &Spec, file: &GainsFile) -> Vec<
         && (v.unstable > 0 || v.worst_gamma > spec.validation.gamma)
     {
         out.push(format!(
-            "validation: {} of {} situations unstable, worst gamma of the others {:.3} against {}",
-            v.unstable, v.samples, v.worst_gamma, spec.validation.gamma
+            "validation: of {} situations {} are unstable and {} of the others above the limit of {} (worst gamma {:.3})",
+            v.samples, v.unstable, v.above, spec.validation.gamma, v.worst_gamma
         ));
     }
     out
@@ -123,7 +110,7 @@ pub(in crate::commands) fn sampled_entries(
     Ok(all)
 }
 
-fn gains_file(spec: &Spec, design: &Design, full_order: Vec<f64>) -> GainsFile {
+fn gains_file(spec: &Spec, design: &Design) -> GainsFile {
     let t = &design.tuned;
     GainsFile {
         provenance: Provenance {
@@ -138,28 +125,61 @@ fn gains_file(spec: &Spec, design: &Design, full_order: Vec<f64>) -> GainsFile {
             gamma_reported: design.reported.gamma,
             starts: t.starts.iter().map(|g| format!("{g:.6}")).collect(),
             certificate: t.certificate.length,
+            certificate_steepest: t.certificate.steepest,
             certificate_radius: t.certificate.radius,
-            full_order,
         },
         gains: GainTable::new(&design.gains),
         channels: channel_entries(&design.reported),
         margins: Vec::new(),
         sampled: Vec::new(),
         flown: Vec::new(),
+        full_order: Vec::new(),
         validation: None,
+        rounds: if design.rounds.len() > 1 {
+            design.rounds.clone()
+        } else {
+            Vec::new()
+        },
         adversary: design.adversary.clone(),
     }
 }
 
-/// Both margins of the first `count` models of the specification.
+/// A validation in the form of the file.
+pub(in crate::commands) fn validation_entry(v: &Validation) -> ValidationEntry {
+    ValidationEntry {
+        samples: v.samples.len(),
+        unstable: v.unstable(),
+        above: v.above(),
+        worst_gamma: v.worst_gamma(),
+        histogram: v.histogram(),
+    }
+}
+
+/// What any controller could reach in every model of the specification and in those of the adversary.
+pub(in crate::commands) fn optima(spec: &Spec, robot: &Robot, adversary: &[ModelSpec]) -> Vec<OptimumEntry> {
+    let mut all = Vec::new();
+    for model in spec.models.iter().chain(adversary) {
+        match tracking_optimum(spec, robot, model) {
+            Ok(range) => all.push(OptimumEntry::new(&model.name, range)),
+            Err(error) => eprintln!("note: no full-order optimum of {}: {error}", model.name),
+        }
+    }
+    all
+}
+
+/// Both margins of the first `count` models of the specification, until `stop` says so.
 pub(in crate::commands) fn stated_margins(
     spec: &Spec,
     robot: &Robot,
     gains: &Gains,
     count: usize,
+    stop: &dyn Fn() -> bool,
 ) -> anyhow::Result<Vec<MarginEntry>> {
     let mut all = Vec::new();
     for model in spec.models.iter().take(count) {
+        if stop() {
+            break;
+        }
         eprintln!("margins of {}", model.name);
         for stated in margins(spec, robot, model, gains, &MarginOptions::default())? {
             all.push(MarginEntry {
