@@ -54,20 +54,34 @@ pub fn base() -> PathBuf {
     Path::new(SHARED_MEMORY).join(format!("esc-{}", rustix::process::getuid().as_raw()))
 }
 
-fn trusted_base() -> Result<PathBuf, ScopeError> {
-    let base = base();
-    match DirBuilder::new().mode(0o700).create(&base) {
-        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-            return Err(io_error(&base, "cannot be made")(error));
-        }
-        _ => {}
-    }
-    let about = fs::symlink_metadata(&base).map_err(io_error(&base, "cannot be read"))?;
+/// Refuses a common folder that is not the user's own.
+fn trust(base: &Path) -> Result<(), ScopeError> {
+    let about = fs::symlink_metadata(base).map_err(io_error(base, "cannot be read"))?;
     let own = about.uid() == rustix::process::getuid().as_raw();
     if !about.is_dir() || !own || about.mode() & 0o077 != 0 {
-        return Err(ScopeError::Untrusted(base));
+        return Err(ScopeError::Untrusted(base.to_owned()));
     }
-    Ok(base)
+    Ok(())
+}
+
+/// Makes the folder `id` in the common folder, and that if there is none.
+fn make_folder(id: &str) -> Result<PathBuf, ScopeError> {
+    let base = base();
+    let folder = base.join(id);
+    let make = |folder: &Path| match DirBuilder::new().mode(0o700).create(folder) {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists && folder == base => Ok(()),
+        made => made.map_err(io_error(folder, "cannot be made")),
+    };
+    let mut tries = 0;
+    loop {
+        let made = make(&base).and_then(|()| trust(&base)).and_then(|()| make(&folder));
+        tries += 1;
+        match made {
+            // Another run has ended just now, as the last one, and has taken the common folder away.
+            Err(ScopeError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound && tries < 100 => {}
+            made => return made.map(|()| folder),
+        }
+    }
 }
 
 /// A run's part of the machine. Everything in it is removed when this is dropped.
@@ -81,7 +95,6 @@ pub struct Scope {
 impl Scope {
     /// Makes a new one, with a name that nobody can guess and that is never used again.
     pub fn create() -> Result<Scope, ScopeError> {
-        let base = trusted_base()?;
         let mut bits = [0_u8; ID];
         File::open("/dev/urandom")
             .and_then(|mut random| io::Read::read_exact(&mut random, &mut bits))
@@ -90,11 +103,7 @@ impl Scope {
             .iter()
             .map(|byte| char::from(b"abcdefghijklmnopqrstuvwxyz234567"[usize::from(byte % 32)]))
             .collect();
-        let folder = base.join(&id);
-        DirBuilder::new()
-            .mode(0o700)
-            .create(&folder)
-            .map_err(io_error(&folder, "cannot be made"))?;
+        let folder = make_folder(&id)?;
         let lock = folder.join(LOCK);
         // Locked under another name first: nobody ever sees the lock file of a living run unlocked.
         let unborn = folder.join("lock.new");
@@ -161,6 +170,10 @@ fn remove(prefix: &str, folder: &Path) {
         let _ = fs::remove_file(object);
     }
     let _ = fs::remove_dir_all(folder);
+    // The common folder goes with the last run: while there is another one it is not empty.
+    if let Some(base) = folder.parent() {
+        let _ = fs::remove_dir(base);
+    }
 }
 
 /// The objects in shared memory whose names start with `prefix`.
@@ -191,7 +204,10 @@ impl Leftover {
 
 /// Everything that dead runs of this user left behind.
 pub fn leftovers() -> Vec<Leftover> {
-    let Ok(base) = trusted_base() else { return Vec::new() };
+    let base = base();
+    if trust(&base).is_err() {
+        return Vec::new();
+    }
     // Only a folder with a lock that nobody holds proves that a run is dead. Its objects go first and the folder last.
     let ids: Vec<String> = fs::read_dir(&base)
         .into_iter()

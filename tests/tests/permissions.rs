@@ -108,7 +108,7 @@ fn addresses(parent: u32) -> Vec<String> {
 #[test]
 fn nothing_of_a_run_is_for_others() {
     let running = Running::start();
-    let objects = running.objects();
+    let mut objects = running.objects();
     let memory = objects
         .iter()
         .filter(|path| path.parent() == Some(Path::new("/dev/shm")))
@@ -135,6 +135,13 @@ fn nothing_of_a_run_is_for_others() {
         "{}",
         base.display()
     );
+    // What the run leaves behind stands below a folder that others cannot enter.
+    let kept = running.files.path().join("run");
+    let mode = fs::metadata(&kept).expect("the run folder is there").mode();
+    if mode & 0o077 != 0 {
+        open.push(format!("{} has mode {:o}", kept.display(), mode & 0o7777));
+    }
+    objects.push(kept.join("tape"));
     // As root it can be tried: nobody gets in.
     if rustix::process::getuid().is_root() {
         for path in &objects {

@@ -2,14 +2,15 @@
 //!
 //! ```text
 //! plan.toml                  the scenario with every default filled in
-//! run.json                   versions, host, digest of the tape
+//! run.json                   versions, host, command line, files
 //! summary.json               verdict and figures of merit
 //! log/<participant>.stderr   what each participant said
 //! tape/                      see `recorder::tape`
 //! ```
 
-use std::fs;
+use std::fs::{self, DirBuilder};
 use std::io;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -53,13 +54,24 @@ fn io_error(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> Fold
     move |source| FolderError::Io { path, action, source }
 }
 
+/// Whatever the user's mask says: what a run holds is for others only when its owner opens it to them.
+fn private() -> DirBuilder {
+    let mut builder = DirBuilder::new();
+    builder.mode(0o700);
+    builder
+}
+
 impl RunFolder {
-    /// Makes the folder `root` with its parents, or takes an empty one; refuses one that has anything in it.
+    /// Makes the folder `root` with its parents, for the user alone, or takes an empty one as it is; refuses one that has anything
+    /// in it.
     pub fn create(root: &Path) -> Result<RunFolder, FolderError> {
-        fs::create_dir_all(root).map_err(|error| match fs::metadata(root) {
-            Ok(metadata) if !metadata.is_dir() => FolderError::NotAFolder { path: root.to_owned() },
-            _ => io_error(root, "create the folder")(error),
-        })?;
+        private()
+            .recursive(true)
+            .create(root)
+            .map_err(|error| match fs::metadata(root) {
+                Ok(metadata) if !metadata.is_dir() => FolderError::NotAFolder { path: root.to_owned() },
+                _ => io_error(root, "create the folder")(error),
+            })?;
         let mut entries = fs::read_dir(root).map_err(io_error(root, "list the folder"))?;
         if entries.next().is_some() {
             return Err(FolderError::NotEmpty { path: root.to_owned() });
@@ -70,7 +82,10 @@ impl RunFolder {
     /// Makes `<runs>/<scenario>-<UTC time>-<n>` with the first n from 1 that is free. Runs that start in the same instant
     /// get different folders: whoever creates it has it.
     pub fn create_default(runs: &Path, scenario: &str) -> Result<RunFolder, FolderError> {
-        fs::create_dir_all(runs).map_err(io_error(runs, "create the folder"))?;
+        private()
+            .recursive(true)
+            .create(runs)
+            .map_err(io_error(runs, "create the folder"))?;
         let plain: String = scenario
             .chars()
             .map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' })
@@ -80,7 +95,7 @@ impl RunFolder {
         let mut n = 1_u32;
         loop {
             let root = runs.join(format!("{plain}-{time}-{n}"));
-            match fs::create_dir(&root) {
+            match private().create(&root) {
                 Ok(()) => return RunFolder::furnish(root),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => n += 1,
                 Err(error) => return Err(io_error(&root, "create the folder")(error)),
@@ -110,7 +125,7 @@ impl RunFolder {
         self.root.join("plan.toml")
     }
 
-    /// Versions, host, digest of the tape.
+    /// Versions, host, command line, files.
     pub fn run(&self) -> PathBuf {
         self.root.join("run.json")
     }

@@ -94,10 +94,11 @@ pub fn be_an_end(name: &str) -> Option<anyhow::Result<()>> {
 fn play(first: bool) -> anyhow::Result<()> {
     let table: Address = std::env::var(TABLE)?.parse()?;
     rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))?;
+    // Asked before this process keeps to one of them.
+    let yielding = cores().len() < 2;
     tie_to(usize::from(first));
     let domain = Domain::enter(table, if first { "ping" } else { "pong" })?;
     let end = Bare::open(&domain, first)?;
-    let yielding = cores().len() < 2;
     let hear = || -> anyhow::Result<Payload> {
         loop {
             if let Some(payload) = end.receive()? {
@@ -146,6 +147,7 @@ fn atomic_round() -> f64 {
         values: [const { AtomicU64::new(0) }; 27],
     };
     let cells = &[make(), make()];
+    let yielding = cores().len() < 2;
     let put = |cell: &Cell, round: u64| {
         cell.values
             .iter()
@@ -155,7 +157,7 @@ fn atomic_round() -> f64 {
     let take = |cell: &Cell, round: u64| {
         while cell.count.load(Ordering::Acquire) != round {
             std::hint::spin_loop();
-            if cores().len() < 2 {
+            if yielding {
                 rustix::thread::sched_yield();
             }
         }

@@ -2,6 +2,7 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 use recorder::tape::Digest;
@@ -138,7 +139,8 @@ impl Folder {
                 "is not empty and no campaign's: name a new folder with --out".into(),
             ));
         }
-        fs::create_dir_all(&root).map_err(failed(&root, "create the folder"))?;
+        let made = fs::DirBuilder::new().recursive(true).mode(0o700).create(&root);
+        made.map_err(failed(&root, "create the folder"))?;
         let path = root.join("lock");
         let lock = File::create(&path).map_err(failed(&path, "create the file"))?;
         if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {

@@ -27,8 +27,8 @@ const WRITE: Duration = Duration::from_secs(5);
 const ABSENT: Duration = Duration::from_secs(3);
 /// How long the end waits for pages to fetch the result.
 const FAREWELL: Duration = Duration::from_secs(5);
-/// How many times as long as it has worked the server rests before it looks at the run again: a tenth of a core is the most
-/// that all pages together can ask of it.
+/// How many times as long as it has read the run the server rests before it reads it again, whoever asks: a tenth of a core is the
+/// most that reading takes. Making the answers comes on top, once for each page that asks.
 const RESTS: u32 = 9;
 /// Pages that are remembered.
 const PAGES: usize = 32;
