@@ -208,6 +208,36 @@ fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
 }
 
 #[test]
+fn a_scenario_that_is_edited_on_the_way_ends_the_campaign() {
+    let folder = Folder::new("edited");
+    let out = folder.path().join("sweep");
+    let stock = std::fs::read_to_string(root().join(CLOSE)).unwrap();
+    let stock = stock.replace("../", &format!("{}/", root().display()));
+    let scenario = folder.write("own.toml", &stock);
+    let arguments = [
+        "sweep",
+        text(&scenario),
+        "--out",
+        text(&out),
+        "--workers",
+        "1",
+        "--vary",
+        "seed=1..500",
+    ];
+    let child = start(&arguments);
+    until(|| std::fs::metadata(out.join("results.jsonl")).is_ok_and(|about| about.len() > 0));
+    folder.write("own.toml", &stock.replacen("duration = ", "duration = \"1 s\" # ", 1));
+    let said = finish(child);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err
+            .contains("own.toml has changed since the campaign began: start it again"),
+        "{said:?}"
+    );
+    assert_eq!(processes_of(&out), Vec::<String>::new());
+}
+
+#[test]
 fn a_grid_that_cannot_run_is_refused_before_anything_runs() {
     let folder = Folder::new("refused-grid");
     let out = folder.path().join("sweep");

@@ -217,6 +217,40 @@ fn interrupts_end_a_run_in_order() {
 }
 
 #[test]
+fn a_second_interrupt_ends_a_run_at_once_and_leaves_nothing_for_good() {
+    let folder = Folder::new("impatient");
+    let scenario = oscillator(&folder, "ignores_terminate");
+    let out = folder.path().join("run");
+    let child = start(&[
+        "run",
+        text(&scenario),
+        "--out",
+        text(&out),
+        "--real-time",
+        "--duration",
+        "1 h",
+    ]);
+    wait_for_bytes(&out.join("tape/plant.motion.bin"), 24);
+    // An end in order takes half a second for the one that ignores it: the second signal comes in between. Two of a kind might be
+    // taken for one.
+    signal(child.id(), rustix::process::Signal::INT);
+    signal(child.id(), rustix::process::Signal::TERM);
+    let said = finish(child);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        !said.err.contains("interrupted at t"),
+        "there was no time for words: {said:?}"
+    );
+    let started = Instant::now();
+    while !processes_of(folder.path()).is_empty() {
+        assert!(started.elapsed() < Duration::from_secs(60), "children outlive it");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
+    assert_eq!(leftovers(), Vec::<String>::new());
+}
+
+#[test]
 fn a_killed_participant_is_seen() {
     for who in ["plant", "damper"] {
         let (folder, child) = disturbed("killed");
@@ -308,6 +342,33 @@ fn a_full_disk_ends_the_run_and_names_the_file() {
     clean(&folder);
     let sound = recorder::tape::Reader::open(&out.join("tape"));
     assert!(sound.is_ok(), "{:?}", sound.err());
+}
+
+#[test]
+fn memory_that_cannot_be_had_is_named_by_its_service() {
+    // A limit on the size of files holds for shared memory as well: 400 KiB are too little for a record's 4 MiB.
+    let folder = Folder::new("memory");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    let shell = format!(
+        "ulimit -f 400; trap '' XFSZ; exec '{}' run '{}' --out '{}'",
+        orchestrator().display(),
+        scenario.display(),
+        out.display()
+    );
+    let mut command = Command::new("bash");
+    command
+        .args(["-c", &shell])
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let said = finish(command.spawn().unwrap());
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("shared memory of the run"), "{said:?}");
+    assert!(said.err.contains("failed: UnableToCreateDataSegment"), "{said:?}");
+    clean(&folder);
+    assert_eq!(leftovers(), Vec::<String>::new());
 }
 
 #[test]
