@@ -12,7 +12,21 @@ use rustix::process::{Pid, Signal, kill_process};
 pub fn leftovers() -> Vec<String> {
     let said = crate::program::orchestrate(&["doctor", "--json"]).json();
     let found = said["leftovers"].as_array().cloned().unwrap_or_default();
-    found.iter().map(ToString::to_string).collect()
+    found.iter().map(ToString::to_string).chain(orphans()).collect()
+}
+
+/// Objects in shared memory whose run has no folder any more, so that nobody would ever find them. Read from the machine itself:
+/// what the program says of it is not consulted. A run takes its objects away first and its folder last.
+pub fn orphans() -> Vec<String> {
+    let memory = Path::new("/dev/shm");
+    let entries = fs::read_dir(memory).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let orphan = |name: &String| {
+        let id = name.strip_prefix("esc_").and_then(|rest| rest.get(..16));
+        let base = format!("esc-{}", rustix::process::getuid().as_raw());
+        id.is_some_and(|id| !memory.join(base).join(id).exists()) && memory.join(name).exists()
+    };
+    names.filter(orphan).collect()
 }
 
 /// The processes whose command line or environment names `folder`.

@@ -4,7 +4,7 @@
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use escapement_tests::machine::{leftovers, processes_of, signal, wait_for_bytes, writer_of};
+use escapement_tests::machine::{leftovers, orphans, processes_of, signal, wait_for_bytes, writer_of};
 use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, start, text};
 use escapement_tests::world::oscillator;
 
@@ -22,6 +22,7 @@ fn ended(damper: &str, more: &[&str]) -> (Folder, Said) {
 
 fn clean(folder: &Folder) {
     assert_eq!(processes_of(folder.path()), Vec::<String>::new(), "processes are left");
+    assert_eq!(orphans(), Vec::<String>::new(), "shared memory is left");
 }
 
 /// The tape in `folder` begins as the undisturbed one does.
