@@ -33,7 +33,7 @@ pub fn fly(
     })?;
     // In a place that the next run or `doctor` clears if this program is killed.
     let scope = Scope::create()?;
-    let folder = scope.folder().join("flight");
+    let folder = scope.scratch()?.join("flight");
     let mut flown = Vec::new();
     // A payload is a body that the simulator has only after a grasp.
     for model in spec.models.iter().filter(|model| model.payload.is_none()) {

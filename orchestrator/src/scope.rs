@@ -6,7 +6,7 @@
 
 use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -16,6 +16,8 @@ use rustix::fs::{FlockOperation, flock};
 const SHARED_MEMORY: &str = "/dev/shm";
 const MARK: &str = "esc_";
 const LOCK: &str = "lock";
+/// In a run's folder, the way to what it has on disk.
+const SCRATCH: &str = "scratch";
 /// Letters in the name of a run, five random bits each.
 const ID: usize = 16;
 /// The last letter of a prefix: one for each place in shared memory that a run uses one after the other.
@@ -132,9 +134,17 @@ impl Scope {
         }
     }
 
-    /// A folder that only the user can enter, and that goes with the run.
-    pub fn folder(&self) -> &Path {
-        &self.folder
+    /// Makes a folder on disk that only the user can enter, for what is too large for memory. It goes with the run, also when
+    /// this process is killed; once for each scope.
+    pub fn scratch(&self) -> Result<PathBuf, ScopeError> {
+        let folder = std::env::temp_dir().join(format!("escapement-{}", self.id));
+        let folder = std::path::absolute(&folder).map_err(io_error(&folder, "cannot be named in full"))?;
+        let link = self.folder.join(SCRATCH);
+        // The link first: through it whoever clears up finds the folder.
+        symlink(&folder, &link).map_err(io_error(&link, "cannot be made"))?;
+        let made = DirBuilder::new().mode(0o700).create(&folder);
+        made.map_err(io_error(&folder, "cannot be made"))?;
+        Ok(folder)
     }
 
     /// Makes room for everybody to move to, so that nothing of a dead process can be met there.
@@ -168,6 +178,9 @@ fn prefix(id: &str) -> String {
 fn remove(prefix: &str, folder: &Path) {
     for object in objects(prefix) {
         let _ = fs::remove_file(object);
+    }
+    if let Ok(scratch) = fs::read_link(folder.join(SCRATCH)) {
+        let _ = fs::remove_dir_all(scratch);
     }
     let _ = fs::remove_dir_all(folder);
     // The common folder goes with the last run: while there is another one it is not empty.

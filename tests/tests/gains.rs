@@ -76,7 +76,7 @@ fn what_a_killed_flight_leaves_is_removed() {
         let entries = std::fs::read_dir(&base).into_iter().flatten().flatten();
         let mut flights = entries.map(|entry| entry.path());
         let ours = flights.find(|run| {
-            let plan = std::fs::read_to_string(run.join("flight/plan.toml"));
+            let plan = std::fs::read_to_string(run.join("scratch/flight/plan.toml"));
             plan.is_ok_and(|plan| plan.contains(&title))
         });
         if let Some(ours) = ours {
@@ -92,8 +92,11 @@ fn what_a_killed_flight_leaves_is_removed() {
     // While it lives nobody takes it away.
     assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
     assert!(left.exists());
+    let on_disk = left.join("scratch").canonicalize().expect("what is large is on disk");
     signal(child.id(), rustix::process::Signal::KILL);
     assert_eq!(finish(child).code, None);
     assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
-    assert!(!left.exists(), "{} is left", left.display());
+    for left in [left, on_disk] {
+        assert!(!left.exists(), "{} is left", left.display());
+    }
 }

@@ -6,14 +6,13 @@ use crate::bench::{self, Figures};
 use crate::cli::BenchArgs;
 use crate::run::{Options, Outcome, Wait, run as run_scenario};
 use crate::scenario::Scenario;
+use crate::scope::Scope;
 
 /// Measures and prints ratios.
 pub fn run(args: &BenchArgs) -> anyhow::Result<i32> {
-    let folder = std::env::temp_dir().join(format!("escapement-bench-{}", std::process::id()));
-    std::fs::create_dir_all(&folder)?;
-    let result = measure(args, &folder);
-    let _ = std::fs::remove_dir_all(&folder);
-    result.map(|()| 0)
+    let scope = Scope::create()?;
+    measure(args, &scope.scratch()?)?;
+    Ok(0)
 }
 
 fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
