@@ -317,18 +317,16 @@ fn two_runs_side_by_side_never_meet() {
     clean(&folder);
 }
 
-#[test]
-fn a_full_disk_ends_the_run_and_names_the_file() {
-    let folder = Folder::new("full");
+/// Runs the oscillator with a limit of `kib` KiB on the size of its files, shared memory included: as good as a full disk, and
+/// needs no rights.
+fn limited(kib: u32, duration: &str) -> (Folder, Said) {
+    let folder = Folder::new("limited");
     let scenario = oscillator(&folder, "damper");
-    let out = folder.path().join("run");
-    // A limit on the size of files is as good as a full disk, and needs no rights. 64 MiB are enough for shared memory and
-    // too little for 3,600,000 samples of 24 bytes.
     let shell = format!(
-        "ulimit -f 65536; trap '' XFSZ; exec '{}' run '{}' --out '{}' --duration '3600 s'",
+        "ulimit -f {kib}; trap '' XFSZ; exec '{}' run '{}' --out '{}' --duration '{duration}'",
         orchestrator().display(),
         scenario.display(),
-        out.display()
+        folder.path().join("run").display()
     );
     let mut command = Command::new("bash");
     command
@@ -338,37 +336,27 @@ fn a_full_disk_ends_the_run_and_names_the_file() {
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
     let said = finish(command.spawn().unwrap());
+    clean(&folder);
+    (folder, said)
+}
+
+#[test]
+fn a_full_disk_ends_the_run_and_names_the_file() {
+    // 64 MiB are enough for shared memory and too little for 3,600,000 samples of 24 bytes.
+    let (folder, said) = limited(65_536, "3600 s");
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.err.contains("plant.motion.bin"), "{said:?}");
-    clean(&folder);
-    let sound = recorder::tape::Reader::open(&out.join("tape"));
+    let sound = recorder::tape::Reader::open(&folder.path().join("run/tape"));
     assert!(sound.is_ok(), "{:?}", sound.err());
 }
 
 #[test]
 fn memory_that_cannot_be_had_is_named_by_its_service() {
-    // A limit on the size of files holds for shared memory as well: 400 KiB are too little for a record's 4 MiB.
-    let folder = Folder::new("memory");
-    let scenario = oscillator(&folder, "damper");
-    let out = folder.path().join("run");
-    let shell = format!(
-        "ulimit -f 400; trap '' XFSZ; exec '{}' run '{}' --out '{}'",
-        orchestrator().display(),
-        scenario.display(),
-        out.display()
-    );
-    let mut command = Command::new("bash");
-    command
-        .args(["-c", &shell])
-        .current_dir(root())
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped());
-    let said = finish(command.spawn().unwrap());
+    // 400 KiB are too little for a record's 4 MiB.
+    let (_folder, said) = limited(400, "10 s");
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.err.contains("shared memory of the run"), "{said:?}");
     assert!(said.err.contains("failed: UnableToCreateDataSegment"), "{said:?}");
-    clean(&folder);
     assert_eq!(leftovers(), Vec::<String>::new());
 }
 
