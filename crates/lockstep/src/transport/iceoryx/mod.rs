@@ -2,7 +2,8 @@
 //!
 //! | need | pattern | service |
 //! |---|---|---|
-//! | samples on link number n | publish-subscribe, one publisher, one subscriber | `link/n` |
+//! | samples on link number n, in a ring that is one sample of it | publish-subscribe | `link/n` |
+//! | how many of them have been taken | blackboard | `room/n` |
 //! | samples and notes of a participant to the recorder | publish-subscribe | `record/NAME` |
 //! | requests to a participant | request-response | `control/NAME` |
 //! | the horizon and the order to rest or leave | blackboard | `clock` |
@@ -17,6 +18,7 @@ mod link;
 mod record;
 mod status;
 mod wake;
+mod words;
 
 pub use clock::{ClockReader, ClockWriter, Order};
 pub use control::{ControlClient, ControlServer};

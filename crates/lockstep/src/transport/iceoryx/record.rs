@@ -12,7 +12,6 @@ use std::cell::RefCell;
 use std::mem::MaybeUninit;
 use std::ptr::NonNull;
 use std::rc::Rc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -21,6 +20,7 @@ use iceoryx2::sample::Sample;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::domain::{Domain, DomainError};
+use super::words::{Word, put};
 use super::{Ipc, broken};
 use crate::control::Note;
 use crate::transport::{Broken, Header, Recording};
@@ -40,18 +40,6 @@ const REASON: usize = 6 * 1024;
 /// Parcels on their way: 4 MiB, enough for participants that exchange samples every two microseconds while the recorder
 /// naps. Only what is used of them takes memory.
 const PARCELS: usize = 128;
-
-/// A word of a parcel: the participant writes while the recorder reads, so every access is atomic.
-#[derive(Debug)]
-#[repr(transparent)]
-struct Word(AtomicU64);
-
-// SAFETY: a 64-bit integer: no pointers, no padding, no drop.
-unsafe impl ZeroCopySend for Word {
-    unsafe fn type_name() -> &'static str {
-        "u64"
-    }
-}
 
 type Factory = PortFactory<Ipc, [Word], ()>;
 type Builder = iceoryx2::service::builder::publish_subscribe::Builder<[Word], (), Ipc>;
@@ -88,26 +76,15 @@ impl Open {
 
     fn append(&mut self, head: [u64; 4], payload: &[u8]) {
         let words = &self.words()[self.used..];
-        let put = |word: &Word, value: u64| word.0.store(value, Ordering::Relaxed);
-        words.iter().zip(head).for_each(|(word, value)| put(word, value));
-        let words = &words[head.len()..];
-        let (whole, rest) = payload.as_chunks::<8>();
-        words
-            .iter()
-            .zip(whole)
-            .for_each(|(word, bytes)| put(word, u64::from_ne_bytes(*bytes)));
-        if !rest.is_empty() {
-            let mut last = [0; 8];
-            last[..rest.len()].copy_from_slice(rest);
-            put(&words[whole.len()], u64::from_ne_bytes(last));
-        }
+        words.iter().zip(head).for_each(|(word, value)| word.set(value));
+        put(&words[head.len()..], payload);
         self.used += words_of(payload.len());
     }
 
     /// Everything so far is there for the recorder.
     fn commit(&self, closed: u64) {
         let bytes = 8 * (self.used as u64 - 1);
-        self.words()[0].0.store(bytes | closed, Ordering::Release);
+        self.words()[0].announce(bytes | closed);
     }
 }
 
@@ -183,7 +160,7 @@ impl RecordSender {
             .loan_slice_uninit(self.size)
             .map_err(|error| broken("no memory", error))?;
         let payload: &mut [MaybeUninit<Word>] = parcel.payload_mut();
-        payload[0].write(Word(AtomicU64::new(0)));
+        payload[0].write(Word::new(0));
         let words = NonNull::from(payload);
         let words = NonNull::slice_from_raw_parts(words.cast::<Word>(), self.size);
         // SAFETY: shared memory is zero or what an earlier parcel left there, and every bit pattern is a `Word`.
@@ -301,7 +278,7 @@ impl RecordReceiver {
         let more = self.subscriber.has_samples();
         let more = more.map_err(|e| broken("its record cannot be received", e))?;
         let fill =
-            |parcel: &Sample<Ipc, [Word], ()>| parcel.payload().first().map(|word| word.0.load(Ordering::Acquire));
+            |parcel: &Sample<Ipc, [Word], ()>| parcel.payload().first().map(Word::heard);
         // Looked at again: it may have been closed just before the next one was sent.
         match self.open.as_ref().and_then(fill) {
             Some(fill) if more && fill & CLOSED == 0 => Err(Broken(
@@ -322,11 +299,9 @@ impl RecordReceiver {
             }
             let Some(parcel) = &self.open else { return Ok(false) };
             let words = parcel.payload();
-            let fill = words.first().map(|word| word.0.load(Ordering::Acquire));
+            let fill = words.first().map(Word::heard);
             let (from, to) = (self.taken, committed(fill, words.len(), self.taken)?);
-            let new = words[1 + from..1 + to]
-                .iter()
-                .map(|word| word.0.load(Ordering::Relaxed));
+            let new = words[1 + from..1 + to].iter().map(Word::get);
             self.copy.clear();
             self.copy.extend(new);
             self.taken = to;
