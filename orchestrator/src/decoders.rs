@@ -28,7 +28,7 @@ pub const ALL: [(&str, Decode); 9] = [
     ("scenario", scenario),
     ("urdf", urdf),
     ("control", control),
-    ("parcel", parcel),
+    ("record", record),
     ("checkpoint", checkpoint),
     ("tape", tape),
     ("gains", gains),
@@ -103,8 +103,8 @@ fn check(interface: &Interface) {
     }
 }
 
-/// A parcel of samples and notes.
-pub fn parcel(bytes: &[u8]) {
+/// A record of samples and notes.
+pub fn record(bytes: &[u8]) {
     let mut entries = 0;
     let words: Vec<u64> = bytes
         .as_chunks::<8>()
@@ -112,13 +112,14 @@ pub fn parcel(bytes: &[u8]) {
         .iter()
         .map(|word| u64::from_le_bytes(*word))
         .collect();
-    let result: Result<(), Broken> = unpack(&words, |_| {
+    let result: Result<usize, Broken> = unpack(&words, |_| {
         entries += 1;
         Ok(())
     });
     assert!(entries <= bytes.len() / 32, "an entry has 32 bytes at least");
-    if let Err(broken) = result {
-        assert!(!broken.0.is_empty());
+    match result {
+        Ok(used) => assert!(used <= words.len()),
+        Err(broken) => assert!(!broken.0.is_empty()),
     }
 }
 

@@ -12,25 +12,32 @@ pub use participants::{factory, scenario_text};
 pub use scaling::scaling;
 pub use share::share;
 
-/// Sorted figures of repeated measurements.
+/// Figures of repeated measurements, in the order in which they were taken.
 #[derive(Debug, Clone, Default)]
 pub struct Figures(Vec<f64>);
 
 impl Figures {
     /// Adds one.
     pub fn add(&mut self, figure: f64) {
-        let at = self.0.partition_point(|&other| other < figure);
-        self.0.insert(at, figure);
+        self.0.push(figure);
     }
 
     /// The figure below which `percent` of all lie.
     pub fn percentile(&self, percent: usize) -> f64 {
-        let last = self.0.len().saturating_sub(1);
-        self.0.get(last * percent / 100).copied().unwrap_or(f64::NAN)
+        let mut sorted = self.0.clone();
+        sorted.sort_by(f64::total_cmp);
+        let last = sorted.len().saturating_sub(1);
+        sorted.get(last * percent / 100).copied().unwrap_or(f64::NAN)
     }
 
     /// The middle one.
     pub fn median(&self) -> f64 {
         self.percentile(50)
+    }
+
+    /// Each measurement in parts of the one of `other` that was taken right beside it: what the machine did meanwhile concerns
+    /// both.
+    pub fn beside(&self, other: &Figures) -> Figures {
+        Figures(self.0.iter().zip(&other.0).map(|(one, other)| one / other).collect())
     }
 }

@@ -17,7 +17,7 @@ pub fn run(args: &BenchArgs) -> anyhow::Result<i32> {
 
 fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
     println!(
-        "{} rounds of each, in turn; figures are 5th percentile, median and 95th percentile",
+        "{} rounds of each, in turn; figures are 5th percentile, median and 95th percentile, ratios those of each round",
         args.rounds
     );
     let all = bench::exchange(args.rounds, |steps, wait| ring(folder, 2, steps, wait))?;
@@ -25,14 +25,8 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
     row("lockstep, recording on", &all.lockstep);
     row("bare iceoryx2 publish-subscribe, polled", &all.bare);
     row("bare atomics, two threads", &all.atomics);
-    println!(
-        "  lockstep / bare iceoryx2: {:.2}",
-        all.lockstep.median() / all.bare.median()
-    );
-    println!(
-        "  lockstep / bare atomics:  {:.2}",
-        all.lockstep.median() / all.atomics.median()
-    );
+    row("  lockstep / bare iceoryx2", &all.lockstep.beside(&all.bare));
+    row("  lockstep / bare atomics", &all.lockstep.beside(&all.atomics));
 
     let sizes = bench::scaling(args.rounds.min(5), args.participants, |size, steps| {
         ring(folder, size, steps, Wait::Auto)
@@ -74,11 +68,10 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
         row("in one process, nothing recorded", &share.alone);
         row("in one process, recorded", &share.recorded);
         row("a process each, recorded", &share.processes);
-        let added = |figures: &Figures| 100.0 * (figures.median() / share.alone.median() - 1.0);
-        println!(
-            "  recording adds {:.1} %; lockstep and recording add {:.1} %",
-            added(&share.recorded),
-            added(&share.processes)
+        row("  recording: parts of that", &share.recorded.beside(&share.alone));
+        row(
+            "  lockstep and recording: parts of that",
+            &share.processes.beside(&share.alone),
         );
     }
     Ok(())

@@ -43,6 +43,14 @@ pub(super) struct Ready {
     _links: Vec<LinkService>,
 }
 
+/// A wait, up to the last look that was worth a look at the watch.
+#[derive(Debug, Clone, Copy)]
+struct Waited {
+    what: Wait,
+    since: Instant,
+    until: Instant,
+}
+
 /// Why a stretch of steps ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pause {
@@ -130,7 +138,7 @@ impl Ready {
         let started = Instant::now();
         let count = self.stepper.assignment().activations;
         self.stepper.extend_horizon(horizon);
-        let mut waiting: Option<(Wait, Instant)> = None;
+        let mut waiting: Option<Waited> = None;
         status.set(Status {
             next: self.stepper.next_activation(),
             activity: Activity::Computing,
@@ -146,10 +154,16 @@ impl Ready {
             };
             self.neighbours.wake();
             if let Progress::Waiting(wait) = progress {
-                if waiting.is_none_or(|(known, _)| known != wait)
-                    && let Some((known, since)) = waiting.replace((wait, Instant::now()))
-                {
-                    self.account(known, since);
+                if waiting.is_none_or(|known| known.what != wait) {
+                    let now = Instant::now();
+                    let begun = Waited {
+                        what: wait,
+                        since: now,
+                        until: now,
+                    };
+                    if let Some(known) = waiting.replace(begun) {
+                        self.account(Waited { until: now, ..known });
+                    }
                 }
                 if self.patience.is_long() {
                     status.set(Status {
@@ -161,10 +175,13 @@ impl Ready {
                     }
                 }
                 self.patience.pause(self.sleeping(wait), status, sleeper)?;
+                if let Some(waiting) = waiting.as_mut().filter(|_| self.patience.took_time()) {
+                    waiting.until = Instant::now();
+                }
                 continue;
             }
-            if let Some((wait, since)) = waiting.take() {
-                self.account(wait, since);
+            if let Some(waited) = waiting.take() {
+                self.account(waited);
                 self.patience.rest(status);
             }
             match progress {
@@ -237,9 +254,9 @@ impl Ready {
         .unwrap_or(Sleeping::FOR_ANYTHING)
     }
 
-    fn account(&mut self, wait: Wait, since: Instant) {
-        let nanos = since.elapsed().as_nanos() as u64;
-        match wait {
+    fn account(&mut self, Waited { what, since, until }: Waited) {
+        let nanos = (until - since).as_nanos() as u64;
+        match what {
             Wait::Sample { input, .. } => self.timing.inputs_ns[input] += nanos,
             Wait::Room { .. } => self.timing.room_ns += nanos,
             Wait::Recording => self.timing.recorder_ns += nanos,

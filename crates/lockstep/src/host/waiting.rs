@@ -47,6 +47,11 @@ impl Patience {
         self.asleep.is_some() || (self.looks > self.strategy.spins && self.looks.is_multiple_of(64))
     }
 
+    /// Whether the last pause was longer than a look at the watch, or there were enough of them since the last time.
+    pub(super) fn took_time(&self) -> bool {
+        self.looks > self.strategy.spins || self.looks.is_multiple_of(16)
+    }
+
     /// Lets some time pass before the next look for `what`.
     pub(super) fn pause(
         &mut self,

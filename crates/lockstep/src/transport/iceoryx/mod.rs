@@ -2,9 +2,8 @@
 //!
 //! | need | pattern | service |
 //! |---|---|---|
-//! | samples on link number n, in a ring that is one sample of it | publish-subscribe | `link/n` |
-//! | how many of them have been taken | blackboard | `room/n` |
-//! | samples and notes of a participant to the recorder | publish-subscribe | `record/NAME` |
+//! | samples on link number n | publish-subscribe and blackboard (a ring) | `link/n` |
+//! | samples and notes of a participant to the recorder | publish-subscribe and blackboard (a ring) | `record/NAME` |
 //! | requests to a participant | request-response | `control/NAME` |
 //! | the horizon and the order to rest or leave | blackboard | `clock` |
 //! | what a participant is doing, and whether it sleeps | blackboard | `status/NAME` |
@@ -16,6 +15,7 @@ mod control;
 mod domain;
 mod link;
 mod record;
+mod ring;
 mod status;
 mod wake;
 mod words;

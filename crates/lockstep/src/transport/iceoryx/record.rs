@@ -1,141 +1,113 @@
-//! Everything a participant has for the tape, in parcels of many samples.
+//! Everything a participant has for the tape, in a ring of words that the recorder holds.
 //!
-//! A parcel is sent while it is still empty, and filled while the recorder holds it: appending a sample is a copy into shared
-//! memory, and one store commits those of an activation. From then on the recorder finds them, whatever becomes of the
-//! participant. The first
-//! word of a parcel says how many bytes of entries are committed, and whether any more will come ([`CLOSED`]).
+//! Appending a sample is a copy into shared memory, and one store commits those of an activation. From then on the recorder finds them,
+//! whatever becomes of the participant. The first word of the memory says how many words of entries were ever committed; the ring
+//! begins on the next cache line. What the recorder counts are words too.
 //!
 //! An entry is a header of four 64-bit words (stream or [`NOTE`], bytes, index, stamp), then the payload, filled up to a
-//! multiple of 8.
+//! multiple of 8. Where the ring ends, it goes on at the ring's beginning.
 
 use std::cell::RefCell;
-use std::mem::MaybeUninit;
-use std::ptr::NonNull;
 use std::rc::Rc;
 
-use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::*;
-use iceoryx2::sample::Sample;
-use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
-
 use super::domain::{Domain, DomainError};
+use super::ring::{LINE, RingReader, RingService, RingWriter};
 use super::words::{Word, put};
-use super::{Ipc, broken};
 use crate::control::Note;
 use crate::transport::{Broken, Header, Recording};
 use crate::wire;
 
 /// Stands where the stream's number does, for a note.
 const NOTE: u64 = u64::MAX;
-/// The size of an entry's header, bytes.
-const ENTRY: usize = 32;
-/// Added to the count of committed bytes when no more will come.
-const CLOSED: u64 = 1 << 63;
-/// The least room in a parcel, bytes. Sending one costs as much as sending a sample, so it should hold many samples; it
-/// should also stay in a core's own cache.
-const PARCEL: usize = 32 * 1024;
-/// The longest reason that a failing participant may give, bytes: a note fits into a parcel.
+/// Words of an entry's header.
+const HEAD: usize = 4;
+/// The least room of a ring, words: enough for participants that exchange samples every microsecond while the recorder naps, and
+/// little enough to stay in a core's own cache.
+const ROOM: usize = 1 << 17;
+/// Words of a page of memory.
+const PAGE: usize = 512;
+/// Words that are taken at a time, if there is a whole entry in them.
+const BATCH: usize = 1 << 12;
+/// The longest reason that a failing participant may give, bytes: a note fits into a ring.
 const REASON: usize = 6 * 1024;
-/// Parcels on their way: 4 MiB, enough for participants that exchange samples every two microseconds while the recorder
-/// naps. Only what is used of them takes memory.
-const PARCELS: usize = 128;
 
-type Factory = PortFactory<Ipc, [Word], ()>;
-type Builder = iceoryx2::service::builder::publish_subscribe::Builder<[Word], (), Ipc>;
-
-fn builder(domain: &Domain, participant: &str) -> Result<Builder, DomainError> {
-    Ok(domain
-        .service(&format!("record/{participant}"))?
-        .publish_subscribe::<[Word]>())
+fn name(participant: &str) -> String {
+    format!("record/{participant}")
 }
 
 /// The words of an entry with a payload of `size` bytes.
 fn words_of(size: usize) -> usize {
-    (ENTRY + size).div_ceil(8)
-}
-
-/// A parcel that the recorder holds and that is still being filled.
-struct Open {
-    words: NonNull<[Word]>,
-    /// Words that are written, the first one of the parcel included.
-    used: usize,
-}
-
-impl Open {
-    fn words(&self) -> &[Word] {
-        // SAFETY: the words lie in the publisher's segment, which is mapped as long as the publisher lives and of fixed size,
-        // and `RecordSender` drops the publisher last. Nobody reuses them: the recorder gives a parcel back only when it is
-        // closed, after which there is no `Open` of it. All access is through atomics.
-        unsafe { self.words.as_ref() }
-    }
-
-    fn room(&self) -> usize {
-        self.words.len() - self.used
-    }
-
-    fn append(&mut self, head: [u64; 4], payload: &[u8]) {
-        let words = &self.words()[self.used..];
-        words.iter().zip(head).for_each(|(word, value)| word.set(value));
-        put(&words[head.len()..], payload);
-        self.used += words_of(payload.len());
-    }
-
-    /// Everything so far is there for the recorder.
-    fn commit(&self, closed: u64) {
-        let bytes = 8 * (self.used as u64 - 1);
-        self.words()[0].announce(bytes | closed);
-    }
+    HEAD + size.div_ceil(8)
 }
 
 /// The participant's end.
 pub struct RecordSender {
-    open: Option<Open>,
-    /// Words of a parcel. It never changes: a segment that grows would move.
+    ring: RingWriter,
+    /// Words of the ring.
     size: usize,
+    /// Where in the ring the next entry begins.
+    at: usize,
+    /// Words that were ever written, and those of them that the recorder had taken when that was last looked at.
+    written: u64,
+    taken: u64,
     /// The stream that an activation begins with, and the words of the entries of one activation.
     first: u32,
     activation: usize,
-    publisher: Publisher<Ipc, [Word], ()>,
-    _service: Factory,
+    _service: RingService,
 }
 
 impl RecordSender {
     /// Opens the way to the recorder for a participant whose activations append payloads of `sizes` bytes, that of stream
     /// `first` at first.
     pub fn open(domain: &Domain, participant: &str, first: u32, sizes: &[usize]) -> Result<RecordSender, DomainError> {
-        let what = || format!("opening the record of `{participant}`");
-        let service = builder(domain, participant)?
-            .open()
-            .map_err(|error| domain.failed(what(), error))?;
+        let service = RingService::open(domain, &name(participant))?;
         let activation = sizes.iter().map(|&size| words_of(size)).sum();
-        let size = (PARCEL / 8).max(1 + activation);
-        let publisher = service
-            .publisher_builder()
-            .initial_max_slice_len(size)
-            .max_loaned_samples(1)
-            .backpressure_strategy(BackpressureStrategy::DiscardData)
-            .create()
-            .map_err(|error| domain.failed(what(), error))?;
+        let size = ROOM.max(4 * activation);
+        let mut ring = service.writer(domain, LINE + size, PAGE)?;
+        // The recorder is there. Its memory is touched now, which takes time, rather than in the run.
+        let handed_over = ring.words().map(|_| ());
+        handed_over.map_err(|error| domain.failed(format!("handing over the record of `{participant}`"), error))?;
         Ok(RecordSender {
-            open: None,
+            ring,
             size,
+            at: 0,
+            written: 0,
+            taken: 0,
             first,
             activation,
-            publisher,
             _service: service,
         })
     }
 
-    /// A parcel with room for `words` more; `None` when there is none now.
-    fn with_room(&mut self, words: usize) -> Result<Option<&mut Open>, Broken> {
-        if self.open.as_ref().is_none_or(|open| open.room() < words) {
-            if let Some(full) = self.open.take() {
-                full.commit(CLOSED);
-            }
-            self.open = self.send()?;
+    /// Whether there is room for `words` more.
+    fn has_room(&mut self, words: usize) -> Result<bool, Broken> {
+        let fits = |taken| self.written + words as u64 - taken <= self.size as u64;
+        if fits(self.taken) {
+            return Ok(true);
         }
-        Ok(self.open.as_mut().filter(|open| open.room() >= words))
+        let taken = self.ring.taken(self.taken, self.written)?;
+        let room = fits(taken);
+        self.taken = taken;
+        Ok(room)
+    }
+
+    /// Writes an entry for which there is room. `false` when nobody is there to read it.
+    fn append(&mut self, head: [u64; HEAD], payload: &[u8]) -> Result<bool, Broken> {
+        let Some(words) = self.ring.words()? else {
+            return Ok(false);
+        };
+        let ring = &words[LINE..];
+        for bytes in [bytemuck::cast_slice(&head), payload] {
+            let (before, after) = bytes.split_at(bytes.len().min(8 * (self.size - self.at)));
+            put(&ring[self.at..], before);
+            put(ring, after);
+            self.at += bytes.len().div_ceil(8);
+            if self.at >= self.size {
+                self.at -= self.size;
+            }
+        }
+        self.written += words_of(payload.len()) as u64;
+        Ok(true)
     }
 
     fn sample(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
@@ -145,28 +117,20 @@ impl RecordSender {
         } else {
             words_of(payload.len())
         };
-        let Some(open) = self.with_room(words)? else {
-            return Ok(false);
-        };
-        let size = payload.len() as u64;
-        open.append([u64::from(stream), size, header.index, header.stamp as u64], payload);
-        Ok(true)
+        let head = [
+            u64::from(stream),
+            payload.len() as u64,
+            header.index,
+            header.stamp as u64,
+        ];
+        Ok(self.has_room(words)? && self.append(head, payload)?)
     }
 
-    /// Sends an empty parcel; `None` when there is no room for it now.
-    fn send(&self) -> Result<Option<Open>, Broken> {
-        let mut parcel = self
-            .publisher
-            .loan_slice_uninit(self.size)
-            .map_err(|error| broken("no memory", error))?;
-        let payload: &mut [MaybeUninit<Word>] = parcel.payload_mut();
-        payload[0].write(Word::new(0));
-        let words = NonNull::from(payload);
-        let words = NonNull::slice_from_raw_parts(words.cast::<Word>(), self.size);
-        // SAFETY: shared memory is zero or what an earlier parcel left there, and every bit pattern is a `Word`.
-        let parcel = unsafe { parcel.assume_init() };
-        let taken_by = parcel.send().map_err(|error| broken("sending", error))?;
-        Ok((taken_by > 0).then_some(Open { words, used: 1 }))
+    /// Everything so far is there for the recorder.
+    fn commit(&mut self) {
+        if let Ok(Some(words)) = self.ring.words() {
+            words[0].announce(self.written);
+        }
     }
 
     /// Puts a note behind the samples so far. `false` when there is no room now.
@@ -179,12 +143,12 @@ impl RecordSender {
             reason.truncate(end.unwrap_or(0));
         }
         let bytes = wire::encode("a note", &note).map_err(|error| Broken(error.to_string()))?;
-        let Some(open) = self.with_room(words_of(bytes.len()))? else {
-            return Ok(false);
-        };
-        open.append([NOTE, bytes.len() as u64, 0, 0], &bytes);
-        open.commit(0);
-        Ok(true)
+        let head = [NOTE, bytes.len() as u64, 0, 0];
+        let noted = self.has_room(words_of(bytes.len()))? && self.append(head, &bytes)?;
+        if noted {
+            self.commit();
+        }
+        Ok(noted)
     }
 }
 
@@ -198,9 +162,7 @@ impl Recording for SharedRecord {
     }
 
     fn commit(&mut self) {
-        if let Some(open) = &self.0.borrow().open {
-            open.commit(0);
-        }
+        self.0.borrow_mut().commit();
     }
 
     fn try_flush(&mut self) -> Result<bool, Broken> {
@@ -209,7 +171,7 @@ impl Recording for SharedRecord {
     }
 }
 
-/// What came out of a parcel.
+/// What came out of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Recorded<'a> {
     /// A sample of stream number `stream`.
@@ -227,134 +189,105 @@ pub enum Recorded<'a> {
 
 /// The recorder's end.
 pub struct RecordReceiver {
-    /// The parcel that is being filled, and how many of its bytes have been taken.
-    open: Option<Sample<Ipc, [Word], ()>>,
-    taken: usize,
+    ring: RingReader,
+    /// Words that were ever taken.
+    taken: u64,
     /// What is looked at: a copy, so that what is checked is what is used, whatever the sender does to its memory.
     copy: Vec<u64>,
-    subscriber: Subscriber<Ipc, [Word], ()>,
-    _service: Factory,
+    _service: RingService,
 }
 
 impl RecordReceiver {
     /// Creates the way from `participant` to the recorder.
     pub fn create(domain: &Domain, participant: &str) -> Result<RecordReceiver, DomainError> {
-        let what = || format!("creating the record of `{participant}`");
-        let service = builder(domain, participant)?
-            .enable_safe_overflow(false)
-            .history_size(0)
-            .subscriber_max_buffer_size(PARCELS)
-            .subscriber_max_borrowed_samples(1)
-            .max_publishers(2)
-            .max_subscribers(1)
-            .max_nodes(8)
-            .create()
-            .map_err(|error| domain.failed(what(), error))?;
-        let subscriber = service
-            .subscriber_builder()
-            .buffer_size(PARCELS)
-            .create()
-            .map_err(|error| domain.failed(what(), error))?;
+        // One writer; who opens another one is told so, which needs a place for it.
+        let service = RingService::create(domain, &name(participant), 2)?;
         Ok(RecordReceiver {
-            open: None,
+            ring: service.reader(domain)?,
             taken: 0,
-            copy: Vec::with_capacity(PARCEL / 8),
-            subscriber,
+            copy: Vec::with_capacity(BATCH),
             _service: service,
         })
     }
 
-    /// Hands the entries that have come to `take`, of one parcel at most; `false` when there is none. The parcel comes from
-    /// another process: whatever it holds, this ends, and says what is wrong with it.
-    pub fn receive<E: From<Broken>>(&mut self, take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<bool, E> {
-        if !self.copy_new()? {
+    /// Hands the entries that have come to `take`, a batch of them at most; `false` when there is none. They come from
+    /// another process: whatever they hold, this ends, and says what is wrong with it.
+    pub fn receive<E: From<Broken>>(&mut self, mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<bool, E> {
+        let Some(words) = self.ring.words()? else {
             return Ok(false);
+        };
+        let (size, new) = committed(words, self.taken)?;
+        if new == 0 {
+            return self.look_for_another().map(|()| false).map_err(E::from);
         }
-        unpack(&self.copy, take).map(|()| true)
-    }
-
-    /// A parcel is closed before the next one is sent. Who sends one beside it would be heard no more, so that is told.
-    fn look_for_another(&self) -> Result<(), Broken> {
-        let more = self.subscriber.has_samples();
-        let more = more.map_err(|e| broken("its record cannot be received", e))?;
-        let fill =
-            |parcel: &Sample<Ipc, [Word], ()>| parcel.payload().first().map(Word::heard);
-        // Looked at again: it may have been closed just before the next one was sent.
-        match self.open.as_ref().and_then(fill) {
-            Some(fill) if more && fill & CLOSED == 0 => Err(Broken(
-                "recorded a parcel beside one that is still open: close it first, and open one publisher of the record"
-                    .into(),
-            )),
-            _ => Ok(()),
-        }
-    }
-
-    /// Copies what has been committed since the last time; `false` when nothing has.
-    fn copy_new(&mut self) -> Result<bool, Broken> {
-        loop {
-            if self.open.is_none() {
-                let sample = self.subscriber.receive();
-                self.open = sample.map_err(|e| broken("its record cannot be received", e))?;
-                self.taken = 0;
-            }
-            let Some(parcel) = &self.open else { return Ok(false) };
-            let words = parcel.payload();
-            let fill = words.first().map(Word::heard);
-            let (from, to) = (self.taken, committed(fill, words.len(), self.taken)?);
-            let new = words[1 + from..1 + to].iter().map(Word::get);
+        let ring = &words[LINE..];
+        let at = (self.taken % size as u64) as usize;
+        let mut used = 0;
+        for count in [BATCH.min(new), new] {
             self.copy.clear();
-            self.copy.extend(new);
-            self.taken = to;
-            let closed = fill.is_some_and(|fill| fill & CLOSED != 0);
-            if closed {
-                self.open = None;
+            let before = count.min(size - at);
+            self.copy.extend(ring[at..at + before].iter().map(|word| word.get()));
+            self.copy.extend(ring[..count - before].iter().map(|word| word.get()));
+            used = unpack(&self.copy, &mut take)?;
+            if used == new || (0 < used && count < new) {
+                break;
             }
-            if from < to {
-                return Ok(true);
-            }
-            if !closed {
-                return self.look_for_another().map(|()| false);
+            if count == new {
+                return Err(Broken("recorded an entry that goes on behind what it committed".to_owned()).into());
             }
         }
+        self.taken += used as u64;
+        self.ring.took(self.taken);
+        Ok(true)
+    }
+
+    /// Who opens a second way to the recorder would be heard no more on the first or on the second, so that is told.
+    fn look_for_another(&self) -> Result<(), Broken> {
+        if self.ring.is_offered_more()? {
+            return Err(Broken(
+                "opened a second way to the recorder: open one publisher of the record, and send one sample".into(),
+            ));
+        }
+        Ok(())
     }
 }
 
-/// Hands the entries of a parcel, given in words, to `take`.
+/// The size of the ring in a record's memory and the words in it that are committed and not taken.
+fn committed(words: &[Word], taken: u64) -> Result<(usize, usize), Broken> {
+    let odd = |what: String| Err(Broken(format!("keeps a record {what}")));
+    if words.len() <= LINE {
+        return odd(format!("of {} words", words.len()));
+    }
+    let (size, fill) = (words.len() - LINE, words[0].heard());
+    match fill.checked_sub(taken) {
+        None => odd(format!("that shrank from {taken} words to {fill}")),
+        Some(new) if new > size as u64 => odd(format!("of {size} words with {new} committed at once")),
+        Some(new) => Ok((size, new as usize)),
+    }
+}
+
+/// Hands the whole entries at the beginning of `words` to `take`, and says how many words they are.
 ///
 /// # Errors
-/// What is wrong with the parcel, or what `take` says.
-pub fn unpack<E: From<Broken>>(parcel: &[u64], mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<(), E> {
-    let mut rest = parcel;
-    while !rest.is_empty() {
-        let (entry, after) = split_entry(rest)?;
+/// What is wrong with them, or what `take` says.
+pub fn unpack<E: From<Broken>>(words: &[u64], mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<usize, E> {
+    let mut rest = words;
+    while let Some((entry, after)) = split_entry(rest)? {
         take(entry)?;
         rest = after;
     }
-    Ok(())
+    Ok(words.len() - rest.len())
 }
 
-/// The words of entries that a parcel of `len` words has, which begins with `fill`; `taken` were there before.
-fn committed(fill: Option<u64>, len: usize, taken: usize) -> Result<usize, Broken> {
-    let odd = |what: String| Err(Broken(format!("recorded a parcel {what}")));
-    let Some(fill) = fill else {
-        return odd("without a word".into());
+/// The first entry and what follows it; `None` when it is not all there.
+fn split_entry(words: &[u64]) -> Result<Option<(Recorded<'_>, &[u64])>, Broken> {
+    let Some((&[stream, size, index, stamp], rest)) = words.split_first_chunk::<HEAD>() else {
+        return Ok(None);
     };
-    let bytes = fill & !CLOSED;
-    match usize::try_from(bytes / 8) {
-        Ok(words) if bytes.is_multiple_of(8) && words < len && words >= taken => Ok(words),
-        Ok(words) if words < taken => odd(format!("that shrank from {} bytes to {bytes}", 8 * taken)),
-        _ => odd(format!("of {} bytes with {bytes} committed", 8 * len)),
-    }
-}
-
-fn split_entry(words: &[u64]) -> Result<(Recorded<'_>, &[u64]), Broken> {
-    let torn = || Broken("recorded an entry that ends outside of its parcel".to_owned());
-    let (&[stream, size, index, stamp], rest) = words.split_first_chunk().ok_or_else(torn)?;
     let bytes: &[u8] = bytemuck::cast_slice(rest);
-    let payload = usize::try_from(size)
-        .ok()
-        .and_then(|size| bytes.get(..size))
-        .ok_or_else(torn)?;
+    let Some(payload) = usize::try_from(size).ok().and_then(|size| bytes.get(..size)) else {
+        return Ok(None);
+    };
     let rest = &rest[payload.len().div_ceil(8)..];
     let entry = if stream == NOTE {
         Recorded::Note(
@@ -373,60 +306,69 @@ fn split_entry(words: &[u64]) -> Result<(Recorded<'_>, &[u64]), Broken> {
             payload,
         }
     };
-    Ok((entry, rest))
+    Ok(Some((entry, rest)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// All entries, or what is wrong.
-    fn read(words: &[u64]) -> Result<usize, Broken> {
-        let (mut rest, mut count) = (words, 0);
-        while !rest.is_empty() {
-            rest = split_entry(rest)?.1;
+    /// How many entries there are and how many words they have, or what is wrong.
+    fn read(words: &[u64]) -> Result<(usize, usize), Broken> {
+        let mut count = 0;
+        let used = unpack(words, |_| {
             count += 1;
-        }
-        Ok(count)
+            Ok::<(), Broken>(())
+        })?;
+        Ok((count, used))
+    }
+
+    fn shared(words: &[u64]) -> Vec<Word> {
+        words.iter().map(|&word| Word::new(word)).collect()
     }
 
     #[test]
-    fn whatever_a_parcel_holds_it_ends_with_a_reason() {
+    fn whatever_a_record_holds_it_ends_with_a_reason() {
         let sample = [3, 9, 5, 50, 1, 2];
-        assert_eq!(read(&[sample, sample].concat()), Ok(2));
-        for bad in [
-            &[3, 17, 5, 50, 1, 2][..], // ends outside
+        assert_eq!(read(&[sample, sample].concat()), Ok((2, 12)));
+        for torn in [
+            &[3, 17, 5, 50, 1, 2][..],
             &[3, u64::MAX, 5, 50, 1, 2],
             &[3, 1 << 63, 5, 50],
-            &[3, 9, 5],                     // no whole header
-            &[1 << 40, 0, 5, 50],           // a stream that nobody can have
+            &[3, 9, 5],
+        ] {
+            assert_eq!(read(torn), Ok((0, 0)), "{torn:?}");
+            assert_eq!(read(&[&sample[..], torn].concat()), Ok((1, 6)), "{torn:?}");
+        }
+        for bad in [
+            &[1 << 40, 0, 5, 50][..],       // a stream that nobody can have
             &[NOTE, 8, 0, 0, 77],           // no such note
             &[NOTE, 16, 0, 0, 0, u64::MAX], // a count without end
         ] {
             assert!(read(bad).is_err(), "{bad:?}");
         }
-        for (fill, len, taken) in [
-            (None, 0, 0),
-            (Some(8), 1, 0),
-            (Some(9), 8, 0),
-            (Some(8), 8, 2),
-            (Some(!CLOSED), 8, 0),
+        for (words, taken) in [
+            (&[][..], 0),
+            (&[8; LINE], 0),
+            (&[5; 20], 6),
+            (&[13; 20], 0),
+            (&[u64::MAX; 20], 3),
         ] {
-            assert!(committed(fill, len, taken).is_err(), "{fill:?} {len} {taken}");
+            assert!(committed(&shared(words), taken).is_err(), "{words:?} {taken}");
         }
-        assert_eq!(committed(Some(16 | CLOSED), 3, 1), Ok(2));
+        assert_eq!(committed(&shared(&[13; 20]), 4), Ok((12, 9)));
     }
 
     #[test]
     fn random_words_never_panic() {
-        let draws = crate::random::Stream::new(1, "parcels");
+        let draws = crate::random::Stream::new(1, "records");
         for round in 0..20_000 {
             let word = |at: u64| draws.bits(64 * round + at);
             let words: Vec<u64> = (0..word(0) % 40)
                 .map(|at| word(1 + at) >> (word(1 + at) % 64))
                 .collect();
             let _ = read(&words);
-            let _ = committed(words.first().copied(), words.len(), 1);
+            let _ = committed(&shared(&words), 1);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Shared memory as words: one process writes while another reads, so every access is atomic.
+//! Shared memory as words: one process writes while another may read, so what is read, is read atomically.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -21,37 +21,46 @@ impl Word {
         Word(AtomicU64::new(value))
     }
 
+    #[inline]
     pub(super) fn get(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
 
+    #[inline]
     pub(super) fn set(&self, value: u64) {
         self.0.store(value, Ordering::Relaxed);
     }
 
     /// The value, and with it everything that was written before it was announced.
+    #[inline]
     pub(super) fn heard(&self) -> u64 {
         self.0.load(Ordering::Acquire)
     }
 
     /// Sets the value, for those who then see what was written before.
+    #[inline]
     pub(super) fn announce(&self, value: u64) {
         self.0.store(value, Ordering::Release);
     }
 }
 
-/// Writes `bytes`, the last word filled up with zeros.
+/// Writes `bytes`, the last word filled up with zeros. Nobody may look at these words before they have been announced.
+///
+/// # Panics
+/// When there are not enough words.
 pub(super) fn put(words: &[Word], bytes: &[u8]) {
-    let (whole, rest) = bytes.as_chunks::<8>();
-    words
-        .iter()
-        .zip(whole)
-        .for_each(|(word, bytes)| word.set(u64::from_ne_bytes(*bytes)));
-    if !rest.is_empty() {
-        let mut last = [0; 8];
-        last[..rest.len()].copy_from_slice(rest);
-        words[whole.len()].set(u64::from_ne_bytes(last));
+    let words = &words[..bytes.len().div_ceil(8)];
+    if !bytes.len().is_multiple_of(8) {
+        words[words.len() - 1].set(0);
     }
+    // SAFETY: there is room, as the line above has checked; the words are cells, which may be written through a shared reference; and
+    // who reads them in this process does so after an announcement that follows. What another process does to them in the
+    // meantime can only spoil what it reads itself.
+    unsafe {
+        bytes
+            .as_ptr()
+            .copy_to_nonoverlapping(words.as_ptr().cast_mut().cast::<u8>(), bytes.len())
+    };
 }
 
 /// Reads as many bytes as `bytes` has.

@@ -1,0 +1,203 @@
+//! Memory that one process writes and another reads, and how much of it has been read.
+//!
+//! The memory is one sample of publish-subscribe. It is sent once, while it is empty, and written while the reader holds it. So what
+//! goes through it costs no call of iceoryx2, which would take a handle from the heap for every sample. How far the reader is stands on a
+//! blackboard: a reader of iceoryx2 cannot write into a sample.
+
+use std::ptr::NonNull;
+
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::reader::{EntryHandle, Reader};
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::writer::{EntryHandleMut, Writer};
+use iceoryx2::prelude::*;
+use iceoryx2::sample::Sample;
+use iceoryx2::service::builder::publish_subscribe::Builder;
+use iceoryx2::service::port_factory::{blackboard, publish_subscribe};
+
+use super::domain::{Domain, DomainError};
+use super::words::Word;
+use super::{Ipc, broken};
+use crate::transport::Broken;
+
+/// Words of a cache line; the memory begins on one.
+pub(super) const LINE: usize = 8;
+/// The key of the reader's count.
+const TAKEN: u64 = 0;
+
+/// The two services of one ring. Whoever holds them keeps them alive.
+pub(super) struct RingService {
+    memory: publish_subscribe::PortFactory<Ipc, [Word], ()>,
+    taken: blackboard::PortFactory<Ipc, u64>,
+    name: String,
+}
+
+impl RingService {
+    fn memory(domain: &Domain, name: &str) -> Result<Builder<[Word], (), Ipc>, DomainError> {
+        let builder = domain.service(name)?.publish_subscribe::<[Word]>();
+        Ok(builder.payload_alignment(Alignment::new(8 * LINE).expect("a power of two")))
+    }
+
+    /// Creates the services `name` for one reader and up to `writers` writers.
+    pub(super) fn create(domain: &Domain, name: &str, writers: usize) -> Result<RingService, DomainError> {
+        let failed = |error: &dyn std::fmt::Debug| domain.failed(format!("creating `{name}`"), error);
+        let memory = Self::memory(domain, name)?
+            .enable_safe_overflow(false)
+            .history_size(0)
+            .subscriber_max_buffer_size(1)
+            .subscriber_max_borrowed_samples(1)
+            .max_publishers(writers)
+            .max_subscribers(1)
+            .max_nodes(writers + 3)
+            .create()
+            .map_err(|error| failed(&error))?;
+        let taken = domain
+            .service(name)?
+            .blackboard_creator::<u64>()
+            .add::<u64>(TAKEN, 0)
+            .max_readers(writers)
+            .max_nodes(writers + 3)
+            .create()
+            .map_err(|error| failed(&error))?;
+        let name = name.to_owned();
+        Ok(RingService { memory, taken, name })
+    }
+
+    /// Opens the services `name`.
+    pub(super) fn open(domain: &Domain, name: &str) -> Result<RingService, DomainError> {
+        let failed = |error: &dyn std::fmt::Debug| domain.failed(format!("opening `{name}`"), error);
+        let memory = Self::memory(domain, name)?.open().map_err(|error| failed(&error))?;
+        let taken = domain
+            .service(name)?
+            .blackboard_opener::<u64>()
+            .open()
+            .map_err(|error| failed(&error))?;
+        let name = name.to_owned();
+        Ok(RingService { memory, taken, name })
+    }
+
+    /// The writing end of `len` words. Every word whose number is a multiple of `cleared` is zero at first.
+    pub(super) fn writer(&self, domain: &Domain, len: usize, cleared: usize) -> Result<RingWriter, DomainError> {
+        let failed =
+            |error: &dyn std::fmt::Debug| domain.failed(format!("opening the writer of `{}`", self.name), error);
+        let publisher = self
+            .memory
+            .publisher_builder()
+            .initial_max_slice_len(len)
+            .max_loaned_samples(1)
+            // Memory that nobody takes is not lost: `words` sees that, and sends it again.
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|error| failed(&error))?;
+        let reader = self.taken.reader_builder().create().map_err(|error| failed(&error))?;
+        Ok(RingWriter {
+            words: None,
+            len,
+            cleared,
+            taken: reader.entry::<u64>(&TAKEN).map_err(|error| failed(&error))?,
+            _reader: reader,
+            publisher,
+        })
+    }
+
+    /// The reading end.
+    pub(super) fn reader(&self, domain: &Domain) -> Result<RingReader, DomainError> {
+        let failed =
+            |error: &dyn std::fmt::Debug| domain.failed(format!("opening the reader of `{}`", self.name), error);
+        let subscriber = self
+            .memory
+            .subscriber_builder()
+            .buffer_size(1)
+            .create()
+            .map_err(|error| failed(&error))?;
+        let writer = self.taken.writer_builder().create().map_err(|error| failed(&error))?;
+        Ok(RingReader {
+            held: None,
+            taken: writer.entry::<u64>(&TAKEN).map_err(|error| failed(&error))?,
+            _writer: writer,
+            subscriber,
+        })
+    }
+}
+
+/// The writing end.
+pub(super) struct RingWriter {
+    /// The memory, once the reader holds it.
+    words: Option<NonNull<[Word]>>,
+    len: usize,
+    cleared: usize,
+    taken: EntryHandle<Ipc, u64, u64>,
+    _reader: Reader<Ipc, u64>,
+    publisher: Publisher<Ipc, [Word], ()>,
+}
+
+impl RingWriter {
+    /// The memory; `None` while nobody is there to read it.
+    #[inline]
+    pub(super) fn words(&mut self) -> Result<Option<&[Word]>, Broken> {
+        if self.words.is_none() {
+            self.words = self.hand_over()?;
+        }
+        // SAFETY: the words lie in the publisher's segment, which is mapped as long as the publisher lives and of fixed size. Nobody
+        // reuses them: a sample that was taken is the last one that the publisher sends, and the reader holds it to its end.
+        Ok(self.words.map(|words| unsafe { words.as_ref() }))
+    }
+
+    fn hand_over(&self) -> Result<Option<NonNull<[Word]>>, Broken> {
+        let mut sample = self
+            .publisher
+            .loan_slice_uninit(self.len)
+            .map_err(|error| broken("no memory", error))?;
+        let payload = sample.payload_mut();
+        payload.iter_mut().step_by(self.cleared).for_each(|word| {
+            word.write(Word::new(0));
+        });
+        let words = NonNull::slice_from_raw_parts(NonNull::from(payload).cast::<Word>(), self.len);
+        // SAFETY: shared memory is zero or what was there before, and every bit pattern is a `Word`.
+        let sample = unsafe { sample.assume_init() };
+        let taken_by = sample.send().map_err(|error| broken("sending", error))?;
+        Ok((taken_by > 0).then_some(words))
+    }
+
+    /// What the reader has counted, which was `before` when it was last asked for; `written` is there to be counted.
+    pub(super) fn taken(&self, before: u64, written: u64) -> Result<u64, Broken> {
+        let taken = *self.taken.get();
+        if (before..=written).contains(&taken) {
+            return Ok(taken);
+        }
+        Err(Broken(format!(
+            "its reader says that it took {taken} of {written}, after {before}"
+        )))
+    }
+}
+
+/// The reading end.
+pub(super) struct RingReader {
+    held: Option<Sample<Ipc, [Word], ()>>,
+    taken: EntryHandleMut<Ipc, u64, u64>,
+    _writer: Writer<Ipc, u64>,
+    subscriber: Subscriber<Ipc, [Word], ()>,
+}
+
+impl RingReader {
+    /// The memory, when it has come.
+    #[inline]
+    pub(super) fn words(&mut self) -> Result<Option<&[Word]>, Broken> {
+        if self.held.is_none() {
+            self.held = self.subscriber.receive().map_err(|error| broken("receiving", error))?;
+        }
+        Ok(self.held.as_ref().map(|sample| sample.payload()))
+    }
+
+    /// Whether more memory has been sent, which nobody will read.
+    pub(super) fn is_offered_more(&self) -> Result<bool, Broken> {
+        self.subscriber
+            .has_samples()
+            .map_err(|error| broken("receiving", error))
+    }
+
+    /// Says how much has been taken.
+    pub(super) fn took(&self, count: u64) {
+        self.taken.update_with_copy(count);
+    }
+}

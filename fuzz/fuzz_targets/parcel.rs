@@ -1,4 +1,0 @@
-//! `orchestrator::decoders::parcel` under libFuzzer.
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| orchestrator::decoders::parcel(bytes));
