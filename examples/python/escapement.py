@@ -12,22 +12,12 @@ import tomllib
 
 import iceoryx2 as iox2
 
-PROTOCOL = 2
+PROTOCOL = 3
 SAMPLED, CONTINUOUS = 0, 1
-NOTE, CLOSED = 2**64 - 1, 1 << 63
-PARCEL = 32 * 1024
+NOTE = 2**64 - 1
+LINE, RECORD = 64, 512 * 1024
 ELEMENTS = "dfqiQIB"  # struct's letters for the elements f64, f32, i64, i32, u64, u32, u8
 U64 = 2**64 - 1
-
-
-class Header(ctypes.Structure):
-    """In front of every sample of a link."""
-
-    _fields_ = [("index", ctypes.c_uint64), ("stamp", ctypes.c_int64)]
-
-    @staticmethod
-    def type_name():
-        return "EscapementHeader"
 
 
 class Row(ctypes.Structure):
@@ -112,8 +102,8 @@ class Reader:
     def consumer(self):
         link, to, _number = self.take("I"), self.text(), self.take("I")
         visibility, sample_time = self.visibility(), self.sample_time()
-        first, _capacity, end = self.take("B") == 1, self.take("I"), self.take("q")
-        return Consumer(link, to, visibility, sample_time, first, end)
+        first, capacity, end = self.take("B") == 1, self.take("I"), self.take("q")
+        return Consumer(link, to, visibility, sample_time, first, capacity, end)
 
     def assignment(self):
         name, tick, sample_time, activations = self.text(), self.text(), self.sample_time(), self.take("Q")
@@ -203,8 +193,8 @@ class Visibility:
 class Consumer:
     """Somebody who reads an output: knows whether it will ever read a sample."""
 
-    def __init__(self, link, to, visibility, sample_time, first, end):
-        self.link, self.to, self.visibility, self.first = link, to, visibility, first
+    def __init__(self, link, to, visibility, sample_time, first, capacity, end):
+        self.link, self.to, self.visibility, self.first, self.capacity = link, to, visibility, first, capacity
         (self.t, self.period), self.end, self.due = sample_time, end, -1
 
     def wants(self, index):
@@ -220,33 +210,104 @@ class Consumer:
 # The run: sections 1, 4, 5 and 6.
 
 
-class Parcels:
-    """The way to the recorder. A parcel is sent empty and filled while the recorder holds it."""
+def slot_size(payload):
+    return (24 + payload + LINE - 1) // LINE * LINE
 
-    def __init__(self, publisher, size):
-        self.publisher, self.size, self.base, self.used = publisher, size, None, 0
 
-    def word(self, value):
-        ctypes.c_uint64.from_address(self.base).value = value
+class Memory:
+    """What one process writes and another reads: `words` of it, those whose number is a multiple of `cleared` 0 at first."""
+
+    def __init__(self, services, words, cleared):
+        samples, board = services
+        builder = samples.publisher_builder().initial_max_slice_len(words).max_loaned_samples(1)
+        self.publisher = builder.backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
+        self.counted = board.reader_builder().create().entry(ctypes.c_uint64(0), ctypes.c_uint64)
+        self.words, self.cleared, self.base = words, cleared, None
+
+    def there(self):
+        """Hands it over, once."""
+        if self.base is None:
+            sample = self.publisher.loan_slice_uninit(self.words)
+            base = sample.payload_ptr
+            for word in range(0, self.words, self.cleared):
+                ctypes.c_uint64.from_address(base + 8 * word).value = 0
+            if sample.assume_init().send() > 0:
+                self.base = base
+        return self.base is not None
+
+    def taken(self):
+        return self.counted.get().decode_as(ctypes.c_uint64).value
+
+    def announce(self, at, value):
+        ctypes.c_uint64.from_address(self.base + at).value = value
+
+    def write(self, at, data):
+        ctypes.memmove(self.base + at, data, len(data))
+
+
+class Sender:
+    """The sending end of a link."""
+
+    def __init__(self, services, capacity, size):
+        self.slot, self.capacity, self.sent = slot_size(size), capacity, 0
+        self.memory = Memory(services, capacity * self.slot // 8, self.slot // 8)
+
+    def send(self, index, stamp, payload):
+        """False when there is no room now."""
+        if not self.memory.there() or self.sent - self.memory.taken() == self.capacity:
+            return False
+        at = self.sent % self.capacity * self.slot
+        self.memory.write(at + 8, struct.pack("<Qq", index, stamp) + payload)
+        self.sent += 1
+        self.memory.announce(at, self.sent)
+        return True
+
+
+class Receiver:
+    """The receiving end of a link."""
+
+    def __init__(self, services, capacity, size):
+        samples, board = services
+        self.subscriber = samples.subscriber_builder().buffer_size(1).create()
+        self.counted = board.writer_builder().create().entry(ctypes.c_uint64(0), ctypes.c_uint64)
+        self.slot, self.capacity, self.size, self.taken, self.sample = slot_size(size), capacity, size, 0, None
+
+    def receive(self):
+        """Index, stamp and payload of the next sample, if it is there."""
+        self.sample = self.sample or self.subscriber.receive()
+        if self.sample is None:
+            return None
+        base = self.sample.payload().as_ptr() + self.taken % self.capacity * self.slot
+        if ctypes.c_uint64.from_address(base).value != self.taken + 1:
+            return None
+        index, stamp = struct.unpack("<Qq", ctypes.string_at(base + 8, 16))
+        payload = ctypes.string_at(base + 24, self.size)
+        self.taken += 1
+        self.counted.update_with_copy(ctypes.c_uint64(self.taken))
+        return index, stamp, payload
+
+
+class Record:
+    """The way to the recorder."""
+
+    def __init__(self, services, activation):
+        self.size = max(RECORD, 4 * activation)
+        self.memory = Memory(services, (LINE + self.size) // 8, (LINE + self.size) // 8)
+        self.written = 0
 
     def append(self, entries, wait):
         """Entries of stream, index, stamp and payload: all of one activation, committed together."""
         data = b""
         for stream, index, stamp, payload in entries:
             data += struct.pack("<QQQq", stream, len(payload), index, stamp) + payload + bytes(-len(payload) % 8)
-        if self.base is not None and 8 + self.used + len(data) > self.size:
-            self.word(self.used | CLOSED)
-            self.base = None
-        while self.base is None:
-            parcel = self.publisher.loan_slice_uninit(self.size // 8)
-            self.base, self.used = parcel.payload_ptr, 0
-            self.word(0)
-            if parcel.assume_init().send() == 0:
-                self.base = None
-                wait()
-        ctypes.memmove(self.base + 8 + self.used, data, len(data))
-        self.used += len(data)
-        self.word(self.used)
+        while not self.memory.there() or self.written + len(data) - 8 * self.memory.taken() > self.size:
+            wait()
+        at = self.written % self.size
+        before = self.size - at
+        self.memory.write(LINE + at, data[:before])
+        self.memory.write(LINE, data[before:])
+        self.written += len(data)
+        self.memory.announce(0, self.written // 8)
 
 
 class Session:
@@ -272,7 +333,7 @@ class Session:
         control = self.service(f"control/{self.name}").request_response(iox2.Slice[ctypes.c_uint8], iox2.Slice[ctypes.c_uint8])
         server = control.open().server_builder().initial_max_slice_len(65536)
         self.server = server.allocation_strategy(iox2.AllocationStrategy.PowerOfTwo).create()
-        self.model = self.parcels = None
+        self.model = self.record = None
         self.leaving = False
 
     def service(self, name):
@@ -334,29 +395,24 @@ class Session:
         self.horizon = clock.entry(ctypes.c_uint64(0), ctypes.c_int64)
         self.order = clock.entry(ctypes.c_uint64(1), ctypes.c_uint64)
         self.inputs, self.outputs, self.others = inputs, outputs, {}
-        for link in filter(None, inputs):
-            link["subscriber"] = self.link(link["link"]).subscriber_builder().buffer_size(link["capacity"]).create()
-            link["received"] = -1
-            self.meet(link["from"])
+        for link, (_, message, _) in zip(inputs, self.model.inputs):
+            if link:
+                link["receiver"] = Receiver(self.ring(f"link/{link['link']}"), link["capacity"], message.size)
+                link["received"] = -1
+                self.meet(link["from"])
         for (_, consumers), (_, message) in zip(outputs, self.model.outputs):
             for to in consumers:
-                to.publisher = self.publisher(self.link(to.link), message.size)
+                to.sender = Sender(self.ring(f"link/{to.link}"), to.capacity, message.size)
                 self.meet(to.to)
-        activation = 8 + sum(40 + message.size for _, message in self.model.outputs)
-        size = max(PARCEL, activation + -activation % 8)
-        record = self.service(f"record/{name}").publish_subscribe(iox2.Slice[ctypes.c_uint64]).open()
-        self.parcels = Parcels(self.publisher(record, size // 8), size)
+        activation = sum(32 + message.size + -message.size % 8 for _, message in self.model.outputs)
+        self.record = Record(self.ring(f"record/{name}"), activation)
         self.payloads = [bytes(message.size) for _, message, _ in self.model.inputs]
         self.values = [(0,) * len(struct.unpack(m.format, bytes(m.size))) for _, m in self.model.outputs]
         self.next, self.initialised, self.rests_at, self.recalled = 0, False, -(2**63), False
 
-    def link(self, number):
-        service = self.service(f"link/{number}").publish_subscribe(iox2.Slice[ctypes.c_uint8])
-        return service.user_header(Header).payload_alignment(iox2.Alignment.new(8)).open()
-
-    def publisher(self, service, length):
-        builder = service.publisher_builder().initial_max_slice_len(length).max_loaned_samples(1)
-        return builder.backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
+    def ring(self, name):
+        samples = self.service(name).publish_subscribe(iox2.Slice[ctypes.c_uint64])
+        return samples.payload_alignment(iox2.Alignment.new(LINE)).open(), self.board(name)
 
     def meet(self, port):
         other = port.split(".")[0]
@@ -398,15 +454,14 @@ class Session:
             self.payloads[number] = link["initial"] or bytes(message.size)
             return
         while link["received"] < read:
-            sample = link["subscriber"].receive()
+            sample = link["receiver"].receive()
             if sample is None:
                 self.wait(2, number, read)
                 continue
-            header, payload = sample.user_header().contents, sample.payload()
-            index, stamp, size = header.index, header.stamp, payload.len()
-            if not link["received"] < index <= read or stamp != link["visibility"].instant(index) or size != message.size:
+            index, stamp, payload = sample
+            if not link["received"] < index <= read or stamp != link["visibility"].instant(index):
                 raise ValueError(f"`{link['from']}` sent sample #{index} stamped {stamp} where #{read} is due")
-            self.payloads[number], link["received"] = ctypes.string_at(payload.as_ptr(), size), index
+            self.payloads[number], link["received"] = payload, index
             if not message.finite(self.payloads[number]):
                 raise ValueError(f"`{link['from']}` sent sample #{index} with a value that is not finite")
 
@@ -417,20 +472,15 @@ class Session:
             if not message.finite(payload):
                 raise ValueError(f"its output `{name}` is not finite")
             entries.append((stream, index, stamp, payload))
-        self.parcels.append(entries, lambda: self.wait(4))
+        self.record.append(entries, lambda: self.wait(4))
         for output, ((_, consumers), (_, _, _, payload)) in enumerate(zip(self.outputs, entries)):
             for position, to in enumerate(consumers):
-                while to.wants(index):
-                    sample = to.publisher.loan_slice_uninit(len(payload))
-                    sample.user_header().contents.index, sample.user_header().contents.stamp = index, stamp
-                    ctypes.memmove(sample.payload_ptr, payload, len(payload))
-                    if sample.assume_init().send() > 0:
-                        break
+                while to.wants(index) and not to.sender.send(index, stamp, payload):
                     self.wait(3, output, position)
         self.wake()
 
     def note(self, payload):
-        self.parcels.append([(NOTE, 0, 0, payload)], lambda: self.wait(4))
+        self.record.append([(NOTE, 0, 0, payload)], lambda: self.wait(4))
 
     def advance(self, horizon):
         self.say(1)
@@ -461,7 +511,7 @@ class Session:
     def run(self):
         while not self.leaving:
             self.serve()
-            if self.parcels is None:
+            if self.record is None:
                 os.sched_yield()
                 continue
             order, horizon = self.ordered(), self.horizon.get().decode_as(ctypes.c_int64).value

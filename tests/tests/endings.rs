@@ -63,8 +63,8 @@ fn a_healthy_run_leaves_nothing_but_its_folder() {
 }
 
 #[test]
-fn memory_does_not_grow_between_the_second_step_and_the_last() {
-    for wait in ["yield", "sleep"] {
+fn nothing_is_taken_from_the_heap_between_the_second_step_and_the_last() {
+    for wait in ["spin", "yield", "sleep"] {
         let (folder, said) = ended("counting", &["--wait", wait]);
         assert_eq!(said.code, Some(0), "{said:?}");
         assert_eq!(is_prefix(&folder), 1000);

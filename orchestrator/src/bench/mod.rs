@@ -30,11 +30,6 @@ impl Figures {
         sorted.get(last * percent / 100).copied().unwrap_or(f64::NAN)
     }
 
-    /// The middle one.
-    pub fn median(&self) -> f64 {
-        self.percentile(50)
-    }
-
     /// Each measurement in parts of the one of `other` that was taken right beside it: what the machine did meanwhile concerns
     /// both.
     pub fn beside(&self, other: &Figures) -> Figures {

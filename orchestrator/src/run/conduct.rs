@@ -281,7 +281,7 @@ impl Conductor<'_> {
         Ok(moved)
     }
 
-    /// Takes one parcel of participant number `number`; whether there was one.
+    /// Takes a batch of what participant number `number` has recorded; whether there was anything.
     fn take_from(&mut self, number: usize) -> Result<bool, Ending> {
         let member = &mut self.crew[number];
         let failed = |participant: &str, reason: String| Ending::Failed {

@@ -100,7 +100,7 @@ impl Member {
         self.ports.bell.ring();
     }
 
-    /// Takes the next parcel of its samples and notes; whether there was one.
+    /// Takes what it has recorded, a batch at most; whether there was anything.
     pub(super) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<bool, Broken> {
         let Member {
             ports,
