@@ -32,7 +32,7 @@ pub(super) const GRACE: Duration = Duration::from_millis(500);
 /// The orchestrator's nap when there is nothing to do.
 const NAP: Timespec = Timespec {
     tv_sec: 0,
-    tv_nsec: 500_000,
+    tv_nsec: 1_000_000,
 };
 /// Deaths are looked for at least this often.
 const LOOK: Duration = Duration::from_millis(2);
