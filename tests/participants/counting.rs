@@ -35,7 +35,11 @@ fn main() -> ExitCode {
             1 => AT_SECOND_STEP.store(taken, Ordering::Relaxed),
             _ => {
                 let since = taken - AT_SECOND_STEP.load(Ordering::Relaxed);
-                assert!(since == 0, "{since} pieces of memory taken between the second step and step {}", step.index);
+                assert!(
+                    since == 0,
+                    "{since} pieces of memory taken between the second step and step {}",
+                    step.index
+                );
             }
         }
     })

@@ -35,10 +35,7 @@ fn a_sample_out_of_order_is_refused_by_its_reader() {
 
 #[test]
 fn a_second_way_to_the_recorder_is_named_at_once() {
-    caught(
-        "record-twice",
-        &["`damper`", "opened a second way to the recorder"],
-    );
+    caught("record-twice", &["`damper`", "opened a second way to the recorder"]);
 }
 
 #[test]
