@@ -20,6 +20,16 @@ ELEMENTS = "dfqiQIB"  # struct's letters for the elements f64, f32, i64, i32, u6
 U64 = 2**64 - 1
 
 
+class Line(ctypes.Structure):
+    """What the memory of links and records is counted in."""
+
+    _fields_ = [("words", ctypes.c_uint64 * 8)]
+
+    @staticmethod
+    def type_name():
+        return "EscapementLine"
+
+
 class Row(ctypes.Structure):
     """What a participant does."""
 
@@ -215,22 +225,22 @@ def slot_size(payload):
 
 
 class Memory:
-    """What one process writes and another reads: `words` of it, those whose number is a multiple of `cleared` 0 at first."""
+    """What one process writes and another reads: lines, of which every one with a multiple of `cleared` begins with 0 at first."""
 
-    def __init__(self, services, words, cleared):
+    def __init__(self, services, lines, cleared):
         samples, board = services
-        builder = samples.publisher_builder().initial_max_slice_len(words).max_loaned_samples(1)
+        builder = samples.publisher_builder().initial_max_slice_len(lines).max_loaned_samples(1)
         self.publisher = builder.backpressure_strategy(iox2.BackpressureStrategy.DiscardData).create()
         self.counted = board.reader_builder().create().entry(ctypes.c_uint64(0), ctypes.c_uint64)
-        self.words, self.cleared, self.base = words, cleared, None
+        self.lines, self.cleared, self.base = lines, cleared, None
 
     def there(self):
         """Hands it over, once."""
         if self.base is None:
-            sample = self.publisher.loan_slice_uninit(self.words)
+            sample = self.publisher.loan_slice_uninit(self.lines)
             base = sample.payload_ptr
-            for word in range(0, self.words, self.cleared):
-                ctypes.c_uint64.from_address(base + 8 * word).value = 0
+            for line in range(0, self.lines, self.cleared):
+                ctypes.c_uint64.from_address(base + LINE * line).value = 0
             if sample.assume_init().send() > 0:
                 self.base = base
         return self.base is not None
@@ -250,7 +260,7 @@ class Sender:
 
     def __init__(self, services, capacity, size):
         self.slot, self.capacity, self.sent = slot_size(size), capacity, 0
-        self.memory = Memory(services, capacity * self.slot // 8, self.slot // 8)
+        self.memory = Memory(services, capacity * self.slot // LINE, self.slot // LINE)
 
     def send(self, index, stamp, payload):
         """False when there is no room now."""
@@ -291,8 +301,11 @@ class Record:
     """The way to the recorder."""
 
     def __init__(self, services, activation):
-        self.size = max(RECORD, 4 * activation)
-        self.memory = Memory(services, (LINE + self.size) // 8, (LINE + self.size) // 8)
+        self.size = max(RECORD, (4 * activation + LINE - 1) // LINE * LINE)
+        lines = 1 + self.size // LINE
+        self.memory = Memory(services, lines, lines)
+        if not self.memory.there():
+            raise ValueError("the recorder does not take the record")
         self.written = 0
 
     def append(self, entries, wait):
@@ -300,7 +313,7 @@ class Record:
         data = b""
         for stream, index, stamp, payload in entries:
             data += struct.pack("<QQQq", stream, len(payload), index, stamp) + payload + bytes(-len(payload) % 8)
-        while not self.memory.there() or self.written + len(data) - 8 * self.memory.taken() > self.size:
+        while self.written + len(data) - 8 * self.memory.taken() > self.size:
             wait()
         at = self.written % self.size
         before = self.size - at
@@ -411,7 +424,7 @@ class Session:
         self.next, self.initialised, self.rests_at, self.recalled = 0, False, -(2**63), False
 
     def ring(self, name):
-        samples = self.service(name).publish_subscribe(iox2.Slice[ctypes.c_uint64])
+        samples = self.service(name).publish_subscribe(iox2.Slice[Line])
         return samples.payload_alignment(iox2.Alignment.new(LINE)).open(), self.board(name)
 
     def meet(self, port):

@@ -14,6 +14,7 @@ mod cli;
 mod commands;
 pub mod decoders;
 mod flight;
+mod limits;
 mod live;
 mod provenance;
 mod replay;
@@ -40,6 +41,7 @@ pub fn main() -> ExitCode {
     if let Command::Participant(args) = &cli.command {
         return commands::participant::run(args);
     }
+    limits::raise_open_files();
     let result = match &cli.command {
         Command::Run(args) => commands::run::run(args),
         Command::Resume(args) => commands::resume::run(args),

@@ -240,7 +240,7 @@ fn leftover(base: &Path, id: &str) -> Leftover {
     let bytes = objects
         .iter()
         .filter_map(|object| fs::metadata(object).ok())
-        .map(|about| about.len())
+        .map(|about| 512 * about.blocks())
         .sum();
     Leftover {
         prefix,

@@ -150,7 +150,6 @@ impl Liar {
         while !self.record.0.borrow_mut().note(&note).expect("a record") {
             self.look();
         }
-        self.record.commit();
         loop {
             let served = self.control.serve_bytes(|bytes| {
                 let request = wire::decode("a request", bytes).expect("the orchestrator keeps to the protocol");

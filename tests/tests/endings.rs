@@ -317,13 +317,13 @@ fn two_runs_side_by_side_never_meet() {
     clean(&folder);
 }
 
-/// Runs the oscillator with a limit of `kib` KiB on the size of its files, shared memory included: as good as a full disk, and
-/// needs no rights.
-fn limited(kib: u32, duration: &str) -> (Folder, Said) {
+/// Runs the oscillator under a limit of the shell's. `-f KIB` limits the size of its files, shared memory included: as good as a full
+/// disk, and needs no rights.
+fn limited(limit: &str, duration: &str) -> (Folder, Said) {
     let folder = Folder::new("limited");
     let scenario = oscillator(&folder, "damper");
     let shell = format!(
-        "ulimit -f {kib}; trap '' XFSZ; exec '{}' run '{}' --out '{}' --duration '{duration}'",
+        "ulimit {limit}; trap '' XFSZ; exec '{}' run '{}' --out '{}' --duration '{duration}'",
         orchestrator().display(),
         scenario.display(),
         folder.path().join("run").display()
@@ -343,7 +343,7 @@ fn limited(kib: u32, duration: &str) -> (Folder, Said) {
 #[test]
 fn a_full_disk_ends_the_run_and_names_the_file() {
     // 64 MiB are enough for shared memory and too little for 3,600,000 samples of 24 bytes.
-    let (folder, said) = limited(65_536, "3600 s");
+    let (folder, said) = limited("-f 65536", "3600 s");
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.err.contains("plant.motion.bin"), "{said:?}");
     let sound = recorder::tape::Reader::open(&folder.path().join("run/tape"));
@@ -352,12 +352,20 @@ fn a_full_disk_ends_the_run_and_names_the_file() {
 
 #[test]
 fn memory_that_cannot_be_had_is_named_by_its_service() {
-    // 400 KiB are too little for a record's 4 MiB.
-    let (_folder, said) = limited(400, "10 s");
+    // 400 KiB are too little for a record's 1 MiB.
+    let (_folder, said) = limited("-f 400", "10 s");
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.err.contains("shared memory of the run"), "{said:?}");
     assert!(said.err.contains("failed: UnableToCreateDataSegment"), "{said:?}");
     assert_eq!(leftovers(), Vec::<String>::new());
+}
+
+#[test]
+fn as_many_files_are_opened_as_the_system_grants() {
+    // The soft limit is for programs that take it as a reason to stop; the hard one stays as it is.
+    let (folder, said) = limited("-S -n 48", "1 s");
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(is_prefix(&folder), 100);
 }
 
 #[test]

@@ -1,5 +1,9 @@
 //! Lockstep co-simulation over shared memory.
 
+// Tests in here use what tests beside the crate use.
+#[cfg(test)]
+extern crate self as lockstep;
+
 pub mod control;
 pub mod executor;
 pub mod fault;

@@ -4,8 +4,9 @@ mod place;
 
 use std::collections::VecDeque;
 
-use lockstep::transport::iceoryx::LinkService;
-use lockstep::transport::{Header, Receiver, Sender, local};
+use lockstep::control::Note;
+use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
+use lockstep::transport::{Broken, Header, Receiver, Recording, Sender, local};
 use place::Place;
 use proptest::prelude::*;
 
@@ -137,5 +138,53 @@ fn it_is_a_queue_whatever_the_order_of_calls(make: Make) {
                 prop_assert_eq!(link.receive(40), queue.pop_front());
             }
         }
+    });
+}
+
+#[test]
+fn a_record_brings_every_entry_whole_and_in_order_however_the_recorder_lags() {
+    // From a word to more than is taken at a time; some thousand of the large ones go several times round the ring.
+    let sizes = prop::collection::vec(prop_oneof![1..64_usize, 64..3000_usize, 33_000..50_000_usize], 1..4);
+    let plans = (sizes, prop::collection::vec(0..40_u64, 1..60));
+    proptest!(ProptestConfig::with_cases(12), |((sizes, lags) in plans)| {
+        let place = Place::new();
+        let mut receiver = RecordReceiver::create(&place.domain, "plant").expect("room");
+        let sender = RecordSender::open(&place.domain, "plant", 0, &sizes).expect("the recorder is there");
+        let mut sender = SharedRecord(std::rc::Rc::new(std::cell::RefCell::new(sender)));
+        let due: Vec<(u32, usize)> = (0..).zip(sizes).collect();
+        let (mut expected, mut next, mut notes) = (VecDeque::new(), 0, 0);
+        let mut take = |expected: &mut VecDeque<(u32, Header, Vec<u8>)>| {
+            receiver.receive(|entry| {
+                match entry {
+                    Recorded::Sample { stream, header, payload } => {
+                        assert_eq!(Some((stream, header, payload.to_vec())), expected.pop_front());
+                    }
+                    Recorded::Note(note) => {
+                        assert_eq!(note, Note::Recalled { next: notes });
+                        notes += 1;
+                    }
+                }
+                Ok::<(), Broken>(())
+            })
+        };
+        for (round, lag) in (0..).zip(lags) {
+            for index in next..next + lag {
+                for &(stream, size) in &due {
+                    let (header, payload) = sample(index, size);
+                    while !sender.try_append(stream, header, &payload)? {
+                        prop_assert!(take(&mut expected)?, "a full record has something to take");
+                    }
+                    expected.push_back((stream, header, payload));
+                }
+                sender.commit();
+            }
+            next += lag;
+            while !sender.0.borrow_mut().note(&Note::Recalled { next: round })? {
+                prop_assert!(take(&mut expected)?, "a full record has something to take");
+            }
+            take(&mut expected)?;
+        }
+        while take(&mut expected)? {}
+        prop_assert!(expected.is_empty());
     });
 }

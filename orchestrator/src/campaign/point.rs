@@ -175,10 +175,6 @@ impl Recording for Ear {
         }
         Ok(true)
     }
-
-    fn try_flush(&mut self) -> std::result::Result<bool, Broken> {
-        Ok(true)
-    }
 }
 
 fn tapeless(scenario: &Scenario, participants: Vec<Box<dyn Participant>>) -> std::result::Result<Result, String> {

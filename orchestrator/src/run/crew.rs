@@ -267,9 +267,15 @@ pub(super) fn connect(
         position: position.map(Box::new),
     };
     match member.ask(&request, interrupt)? {
-        Reply::Done => Ok(()),
-        Reply::Refused { reason, .. } => Err(member.odd(format!("cannot connect: {reason}"))),
-        other => Err(member.odd(format!("answered its part of the plan with {other:?}"))),
+        Reply::Done => {}
+        Reply::Refused { reason, .. } => return Err(member.odd(format!("cannot connect: {reason}"))),
+        other => return Err(member.odd(format!("answered its part of the plan with {other:?}"))),
+    }
+    // Whatever it records from now on is there for the recorder, even if it leaves at once.
+    match member.ports.record.take_memory() {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(member.odd("has connected without sending the memory of its record")),
+        Err(broken) => Err(member.odd(format!("its record cannot be received: {broken}"))),
     }
 }
 

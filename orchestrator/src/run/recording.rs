@@ -277,8 +277,4 @@ impl Recording for Direct {
             .sample(self.participant, stream, header, payload)
             .map(|()| true)
     }
-
-    fn try_flush(&mut self) -> Result<bool, Broken> {
-        Ok(true)
-    }
 }

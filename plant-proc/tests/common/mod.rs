@@ -121,9 +121,6 @@ impl Recording for Sink {
         self.samples.lock().unwrap()[stream as usize].push((stamp, payload.to_vec()));
         Ok(true)
     }
-    fn try_flush(&mut self) -> Result<bool, Broken> {
-        Ok(true)
-    }
 }
 
 /// Runs a scenario in one loop.

@@ -26,6 +26,10 @@ struct Noted<E> {
 }
 
 impl<S: Sender> Sender for Noted<S> {
+    fn prepare(&mut self) -> Result<(), Broken> {
+        self.end.prepare()
+    }
+
     fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken> {
         let sent = self.end.try_send(header, payload)?;
         if sent {
@@ -36,6 +40,10 @@ impl<S: Sender> Sender for Noted<S> {
 }
 
 impl<R: Receiver> Receiver for Noted<R> {
+    fn prepare(&mut self) -> Result<(), Broken> {
+        self.end.prepare()
+    }
+
     fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
         let received = self.end.try_receive(payload)?;
         if received.is_some() {

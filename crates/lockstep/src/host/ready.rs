@@ -10,13 +10,13 @@ use super::waiting::Patience;
 use crate::control::{Note, Timing, Waiting};
 use crate::participant::Participant;
 use crate::plan::{Assignment, Position};
-use crate::stepper::{Ends, PositionError, Progress, Stepper, Wait};
+use crate::stepper::{Ends, PositionError, Progress, StepError, Stepper, Wait};
 use crate::time::Ticks;
+use crate::transport::Broken;
 use crate::transport::iceoryx::{
     Activity, ClockReader, Domain, DomainError, LinkService, Order, RecordSender, SharedRecord, Sleeper, Sleeping,
     Status, StatusWriter,
 };
-use crate::transport::{Broken, Recording};
 
 /// How long a participant sleeps between two looks when it must hand something over and there is no room.
 const NAP: Duration = Duration::from_millis(1);
@@ -39,6 +39,8 @@ pub(super) struct Ready {
     neighbours: Neighbours,
     pub(super) patience: Patience,
     pub(super) timing: Timing,
+    /// Whether the links have what they need.
+    prepared: bool,
     /// Keeps the services of the links open.
     _links: Vec<LinkService>,
 }
@@ -123,6 +125,7 @@ pub(super) fn connect(
         neighbours,
         patience: Patience::new(waiting),
         timing,
+        prepared: false,
         _links: links,
     })
 }
@@ -138,6 +141,10 @@ impl Ready {
         let started = Instant::now();
         let count = self.stepper.assignment().activations;
         self.stepper.extend_horizon(horizon);
+        if !std::mem::replace(&mut self.prepared, true) {
+            let prepared = self.stepper.prepare();
+            prepared.map_err(|source| self.failed(source))?;
+        }
         let mut waiting: Option<Waited> = None;
         status.set(Status {
             next: self.stepper.next_activation(),
@@ -147,10 +154,7 @@ impl Ready {
             let activation = self.stepper.next_activation();
             let progress = match self.stepper.poll() {
                 Ok(progress) => progress,
-                Err(source) => {
-                    let t = self.stepper.next_seconds();
-                    return Err(HostError::Step { activation, t, source });
-                }
+                Err(source) => return Err(self.failed(source)),
             };
             self.neighbours.wake();
             if let Progress::Waiting(wait) = progress {
@@ -224,6 +228,14 @@ impl Ready {
         }
     }
 
+    fn failed(&self, source: StepError) -> HostError {
+        HostError::Step {
+            activation: self.stepper.next_activation(),
+            t: self.stepper.next_seconds(),
+            source,
+        }
+    }
+
     /// Comes to rest wherever it is, and says where that is.
     pub(super) fn recall(&mut self, status: &mut StatusWriter, sleeper: &mut Sleeper) -> Result<(), HostError> {
         let (activation, t) = (self.stepper.next_activation(), self.stepper.next_seconds());
@@ -265,15 +277,7 @@ impl Ready {
 
     /// Sends a note to the recorder, behind all samples.
     pub(super) fn hand_over(&mut self, note: &Note, sleeper: &mut Sleeper) -> Result<(), Broken> {
-        let mut noted = false;
-        loop {
-            noted = noted || self.record.0.borrow_mut().note(note)?;
-            if noted && self.record.try_flush()? {
-                break;
-            }
-            if self.clock.order() == Order::Leave {
-                break;
-            }
+        while !self.record.0.borrow_mut().note(note)? && self.clock.order() != Order::Leave {
             sleeper.sleep(NAP)?;
         }
         Ok(())

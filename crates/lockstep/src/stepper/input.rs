@@ -78,6 +78,17 @@ impl InputState {
         self.seen.as_mut()?.injector.as_mut()
     }
 
+    pub(super) fn prepare(&mut self) -> Result<(), StepError> {
+        self.receiver.prepare().map_err(|source| self.broken(source))
+    }
+
+    fn broken(&self, source: Broken) -> StepError {
+        StepError::Broken {
+            way: format!("from `{}`", self.from),
+            source,
+        }
+    }
+
     /// What the next activation reads. To be asked once per activation; `payload` becomes what came in again.
     pub(super) fn next_read(&mut self, payload: &mut [u8]) -> Read {
         if let Some(SeenState {
@@ -114,10 +125,7 @@ impl InputState {
             return Ok(None);
         };
         while self.received.is_none_or(|received| received < index) {
-            let received = self.receive(payload).map_err(|source| StepError::Broken {
-                way: format!("from `{}`", self.from),
-                source,
-            })?;
+            let received = self.receive(payload).map_err(|source| self.broken(source))?;
             let Some(header) = received else { return Ok(Some(index)) };
             self.check(header, index, payload)?;
             self.received = Some(header.index);

@@ -266,9 +266,15 @@ impl Stepper {
                     self.initialised = true;
                     self.phase = Phase::Rest;
                 }
-                Phase::Rest => return self.recording.try_flush().map_err(to_the_recorder),
+                Phase::Rest => return Ok(true),
             }
         }
+    }
+
+    /// Lets all links take what they need; to be called when everybody is there, before the first activation.
+    pub fn prepare(&mut self) -> Result<(), StepError> {
+        self.inputs.iter_mut().flatten().try_for_each(InputState::prepare)?;
+        self.outputs.iter_mut().try_for_each(OutputState::prepare)
     }
 
     /// Works until an activation is complete, or until something is missing. Calling again goes on where it stopped.
@@ -279,9 +285,6 @@ impl Stepper {
                 Phase::Rest => {
                     let at_end = self.next >= self.assignment.activations;
                     if at_end || self.next_instant() >= self.horizon {
-                        if !self.recording.try_flush().map_err(to_the_recorder)? {
-                            return Ok(Progress::Waiting(Wait::Recording));
-                        }
                         return Ok(if at_end {
                             Progress::Finished
                         } else {

@@ -7,7 +7,7 @@ use crate::participant::{FiniteCheck, Payload};
 use crate::plan::Consumer;
 use crate::port::Descriptor;
 use crate::time::Ticks;
-use crate::transport::{Header, Sender};
+use crate::transport::{Broken, Header, Sender};
 
 pub(super) struct OutputState {
     pub(super) stream: u32,
@@ -49,13 +49,15 @@ impl OutputState {
             .disturbed
             .as_ref()
             .map_or(given, |disturbed| disturbed.payload.bytes());
-        reader
-            .sender
-            .try_send(header, payload)
-            .map_err(|source| StepError::Broken {
-                way: format!("to `{}`", reader.to),
-                source,
-            })
+        let sent = reader.sender.try_send(header, payload);
+        sent.map_err(|source| reader.broken(source))
+    }
+
+    pub(super) fn prepare(&mut self) -> Result<(), StepError> {
+        self.consumers.iter_mut().try_for_each(|reader| {
+            let prepared = reader.sender.prepare();
+            prepared.map_err(|source| reader.broken(source))
+        })
     }
 }
 
@@ -86,6 +88,13 @@ impl ConsumerState {
             schedule,
             activations: consumer.sample_time.count_before(consumer.end),
             next_read: None,
+        }
+    }
+
+    fn broken(&self, source: Broken) -> StepError {
+        StepError::Broken {
+            way: format!("to `{}`", self.to),
+            source,
         }
     }
 

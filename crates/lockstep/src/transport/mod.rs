@@ -22,12 +22,22 @@ pub struct Header {
 
 /// The sending end of a link: first in, first out, nothing is ever lost or repeated.
 pub trait Sender {
+    /// To be called before the first sample, when the other end is there: takes what the link needs, so that no sample has to.
+    fn prepare(&mut self) -> Result<(), Broken> {
+        Ok(())
+    }
+
     /// Sends one sample, or does nothing and answers `false` when there is no room now.
     fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken>;
 }
 
 /// The receiving end of a link.
 pub trait Receiver {
+    /// To be called before the first sample, when the other end is there: takes what the link needs, so that no sample has to.
+    fn prepare(&mut self) -> Result<(), Broken> {
+        Ok(())
+    }
+
     /// Copies the next sample into `payload`, or answers `None` when there is none yet. A sample of another size than
     /// `payload` is an error: it comes from a participant that does not keep to its own description.
     fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken>;
@@ -41,9 +51,6 @@ pub trait Recording {
     /// The samples put since the last call are one activation, all of it. From now on they reach the recorder even if the
     /// participant's process is killed at the next instruction: other participants may be shown them.
     fn commit(&mut self) {}
-
-    /// To be called at rest: nothing of what was put stays with the participant. `false` when that must be tried again.
-    fn try_flush(&mut self) -> Result<bool, Broken>;
 }
 
 /// A recording that keeps nothing.
@@ -52,9 +59,6 @@ pub struct NoRecording;
 
 impl Recording for NoRecording {
     fn try_append(&mut self, _: u32, _: Header, _: &[u8]) -> Result<bool, Broken> {
-        Ok(true)
-    }
-    fn try_flush(&mut self) -> Result<bool, Broken> {
         Ok(true)
     }
 }

@@ -110,9 +110,6 @@ impl Recording for Shared {
         self.0.lock().unwrap()[stream as usize].push((header.index, header.stamp, payload.to_vec()));
         Ok(true)
     }
-    fn try_flush(&mut self) -> Result<bool, Broken> {
-        Ok(true)
-    }
 }
 
 /// A description from which a plan and fresh participants can be made any number of times.

@@ -4,8 +4,8 @@
 //! index, its stamp, its payload. The number is written last. What the receiver counts are samples.
 
 use super::domain::{Domain, DomainError};
-use super::ring::{LINE, RingReader, RingService, RingWriter};
-use super::words::{Word, put, take};
+use super::ring::{RingReader, RingService, RingWriter};
+use super::words::{LINE, Word, put, take};
 use crate::transport::{Broken, Header, Receiver, Sender};
 
 /// Words in front of a payload: number, index, stamp.
@@ -70,7 +70,9 @@ impl LinkService {
     /// The sending end.
     pub fn sender(&self, domain: &Domain) -> Result<LinkSender, DomainError> {
         Ok(LinkSender {
-            ring: self.ring.writer(domain, self.slots.words(), self.slots.stride())?,
+            ring: self
+                .ring
+                .writer(domain, self.slots.words() / LINE, self.slots.stride() / LINE)?,
             slots: self.slots,
             sent: 0,
             taken: 0,
@@ -97,6 +99,10 @@ pub struct LinkSender {
 }
 
 impl Sender for LinkSender {
+    fn prepare(&mut self) -> Result<(), Broken> {
+        self.ring.words().map(|_| ())
+    }
+
     fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken> {
         self.slots.fits(payload.len())?;
         let capacity = self.slots.capacity as u64;
@@ -127,6 +133,10 @@ pub struct LinkReceiver {
 }
 
 impl Receiver for LinkReceiver {
+    fn prepare(&mut self) -> Result<(), Broken> {
+        self.ring.words().map(|_| ())
+    }
+
     fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
         self.slots.fits(payload.len())?;
         let Some(words) = self.ring.words()? else {

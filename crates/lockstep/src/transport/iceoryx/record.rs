@@ -11,8 +11,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::domain::{Domain, DomainError};
-use super::ring::{LINE, RingReader, RingService, RingWriter};
-use super::words::{Word, put};
+use super::ring::{RingReader, RingService, RingWriter};
+use super::words::{LINE, Word, put};
 use crate::control::Note;
 use crate::transport::{Broken, Header, Recording};
 use crate::wire;
@@ -24,8 +24,8 @@ const HEAD: usize = 4;
 /// The least room of a ring, words: enough for participants that exchange samples every microsecond while the recorder naps, and
 /// little enough to stay in a core's own cache.
 const ROOM: usize = 1 << 17;
-/// Words of a page of memory.
-const PAGE: usize = 512;
+/// Lines of a page of memory.
+const PAGE: usize = 64;
 /// Words that are taken at a time, if there is a whole entry in them.
 const BATCH: usize = 1 << 12;
 /// The longest reason that a failing participant may give, bytes: a note fits into a ring.
@@ -62,11 +62,15 @@ impl RecordSender {
     pub fn open(domain: &Domain, participant: &str, first: u32, sizes: &[usize]) -> Result<RecordSender, DomainError> {
         let service = RingService::open(domain, &name(participant))?;
         let activation = sizes.iter().map(|&size| words_of(size)).sum();
-        let size = ROOM.max(4 * activation);
-        let mut ring = service.writer(domain, LINE + size, PAGE)?;
+        let size = ROOM.max(4 * activation).next_multiple_of(LINE);
+        let mut ring = service.writer(domain, 1 + size / LINE, PAGE)?;
         // The recorder is there. Its memory is touched now, which takes time, rather than in the run.
-        let handed_over = ring.words().map(|_| ());
-        handed_over.map_err(|error| domain.failed(format!("handing over the record of `{participant}`"), error))?;
+        let what = || format!("handing over the record of `{participant}`");
+        match ring.words() {
+            Ok(Some(_)) => {}
+            Ok(None) => return Err(domain.failed(what(), "nobody took it")),
+            Err(error) => return Err(domain.failed(what(), error)),
+        }
         Ok(RecordSender {
             ring,
             size,
@@ -164,11 +168,6 @@ impl Recording for SharedRecord {
     fn commit(&mut self) {
         self.0.borrow_mut().commit();
     }
-
-    fn try_flush(&mut self) -> Result<bool, Broken> {
-        // Every activation was handed over when it was complete.
-        Ok(true)
-    }
 }
 
 /// What came out of a record.
@@ -208,6 +207,12 @@ impl RecordReceiver {
             copy: Vec::with_capacity(BATCH),
             _service: service,
         })
+    }
+
+    /// Takes the memory of the record; `false` while it has not come. To be called when the participant has sent it: it is lost with
+    /// a participant that leaves before it was taken.
+    pub fn take_memory(&mut self) -> Result<bool, Broken> {
+        Ok(self.ring.words()?.is_some())
     }
 
     /// Hands the entries that have come to `take`, a batch of them at most; `false` when there is none. They come from

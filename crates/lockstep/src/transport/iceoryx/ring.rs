@@ -6,6 +6,7 @@
 
 use std::ptr::NonNull;
 
+use iceoryx2::port::DegradationAction;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::subscriber::Subscriber;
@@ -16,25 +17,23 @@ use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::{blackboard, publish_subscribe};
 
 use super::domain::{Domain, DomainError};
-use super::words::Word;
+use super::words::{LINE, Line, Word};
 use super::{Ipc, broken};
 use crate::transport::Broken;
 
-/// Words of a cache line; the memory begins on one.
-pub(super) const LINE: usize = 8;
 /// The key of the reader's count.
 const TAKEN: u64 = 0;
 
 /// The two services of one ring. Whoever holds them keeps them alive.
 pub(super) struct RingService {
-    memory: publish_subscribe::PortFactory<Ipc, [Word], ()>,
+    memory: publish_subscribe::PortFactory<Ipc, [Line], ()>,
     taken: blackboard::PortFactory<Ipc, u64>,
     name: String,
 }
 
 impl RingService {
-    fn memory(domain: &Domain, name: &str) -> Result<Builder<[Word], (), Ipc>, DomainError> {
-        let builder = domain.service(name)?.publish_subscribe::<[Word]>();
+    fn memory(domain: &Domain, name: &str) -> Result<Builder<[Line], (), Ipc>, DomainError> {
+        let builder = domain.service(name)?.publish_subscribe::<[Line]>();
         Ok(builder.payload_alignment(Alignment::new(8 * LINE).expect("a power of two")))
     }
 
@@ -76,23 +75,25 @@ impl RingService {
         Ok(RingService { memory, taken, name })
     }
 
-    /// The writing end of `len` words. Every word whose number is a multiple of `cleared` is zero at first.
-    pub(super) fn writer(&self, domain: &Domain, len: usize, cleared: usize) -> Result<RingWriter, DomainError> {
+    /// The writing end of `lines`. The first word of every line whose number is a multiple of `cleared` is zero at first.
+    pub(super) fn writer(&self, domain: &Domain, lines: usize, cleared: usize) -> Result<RingWriter, DomainError> {
         let failed =
             |error: &dyn std::fmt::Debug| domain.failed(format!("opening the writer of `{}`", self.name), error);
         let publisher = self
             .memory
             .publisher_builder()
-            .initial_max_slice_len(len)
+            .initial_max_slice_len(lines)
             .max_loaned_samples(1)
+            .override_sample_preallocation(|_| 1)
             // Memory that nobody takes is not lost: `words` sees that, and sends it again.
             .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
             .map_err(|error| failed(&error))?;
         let reader = self.taken.reader_builder().create().map_err(|error| failed(&error))?;
         Ok(RingWriter {
             words: None,
-            len,
+            lines,
             cleared,
             taken: reader.entry::<u64>(&TAKEN).map_err(|error| failed(&error))?,
             _reader: reader,
@@ -108,6 +109,7 @@ impl RingService {
             .memory
             .subscriber_builder()
             .buffer_size(1)
+            .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
             .map_err(|error| failed(&error))?;
         let writer = self.taken.writer_builder().create().map_err(|error| failed(&error))?;
@@ -124,11 +126,11 @@ impl RingService {
 pub(super) struct RingWriter {
     /// The memory, once the reader holds it.
     words: Option<NonNull<[Word]>>,
-    len: usize,
+    lines: usize,
     cleared: usize,
     taken: EntryHandle<Ipc, u64, u64>,
     _reader: Reader<Ipc, u64>,
-    publisher: Publisher<Ipc, [Word], ()>,
+    publisher: Publisher<Ipc, [Line], ()>,
 }
 
 impl RingWriter {
@@ -146,14 +148,15 @@ impl RingWriter {
     fn hand_over(&self) -> Result<Option<NonNull<[Word]>>, Broken> {
         let mut sample = self
             .publisher
-            .loan_slice_uninit(self.len)
+            .loan_slice_uninit(self.lines)
             .map_err(|error| broken("no memory", error))?;
-        let payload = sample.payload_mut();
-        payload.iter_mut().step_by(self.cleared).for_each(|word| {
-            word.write(Word::new(0));
-        });
-        let words = NonNull::slice_from_raw_parts(NonNull::from(payload).cast::<Word>(), self.len);
-        // SAFETY: shared memory is zero or what was there before, and every bit pattern is a `Word`.
+        let lines = NonNull::from(sample.payload_mut());
+        let words = NonNull::slice_from_raw_parts(lines.cast::<Word>(), LINE * self.lines);
+        for first in (0..words.len()).step_by(LINE * self.cleared) {
+            // SAFETY: within the loan, which is this process's alone until it is sent.
+            unsafe { words.cast::<Word>().add(first).write(Word::new(0)) };
+        }
+        // SAFETY: shared memory is zero or what was there before, and every bit pattern is a `Line`.
         let sample = unsafe { sample.assume_init() };
         let taken_by = sample.send().map_err(|error| broken("sending", error))?;
         Ok((taken_by > 0).then_some(words))
@@ -173,10 +176,17 @@ impl RingWriter {
 
 /// The reading end.
 pub(super) struct RingReader {
-    held: Option<Sample<Ipc, [Word], ()>>,
+    held: Option<Held>,
     taken: EntryHandleMut<Ipc, u64, u64>,
     _writer: Writer<Ipc, u64>,
-    subscriber: Subscriber<Ipc, [Word], ()>,
+    subscriber: Subscriber<Ipc, [Line], ()>,
+}
+
+/// Memory that has come.
+struct Held {
+    /// Where it is and how much, asked for once: iceoryx2 looks that up in a header that the writer could change.
+    words: NonNull<[Word]>,
+    _sample: Sample<Ipc, [Line], ()>,
 }
 
 impl RingReader {
@@ -184,9 +194,17 @@ impl RingReader {
     #[inline]
     pub(super) fn words(&mut self) -> Result<Option<&[Word]>, Broken> {
         if self.held.is_none() {
-            self.held = self.subscriber.receive().map_err(|error| broken("receiving", error))?;
+            let sample = self.subscriber.receive().map_err(|error| broken("receiving", error))?;
+            self.held = sample.map(|sample| {
+                let lines = NonNull::from(sample.payload());
+                Held {
+                    words: NonNull::slice_from_raw_parts(lines.cast::<Word>(), LINE * lines.len()),
+                    _sample: sample,
+                }
+            });
         }
-        Ok(self.held.as_ref().map(|sample| sample.payload()))
+        // SAFETY: the sample keeps its memory mapped, and this borrow keeps the sample. All access is through atomics.
+        Ok(self.held.as_ref().map(|held| unsafe { held.words.as_ref() }))
     }
 
     /// Whether more memory has been sent, which nobody will read.
@@ -199,5 +217,59 @@ impl RingReader {
     /// Says how much has been taken.
     pub(super) fn took(&self, count: u64) {
         self.taken.update_with_copy(count);
+    }
+}
+
+#[cfg(test)]
+#[path = "../../../tests/place/mod.rs"]
+mod place;
+
+#[cfg(test)]
+mod tests {
+    use super::place::Place;
+    use super::*;
+
+    fn ring(place: &Place) -> (RingService, RingWriter, RingReader) {
+        let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
+        let reader = service.reader(&place.domain).expect("the only reader");
+        let writer = service.writer(&place.domain, 4, 2).expect("the only writer");
+        (service, writer, reader)
+    }
+
+    #[test]
+    fn a_count_of_what_cannot_have_been_taken_is_refused() {
+        let place = Place::new();
+        let (_service, writer, reader) = ring(&place);
+        assert_eq!(writer.taken(0, 0), Ok(0));
+        reader.took(3);
+        assert_eq!(writer.taken(0, 5), Ok(3));
+        assert!(writer.taken(0, 2).is_err(), "more than there is");
+        assert!(writer.taken(4, 5).is_err(), "less than before");
+    }
+
+    #[test]
+    fn memory_waits_for_its_reader_and_is_cleared_where_it_must_be() {
+        let place = Place::new();
+        let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
+        let mut writer = service.writer(&place.domain, 4, 2).expect("the only writer");
+        assert_eq!(
+            writer.words().map(|words| words.is_some()),
+            Ok(false),
+            "nobody is there"
+        );
+        let mut reader = service.reader(&place.domain).expect("the only reader");
+        assert_eq!(
+            reader.words().map(|words| words.is_some()),
+            Ok(false),
+            "nothing has been sent"
+        );
+        let words = writer.words().expect("sent").expect("taken");
+        assert_eq!((words.len(), words[0].get(), words[16].get()), (32, 0, 0));
+        assert_eq!(words.as_ptr() as usize % 64, 0);
+        words[9].set(7);
+        words[0].announce(1);
+        let words = reader.words().expect("received").expect("there");
+        assert_eq!((words.len(), words[0].heard(), words[9].get()), (32, 1, 7));
+        assert_eq!(reader.is_offered_more(), Ok(false));
     }
 }

@@ -1,6 +1,6 @@
 //! Shared memory as words: one process writes while another may read, so what is read, is read atomically.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -9,10 +9,18 @@ use iceoryx2::prelude::ZeroCopySend;
 #[repr(transparent)]
 pub(super) struct Word(AtomicU64);
 
-// SAFETY: a 64-bit integer: no pointers, no padding, no drop.
-unsafe impl ZeroCopySend for Word {
+/// Words of a cache line.
+pub(super) const LINE: usize = 8;
+
+/// A cache line of words: what shared memory is counted in.
+#[derive(Debug)]
+#[repr(transparent)]
+pub(super) struct Line([Word; LINE]);
+
+// SAFETY: 64-bit integers in a row: no pointers, no padding, no drop.
+unsafe impl ZeroCopySend for Line {
     unsafe fn type_name() -> &'static str {
-        "u64"
+        "EscapementLine"
     }
 }
 
@@ -34,7 +42,10 @@ impl Word {
     /// The value, and with it everything that was written before it was announced.
     #[inline]
     pub(super) fn heard(&self) -> u64 {
-        self.0.load(Ordering::Acquire)
+        // A relaxed load is the only one that memory which may only be read is good for.
+        let value = self.0.load(Ordering::Relaxed);
+        fence(Ordering::Acquire);
+        value
     }
 
     /// Sets the value, for those who then see what was written before.
