@@ -63,7 +63,8 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
             let request: Request = wire::decode("a request", bytes).expect("the orchestrator keeps to the protocol");
             let answer = reply(&request);
             if let (Request::Connect { assignment, .. }, Some(_)) = (request, &answer) {
-                connected = Some(assignment);
+                let record = record(&domain, &name, assignment.outputs[0].stream);
+                connected = Some((assignment, record));
             }
             // Who is silent is silent for good.
             answer.unwrap_or_else(|| {
@@ -76,7 +77,7 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
             nap();
         }
     }
-    let assignment = connected.expect("just seen");
+    let (assignment, record) = connected.expect("just seen");
     let link =
         |number, size, capacity: u32| LinkService::open(&domain, number, size, capacity as usize).expect("a link");
     let (from, to) = (
@@ -91,7 +92,7 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
         clock: ClockReader::open(&domain).expect("a clock"),
         input: links[0].receiver(&domain).expect("a subscriber"),
         output: links[1].sender(&domain).expect("a publisher"),
-        record: record(&domain, &name, assignment.outputs[0].stream),
+        record,
         assignment,
         control,
         name,
