@@ -151,6 +151,12 @@ fn a_slow_participant_is_not_thrown_out() {
     let (folder, said) = ended("slow", &["--duration", "2 s", "--patience", "1 s", "--json"]);
     assert_eq!(said.code, Some(0), "{said:?}");
     assert_eq!(is_prefix(&folder), 200);
+    // What it did itself, 3 ms at least in each step, is not told as waiting for others.
+    let timing = &said.json()["timing"]["damper"];
+    let waits = timing["inputs_ns"].as_object().expect("waits by input").values();
+    let waited: u64 = waits.map(|wait| wait.as_u64().expect("a number")).sum();
+    let total = timing["total_ns"].as_u64().expect("a number");
+    assert!(total >= waited + 200 * 3_000_000, "{timing}");
 }
 
 #[test]
