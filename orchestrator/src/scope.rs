@@ -4,13 +4,14 @@
 //! starts with the same bits. A lock on a file in the folder says that the run is alive; the kernel lifts it when the
 //! orchestrator dies, however that happens. So everything under the bits of an unlocked folder is nobody's and can go.
 
-use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, symlink};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use lockstep::transport::iceoryx::Address;
+use recorder::folder::private;
 use rustix::fs::{FlockOperation, flock};
 
 const SHARED_MEMORY: &str = "/dev/shm";
@@ -70,7 +71,7 @@ fn trust(base: &Path) -> Result<(), ScopeError> {
 fn make_folder(id: &str) -> Result<PathBuf, ScopeError> {
     let base = base();
     let folder = base.join(id);
-    let make = |folder: &Path| match DirBuilder::new().mode(0o700).create(folder) {
+    let make = |folder: &Path| match private().create(folder) {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists && folder == base => Ok(()),
         made => made.map_err(io_error(folder, "cannot be made")),
     };
@@ -142,7 +143,7 @@ impl Scope {
         let link = self.folder.join(SCRATCH);
         // The link first: through it whoever clears up finds the folder.
         symlink(&folder, &link).map_err(io_error(&link, "cannot be made"))?;
-        let made = DirBuilder::new().mode(0o700).create(&folder);
+        let made = private().create(&folder);
         made.map_err(io_error(&folder, "cannot be made"))?;
         Ok(folder)
     }

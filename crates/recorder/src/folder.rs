@@ -54,8 +54,9 @@ fn io_error(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> Fold
     move |source| FolderError::Io { path, action, source }
 }
 
-/// Whatever the user's mask says: what a run holds is for others only when its owner opens it to them.
-fn private() -> DirBuilder {
+/// Makes folders for the user alone, whatever the user's mask says: what a run holds is for others only when its owner opens it to
+/// them.
+pub fn private() -> DirBuilder {
     let mut builder = DirBuilder::new();
     builder.mode(0o700);
     builder

@@ -2,9 +2,9 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
-use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
+use recorder::folder::private;
 use recorder::tape::Digest;
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
@@ -139,7 +139,7 @@ impl Folder {
                 "is not empty and no campaign's: name a new folder with --out".into(),
             ));
         }
-        let made = fs::DirBuilder::new().recursive(true).mode(0o700).create(&root);
+        let made = private().recursive(true).create(&root);
         made.map_err(failed(&root, "create the folder"))?;
         let path = root.join("lock");
         let lock = File::create(&path).map_err(failed(&path, "create the file"))?;

@@ -238,12 +238,11 @@ impl Ready {
 
     /// Comes to rest wherever it is, and says where that is.
     pub(super) fn recall(&mut self, status: &mut StatusWriter, sleeper: &mut Sleeper) -> Result<(), HostError> {
-        let (activation, t) = (self.stepper.next_activation(), self.stepper.next_seconds());
-        while !self
-            .stepper
-            .come_to_rest()
-            .map_err(|source| HostError::Step { activation, t, source })?
-        {
+        loop {
+            let rests = self.stepper.come_to_rest();
+            if rests.map_err(|source| self.failed(source))? {
+                break;
+            }
             if self.clock.order() == Order::Leave {
                 return Ok(());
             }

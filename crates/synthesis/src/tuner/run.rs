@@ -1,8 +1,7 @@
 //! The phases of one start, several starts, and the report.
 
 use std::cell::Cell;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::bundle;
 use super::certificate::{Certificate, certify};
@@ -10,6 +9,7 @@ use super::descent::{self, Limits};
 use super::objective::{Objective, Piece, Value};
 use super::problem::{Checked, Problem, TuneError};
 use crate::linalg::{LinalgError, Matrix};
+use crate::parallel;
 use crate::rng::Rng;
 
 /// How to tune.
@@ -149,16 +149,13 @@ pub fn tune(
 ) -> Result<Tuned, TuneError> {
     let checked = Checked::new(problem)?;
     let starts = options.starts.max(1);
-    let next = AtomicUsize::new(0);
     let stop = AtomicBool::new(false);
-    let outcomes: Mutex<Vec<Option<Result<Outcome, LinalgError>>>> = Mutex::new((0..starts).map(|_| None).collect());
     // Starts first; threads that are left over share the models of a start.
     let workers = options.threads.clamp(1, starts);
     let inner = (options.threads / workers).max(1);
-    let work = || loop {
-        let index = next.fetch_add(1, Ordering::Relaxed);
-        if index >= starts || stop.load(Ordering::Relaxed) {
-            break;
+    let outcomes = parallel::map(starts, workers, |index| {
+        if stop.load(Ordering::Relaxed) {
+            return None;
         }
         let report = |progress: Progress| {
             if watch(progress) == Flow::Stop {
@@ -166,17 +163,9 @@ pub fn tune(
             }
             !stop.load(Ordering::Relaxed)
         };
-        let outcome = one_start(&checked, options, index, inner, &report);
-        outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = Some(outcome);
-    };
-    std::thread::scope(|scope| {
-        for _ in 1..workers {
-            scope.spawn(work);
-        }
-        work();
+        Some(one_start(&checked, options, index, inner, &report))
     });
     let stopped = stop.load(Ordering::Relaxed);
-    let outcomes = outcomes.into_inner().unwrap_or_else(PoisonError::into_inner);
     let mut gammas = Vec::new();
     let mut best: Option<Outcome> = None;
     let mut evaluations = 0;

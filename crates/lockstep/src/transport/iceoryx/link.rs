@@ -75,7 +75,6 @@ impl LinkService {
                 .writer(domain, self.slots.words() / LINE, self.slots.stride() / LINE)?,
             slots: self.slots,
             sent: 0,
-            taken: 0,
         })
     }
 
@@ -94,8 +93,6 @@ pub struct LinkSender {
     ring: RingWriter,
     slots: Slots,
     sent: u64,
-    /// How many the receiver had taken when that was last looked at.
-    taken: u64,
 }
 
 impl Sender for LinkSender {
@@ -105,12 +102,8 @@ impl Sender for LinkSender {
 
     fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken> {
         self.slots.fits(payload.len())?;
-        let capacity = self.slots.capacity as u64;
-        if self.sent - self.taken == capacity {
-            self.taken = self.ring.taken(self.taken, self.sent)?;
-            if self.sent - self.taken == capacity {
-                return Ok(false);
-            }
+        if !self.ring.has_room(self.slots.capacity as u64, self.sent, 1)? {
+            return Ok(false);
         }
         let Some(words) = self.ring.words()? else {
             return Ok(false);

@@ -47,9 +47,8 @@ pub struct RecordSender {
     size: usize,
     /// Where in the ring the next entry begins.
     at: usize,
-    /// Words that were ever written, and those of them that the recorder had taken when that was last looked at.
+    /// Words that were ever written.
     written: u64,
-    taken: u64,
     /// The stream that an activation begins with, and the words of the entries of one activation.
     first: u32,
     activation: usize,
@@ -76,7 +75,6 @@ impl RecordSender {
             size,
             at: 0,
             written: 0,
-            taken: 0,
             first,
             activation,
             _service: service,
@@ -85,14 +83,7 @@ impl RecordSender {
 
     /// Whether there is room for `words` more.
     fn has_room(&mut self, words: usize) -> Result<bool, Broken> {
-        let fits = |taken| self.written + words as u64 - taken <= self.size as u64;
-        if fits(self.taken) {
-            return Ok(true);
-        }
-        let taken = self.ring.taken(self.taken, self.written)?;
-        let room = fits(taken);
-        self.taken = taken;
-        Ok(room)
+        self.ring.has_room(self.size as u64, self.written, words as u64)
     }
 
     /// Writes an entry for which there is room. `false` when nobody is there to read it.

@@ -95,7 +95,8 @@ impl RingService {
             words: None,
             lines,
             cleared,
-            taken: reader.entry::<u64>(&TAKEN).map_err(|error| failed(&error))?,
+            taken: 0,
+            count: reader.entry::<u64>(&TAKEN).map_err(|error| failed(&error))?,
             _reader: reader,
             publisher,
         })
@@ -128,7 +129,9 @@ pub(super) struct RingWriter {
     words: Option<NonNull<[Word]>>,
     lines: usize,
     cleared: usize,
-    taken: EntryHandle<Ipc, u64, u64>,
+    /// How much the reader had taken when that was last looked at.
+    taken: u64,
+    count: EntryHandle<Ipc, u64, u64>,
     _reader: Reader<Ipc, u64>,
     publisher: Publisher<Ipc, [Line], ()>,
 }
@@ -162,9 +165,18 @@ impl RingWriter {
         Ok((taken_by > 0).then_some(words))
     }
 
+    /// Whether a ring of `size`, into which `written` were ever written, has room for `more`.
+    pub(super) fn has_room(&mut self, size: u64, written: u64, more: u64) -> Result<bool, Broken> {
+        let fits = |taken| written + more - taken <= size;
+        if !fits(self.taken) {
+            self.taken = self.taken(self.taken, written)?;
+        }
+        Ok(fits(self.taken))
+    }
+
     /// What the reader has counted, which was `before` when it was last asked for; `written` is there to be counted.
-    pub(super) fn taken(&self, before: u64, written: u64) -> Result<u64, Broken> {
-        let taken = *self.taken.get();
+    fn taken(&self, before: u64, written: u64) -> Result<u64, Broken> {
+        let taken = *self.count.get();
         if (before..=written).contains(&taken) {
             return Ok(taken);
         }
@@ -229,17 +241,12 @@ mod tests {
     use super::place::Place;
     use super::*;
 
-    fn ring(place: &Place) -> (RingService, RingWriter, RingReader) {
-        let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
-        let reader = service.reader(&place.domain).expect("the only reader");
-        let writer = service.writer(&place.domain, 4, 2).expect("the only writer");
-        (service, writer, reader)
-    }
-
     #[test]
     fn a_count_of_what_cannot_have_been_taken_is_refused() {
         let place = Place::new();
-        let (_service, writer, reader) = ring(&place);
+        let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
+        let reader = service.reader(&place.domain).expect("the only reader");
+        let writer = service.writer(&place.domain, 4, 2).expect("the only writer");
         assert_eq!(writer.taken(0, 0), Ok(0));
         reader.took(3);
         assert_eq!(writer.taken(0, 5), Ok(3));
