@@ -13,8 +13,8 @@ use lockstep::transport::Broken;
 use lockstep::transport::iceoryx::{Address, unpack};
 use lockstep::{units, wire};
 use multibody::Description;
-use recorder::compare::compare;
-use recorder::tape::{Reader, Source};
+use tape::compare::compare;
+use tape::{Reader, Source};
 use toml::{Table, Value};
 
 use crate::run::checkpoint::Checkpoint;

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use lockstep::transport::iceoryx::Address;
-use recorder::folder::private;
 use rustix::fs::{FlockOperation, flock};
+use tape::folder::private;
 
 const SHARED_MEMORY: &str = "/dev/shm";
 const MARK: &str = "esc_";

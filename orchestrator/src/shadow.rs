@@ -6,8 +6,8 @@
 
 use std::path::Path;
 
-use recorder::compare::Comparison;
 use serde::Serialize;
+use tape::compare::Comparison;
 
 use crate::replay::{Replay, Request};
 use crate::run::{Ending, Options, RunFailure, describe};

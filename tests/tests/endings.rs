@@ -352,7 +352,7 @@ fn a_full_disk_ends_the_run_and_names_the_file() {
     let (folder, said) = limited("-f 65536", "3600 s");
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.err.contains("plant.motion.bin"), "{said:?}");
-    let sound = recorder::tape::Reader::open(&folder.path().join("run/tape"));
+    let sound = tape::Reader::open(&folder.path().join("run/tape"));
     assert!(sound.is_ok(), "{:?}", sound.err());
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use escapement_tests::program::{Folder, Said, orchestrate, root, text};
 use escapement_tests::world::oscillator;
-use recorder::tape::{EventKind, Reader, Source};
+use tape::{EventKind, Reader, Source};
 
 const CLOSE: [&str; 8] = [
     "name=encoder,at=0.2s,until=0.4s,input=controller.measured,field=q[3],kind=bias,value=0.2 deg",

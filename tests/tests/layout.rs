@@ -10,14 +10,15 @@ use escapement_tests::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-const ARROWS: [(&str, &[&str]); 11] = [
+const ARROWS: [(&str, &[&str]); 12] = [
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &["multibody"]),
     ("control-laws", &["guidance-laws", "multibody"]),
     ("synthesis", &["control-laws", "multibody"]),
     ("interfaces", &["lockstep", "multibody"]),
-    ("recorder", &["lockstep", "multibody"]),
+    ("tape", &["lockstep"]),
+    ("report", &["lockstep", "multibody", "tape"]),
     ("plant-proc", &["interfaces", "lockstep", "multibody"]),
     (
         "controller-proc",
@@ -38,8 +39,9 @@ const ARROWS: [(&str, &[&str]); 11] = [
             "lockstep",
             "multibody",
             "plant-proc",
-            "recorder",
+            "report",
             "synthesis",
+            "tape",
         ],
     ),
 ];

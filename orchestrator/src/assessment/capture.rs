@@ -4,7 +4,7 @@
 //! component of the group. Everything else is the truth's.
 
 use lockstep::participant::ParameterError;
-use recorder::tape::StreamSpec;
+use tape::StreamSpec;
 
 use super::criteria::judge;
 use super::fields::{Numbers, stream};

@@ -2,7 +2,7 @@
 
 use lockstep::participant::ParameterError;
 use lockstep::port::{Element, Field};
-use recorder::tape::StreamSpec;
+use tape::StreamSpec;
 
 /// The stream called `name`, or the only one with the message `message`.
 ///

@@ -10,7 +10,7 @@ mod summary;
 mod tests;
 
 use lockstep::participant::ParameterError;
-use recorder::tape::StreamSpec;
+use tape::StreamSpec;
 
 pub use summary::{Criterion, Summary};
 

@@ -3,7 +3,7 @@
 use interfaces::{Command, Truth};
 use lockstep::port::Message;
 use lockstep::time::Rational;
-use recorder::tape::StreamSpec;
+use tape::StreamSpec;
 
 use super::{Assessment, Summary, from_table};
 

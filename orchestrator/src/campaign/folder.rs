@@ -4,10 +4,10 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use recorder::folder::private;
-use recorder::tape::Digest;
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
+use tape::Digest;
+use tape::folder::private;
 
 use super::point::Result as PointResult;
 use super::{Campaign, CampaignError};

@@ -106,7 +106,7 @@ pub enum CampaignError {
     },
     /// The table cannot be written.
     #[error(transparent)]
-    Export(#[from] recorder::export::ExportError),
+    Export(#[from] report::export::ExportError),
     /// A run cannot be started.
     #[error(transparent)]
     Run(#[from] RunFailure),

@@ -1,7 +1,7 @@
 //! The picture of a campaign: where capture still works.
 
-use recorder::figures::{Band, Chart, Curve, Drawing, Limit, Map, MapCell, Shade};
-use recorder::report::split_unit;
+use report::figures::{Band, Chart, Curve, Drawing, Limit, Map, MapCell, Shade};
+use report::page::split_unit;
 
 use super::point::{Outcome, Result as PointResult};
 use super::tell::distinct;

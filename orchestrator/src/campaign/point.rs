@@ -8,10 +8,10 @@ use lockstep::executor::{InLoop, assemble};
 use lockstep::participant::Participant;
 use lockstep::plan::Plan;
 use lockstep::transport::{Broken, Header, Recording};
-use recorder::folder::RunFolder;
-use recorder::tape::{DigestSink, Sink};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use tape::folder::RunFolder;
+use tape::{DigestSink, Sink};
 
 use crate::assessment::{self, Assessment, Criterion, Summary};
 use crate::run::{self, Ending};

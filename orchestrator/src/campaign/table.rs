@@ -1,7 +1,7 @@
 //! The table: a row per point, with what was varied, what became of it, and every figure of merit.
 
-use recorder::export::{Cells, Sheet, SheetColumn};
-use recorder::report::split_unit;
+use report::export::{Cells, Sheet, SheetColumn};
+use report::page::split_unit;
 
 use super::point::{Figures, Result as PointResult};
 use super::{Campaign, CampaignError};

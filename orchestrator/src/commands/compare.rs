@@ -4,8 +4,8 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use recorder::compare::{Comparison, compare};
-use recorder::tape::Reader;
+use tape::Reader;
+use tape::compare::{Comparison, compare};
 
 use crate::output;
 
@@ -48,7 +48,7 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<i32> {
     Ok(if comparison.identical { 0 } else { DIFFERENT })
 }
 
-fn open(path: &Path) -> Result<Reader, recorder::tape::ReadError> {
+fn open(path: &Path) -> Result<Reader, tape::ReadError> {
     let reader = Reader::open(path)?;
     for torn in reader.torn() {
         eprintln!(

@@ -5,9 +5,9 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
-use recorder::export;
-use recorder::geometry::Geometry;
-use recorder::tape::Reader;
+use report::export;
+use report::geometry::Geometry;
+use tape::Reader;
 
 use crate::scenario::in_path;
 

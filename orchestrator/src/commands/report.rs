@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use recorder::report::Report;
+use report::page::Report;
 
 /// Exit code: a folder is not a run, or a file of it cannot be read.
 const UNREADABLE: i32 = 2;

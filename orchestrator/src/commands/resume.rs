@@ -1,6 +1,6 @@
 //! `orchestrator resume RUN`
 
-use recorder::folder::RunFolder;
+use tape::folder::RunFolder;
 
 use super::run::execute;
 use crate::cli::ResumeArgs;

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use recorder::folder::RunFolder;
 use serde_json::json;
+use tape::folder::RunFolder;
 
 use crate::cli::{HowArgs, RunArgs};
 use crate::live::{self, Server, Steering};

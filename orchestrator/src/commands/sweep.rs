@@ -189,8 +189,8 @@ pub fn write(
     sheet.csv(&files[0])?;
     sheet.parquet(&files[1])?;
     if let Some(drawing) = picture.and_then(campaign::draw) {
-        files.push(finished.folder.write("figure.svg", recorder::figures::svg(&drawing))?);
-        if let Some(png) = recorder::figures::png(&drawing, 2.5) {
+        files.push(finished.folder.write("figure.svg", report::figures::svg(&drawing))?);
+        if let Some(png) = report::figures::png(&drawing, 2.5) {
             files.push(finished.folder.write("figure.png", png)?);
         }
     }
@@ -267,7 +267,7 @@ fn print(scenario: &Scenario, campaign: &Campaign, finished: &Finished, figure: 
             .flatten()
             .filter_map(|result| campaign::figure_value(result, name));
         if let Some([least, median, most, greatest]) = campaign::quantiles(values) {
-            let (name, unit) = recorder::report::split_unit(name);
+            let (name, unit) = report::page::split_unit(name);
             let [least, median, most, greatest] = [least, median, most, greatest].map(campaign::short);
             println!(
                 "  {}: {least} to {greatest} {unit}, median {median}, 95 % up to {most}",

@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use recorder::report::Live;
+use report::page::Live;
 use serde_json::{Value, json};
 
 use super::Steering;
@@ -266,8 +266,8 @@ impl Shared {
     /// Does something with the live report; `None` while there is nothing to report.
     fn with_live<T>(
         &self,
-        act: impl FnOnce(&mut Live, &Course) -> Result<T, recorder::report::ReportError>,
-    ) -> Result<Option<T>, recorder::report::ReportError> {
+        act: impl FnOnce(&mut Live, &Course) -> Result<T, report::page::ReportError>,
+    ) -> Result<Option<T>, report::page::ReportError> {
         let Some(course) = self.steering.course() else {
             return Ok(None);
         };

@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 use lockstep::link::Read;
 use lockstep::participant::Interface;
 use lockstep::time::Rational;
-use recorder::compare::{Comparison, compare};
-use recorder::folder::RunFolder;
-use recorder::tape::{ReadError, Reader, Selection, Source};
+use tape::compare::{Comparison, compare};
+use tape::folder::RunFolder;
+use tape::{ReadError, Reader, Selection, Source};
 use toml::{Table, Value};
 
 use crate::run::{self, Ending, Options, RunFailure};

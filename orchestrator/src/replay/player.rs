@@ -8,7 +8,7 @@ use std::path::Path;
 use lockstep::participant::{
     Failure, Input, Inputs, Interface, Kind, Output, Outputs, ParameterError, Participant, Setup, Step,
 };
-use recorder::tape::{Reader, Source};
+use tape::{Reader, Source};
 use toml::Value;
 
 /// The name under which a replay's scenario asks for it.

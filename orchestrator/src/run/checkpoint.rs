@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use lockstep::plan::{Cut, Plan};
 use lockstep::time::Rational;
 use lockstep::wire::{self, WireError};
-use recorder::tape::Digest;
 use serde::{Deserialize, Serialize};
+use tape::Digest;
 
 use crate::scenario::Entry;
 

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use lockstep::plan::Plan;
 use lockstep::time::Ticks;
-use recorder::folder::RunFolder;
-use recorder::tape::{Event, EventKind};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use tape::folder::RunFolder;
+use tape::{Event, EventKind};
 
 use super::Options;
 use super::agenda::Agenda;

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use lockstep::fault::Span;
 use lockstep::plan::Plan;
 use lockstep::time::Ticks;
-use recorder::tape::{Event, EventKind};
+use tape::{Event, EventKind};
 
 /// A fault as people see it.
 pub struct Notice<'a> {

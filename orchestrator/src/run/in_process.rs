@@ -10,7 +10,7 @@ use lockstep::participant::Participant;
 use lockstep::plan::Plan;
 use lockstep::stepper::settle;
 use lockstep::time::Ticks;
-use recorder::tape::{Event, EventKind};
+use tape::{Event, EventKind};
 
 use super::agenda::{Agenda, Business};
 use super::checkpoint::Checkpoint;

@@ -28,7 +28,7 @@ use std::sync::Arc;
 use lockstep::control::Waiting;
 use lockstep::plan::Plan;
 use lockstep::time::Rational;
-use recorder::folder::RunFolder;
+use tape::folder::RunFolder;
 
 pub(crate) use child::tie;
 pub(crate) use guard::Watch;

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use lockstep::control::Timing;
-use recorder::folder::FolderError;
-use recorder::tape::{AppendError, CreateError, Digest, ReadError};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
+use tape::folder::FolderError;
+use tape::{AppendError, CreateError, Digest, ReadError};
 
 use super::checkpoint::CheckpointError;
 use crate::scenario::ScenarioError;

@@ -5,7 +5,7 @@ use std::path::Path;
 use lockstep::plan::{Cut, Plan};
 use lockstep::port::Descriptor;
 use lockstep::transport::Header;
-use recorder::tape::{Event, ReadError, Reader, Records, Source, StreamSpec};
+use tape::{Event, ReadError, Reader, Records, Source, StreamSpec};
 
 use super::outcome::RunFailure;
 

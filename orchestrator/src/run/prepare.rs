@@ -7,9 +7,9 @@ use std::time::{Duration, SystemTime};
 use lockstep::participant::Interface;
 use lockstep::plan::{Cut, Plan, Position};
 use lockstep::time::Ticks;
-use recorder::folder::{RunFolder, utc_text};
-use recorder::tape::{Event, EventKind, StreamSpec, Writer};
 use serde::Serialize;
+use tape::folder::{RunFolder, utc_text};
+use tape::{Event, EventKind, StreamSpec, Writer};
 
 use super::checkpoint::Checkpoint;
 use super::outcome::RunFailure;

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use lockstep::plan::{Cut, Plan};
 use lockstep::time::{Rational, Ticks};
 use lockstep::transport::{Broken, Header, Recording};
-use recorder::tape::{AppendError, Digest, Event, EventKind, StreamSpec, Writer};
+use tape::{AppendError, Digest, Event, EventKind, StreamSpec, Writer};
 
 use super::faults;
 use super::guard::Watch;

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use lockstep::plan::Cut;
 use lockstep::time::Ticks;
-use recorder::tape::{Event, EventKind};
+use tape::{Event, EventKind};
 
 use super::conduct::Conductor;
 use super::explain;

@@ -1,0 +1,130 @@
+//! MCAP with protobuf: one file that Foxglove, PlotJuggler and Rerun open.
+
+mod container;
+mod proto;
+mod schema;
+mod transforms;
+
+use std::fs::File;
+use std::io::BufWriter;
+
+use super::{Counted, WriteError};
+use container::Container;
+use schema::Schema;
+use tape::{Record, Records, Source};
+use transforms::Poses;
+
+pub use crate::geometry::Geometry;
+
+/// Frame transforms are written at most this often, Hz: more than any display shows.
+const TRANSFORM_RATE: f64 = 100.0;
+
+/// One stream on its way into the file.
+struct Topic<'a> {
+    records: Records<'a, dyn Source + 'a>,
+    channel: u16,
+    schema: Schema,
+    poses: Option<Poses>,
+    /// The newest record, taken out of `records` because streams are merged by their stamps.
+    stamp_s: f64,
+    index: u64,
+    payload: Vec<u8>,
+    done: bool,
+}
+
+impl Topic<'_> {
+    fn advance(&mut self) -> Result<(), WriteError> {
+        match self.records.next()? {
+            None => self.done = true,
+            Some(Record {
+                index,
+                stamp_s,
+                payload,
+            }) => {
+                (self.index, self.stamp_s) = (index, stamp_s);
+                self.payload.clear();
+                self.payload.extend_from_slice(payload);
+            }
+        }
+        Ok(())
+    }
+}
+
+pub(super) fn write(
+    source: &dyn Source,
+    geometry: Option<&Geometry>,
+    out: &mut BufWriter<File>,
+) -> Result<(), WriteError> {
+    let mut file = Container::begin(Counted::new(out))?;
+    let mut topics = Vec::new();
+    let mut names = schema::Names::default();
+    for (stream, spec) in source.streams().iter().enumerate() {
+        let schema = names.schema(&spec.descriptor);
+        let id = file.schema(&schema.name, &schema.file_descriptor_set)?;
+        let topic = format!("/{}/{}", spec.participant, spec.port);
+        let channel = file.channel(id, &topic, &schema::channel_metadata(spec))?;
+        let mut topic = Topic {
+            records: Records::new(source, stream),
+            channel,
+            schema,
+            poses: None,
+            stamp_s: 0.0,
+            index: 0,
+            payload: Vec::new(),
+            done: false,
+        };
+        topic.advance()?;
+        topics.push(topic);
+    }
+    let mut assigned = transforms::assign(source.streams(), geometry);
+    let transforms = if assigned.iter().any(Option::is_some) {
+        let id = file.schema("foxglove.FrameTransforms", &schema::frame_transforms())?;
+        Some(file.channel(id, "/tf", &[])?)
+    } else {
+        None
+    };
+    for (topic, poses) in topics.iter_mut().zip(&mut assigned) {
+        topic.poses = poses.take();
+    }
+    if let Some(geometry) = geometry {
+        let start = topics
+            .iter()
+            .filter(|t| !t.done)
+            .map(|t| t.stamp_s)
+            .fold(f64::INFINITY, f64::min);
+        let nanos = if start.is_finite() { nanos(start) } else { 0 };
+        let id = file.schema("foxglove.SceneUpdate", &schema::scene_update())?;
+        let channel = file.channel(id, "/scene", &[])?;
+        file.message(channel, 0, nanos, &transforms::scene(geometry, nanos))?;
+    }
+    let mut message = Vec::new();
+    // Few streams: looking at all of them costs less than any queue.
+    while let Some(topic) = topics
+        .iter_mut()
+        .filter(|topic| !topic.done)
+        .min_by(|a, b| a.stamp_s.total_cmp(&b.stamp_s))
+    {
+        let time = nanos(topic.stamp_s);
+        message.clear();
+        topic.schema.encode(&topic.payload, &mut message);
+        file.message(topic.channel, topic.index as u32, time, &message)?;
+        if let (Some(poses), Some(channel)) = (&mut topic.poses, transforms)
+            && poses.due(topic.stamp_s, 1.0 / TRANSFORM_RATE)
+        {
+            message.clear();
+            poses.encode(&topic.payload, time, geometry, &mut message);
+            // Rerun trips over a message without a transform.
+            if !message.is_empty() {
+                file.message(channel, topic.index as u32, time, &message)?;
+            }
+        }
+        topic.advance()?;
+    }
+    file.end()?;
+    Ok(())
+}
+
+/// Seconds since the start of the run as the format's nanoseconds, which have no sign.
+fn nanos(seconds: f64) -> u64 {
+    (seconds * 1e9).round() as u64
+}

@@ -1,0 +1,13 @@
+//! Exports of a tape, figures, and the report page.
+//!
+//! - [`export`]: CSV, Parquet and MCAP;
+//! - [`figures`]: charts and maps as SVG and PNG;
+//! - [`page`]: figures and 3-D playback in one HTML page, with the shapes of [`geometry`].
+//!
+//! The crate knows ports only by their [`lockstep::port::Descriptor`]: every field has a name, a shape, a unit and a
+//! frame, and nothing here needs the type that produced it.
+
+pub mod export;
+pub mod figures;
+pub mod geometry;
+pub mod page;

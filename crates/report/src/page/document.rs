@@ -1,0 +1,198 @@
+//! The page: one HTML file with everything in it.
+
+use serde_json::{Value, json};
+
+use super::motion::Motion;
+use super::series::{FigureData, Series};
+use super::summary::Row;
+use super::table::FIGURES;
+use super::{Limits, Run};
+
+const TEMPLATE: &str = include_str!("assets/page.html");
+const STYLE: &str = include_str!("assets/style.css");
+const SCRIPTS: [&str; 7] = [
+    include_str!("assets/base.js"),
+    include_str!("assets/chart.js"),
+    include_str!("assets/gl.js"),
+    include_str!("assets/scene.js"),
+    include_str!("assets/player.js"),
+    include_str!("assets/live.js"),
+    include_str!("assets/main.js"),
+];
+
+/// What the page shows, as the page takes it.
+pub(crate) fn data(title: &str, runs: &[Run], rows: &[Row]) -> Value {
+    json!({
+        "title": title,
+        "figures": figures(runs),
+        "runs": runs.iter().map(run).collect::<Vec<_>>(),
+        "summary": rows,
+    })
+}
+
+/// Puts the page together. `{{…}}` in the template are the only places where something is filled in. A page that may ask
+/// the server that it came from for news is a `live` one; any other may ask nobody for anything.
+pub(crate) fn render(title: &str, data: &Value, live: bool) -> String {
+    // Inside a script element only `</` and `<!` could end or disturb it; `<` never needs to be literal in JSON.
+    let data = data.to_string().replace('<', "\\u003c");
+    let mut page = String::with_capacity(data.len() + 200_000);
+    let mut rest = TEMPLATE;
+    while let Some((before, after)) = rest.split_once("{{") {
+        page += before;
+        let (name, after) = after.split_once("}}").unwrap_or((after, ""));
+        match name {
+            "title" => page += &escape(title),
+            "style" => page += STYLE,
+            "data" => page += &data,
+            "connect" => page += if live { "; connect-src 'self'" } else { "" },
+            "scripts" => SCRIPTS.iter().for_each(|script| page += script),
+            _ => unreachable!("the template has no other places"),
+        }
+        rest = after;
+    }
+    page + rest
+}
+
+/// Text for HTML.
+pub(crate) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out += "&amp;",
+            '<' => out += "&lt;",
+            '>' => out += "&gt;",
+            '"' => out += "&quot;",
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// The figures that any run has curves for.
+fn figures(runs: &[Run]) -> Vec<Value> {
+    let has = |id: &str| runs.iter().any(|run| run.figures.iter().any(|f| f.id == id));
+    let rows = FIGURES.iter().filter(|row| has(row.id));
+    rows.map(|row| {
+        json!({
+            "id": row.id,
+            "group": row.group,
+            "title": row.title,
+            "unit": row.unit,
+        })
+    })
+    .collect()
+}
+
+fn run(run: &Run) -> Value {
+    let figures = run
+        .figures
+        .iter()
+        .map(|figure| (figure.id.clone(), series_list(figure)));
+    json!({
+        "name": run.name,
+        "digest": run.digest,
+        "sealed": run.sealed,
+        "notes": run.notes,
+        "plan": run.plan,
+        "events": run.events,
+        "figures": figures.collect::<serde_json::Map<_, _>>(),
+        "limits": limits(&run.limits),
+        "motion": run.motion.as_ref().map(motion),
+        "model": run.geometry.servicer,
+        "target": run.geometry.target,
+        "participants": run.participants,
+        "title": run.about["title"],
+        "started": run.about["started"],
+    })
+}
+
+fn limits(limits: &Limits) -> Value {
+    let drawn = FIGURES.iter().filter_map(|row| {
+        let values = limits.0.get(row.limits?)?;
+        let scaled: Vec<f64> = values.iter().map(|value| value * row.scale).collect();
+        Some((row.id.to_owned(), json!(scaled)))
+    });
+    Value::Object(drawn.collect())
+}
+
+fn series_list(figure: &FigureData) -> Value {
+    figure.series.iter().map(series).collect()
+}
+
+fn series(series: &Series) -> Value {
+    let index = series.index.as_ref();
+    json!({
+        "label": series.label,
+        "origin": series.origin,
+        "t0": series.offset_s,
+        "dt": series.period_s,
+        "first": series.first_index,
+        "samples": series.samples,
+        "index": index.map(|kept| base64(kept.iter().flat_map(|k| k.to_le_bytes()))),
+        "y": base64(series.y.iter().flat_map(|y| y.to_le_bytes())),
+    })
+}
+
+pub(crate) fn motion(motion: &Motion) -> Value {
+    let channels = motion.channels.iter().map(|channel| {
+        let values = base64(channel.values.iter().flat_map(|x| x.to_le_bytes()));
+        (
+            channel.name.to_owned(),
+            json!({ "width": channel.width, "values": values }),
+        )
+    });
+    json!({
+        "t": base64(motion.t.iter().flat_map(|t| t.to_le_bytes())),
+        "channels": channels.collect::<serde_json::Map<_, _>>(),
+    })
+}
+
+/// Base 64 of bytes (RFC 4648): arrays of numbers as text that the browser decodes at once.
+pub(crate) fn base64(bytes: impl Iterator<Item = u8>) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::new();
+    let mut group = [0_u8; 3];
+    let mut filled = 0;
+    let mut put = |group: [u8; 3], filled: usize| {
+        let bits = u32::from_be_bytes([0, group[0], group[1], group[2]]);
+        for digit in 0..4 {
+            if digit <= filled {
+                out.push(char::from(DIGITS[(bits >> (18 - 6 * digit) & 63) as usize]));
+            } else {
+                out.push('=');
+            }
+        }
+    };
+    for byte in bytes {
+        group[filled] = byte;
+        filled += 1;
+        if filled == 3 {
+            put(group, 3);
+            (group, filled) = ([0; 3], 0);
+        }
+    }
+    if filled > 0 {
+        put(group, filled);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_is_that_of_the_standard() {
+        for (text, expected) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("fooba", "Zm9vYmE="),
+            ("foobar", "Zm9vYmFy"),
+        ] {
+            assert_eq!(base64(text.bytes()), expected);
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! The report of a run that is still going on.
+//!
+//! Work and memory are bounded whatever the length of the run: of each stream every n-th sample is shown, and the newest one,
+//! with n such that a run of the planned length has at most 1500 of them. So a page asks for what it does not have yet, and
+//! nothing has to be kept for it. The whole picture with all peaks is that of the finished run.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value, json};
+
+use super::motion::{MAX_FRAMES, Wanted};
+use super::series::{Binding, FigureData, Figures, Series, bindings, whole};
+use super::table::FIGURES;
+use super::{Report, ReportError, Run, base64, document, limits_of, name_of, read_json, table_of};
+use crate::geometry::Geometry;
+use tape::folder::RunFolder;
+use tape::{Reader, Source, split_record};
+
+/// At most this many points of a curve.
+const POINTS: u64 = 1500;
+
+/// A run folder that somebody writes.
+pub struct Live {
+    folder: PathBuf,
+    reader: Reader,
+    plan: String,
+    bindings: Vec<Binding>,
+    motion: Option<Wanted>,
+    /// Every n-th sample of each stream is shown.
+    strides: Vec<u64>,
+    frames: u64,
+}
+
+/// The points of a stream that a page has not got: how many it keeps, and which records come behind them.
+struct Missing {
+    keep: u64,
+    picks: Vec<u64>,
+}
+
+/// `have` points of a grid are there already; the newest record stands behind them, on the grid or not.
+fn missing(count: u64, stride: u64, have: u64) -> Missing {
+    let keep = have.min(count.div_ceil(stride));
+    let mut picks: Vec<u64> = (keep * stride..count).step_by(stride as usize).collect();
+    if let Some(newest) = count.checked_sub(1).filter(|newest| !newest.is_multiple_of(stride)) {
+        picks.push(newest);
+    }
+    Missing { keep, picks }
+}
+
+impl Live {
+    /// Opens the folder of a run that is planned to last `duration_s`. Its tape must have been begun.
+    pub fn open(folder: &Path, duration_s: f64) -> Result<Live, ReportError> {
+        let reader = Reader::open(folder)?;
+        let plan = std::fs::read_to_string(RunFolder::open(folder).plan()).unwrap_or_default();
+        let stride = |stream: usize, points: u64| {
+            let spec = &reader.streams()[stream];
+            let samples = (duration_s - spec.offset.seconds()) / spec.period.seconds();
+            ((samples.max(0.0) as u64) + 2).div_ceil(points)
+        };
+        let strides = (0..reader.streams().len())
+            .map(|stream| stride(stream, POINTS))
+            .collect();
+        let motion = Wanted::among(reader.streams());
+        let frames = motion.as_ref().map_or(1, |motion| stride(motion.lead, MAX_FRAMES));
+        Ok(Live {
+            folder: folder.to_owned(),
+            bindings: bindings(reader.streams(), &table_of(&plan)),
+            plan,
+            motion,
+            strides,
+            frames,
+            reader,
+        })
+    }
+
+    /// Whether there is something to show: the first sample of what the playback shows.
+    pub fn ready(&mut self) -> Result<bool, ReportError> {
+        self.reader.refresh()?;
+        let lead = self.motion.as_ref().map(|motion| motion.lead);
+        Ok(lead.is_none_or(|lead| self.reader.count(lead) > 0))
+    }
+
+    /// The page with what there is now. `about` is what the page is told about the run that it watches.
+    pub fn page(&mut self, about: &Value) -> Result<String, ReportError> {
+        self.reader.refresh()?;
+        let geometry = Geometry::read(&self.reader, &self.folder, &[])?;
+        let motion = match &self.motion {
+            Some(motion) => {
+                let picks = missing(self.reader.count(motion.lead), self.frames, 0).picks;
+                Some(motion.at(&self.reader, &picks)?)
+            }
+            None => None,
+        };
+        let run = Run {
+            name: name_of(&self.folder),
+            digest: String::new(),
+            sealed: false,
+            notes: geometry.notes.clone(),
+            events: Vec::new(),
+            figures: self.figures()?,
+            limits: limits_of(&table_of(&self.plan)),
+            participants: Vec::new(),
+            plan: self.plan.clone(),
+            motion,
+            geometry,
+            summary: Value::Null,
+            about: read_json(&RunFolder::open(&self.folder).run())?,
+        };
+        let title = run.name.clone();
+        let mut data = document::data(&title, &[run], &[]);
+        data["live"] = about.clone();
+        Ok(document::render(&title, &data, true))
+    }
+
+    /// The figures with all of their points.
+    fn figures(&self) -> Result<Vec<FigureData>, ReportError> {
+        let mut figures = Figures::default();
+        for binding in &self.bindings {
+            let spec = &self.reader.streams()[binding.stream];
+            let samples = self.reader.count(binding.stream);
+            let picks = missing(samples, self.strides[binding.stream], 0).picks;
+            let curves = self.curves(binding, &picks)?;
+            let index: Vec<u32> = picks.iter().map(|pick| whole(*pick)).collect();
+            for (place, y) in binding.places.iter().zip(curves) {
+                figures.add(
+                    place.figure,
+                    Series {
+                        label: place.label.clone(),
+                        origin: binding.origin.clone(),
+                        offset_s: spec.offset.seconds(),
+                        period_s: spec.period.seconds(),
+                        index: Some(index.clone()),
+                        first_index: spec.first_index,
+                        y,
+                        samples,
+                    },
+                );
+            }
+        }
+        Ok(figures.in_order())
+    }
+
+    /// The values of all curves of a binding at these records.
+    fn curves(&self, binding: &Binding, picks: &[u64]) -> Result<Vec<Vec<f64>>, ReportError> {
+        let spec = &self.reader.streams()[binding.stream];
+        let mut curves = vec![Vec::with_capacity(picks.len()); binding.places.len()];
+        let mut out = vec![0.0; curves.len()];
+        let mut record = vec![0; spec.stride()];
+        for &pick in picks {
+            self.reader.read(binding.stream, pick, &mut record)?;
+            binding.values(split_record(&record, 0).payload, &mut out);
+            for (curve, y) in curves.iter_mut().zip(&out) {
+                curve.push(*y);
+            }
+        }
+        Ok(curves)
+    }
+
+    /// What a page needs that has `have[s]` points of each stream, and as many frames as the last number says.
+    pub fn news(&mut self, have: &[u64]) -> Result<Value, ReportError> {
+        self.reader.refresh()?;
+        let had = |at: usize| have.get(at).copied().unwrap_or(0);
+        let streams = 0..self.reader.streams().len();
+        let news: Vec<Missing> = streams
+            .clone()
+            .map(|stream| missing(self.reader.count(stream), self.strides[stream], had(stream)))
+            .collect();
+        let mut figures: Map<String, Value> = Map::new();
+        for binding in &self.bindings {
+            let Missing { keep, picks } = &news[binding.stream];
+            let index = base64(picks.iter().flat_map(|&pick| (pick as u32).to_le_bytes()));
+            let samples = self.reader.count(binding.stream);
+            for (place, y) in binding.places.iter().zip(self.curves(binding, picks)?) {
+                let y = base64(y.iter().flat_map(|y| y.to_le_bytes()));
+                let list = figures.entry(FIGURES[place.figure].id).or_insert_with(|| json!([]));
+                if let Value::Array(list) = list {
+                    list.push(json!({ "keep": keep, "index": index, "y": y, "samples": samples }));
+                }
+            }
+        }
+        let grid = |count: u64, stride: u64| count.div_ceil(stride);
+        let mut have: Vec<u64> = streams
+            .map(|stream| grid(self.reader.count(stream), self.strides[stream]))
+            .collect();
+        let mut motion = Value::Null;
+        if let Some(wanted) = &self.motion {
+            let count = self.reader.count(wanted.lead);
+            let Missing { keep, picks } = missing(count, self.frames, had(have.len()));
+            motion = document::motion(&wanted.at(&self.reader, &picks)?);
+            motion["keep"] = json!(keep);
+            have.push(grid(count, self.frames));
+        }
+        Ok(json!({ "have": have, "figures": figures, "motion": motion }))
+    }
+
+    /// What the page of the finished run shows.
+    pub fn result(folder: &Path) -> Result<Value, ReportError> {
+        Ok(Report::read(&[folder.to_owned()], &[])?.data())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::missing;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Whatever a page had, with what it gets it has every n-th sample and the newest one, each once and in order.
+        #[test]
+        fn a_page_ends_up_with_the_grid_and_the_newest(
+            stride in 1_u64..20,
+            counts in prop::collection::vec(0_u64..400, 1..8),
+        ) {
+            let mut sorted = counts;
+            sorted.sort_unstable();
+            let (mut page, mut have): (Vec<u64>, u64) = (Vec::new(), 0);
+            for count in sorted {
+                let news = missing(count, stride, have);
+                page.truncate(news.keep as usize);
+                page.extend(&news.picks);
+                have = count.div_ceil(stride);
+                let mut expected: Vec<u64> = (0..count).step_by(stride as usize).collect();
+                if count > 0 && expected.last() != Some(&(count - 1)) {
+                    expected.push(count - 1);
+                }
+                prop_assert_eq!(&page, &expected);
+            }
+            prop_assert!(missing(3, stride, u64::MAX).picks.len() <= 1, "a page that claims too much");
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! The tape: every sample of every output port, bit for bit.
+//!
+//! A tape is a folder:
+//!
+//! | file | content |
+//! |---|---|
+//! | `index.json` | what the streams are: participant, port, descriptor, exact sample time, first index, record size. Written last at creation and never changed: where it is, all stream files are |
+//! | `<participant>.<port>.bin` | one stream: records of fixed size without any header, each the stamp (little-endian `f64`, s) and the payload exactly as published |
+//! | `events.jsonl` | one JSON object per line: faults, substitutions, failures with their simulated time |
+//! | `seal.json` | counts and hashes; there only when the writer finished |
+//!
+//! Record k of a stream is sample `first_index + k`, and its stamp is the double nearest to `offset + index * period`.
+//! Each stream file is a prefix of what an undisturbed run would have written, whatever killed the writer: a torn last
+//! record is left out by the reader and reported. In Python,
+//! `numpy.fromfile(path, dtype=[("t", "<f8"), ("p_NB_N", "<f8", 3), …])` reads a stream.
+//!
+//! The [`Digest`] says whether two tapes are the same: it covers names, descriptors, sample times, counts and every
+//! byte of every stream, in an order that does not depend on which stream arrived first. Events are not part of it, so
+//! a run that was interrupted and resumed can be shown to have the tape of the undisturbed one.
+
+pub mod compare;
+mod digest;
+mod error;
+mod events;
+pub mod folder;
+mod memory;
+mod reader;
+mod selection;
+mod sink;
+mod source;
+mod spec;
+#[cfg(test)]
+mod testing;
+mod track;
+mod writer;
+
+pub use digest::{Digest, ParseDigestError, digest_of};
+pub use error::{AppendError, CreateError, ReadError, SpecError};
+pub use events::{Event, EventKind};
+pub use memory::{DigestSink, MemoryTape};
+pub use reader::{Reader, Torn};
+pub use selection::Selection;
+pub use sink::Sink;
+pub use source::{FieldRef, Record, Records, Source, split as split_record};
+pub use spec::{FORMAT_VERSION, StreamSpec};
+pub use writer::Writer;
+
+#[cfg(test)]
+pub(crate) use testing::scratch as scratch_for_tests;
