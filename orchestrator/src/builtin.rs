@@ -1,17 +1,20 @@
-//! The participants that this program contains.
+//! What this program contains: the stock participants, those of its benches, and the assessment of a capture.
 
-use lockstep::participant::Factory;
+use std::sync::{Arc, OnceLock};
 
-/// Their names.
-pub const NAMES: [&str; 3] = ["plant", "controller", "guidance"];
+use engine::Catalogue;
 
-/// How the participant called `name` is made.
-pub fn factory(name: &str) -> Option<Factory> {
-    match name {
-        "plant" => Some(plant_proc::factory),
-        "controller" => Some(controller_proc::factory),
-        "guidance" => Some(guidance_proc::factory),
-        crate::replay::player::NAME => Some(crate::replay::player::factory),
-        other => crate::bench::factory(other),
-    }
+use crate::bench;
+
+/// The catalogue of this program.
+pub fn catalogue() -> &'static Arc<Catalogue> {
+    static CATALOGUE: OnceLock<Arc<Catalogue>> = OnceLock::new();
+    CATALOGUE.get_or_init(|| {
+        let catalogue = Catalogue::new(env!("CARGO_PKG_VERSION"))
+            .participant("plant", plant_proc::factory)
+            .participant("controller", controller_proc::factory)
+            .participant("guidance", guidance_proc::factory)
+            .assessment("capture", capture::assessment::from_table);
+        Arc::new(bench::register(catalogue))
+    })
 }

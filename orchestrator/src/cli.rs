@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use lockstep::time::Rational;
 
@@ -13,7 +14,7 @@ use crate::commands::replay::ReplayArgs;
 use crate::commands::report::ReportArgs;
 use crate::commands::sweep::SweepArgs;
 use crate::commands::tune::TuneArgs;
-use crate::run::Wait;
+use engine::run::Wait;
 
 /// Co-simulation in lockstep over shared memory.
 ///
@@ -91,14 +92,22 @@ pub struct ScenarioArgs {
     pub duration: Option<Rational>,
 }
 
+/// `--wait` by the names of the strategies.
+fn wait() -> impl TypedValueParser<Value = Wait> {
+    PossibleValuesParser::new(Wait::ALL.map(|(name, _)| name)).map(|text| {
+        let found = Wait::ALL.iter().find(|(name, _)| *name == text);
+        found.map(|(_, wait)| *wait).unwrap_or_default()
+    })
+}
+
 /// `--substitute` as an override.
 fn substitute(text: &str) -> Result<String, String> {
-    let (participant, run) = crate::shadow::in_place(text, "--substitute")?;
+    let (participant, run) = engine::shadow::in_place(text, "--substitute")?;
     Ok(format!("participants.{participant}.run={run}"))
 }
 
 impl ScenarioArgs {
-    /// All changes in the form that [`crate::scenario::Scenario::read`] takes.
+    /// All changes in the form that [`engine::scenario::Scenario::read`] takes.
     pub fn overrides(&self) -> Vec<String> {
         let mut all = self.substitute.clone();
         all.extend_from_slice(&self.set);
@@ -175,7 +184,7 @@ pub struct HowArgs {
     #[arg(long, value_name = "TIME")]
     pub checkpoint_at: Vec<Rational>,
     /// How participants wait for each other; the result does not depend on it
-    #[arg(long, value_enum, default_value_t)]
+    #[arg(long, default_value = "auto", value_parser = wait())]
     pub wait: Wait,
     /// Leave the choice of cores to the operating system
     #[arg(long)]

@@ -3,6 +3,7 @@
 //! `fuzz/` feeds them with libFuzzer; the test below feeds them what is kept in `fuzz/corpus`. A function may refuse its bytes
 //! as it likes. It must not panic, hang or allocate without bound, and what it accepts must hold what is checked here.
 
+use crate::builtin::catalogue;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -17,8 +18,8 @@ use tape::compare::compare;
 use tape::{Reader, Source};
 use toml::{Table, Value};
 
-use crate::run::checkpoint::Checkpoint;
-use crate::scenario::Scenario;
+use engine::run::checkpoint::Checkpoint;
+use engine::scenario::Scenario;
 
 /// Reads bytes that may be anything.
 pub type Decode = fn(&[u8]);
@@ -44,7 +45,7 @@ fn root() -> PathBuf {
 pub fn scenario(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let file = root().join("scenarios/fuzzed.toml");
-    match Scenario::read_text(&file, text) {
+    match Scenario::read_text(catalogue(), &file, text) {
         Ok(scenario) => {
             let unknown = vec![None; scenario.participants.len()];
             if let Err(error) = scenario.sketch(&unknown) {
@@ -216,7 +217,7 @@ pub fn units(bytes: &[u8]) {
     if let Ok(time) = text.parse::<Rational>() {
         assert_eq!(time.to_string().parse(), Ok(time), "{text}");
     }
-    let _ = crate::scenario::fault_table(text);
+    let _ = engine::scenario::fault_table(text);
 }
 
 /// One quantity of every shape.

@@ -6,22 +6,14 @@ mod processor;
 #[macro_use]
 mod output;
 
-mod assessment;
 mod bench;
 mod builtin;
-mod campaign;
 mod cli;
 mod commands;
 pub mod decoders;
-mod flight;
 mod limits;
-mod live;
-mod provenance;
-mod replay;
-mod run;
-mod scenario;
-mod scope;
-mod shadow;
+mod signals;
+mod terminal;
 
 use std::process::ExitCode;
 
@@ -58,7 +50,11 @@ pub fn main() -> ExitCode {
         Command::Faults(args) => commands::faults::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Doctor(args) => commands::doctor::run(args),
-        Command::CampaignWorker => campaign::serve().map(|()| 0).map_err(Into::into),
+        Command::CampaignWorker => {
+            engine::campaign::serve(builtin::catalogue(), std::io::stdin().lock(), std::io::stdout())
+                .map(|()| 0)
+                .map_err(Into::into)
+        }
         Command::Participant(_) => Ok(0),
     };
     match result {

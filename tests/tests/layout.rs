@@ -10,7 +10,7 @@ use escapement_tests::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-const ARROWS: [(&str, &[&str]); 12] = [
+const ARROWS: [(&str, &[&str]); 14] = [
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &["multibody"]),
@@ -19,6 +19,8 @@ const ARROWS: [(&str, &[&str]); 12] = [
     ("interfaces", &["lockstep", "multibody"]),
     ("tape", &["lockstep"]),
     ("report", &["lockstep", "multibody", "tape"]),
+    ("engine", &["lockstep", "report", "tape"]),
+    ("capture", &["engine", "lockstep", "multibody", "synthesis", "tape"]),
     ("plant-proc", &["interfaces", "lockstep", "multibody"]),
     (
         "controller-proc",
@@ -31,8 +33,10 @@ const ARROWS: [(&str, &[&str]); 12] = [
     (
         "orchestrator",
         &[
+            "capture",
             "control-laws",
             "controller-proc",
+            "engine",
             "guidance-laws",
             "guidance-proc",
             "interfaces",
@@ -315,22 +319,48 @@ fn the_framework_knows_no_space() {
 }
 
 #[test]
-fn only_the_orchestrator_starts_processes_and_handles_signals() {
-    let names = ["Command::new", "signal_hook", "process::Command", "kill_process"];
+fn processes_and_signals_have_one_place_each() {
     for package in packages() {
-        if matches!(package.name.as_str(), "orchestrator" | "escapement-tests") {
-            continue;
-        }
+        let names: &[&str] = match package.name.as_str() {
+            "orchestrator" | "escapement-tests" => continue,
+            "engine" => &["signal_hook"],
+            _ => &["Command::new", "signal_hook", "process::Command", "kill_process"],
+        };
         let manifest = package.dependencies.iter().any(|name| name == "signal-hook");
         assert!(!manifest, "{} links signal-hook", package.name);
         let found = shipped(package).into_iter().filter_map(|line| {
-            let name = names.into_iter().find(|name| line.code.contains(name))?;
-            Some((line, name.to_owned()))
+            let name = names.iter().find(|name| line.code.contains(**name))?;
+            Some((line, (*name).to_owned()))
         });
         none(
-            "a process is started or a signal handled outside of the orchestrator:",
+            "a process is started outside of engine and orchestrator, or a signal handled outside of the orchestrator:",
             found,
         );
+    }
+}
+
+/// A library of a run prints nothing, reads no keys and never ends the process: what happens goes to an observer.
+#[test]
+fn the_engine_knows_no_terminal() {
+    let names = [
+        "println!",
+        "print!",
+        "stdin()",
+        "stdout()",
+        "stderr()",
+        "process::exit",
+        "std::env::args()",
+    ];
+    for name in ["lockstep", "tape", "report", "engine", "capture"] {
+        let found = shipped(package(name))
+            .into_iter()
+            // A participant's own program reports its failure where the orchestrator keeps it.
+            .filter(|line| !line.test && !line.path.ends_with("lockstep/src/host/mod.rs"))
+            .filter_map(|line| {
+                let name = names.into_iter().find(|name| line.code.contains(name))?;
+                Some((line, name.to_owned()))
+            });
+        none(&format!("{name} is a library and knows no terminal:"), found);
     }
 }
 

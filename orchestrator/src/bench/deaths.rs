@@ -7,7 +7,7 @@ use lockstep::random::Stream;
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::Figures;
-use crate::run::{Ending, Outcome};
+use engine::run::{Ending, Outcome};
 
 /// Milliseconds from `kill -9` of a participant to the moment when the orchestrator knows, `count` times. Each time `run` makes
 /// a run of some participants into `out` that is far from its end, and one of them is killed at a random time.

@@ -9,8 +9,8 @@ use lockstep::transport::iceoryx::{Address, Domain};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::Figures;
-use crate::run::Wait;
-use crate::scope::Scope;
+use engine::run::Wait;
+use engine::scope::Scope;
 
 /// Round trips per round.
 const ROUND: u64 = 50_000;

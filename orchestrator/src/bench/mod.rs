@@ -8,7 +8,7 @@ mod share;
 
 pub use deaths::deaths;
 pub use exchange::{be_an_end, exchange};
-pub use participants::{factory, scenario_text};
+pub use participants::{register, scenario_text};
 pub use scaling::scaling;
 pub use share::share;
 

@@ -1,6 +1,7 @@
 //! Participants that do nothing but exchange 27 doubles.
 
-use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+use engine::Catalogue;
+use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 
 lockstep::message! {
     /// As large as a measured state of the stock plant.
@@ -28,19 +29,11 @@ impl Participant for Relay {
     }
 }
 
-/// The two relays, by the name under which a scenario of [`scenario_text`] asks for them.
-pub fn factory(name: &str) -> Option<lockstep::participant::Factory> {
-    fn continuous(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
-        Ok(Box::new(Relay(Kind::Continuous)))
-    }
-    fn sampled(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
-        Ok(Box::new(Relay(Kind::Sampled)))
-    }
-    match name {
-        "bench-continuous" => Some(continuous),
-        "bench-sampled" => Some(sampled),
-        _ => None,
-    }
+/// Adds the two relays under the names by which a scenario of [`scenario_text`] asks for them.
+pub fn register(catalogue: Catalogue) -> Catalogue {
+    catalogue
+        .internal("bench-continuous", |_| Ok(Box::new(Relay(Kind::Continuous))))
+        .internal("bench-sampled", |_| Ok(Box::new(Relay(Kind::Sampled))))
 }
 
 /// A ring of `count` relays, the first of them continuous, all activated every millisecond for `steps` steps.

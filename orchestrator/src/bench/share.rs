@@ -6,8 +6,8 @@ use lockstep::executor::{InLoop, assemble};
 use lockstep::transport::NoRecording;
 
 use super::Figures;
-use crate::run::{Options, run};
-use crate::scenario::Scenario;
+use engine::run::{Options, run};
+use engine::scenario::Scenario;
 
 /// Wall time of a scenario, s.
 pub struct Share {
@@ -39,7 +39,6 @@ fn wall(scenario: &Scenario, out: &std::path::Path, in_process: bool) -> anyhow:
     let options = Options {
         in_process,
         out: Some(folder.clone()),
-        quiet: true,
         patience_s: 60.0,
         ..Options::default()
     };

@@ -1,12 +1,13 @@
 //! `orchestrator bench`: what lockstep costs on this machine.
 
+use crate::builtin::catalogue;
 use std::path::Path;
 
 use crate::bench::{self, Figures};
 use crate::cli::BenchArgs;
-use crate::run::{Options, Outcome, Wait, run as run_scenario};
-use crate::scenario::Scenario;
-use crate::scope::Scope;
+use engine::run::{Options, Outcome, Wait, run as run_scenario};
+use engine::scenario::Scenario;
+use engine::scope::Scope;
 
 /// Measures and prints ratios.
 pub fn run(args: &BenchArgs) -> anyhow::Result<i32> {
@@ -62,7 +63,7 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
     }
 
     if let Some(path) = &args.scenario {
-        let scenario = Scenario::read(path, &[])?;
+        let scenario = Scenario::read(catalogue(), path, &[])?;
         let share = bench::share(&scenario, args.rounds, folder)?;
         println!("\n{}, s of wall time", path.display());
         row("in one process, nothing recorded", &share.alone);
@@ -96,7 +97,7 @@ const FAR: u64 = 1_000_000_000;
 fn ring(folder: &Path, count: usize, steps: u64, wait: Wait) -> anyhow::Result<f64> {
     let outcome = ring_run(folder, count, steps, wait, None)?;
     std::fs::remove_dir_all(&outcome.folder)?;
-    if outcome.ending != crate::run::Ending::Complete {
+    if outcome.ending != engine::run::Ending::Complete {
         anyhow::bail!("the ring of {count} did not run to its end: {:?}", outcome.ending);
     }
     Ok(outcome.wall_s / steps as f64)
@@ -105,11 +106,10 @@ fn ring(folder: &Path, count: usize, steps: u64, wait: Wait) -> anyhow::Result<f
 fn ring_run(folder: &Path, count: usize, steps: u64, wait: Wait, pace: Option<f64>) -> anyhow::Result<Outcome> {
     let file = folder.join("ring.toml");
     std::fs::write(&file, bench::scenario_text(count, steps))?;
-    let scenario = Scenario::read(&file, &[])?;
+    let scenario = Scenario::read(catalogue(), &file, &[])?;
     let out = folder.join("run");
     let options = Options {
         out: Some(out),
-        quiet: true,
         pace,
         wait,
         // Two that spin need a core each, which placement gives them only where there is one to spare.

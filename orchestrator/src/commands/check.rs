@@ -1,16 +1,17 @@
 //! `orchestrator check SCENARIO`: everything but the launch.
 
+use crate::builtin::catalogue;
 use lockstep::plan::Plan;
 use serde_json::json;
 
 use crate::cli::CheckArgs;
-use crate::provenance;
-use crate::run::{Options, check, crew, faults};
-use crate::scenario::{Program, Scenario};
+use capture::provenance;
+use engine::run::{Options, check, faults, placement};
+use engine::scenario::{Program, Scenario};
 
 /// Plans and says what would run.
 pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
-    let read = Scenario::read(&args.scenario.scenario, &args.scenario.overrides());
+    let read = Scenario::read(catalogue(), &args.scenario.scenario, &args.scenario.overrides());
     let checked = read.and_then(|scenario| check(&scenario).map(|known| (scenario, known)));
     let (scenario, known) = match checked {
         Ok(checked) => checked,
@@ -22,7 +23,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
     for remark in provenance::remarks(&scenario) {
         eprintln!("warning: {remark}");
     }
-    let placement = crew::placement(&known.plan, &Options::default());
+    let placement = placement(&known.plan, &Options::default());
     if args.json {
         let plan = serde_json::to_value(&known.plan)?;
         println!(

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use crate::cli::DoctorArgs;
-use crate::scope;
+use engine::scope;
 
 /// Looks, says, and removes if asked to.
 pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {

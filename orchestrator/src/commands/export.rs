@@ -9,7 +9,7 @@ use report::export;
 use report::geometry::Geometry;
 use tape::Reader;
 
-use crate::scenario::in_path;
+use engine::scenario::in_path;
 
 /// Exit code: the folder is not a run, or a file of it cannot be read.
 const UNREADABLE: i32 = 2;

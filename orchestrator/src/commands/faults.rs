@@ -1,14 +1,15 @@
 //! `orchestrator faults SCENARIO`
 
+use crate::builtin::catalogue;
 use std::path::PathBuf;
 
 use clap::Args;
 use lockstep::time::Rational;
 
 use super::sweep::{CampaignArgs, code, json, known_figures, told, write};
-use crate::campaign::{self, Campaign, CampaignError, Finished, Kind};
 use crate::cli::ScenarioArgs;
-use crate::scenario::Scenario;
+use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
+use engine::scenario::Scenario;
 
 /// Run a scenario with one failure after the other, and say which still capture.
 ///
@@ -55,10 +56,10 @@ pub fn run(args: &FaultsArgs) -> anyhow::Result<i32> {
 fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
     let overrides = args.scenario.overrides();
     let file = &args.scenario.scenario;
-    let scenario = Scenario::read(file, &overrides)?;
+    let scenario = Scenario::read(catalogue(), file, &overrides)?;
     let cases = match &args.cases {
         Some(list) => campaign::cases_from_file(list, &scenario)?,
-        None => campaign::every_actuator(&scenario, file, &args.at, args.informed)?,
+        None => capture::actuators::every_actuator(&scenario, file, &args.at, args.informed)?,
     };
     let campaign = Campaign {
         kind: Kind::Faults,

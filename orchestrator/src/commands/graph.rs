@@ -1,17 +1,18 @@
 //! `orchestrator graph SCENARIO`: a drawing of who tells whom what, how often and how late.
 
+use crate::builtin::catalogue;
 use lockstep::fault::Place;
 use lockstep::participant::Kind;
 use lockstep::plan::{Link, Plan};
 
 use crate::cli::{GraphArgs, GraphFormat};
-use crate::run::check;
-use crate::run::faults::notices;
-use crate::scenario::Scenario;
+use engine::run::check;
+use engine::run::faults::notices;
+use engine::scenario::Scenario;
 
 /// Prints the drawing.
 pub fn run(args: &GraphArgs) -> anyhow::Result<i32> {
-    let read = Scenario::read(&args.scenario.scenario, &args.scenario.overrides());
+    let read = Scenario::read(catalogue(), &args.scenario.scenario, &args.scenario.overrides());
     match read.and_then(|scenario| check(&scenario)) {
         Ok(known) => {
             print!("{}", draw(&known.plan, args.format));

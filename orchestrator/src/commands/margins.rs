@@ -1,5 +1,6 @@
 //! `orchestrator margins GAINS`: what gains tolerate, recomputed from their file and the specification it names.
 
+use crate::builtin::catalogue;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -18,8 +19,8 @@ use super::tune::{
     channel_entries, contradictions, load, optima, print_validation, sampled_entries, stated_margins, threads,
     validation_entry, write,
 };
-use crate::flight::fly;
-use crate::provenance::{digest, plant_digest};
+use capture::flight::fly;
+use capture::provenance::{digest, plant_digest};
 
 /// Exit code: a file is missing or wrong.
 const REFUSED: i32 = 2;
@@ -122,7 +123,7 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
     file.flown = if args.no_flights {
         Vec::new()
     } else {
-        fly(&path, &spec, &robot, &gains, &|| false)?
+        fly(catalogue(), &path, &spec, &robot, &gains, &|| false)?
     };
     file.margins = stated_margins(&spec, &robot, &gains, args.models.unwrap_or(usize::MAX), &|| false)?;
     if let Some(path) = &args.export_problem {

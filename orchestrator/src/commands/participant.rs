@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use crate::builtin;
+use crate::builtin::catalogue;
 use crate::cli::ParticipantArgs;
 
 /// Takes its place in the run that the environment names.
@@ -16,13 +16,16 @@ pub fn run(args: &ParticipantArgs) -> ExitCode {
             }
         };
     }
-    match builtin::factory(&args.name) {
-        Some(factory) => lockstep::host::run(factory, &format!("{} {}", args.name, env!("CARGO_PKG_VERSION"))),
+    match catalogue().factory(&args.name) {
+        Some(factory) => lockstep::host::run(
+            |setup| factory(setup),
+            &format!("{} {}", args.name, env!("CARGO_PKG_VERSION")),
+        ),
         None => {
             eprintln!(
                 "error: there is no builtin participant `{}`; there is {}",
                 args.name,
-                builtin::NAMES.join(", ")
+                catalogue().names().collect::<Vec<_>>().join(", ")
             );
             ExitCode::from(2)
         }

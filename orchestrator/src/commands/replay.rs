@@ -8,10 +8,12 @@ use lockstep::time::Rational;
 use serde_json::json;
 
 use super::compare::{DIFFERENT, print};
+use crate::builtin::catalogue;
 use crate::cli::CommonArgs;
 use crate::output;
-use crate::replay::{Found, Replay, ReplayError, Request};
-use crate::run::{Ending, Options, Wait};
+use crate::{signals, terminal};
+use engine::replay::{Found, Replay, ReplayError, Request};
+use engine::run::{Ending, Options, Wait};
 
 /// Run one participant of a recorded run again, with the inputs it had then, and compare what it says with the tape.
 ///
@@ -66,6 +68,7 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
     let exe = args.exe.as_ref().map(std::path::absolute).transpose();
     let exe = exe.map_err(|error| ReplayError::Misfit(format!("--exe: {error}")))?;
     let replay = Replay::plan(&Request {
+        catalogue: catalogue(),
         folder: &args.run,
         participant: &args.participant,
         overrides: &args.set,
@@ -76,7 +79,8 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
     replay.run(&Options {
         in_process,
         out: args.common.out.clone(),
-        quiet: args.common.quiet,
+        progress: terminal::progress(args.common.quiet),
+        interrupt: signals::interrupt(),
         pause_at: args.wait_for_debugger.into_iter().collect(),
         wait: Wait::Auto,
         // Whoever stands in a debugger does not move, and should not be given up for it.
@@ -92,7 +96,7 @@ fn report(args: &ReplayArgs, found: &Found) -> anyhow::Result<i32> {
     for note in &found.notes {
         eprintln!("note: {note}");
     }
-    found.ending.tell();
+    super::run::tell(&found.ending);
     let failed = found.ending != Ending::Complete;
     let mut out = output::stdout();
     if args.common.json {

@@ -1,12 +1,13 @@
 //! `orchestrator resume RUN`
 
+use crate::builtin::catalogue;
 use tape::folder::RunFolder;
 
 use super::run::execute;
 use crate::cli::ResumeArgs;
-use crate::run::Origin;
-use crate::run::checkpoint::Checkpoint;
-use crate::scenario::Scenario;
+use engine::run::Origin;
+use engine::run::checkpoint::Checkpoint;
+use engine::scenario::Scenario;
 
 /// Goes on with a run in a folder of its own; the other one stays as it is.
 pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
@@ -27,7 +28,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     };
     let mut overrides = args.set.clone();
     overrides.extend(args.duration.map(|duration| format!("duration={duration}")));
-    let mut scenario = match Scenario::read(&folder.plan(), &overrides) {
+    let mut scenario = match Scenario::read(catalogue(), &folder.plan(), &overrides) {
         Ok(scenario) => scenario,
         Err(error) => {
             eprintln!("error: {error}");

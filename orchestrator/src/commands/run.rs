@@ -1,5 +1,7 @@
 //! `orchestrator run SCENARIO`
 
+use crate::builtin::catalogue;
+use std::io::Write;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -7,16 +9,16 @@ use serde_json::json;
 use tape::folder::RunFolder;
 
 use crate::cli::{HowArgs, RunArgs};
-use crate::live::{self, Server, Steering};
-use crate::provenance;
-use crate::run::signals::Interrupt;
-use crate::run::{Ending, Options, Origin, Outcome, run as run_scenario};
-use crate::scenario::Scenario;
-use crate::shadow::{Account, Shadow};
+use crate::{signals, terminal};
+use capture::provenance;
+use engine::live::{self, Server, Steering};
+use engine::run::{Ending, Options, Origin, Outcome, run as run_scenario};
+use engine::scenario::Scenario;
+use engine::shadow::{Account, Shadow};
 
 /// Runs and reports.
 pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
-    let scenario = match Scenario::read(&args.scenario.scenario, &args.scenario.overrides()) {
+    let scenario = match Scenario::read(catalogue(), &args.scenario.scenario, &args.scenario.overrides()) {
         Ok(scenario) => scenario,
         Err(error) => {
             eprintln!("error: {error}");
@@ -57,7 +59,8 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     let options = Options {
         in_process: how.in_process,
         out: how.common.out.clone(),
-        quiet: how.common.quiet,
+        progress: terminal::progress(how.common.quiet),
+        interrupt: signals::interrupt(),
         pace: how.real_time,
         pause_at: how.pause_at.clone(),
         checkpoint_every: how.checkpoint_every,
@@ -81,7 +84,7 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
         Ending::Stopped { .. } => Vec::new(),
         _ => shadows
             .iter()
-            .map(|shadow| shadow.run(&outcome.folder, &options))
+            .map(|shadow| shadow.run(catalogue(), &outcome.folder, &options))
             .collect(),
     };
     if !shadows.is_empty() {
@@ -89,13 +92,15 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     }
     let folder = RunFolder::open(&outcome.folder);
     folder.write_json(&folder.summary(), &summary)?;
-    outcome.ending.tell();
+    tell(&outcome.ending);
     if how.common.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
     } else if !how.common.quiet {
         print(scenario, &outcome);
         let mut out = crate::output::stdout();
-        accounts.iter().try_for_each(|account| account.print(&mut out))?;
+        accounts
+            .iter()
+            .try_for_each(|account| print_account(account, &mut out))?;
     }
     if let Some((server, _)) = &server {
         farewell(how, server, &outcome)?;
@@ -120,7 +125,7 @@ fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result
     if !how.live_stay || matches!(outcome.ending, Ending::Stopped { .. }) {
         return Ok(());
     }
-    let interrupt = Interrupt::install()?;
+    let interrupt = signals::interrupt();
     eprintln!("live: the run is over; the page stays until Ctrl-C: {}", server.url());
     while !interrupt.asked() {
         std::thread::sleep(Duration::from_millis(50));
@@ -132,7 +137,12 @@ fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result
 fn shadows(args: &RunArgs) -> Result<Vec<Shadow>, String> {
     let read = |text: &String| {
         let shadow = Shadow::read(text, &args.shadow_set)?;
-        let checked = shadow.check(&args.scenario.scenario, &args.scenario.overrides());
+        let checked = shadow.check(
+            catalogue(),
+            &args.scenario.scenario,
+            &args.scenario.overrides(),
+            &signals::interrupt(),
+        );
         checked.map(|()| shadow).map_err(|error| error.to_string())
     };
     args.shadow.iter().map(read).collect()
@@ -143,7 +153,7 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
         println!("{}", scenario.title);
     }
     if let Some(figures) = &outcome.figures {
-        println!("{figures}");
+        println!("{}", figures.text);
     }
     println!(
         "{:.3} s simulated in {:.3} s: {:.0} times real time ({})",
@@ -153,4 +163,40 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
         outcome.placement
     );
     println!("run folder: {}", outcome.folder.display());
+}
+
+/// How a run ended, where there is anything to report.
+pub fn tell(ending: &Ending) {
+    let error = if matches!(ending, Ending::Failed { .. }) {
+        "error: "
+    } else {
+        ""
+    };
+    if let Some(words) = ending.words() {
+        eprintln!("{error}{words}");
+    }
+}
+
+/// What a shadow said, for people.
+fn print_account(account: &Account, out: &mut impl Write) -> std::io::Result<()> {
+    writeln!(
+        out,
+        "shadow of `{}`, {} (A is the run, B the shadow):",
+        account.participant, account.program
+    )?;
+    for note in &account.notes {
+        writeln!(out, "  note: {note}")?;
+    }
+    if let Some(refused) = &account.refused {
+        writeln!(out, "  not compared: {refused}")?;
+    }
+    match &account.ending {
+        Some(Ending::Failed { reason, .. }) => writeln!(out, "  the shadow failed, the run did not: {reason}")?,
+        Some(Ending::Stopped { reason }) => writeln!(out, "  {reason}")?,
+        Some(Ending::Complete) | None => {}
+    }
+    match &account.comparison {
+        Some(comparison) => super::compare::print(out, comparison),
+        None => Ok(()),
+    }
 }

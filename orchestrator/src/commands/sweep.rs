@@ -1,13 +1,15 @@
 //! `orchestrator sweep SCENARIO --vary KEY=VALUES`
 
+use crate::builtin::catalogue;
+use crate::{signals, terminal};
 use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::campaign::{self, Axis, Campaign, CampaignError, Finished, Kind, Options, Picture};
 use crate::cli::ScenarioArgs;
-use crate::run::check;
-use crate::scenario::Scenario;
+use engine::campaign::{self, Axis, Campaign, CampaignError, Finished, Kind, Options, Picture};
+use engine::run::check;
+use engine::scenario::Scenario;
 
 /// Run a scenario over a grid of values, and make one table and a picture.
 ///
@@ -65,7 +67,8 @@ impl CampaignArgs {
             out: self.out.clone(),
             workers: self.workers.map(usize::from),
             keep: self.keep,
-            quiet: self.quiet,
+            progress: terminal::progress(self.quiet),
+            interrupt: signals::interrupt(),
         }
     }
 }
@@ -83,7 +86,7 @@ pub fn run(args: &SweepArgs) -> anyhow::Result<i32> {
 
 fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     let overrides = args.scenario.overrides();
-    let scenario = Scenario::read(&args.scenario.scenario, &overrides)?;
+    let scenario = Scenario::read(catalogue(), &args.scenario.scenario, &overrides)?;
     let mut axes: Vec<Axis> = args.vary.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
     if let Some(count) = args.seeds {
         axes.push(campaign::range_of_seeds(scenario.seed, count)?);
@@ -166,7 +169,7 @@ pub fn known_figures(campaign: &Campaign) -> Result<Vec<String>, CampaignError> 
         return Ok(Vec::new());
     };
     let changes = [campaign.overrides.as_slice(), first].concat();
-    let scenario = Scenario::read(&campaign.scenario, &changes)?;
+    let scenario = Scenario::read(catalogue(), &campaign.scenario, &changes)?;
     let known = check(&scenario)?;
     Ok(campaign::figures_of(&scenario, &known.plan))
 }

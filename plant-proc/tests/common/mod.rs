@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use lockstep::executor::{InLoop, assemble};
 use lockstep::link::Timing;
-use lockstep::participant::{Factory, ParameterError, Participant, Setup};
+use lockstep::participant::{ParameterError, Participant, Setup};
 use lockstep::plan::{Initial, LinkSpec, ParticipantSpec, Plan};
 use lockstep::port::Descriptor;
 use lockstep::time::Rational;
@@ -58,12 +58,13 @@ pub fn make(scenario: &Table, name: &str) -> (Setup, Box<dyn Participant>) {
 /// The same, or the refusal.
 pub fn try_make(scenario: &Table, name: &str) -> Result<(Setup, Box<dyn Participant>), ParameterError> {
     let own = &scenario["participants"][name];
-    let factory: Factory = match text(&own["run"], "builtin").unwrap() {
-        "plant" => plant_proc::factory,
-        "controller" => controller_proc::factory,
-        "guidance" => guidance_proc::factory,
-        other => panic!("`{other}` is not a stock participant"),
-    };
+    let factory: fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> =
+        match text(&own["run"], "builtin").unwrap() {
+            "plant" => plant_proc::factory,
+            "controller" => controller_proc::factory,
+            "guidance" => guidance_proc::factory,
+            other => panic!("`{other}` is not a stock participant"),
+        };
     let setup = Setup {
         name: name.to_owned(),
         parameters: own["parameters"].as_table().unwrap().clone(),

@@ -10,8 +10,9 @@ pub use error::HostError;
 
 use std::env;
 use std::process::ExitCode;
+use std::sync::Arc;
 
-use crate::participant::Factory;
+use crate::participant::{ParameterError, Participant, Setup};
 use crate::transport::iceoryx::Address;
 
 /// The environment variable with the address of the run.
@@ -23,7 +24,10 @@ pub const PARTICIPANT: &str = "ESCAPEMENT_PARTICIPANT";
 /// `factory`, and stays until it is done or told to leave.
 ///
 /// Prints the reason of a failure on standard error and returns exit code 1; 2 when it was not started by an orchestrator.
-pub fn run(factory: Factory, program: &str) -> ExitCode {
+pub fn run(
+    factory: impl Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync + 'static,
+    program: &str,
+) -> ExitCode {
     let (address, name) = match (env::var(ADDRESS), env::var(PARTICIPANT)) {
         (Ok(address), Ok(name)) => (address, name),
         _ => {
@@ -38,7 +42,7 @@ pub fn run(factory: Factory, program: &str) -> ExitCode {
         // A participant must not outlive its orchestrator, however that ends.
         rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))
             .map_err(|error| HostError::Orphan(error.to_string()))?;
-        let mut seat = session::Seat::empty(&name, program, factory);
+        let mut seat = session::Seat::empty(&name, program, Arc::new(factory));
         let mut address = Some(address);
         // Whoever is moved leaves everything of the old address first.
         while let Some(at) = address {

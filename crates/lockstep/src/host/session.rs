@@ -152,7 +152,7 @@ impl Session {
                 seed,
                 period,
                 offset,
-            } => match configure(seat.factory, name, &parameters, seed, period, offset) {
+            } => match configure(&seat.factory, name, &parameters, seed, period, offset) {
                 Ok(participant) => {
                     let interface = participant.interface();
                     let worked = false;
@@ -264,7 +264,7 @@ fn refused(reason: &str) -> Reply {
 }
 
 fn configure(
-    factory: Factory,
+    factory: &Factory,
     name: String,
     parameters: &str,
     seed: u64,
@@ -281,7 +281,7 @@ fn configure(
         period,
         offset,
     };
-    catch_unwind(|| factory(&setup))
+    catch_unwind(AssertUnwindSafe(|| factory(&setup)))
         .map_err(|panic| (String::new(), format!("it panicked: {}", message(&*panic))))?
         .map_err(|error| (error.key, error.reason))
 }

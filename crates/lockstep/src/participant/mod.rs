@@ -4,6 +4,7 @@ mod buffers;
 mod interface;
 
 use std::error::Error;
+use std::sync::Arc;
 
 pub(crate) use buffers::{FiniteCheck, first_not_finite};
 pub use buffers::{Inputs, Outputs, Payload};
@@ -48,7 +49,7 @@ pub struct Setup {
 }
 
 /// Makes a participant from its setup.
-pub type Factory = fn(&Setup) -> Result<Box<dyn Participant>, ParameterError>;
+pub type Factory = Arc<dyn Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync>;
 
 /// The instant of an activation.
 #[derive(Debug, Clone, Copy, PartialEq)]

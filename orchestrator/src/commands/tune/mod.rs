@@ -15,7 +15,7 @@ use clap::Args;
 use synthesis::robot::{Robot, Spec, Step, design, export};
 use synthesis::tuner::{Flow, Phase, Progress, TuneError};
 
-use crate::provenance::{digest, plant_digest};
+use capture::provenance::{digest, plant_digest};
 use matrices::tune_matrices;
 use print::print;
 pub(super) use print::print_validation;

@@ -1,5 +1,6 @@
 //! Everything that a file of gains claims, computed: norms, margins, sampled loops, flights, and what contradicts what.
 
+use crate::builtin::catalogue;
 use synthesis::mu::MarginOptions;
 use synthesis::robot::{
     ChannelEntry, Design, GainTable, Gains, GainsFile, MarginEntry, ModelSpec, OptimumEntry, Provenance, Robot,
@@ -9,7 +10,7 @@ use synthesis::tuner::Evaluation;
 
 use super::super::margins::figures;
 use super::{TuneArgs, write};
-use crate::flight;
+use capture::flight;
 
 /// Margins, sampled loops, flights, validation: the file of gains, and what contradicts what.
 pub(super) fn verify(
@@ -31,7 +32,7 @@ pub(super) fn verify(
         }
     }
     if !args.no_flights {
-        match flight::fly(&args.spec, spec, robot, &design.gains, stop) {
+        match flight::fly(catalogue(), &args.spec, spec, robot, &design.gains, stop) {
             Ok(flown) => file.flown = flown,
             Err(error) => complaints.push(format!("flights: {error:#}")),
         }

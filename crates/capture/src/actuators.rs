@@ -1,0 +1,177 @@
+//! Every single failure of an actuator of the stock plant, as the cases of a campaign.
+
+use std::path::Path;
+
+use engine::campaign::{Cases, CasesError, Column, appended, builtin};
+use engine::scenario::Scenario;
+use lockstep::time::Rational;
+use toml::{Table, Value};
+
+fn column(name: &str, texts: Vec<String>) -> Column {
+    Column {
+        name: name.to_owned(),
+        unit: String::new(),
+        texts,
+        numbers: None,
+    }
+}
+
+/// A failure of one actuator.
+struct Failure {
+    actuator: String,
+    effect: &'static str,
+    /// What the law can be told of it.
+    informed: Vec<String>,
+}
+
+/// Every single failure of an actuator of the stock plant, from the start and from each of `at`; with `informed`, those from the
+/// start once more with a law that knows. The first point is the healthy one.
+///
+/// # Errors
+/// When the scenario has no stock plant.
+pub fn every_actuator(scenario: &Scenario, file: &Path, at: &[Rational], informed: bool) -> Result<Cases, CasesError> {
+    let refuse = |reason: &str| CasesError {
+        path: file.to_owned(),
+        reason: reason.to_owned(),
+    };
+    let plant = builtin(scenario, "plant")
+        .ok_or_else(|| refuse("has no stock plant: list the cases in a file and give it with --cases"))?;
+    let controller = builtin(scenario, "controller");
+    if informed && controller.is_none() {
+        return Err(refuse(
+            "has no stock controller that could be informed: leave out --informed",
+        ));
+    }
+    let failures = failures(scenario, plant, controller);
+    let mut rows = vec![(
+        ["none".to_owned(), String::new(), String::new(), "no".to_owned()],
+        Vec::new(),
+    )];
+    let key = format!("participants.{plant}.parameters.faults");
+    for from in std::iter::once(None).chain(at.iter().copied().map(Some)) {
+        for failure in &failures {
+            // before anything was commanded, stuck is off
+            if from.is_none() && failure.actuator.starts_with("wheel") && failure.effect == "off" {
+                continue;
+            }
+            let mut fault = Table::new();
+            fault.insert("actuator".into(), failure.actuator.clone().into());
+            fault.insert("effect".into(), failure.effect.into());
+            if failure.effect == "weak" {
+                fault.insert("factor".into(), 0.5.into());
+            }
+            if let Some(from) = from {
+                fault.insert("from".into(), from.to_string().into());
+            }
+            let change = appended(scenario, &key, vec![Value::Table(fault)]).map_err(|reason| refuse(&reason))?;
+            let effect = if failure.effect == "weak" {
+                "half"
+            } else {
+                failure.effect
+            };
+            let row = |knows: &str| {
+                let from = from.map_or("the start".to_owned(), |from| from.to_string());
+                [failure.actuator.clone(), effect.to_owned(), from, knows.to_owned()]
+            };
+            rows.push((row("no"), vec![change.clone()]));
+            if informed && from.is_none() && !failure.informed.is_empty() {
+                let mut changes = vec![change];
+                changes.extend(failure.informed.iter().cloned());
+                rows.push((row("yes"), changes));
+            }
+        }
+    }
+    let names = ["actuator", "effect", "from", "law informed"];
+    let texts = |at: usize| rows.iter().map(|(row, _)| row[at].clone()).collect();
+    Ok(Cases {
+        title: String::new(),
+        columns: names
+            .iter()
+            .enumerate()
+            .map(|(at, name)| column(name, texts(at)))
+            .collect(),
+        points: rows.into_iter().map(|(_, changes)| changes).collect(),
+    })
+}
+
+fn failures(scenario: &Scenario, plant: &str, controller: Option<&str>) -> Vec<Failure> {
+    let parameters = scenario.participants.iter().find(|entry| entry.setup.name == plant);
+    let joints = parameters
+        .and_then(|entry| {
+            entry
+                .setup
+                .parameters
+                .get("servicer")?
+                .get("arm")?
+                .get("joints")?
+                .as_array()
+        })
+        .map(|names| names.iter().filter_map(Value::as_str).map(str::to_owned).collect());
+    let joints: Vec<String> = joints.unwrap_or_else(|| (1..=7).map(|joint| format!("A{joint}")).collect());
+    let mut all = Vec::new();
+    let mut push = |actuator: String, effect, informed| {
+        all.push(Failure {
+            actuator,
+            effect,
+            informed,
+        });
+    };
+    for (number, axis) in ["x", "y", "z"].into_iter().enumerate() {
+        for (effect, left) in [("stuck", 0.0), ("off", 0.0), ("weak", 0.5)] {
+            let informed = controller.map_or(Vec::new(), |law| wheels_shared(scenario, plant, law, number, left));
+            push(format!("wheel.{axis}"), effect, informed);
+        }
+    }
+    let directions = ["+x", "-x", "+y", "-y", "+z", "-z"].map(str::to_owned);
+    for thruster in (0..12).map(|number: u32| number.to_string()).chain(directions) {
+        for effect in ["off", "on"] {
+            push(format!("thruster.{thruster}"), effect, Vec::new());
+        }
+    }
+    for (number, joint) in joints.iter().enumerate() {
+        for effect in ["locked", "off"] {
+            let informed = controller.map_or(Vec::new(), |law| {
+                let factors: Vec<String> = (0..joints.len())
+                    .map(|other| if other == number { "0.0" } else { "1.0" }.to_owned())
+                    .collect();
+                vec![format!(
+                    "participants.{law}.parameters.outer.weights.joint_factor=[{}]",
+                    factors.join(", ")
+                )]
+            });
+            push(format!("joint.{joint}"), effect, informed);
+        }
+    }
+    all
+}
+
+/// The changes that make thruster couples take over what a wheel has lost, `left` of whose torque remains.
+fn wheels_shared(scenario: &Scenario, plant: &str, law: &str, axis: usize, left: f64) -> Vec<String> {
+    let torques: Vec<String> = (0..3)
+        .map(|other| if other == axis { 0.2 * left } else { 0.2 }.to_string())
+        .collect();
+    let mut changes = vec![format!(
+        "participants.{law}.parameters.allocation.wheel_torque=[{}] N m",
+        torques.join(", ")
+    )];
+    let connections = scenario.resolved().get("connections").and_then(Value::as_table);
+    let mut connect = |from: String, to: String, more: &str| {
+        let there = connections.is_some_and(|all| {
+            all.values()
+                .any(|one| one.get("from").and_then(Value::as_str) == Some(&from))
+        });
+        if !there {
+            let name = from.replace('.', "-");
+            changes.push(format!(
+                "connections.{name}={{ from = \"{from}\", to = \"{to}\"{more} }}"
+            ));
+        }
+    };
+    connect(
+        format!("{plant}.housekeeping"),
+        format!("{law}.housekeeping"),
+        ", initial = \"first-sample\"",
+    );
+    connect(format!("{law}.couples"), format!("{plant}.couples"), "");
+    changes
+}

@@ -1,0 +1,357 @@
+//! The figures of a capture.
+//!
+//! Peaks and saturation are those of the command before any limit, at the controller's samples, the largest absolute
+//! component of the group. Everything else is the truth's.
+
+use engine::assessment::{Assessment, Figures, Numbers, stream};
+use lockstep::participant::ParameterError;
+use tape::StreamSpec;
+
+use super::Summary;
+use super::criteria::judge;
+use super::parameters::{Criteria, Limits, Parameters};
+
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+/// Two stamps closer than this are the same instant: they are the doubles nearest to exact times.
+const SAME_INSTANT_S: f64 = 1e-9;
+
+/// A capture under assessment.
+#[derive(Debug)]
+pub struct Capture {
+    truth: TruthFields,
+    command: CommandFields,
+    grasp_at: f64,
+    criteria: Criteria,
+    limits: [f64; 13],
+    seen: Seen,
+}
+
+/// Where the truth stands.
+#[derive(Debug)]
+struct TruthFields {
+    stream: usize,
+    period: f64,
+    base_position: Numbers<3>,
+    joints: Numbers<7>,
+    joint_rates: Numbers<7>,
+    base_rate: Numbers<3>,
+    slosh: Numbers<2>,
+    slosh_swing: Numbers<1>,
+    thruster_force: Numbers<3>,
+    thrust: Numbers<12>,
+    wheel_momentum: Numbers<3>,
+    end_effector_velocity: Numbers<3>,
+    position_error: Numbers<1>,
+    attitude_error: Numbers<1>,
+    relative_speed: Numbers<1>,
+    grasped: Numbers<1>,
+    linear_residual: Numbers<3>,
+    angular_residual: Numbers<3>,
+    energy_residual: Numbers<1>,
+    impact_loss: Numbers<1>,
+}
+
+/// Where the command stands.
+#[derive(Debug)]
+struct CommandFields {
+    stream: usize,
+    period: f64,
+    torque: Numbers<3>,
+    force: Numbers<3>,
+    joints: Numbers<7>,
+}
+
+/// What has been seen so far.
+#[derive(Debug, Default)]
+struct Seen {
+    /// Position, attitude and speed error at the grasp.
+    at_grasp: Option<[f64; 3]>,
+    largest_after: Option<f64>,
+    peaks: [f64; 13],
+    integrals: [f64; 3],
+    commands: u64,
+    /// Commands with a wheel, a thruster axis, a joint, or any of them over its limit.
+    over: [u64; 4],
+    /// Of all thrusters, and of their sum.
+    impulses: [f64; 2],
+    swing: f64,
+    slosh: f64,
+    wheel_momentum: f64,
+    residuals: [f64; 3],
+    jerk: Jerk,
+    /// The newest truth.
+    last: Option<Last>,
+    joint_range: Option<[[f64; 7]; 2]>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    stamp: f64,
+    base_position: [f64; 3],
+    joints: [f64; 7],
+    base_rate: f64,
+    joint_rate: f64,
+    grasped: bool,
+    impact_loss: f64,
+}
+
+/// The integral of the squared jerk, from second differences of the velocity at the controller's samples: between them the
+/// command is held, so a jerk taken at the plant's own rate would be that of the steps.
+#[derive(Debug, Default)]
+struct Jerk {
+    samples: u64,
+    velocities: [[f64; 3]; 2],
+    integral: f64,
+}
+
+impl Jerk {
+    fn sample(&mut self, velocity: [f64; 3], period: f64) {
+        let [before, last] = self.velocities;
+        if self.samples >= 2 {
+            let second = |axis: usize| (velocity[axis] - 2.0 * last[axis] + before[axis]) / (period * period);
+            self.integral += (0..3).map(|axis| second(axis) * second(axis)).sum::<f64>() * period;
+        }
+        self.velocities = [last, velocity];
+        self.samples += 1;
+    }
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()))
+}
+
+fn length(vector: [f64; 3]) -> f64 {
+    vector.iter().map(|value| value * value).sum::<f64>().sqrt()
+}
+
+impl Capture {
+    /// An assessment that has seen nothing yet.
+    ///
+    /// # Errors
+    /// Names the stream or field that is missing.
+    pub fn new(parameters: &Parameters, streams: &[StreamSpec]) -> Result<Self, ParameterError> {
+        let number = stream(streams, "truth", parameters.truth.as_ref(), "Truth")?;
+        let truth = TruthFields::new(number, &streams[number])?;
+        let number = stream(streams, "command", parameters.command.as_ref(), "Command")?;
+        let command = CommandFields::new(number, &streams[number])?;
+        let grasp_at = parameters.grasp_at.si();
+        if grasp_at <= 0.0 {
+            let reason = format!("{grasp_at} s is not after the start");
+            return Err(ParameterError::new("grasp_at", reason));
+        }
+        let Limits {
+            torque,
+            force,
+            joint_torque,
+        } = &parameters.limits;
+        let mut limits = [0.0; 13];
+        let all = torque.si().into_iter().chain(force.si()).chain(joint_torque.si());
+        limits.iter_mut().zip(all).for_each(|(slot, limit)| *slot = limit);
+        Ok(Self {
+            truth,
+            command,
+            grasp_at,
+            criteria: parameters.criteria.clone(),
+            limits,
+            seen: Seen::default(),
+        })
+    }
+
+    fn truth(&mut self, stamp: f64, payload: &[u8]) {
+        let (fields, figures) = (&self.truth, &mut self.seen);
+        let [position_error] = fields.position_error.read(payload);
+        if stamp >= self.grasp_at - SAME_INSTANT_S {
+            figures.at_grasp.get_or_insert_with(|| {
+                let [attitude_error] = fields.attitude_error.read(payload);
+                let [relative_speed] = fields.relative_speed.read(payload);
+                [position_error, attitude_error, relative_speed]
+            });
+            figures.largest_after = Some(figures.largest_after.unwrap_or(0.0).max(position_error));
+        }
+        figures.slosh = figures.slosh.max(largest(&fields.slosh.read(payload)));
+        figures.wheel_momentum = figures
+            .wheel_momentum
+            .max(largest(&fields.wheel_momentum.read(payload)));
+        let force = fields.thruster_force.read(payload);
+        let sum = |values: &[f64]| values.iter().map(|value| value.abs()).sum::<f64>() * fields.period;
+        figures.impulses[0] += sum(&fields.thrust.read(payload));
+        figures.impulses[1] += sum(&force);
+        figures.swing = figures.swing.max(fields.slosh_swing.read(payload)[0]);
+        let residuals = [
+            length(fields.linear_residual.read(payload)),
+            length(fields.angular_residual.read(payload)),
+            largest(&fields.energy_residual.read(payload)),
+        ];
+        for (worst, residual) in figures.residuals.iter_mut().zip(residuals) {
+            *worst = worst.max(residual);
+        }
+        let samples = stamp / self.command.period;
+        if (samples - samples.round()).abs() * self.command.period < 0.5 * fields.period {
+            let velocity = fields.end_effector_velocity.read(payload);
+            figures.jerk.sample(velocity, self.command.period);
+        }
+        let joints = fields.joints.read(payload);
+        let [low, high] = figures.joint_range.get_or_insert([joints; 2]);
+        for joint in 0..7 {
+            low[joint] = low[joint].min(joints[joint]);
+            high[joint] = high[joint].max(joints[joint]);
+        }
+        let [grasped] = fields.grasped.read(payload);
+        let [impact_loss] = fields.impact_loss.read(payload);
+        figures.last = Some(Last {
+            stamp,
+            base_position: fields.base_position.read(payload),
+            joints,
+            base_rate: length(fields.base_rate.read(payload)),
+            joint_rate: largest(&fields.joint_rates.read(payload)),
+            grasped: grasped > 0.5,
+            impact_loss,
+        });
+    }
+
+    fn command(&mut self, payload: &[u8]) {
+        let (fields, figures) = (&self.command, &mut self.seen);
+        let mut command = [0.0; 13];
+        let parts = fields
+            .torque
+            .read(payload)
+            .into_iter()
+            .chain(fields.force.read(payload));
+        let parts = parts.chain(fields.joints.read(payload));
+        command.iter_mut().zip(parts).for_each(|(slot, value)| *slot = value);
+        let mut over = [false; 4];
+        for (channel, value) in command.iter().enumerate() {
+            let group = match channel {
+                0..3 => 0,
+                3..6 => 1,
+                _ => 2,
+            };
+            figures.peaks[channel] = figures.peaks[channel].max(value.abs());
+            figures.integrals[group] += value.abs() * fields.period;
+            over[group] |= value.abs() > self.limits[channel];
+        }
+        over[3] = over[..3].contains(&true);
+        figures.commands += 1;
+        for (count, over) in figures.over.iter_mut().zip(over) {
+            *count += u64::from(over);
+        }
+    }
+}
+
+impl TruthFields {
+    fn new(number: usize, spec: &StreamSpec) -> Result<Self, ParameterError> {
+        let key = "truth";
+        Ok(Self {
+            stream: number,
+            period: spec.period.seconds(),
+            base_position: Numbers::find(spec, key, "p_NB_N", "m")?,
+            joints: Numbers::find(spec, key, "q", "rad")?,
+            joint_rates: Numbers::find(spec, key, "qdot", "rad/s")?,
+            base_rate: Numbers::find(spec, key, "omega_NB_B", "rad/s")?,
+            slosh: Numbers::find(spec, key, "slosh", "rad")?,
+            slosh_swing: Numbers::find(spec, key, "slosh_swing", "rad")?,
+            thrust: Numbers::find(spec, key, "thrust", "N")?,
+            thruster_force: Numbers::find(spec, key, "thruster_force_B", "N")?,
+            wheel_momentum: Numbers::find(spec, key, "wheel_momentum_B", "N m s")?,
+            end_effector_velocity: Numbers::find(spec, key, "v_NE_N", "m/s")?,
+            position_error: Numbers::find(spec, key, "position_error", "m")?,
+            attitude_error: Numbers::find(spec, key, "attitude_error", "rad")?,
+            relative_speed: Numbers::find(spec, key, "relative_speed", "m/s")?,
+            grasped: Numbers::find(spec, key, "grasped", "1")?,
+            linear_residual: Numbers::find(spec, key, "linear_residual_N", "kg m/s")?,
+            angular_residual: Numbers::find(spec, key, "angular_residual_N", "N m s")?,
+            energy_residual: Numbers::find(spec, key, "energy_residual", "J")?,
+            impact_loss: Numbers::find(spec, key, "impact_loss", "J")?,
+        })
+    }
+}
+
+impl CommandFields {
+    fn new(number: usize, spec: &StreamSpec) -> Result<Self, ParameterError> {
+        let key = "command";
+        Ok(Self {
+            stream: number,
+            period: spec.period.seconds(),
+            torque: Numbers::find(spec, key, "torque_B", "N m")?,
+            force: Numbers::find(spec, key, "force_B", "N")?,
+            joints: Numbers::find(spec, key, "tau", "N m")?,
+        })
+    }
+}
+
+impl Assessment for Capture {
+    fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]) {
+        if stream == self.truth.stream {
+            self.truth(stamp_s, payload);
+        } else if stream == self.command.stream {
+            self.command(payload);
+        }
+    }
+
+    fn finish(&mut self) -> Figures {
+        self.summary().into()
+    }
+}
+
+impl Capture {
+    /// The figures of what has been seen.
+    pub fn summary(&self) -> Summary {
+        let figures = &self.seen;
+        let last = figures.last;
+        let grasp = |at: usize| figures.at_grasp.map(|errors| errors[at]);
+        let part = |count: u64| count as f64 / figures.commands.max(1) as f64;
+        let [low, high] = figures.joint_range.unwrap_or_default();
+        let end_s = last.map_or(0.0, |last| last.stamp);
+        let incomplete = if figures.at_grasp.is_none() {
+            Some(format!(
+                "the run ended at {end_s} s, before the grasp at {} s",
+                self.grasp_at
+            ))
+        } else if figures.commands == 0 {
+            Some("nothing was ever commanded".to_owned())
+        } else {
+            None
+        };
+        let mut summary = Summary {
+            captured: false,
+            incomplete,
+            position_error_at_grasp_m: grasp(0),
+            attitude_error_at_grasp_deg: grasp(1).map(|angle| angle / DEGREE),
+            relative_speed_at_grasp_m_s: grasp(2),
+            largest_error_after_grasp_m: figures.largest_after,
+            peak_base_torque_n_m: largest(&figures.peaks[..3]),
+            peak_base_force_n: largest(&figures.peaks[3..6]),
+            peak_joint_torque_n_m: largest(&figures.peaks[6..]),
+            peak_torque_of_joints_n_m: std::array::from_fn(|joint| figures.peaks[6 + joint]),
+            saturated_fraction: part(figures.over[3]),
+            wheels_saturated_fraction: part(figures.over[0]),
+            thrusters_saturated_fraction: part(figures.over[1]),
+            joints_saturated_fraction: part(figures.over[2]),
+            base_torque_integral_n_m_s: figures.integrals[0],
+            base_force_integral_n_s: figures.integrals[1],
+            joint_torque_integral_n_m_s: figures.integrals[2],
+            thruster_impulse_n_s: figures.impulses[0],
+            net_force_impulse_n_s: figures.impulses[1],
+            jerk_squared_integral_m2_s5: figures.jerk.integral,
+            slosh_max_deg: figures.slosh / DEGREE,
+            slosh_swing_max_deg: figures.swing / DEGREE,
+            wheel_momentum_max_n_m_s: figures.wheel_momentum,
+            linear_momentum_residual_kg_m_s: figures.residuals[0],
+            angular_momentum_residual_n_m_s: figures.residuals[1],
+            energy_residual_j: figures.residuals[2],
+            impact_loss_j: last.map_or(0.0, |last| last.impact_loss),
+            base_position_at_end_m: last.map_or([0.0; 3], |last| last.base_position),
+            joint_angles_at_end_rad: last.map_or([0.0; 7], |last| last.joints),
+            joint_angles_min_deg: low.map(|angle| angle / DEGREE),
+            joint_angles_max_deg: high.map(|angle| angle / DEGREE),
+            base_rate_at_end_deg_s: last.map_or(0.0, |last| last.base_rate / DEGREE),
+            joint_rate_at_end_deg_s: last.map_or(0.0, |last| last.joint_rate / DEGREE),
+            grasped: last.is_some_and(|last| last.grasped),
+            end_s,
+            criteria: Vec::new(),
+        };
+        judge(&self.criteria, &mut summary);
+        summary
+    }
+}

@@ -1,0 +1,28 @@
+//! The assessment `capture`: figures of merit and criteria of a capture.
+
+mod capture;
+mod criteria;
+mod parameters;
+mod summary;
+
+#[cfg(test)]
+mod tests;
+
+use engine::assessment::Assessment;
+use lockstep::participant::ParameterError;
+use tape::StreamSpec;
+
+pub use summary::Summary;
+
+/// The assessment that the table `assessment` of a scenario describes.
+///
+/// # Errors
+/// Names the key that is refused, or the stream that is missing.
+pub fn from_table(table: &toml::Table, streams: &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> {
+    Ok(Box::new(read(table, streams)?))
+}
+
+fn read(table: &toml::Table, streams: &[StreamSpec]) -> Result<capture::Capture, ParameterError> {
+    let parameters = lockstep::units::read(table)?;
+    capture::Capture::new(&parameters, streams)
+}

@@ -1,0 +1,174 @@
+//! The figures of a run.
+
+use std::fmt;
+
+use engine::assessment::{Criterion, Figures};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// The figures of a run. What could not be measured because the run ended before is absent.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Whether every criterion is met.
+    pub captured: bool,
+    /// Why there is no verdict, when the run ended too early.
+    pub incomplete: Option<String>,
+    /// Distance between end effector and grasp frame at the grasp, m.
+    pub position_error_at_grasp_m: Option<f64>,
+    /// Angle between them, deg.
+    pub attitude_error_at_grasp_deg: Option<f64>,
+    /// Speed between them, m/s.
+    pub relative_speed_at_grasp_m_s: Option<f64>,
+    /// Largest distance between them from the grasp on, m.
+    pub largest_error_after_grasp_m: Option<f64>,
+    /// Largest torque asked of a wheel, before any limit, N m.
+    pub peak_base_torque_n_m: f64,
+    /// Largest force asked along an axis of the base, before any limit, N.
+    pub peak_base_force_n: f64,
+    /// Largest torque asked of a joint, before any limit, N m.
+    pub peak_joint_torque_n_m: f64,
+    /// Largest torque asked of each joint, N m.
+    pub peak_torque_of_joints_n_m: [f64; 7],
+    /// Part of the controller's samples with an actuator asked for more than it has.
+    pub saturated_fraction: f64,
+    /// The same of the wheels alone.
+    pub wheels_saturated_fraction: f64,
+    /// The same of the thrusters alone.
+    pub thrusters_saturated_fraction: f64,
+    /// The same of the joints alone.
+    pub joints_saturated_fraction: f64,
+    /// Integral of the torque asked of the wheels, absolute values of all axes together, N m s.
+    pub base_torque_integral_n_m_s: f64,
+    /// Integral of the force asked of the thrusters, absolute values of all axes together, N s.
+    pub base_force_integral_n_s: f64,
+    /// Integral of the torques asked of the joints, absolute values of all together, N m s.
+    pub joint_torque_integral_n_m_s: f64,
+    /// Impulse of all thrusters together, N s, whether they push or turn: what propellant is used for.
+    pub thruster_impulse_n_s: f64,
+    /// Impulse of the resulting force, absolute values of all axes together, N s: without what couples use.
+    pub net_force_impulse_n_s: f64,
+    /// Integral of the squared jerk of the end effector, from its velocity at the controller's samples, m²/s⁵.
+    pub jerk_squared_integral_m2_s5: f64,
+    /// Largest angle of the pendulum, the larger of its two, deg.
+    pub slosh_max_deg: f64,
+    /// Largest angle of the pendulum from its hanging position, deg.
+    pub slosh_swing_max_deg: f64,
+    /// Largest momentum in a wheel, N m s.
+    pub wheel_momentum_max_n_m_s: f64,
+    /// Largest missing linear momentum, kg m/s.
+    pub linear_momentum_residual_kg_m_s: f64,
+    /// Largest missing angular momentum, N m s.
+    pub angular_momentum_residual_n_m_s: f64,
+    /// Largest missing energy, J.
+    pub energy_residual_j: f64,
+    /// Energy lost in impacts, J.
+    pub impact_loss_j: f64,
+    /// Position of the base at the end, world axes, m.
+    pub base_position_at_end_m: [f64; 3],
+    /// Joint angles at the end, rad.
+    pub joint_angles_at_end_rad: [f64; 7],
+    /// Smallest angle of each joint, deg.
+    pub joint_angles_min_deg: [f64; 7],
+    /// Largest angle of each joint, deg.
+    pub joint_angles_max_deg: [f64; 7],
+    /// Angular speed of the base at the end, deg/s.
+    pub base_rate_at_end_deg_s: f64,
+    /// Largest angular speed of a joint at the end, deg/s.
+    pub joint_rate_at_end_deg_s: f64,
+    /// Whether the gripper has closed on the target.
+    pub grasped: bool,
+    /// Stamp of the last sample of the truth, s.
+    pub end_s: f64,
+    /// The criteria and what became of them.
+    pub criteria: Vec<Criterion>,
+}
+
+impl From<Summary> for Figures {
+    fn from(summary: Summary) -> Figures {
+        let values = match serde_json::to_value(&summary) {
+            Ok(Value::Object(values)) => values,
+            _ => serde_json::Map::new(),
+        };
+        Figures {
+            values,
+            text: summary.to_string(),
+            criteria: summary.criteria,
+            incomplete: summary.incomplete,
+        }
+    }
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verdict = match (self.captured, &self.incomplete) {
+            (true, _) => "captured".to_owned(),
+            (false, Some(reason)) => format!("no capture: {reason}"),
+            (false, None) => "no capture: a criterion is not met".to_owned(),
+        };
+        writeln!(f, "{verdict}")?;
+        for criterion in &self.criteria {
+            let mark = if criterion.met { "ok  " } else { "FAIL" };
+            let name = criterion.name.replace('_', " ");
+            let unit = if criterion.unit == "1" {
+                String::new()
+            } else {
+                format!(" {}", criterion.unit)
+            };
+            match criterion.value {
+                Some(value) => writeln!(
+                    f,
+                    "  {mark} {name:<28} {}{unit} (at most {}{unit})",
+                    short(value),
+                    short(criterion.limit)
+                )?,
+                None => writeln!(
+                    f,
+                    "  {mark} {name:<28} not measured (at most {}{unit})",
+                    short(criterion.limit)
+                )?,
+            }
+        }
+        let lines = [
+            ("peak base torque", self.peak_base_torque_n_m, "N m"),
+            ("peak base force", self.peak_base_force_n, "N"),
+            ("peak joint torque", self.peak_joint_torque_n_m, "N m"),
+            ("time in saturation", 100.0 * self.saturated_fraction, "%"),
+            ("largest slosh angle", self.slosh_max_deg, "deg"),
+            ("wheel momentum", self.wheel_momentum_max_n_m_s, "N m s"),
+            ("thruster impulse", self.thruster_impulse_n_s, "N s"),
+            ("of the resulting force", self.net_force_impulse_n_s, "N s"),
+            (
+                "missing linear momentum",
+                self.linear_momentum_residual_kg_m_s,
+                "kg m/s",
+            ),
+            (
+                "missing angular momentum",
+                self.angular_momentum_residual_n_m_s,
+                "N m s",
+            ),
+            ("missing energy", self.energy_residual_j, "J"),
+        ];
+        for (at, (name, value, unit)) in lines.iter().enumerate() {
+            let end = if at + 1 < lines.len() { "\n" } else { "" };
+            write!(f, "       {name:<28} {} {unit}{end}", short(*value))?;
+        }
+        Ok(())
+    }
+}
+
+/// Three significant digits.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        "0".to_owned()
+    } else if !(1e-3..1e5).contains(&size) {
+        format!("{value:.2e}")
+    } else {
+        let digits = [1000.0, 100.0, 10.0, 1.0, 0.1, 0.01]
+            .iter()
+            .position(|step| size >= *step);
+        let decimals = digits.map_or(5, |digits| digits.saturating_sub(1));
+        format!("{value:.decimals$}")
+    }
+}

@@ -1,0 +1,114 @@
+//! Flights of tuned gains in the non-linear simulator: sloshing propellant, saturating actuators and delays, over configurations and
+//! delays. The linear claim about the same loop stands beside each.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, bail};
+use engine::Catalogue;
+use engine::run::{Ending, Options, run};
+use engine::scenario::Scenario;
+use engine::scope::Scope;
+use synthesis::robot::{FlightSpec, FlownEntry, GainTable, Gains, ModelSpec, Robot, Spec, spectral_radius};
+use toml::{Table, Value};
+
+/// Flies the gains through every configuration and delay that the specification asks for, until `stop` says so.
+///
+/// # Errors
+/// A scenario that is missing or wrong, a participant that fails for another reason than a diverging loop.
+pub fn fly(
+    catalogue: &Arc<Catalogue>,
+    specification: &Path,
+    spec: &Spec,
+    robot: &Robot,
+    gains: &Gains,
+    stop: &dyn Fn() -> bool,
+) -> anyhow::Result<Vec<FlownEntry>> {
+    let Some(flight) = &spec.flight else {
+        return Ok(Vec::new());
+    };
+    let scenario = find(specification, &flight.scenario).with_context(|| {
+        format!(
+            "flight.scenario = {:?}: no such file here, beside the specification, or above it",
+            flight.scenario
+        )
+    })?;
+    // In a place that the next run or `doctor` clears if this program is killed.
+    let scope = Scope::create()?;
+    let folder = scope.scratch()?.join("flight");
+    let mut flown = Vec::new();
+    // A payload is a body that the simulator has only after a grasp.
+    for model in spec.models.iter().filter(|model| model.payload.is_none()) {
+        for &delay in &flight.delays_s {
+            if stop() {
+                return Ok(flown);
+            }
+            let overrides = overrides(flight, gains, model, delay)?;
+            let read = Scenario::read(catalogue, &scenario, &overrides)?;
+            let options = Options {
+                in_process: true,
+                out: Some(folder.clone()),
+                ..Options::default()
+            };
+            let ended = run(&read, &options);
+            // Nothing is left behind, whatever became of the run.
+            let removed = std::fs::remove_dir_all(&folder);
+            let outcome = ended?;
+            removed.with_context(|| folder.display().to_string())?;
+            let figures = outcome.figures.as_ref();
+            let settled = match &outcome.ending {
+                Ending::Stopped { .. } => return Ok(flown),
+                // A loop that diverges ends in numbers that are not finite, which the participants refuse.
+                Ending::Failed { .. } => false,
+                Ending::Complete => figures.is_some_and(engine::assessment::Figures::met),
+            };
+            flown.push(FlownEntry {
+                model: model.name.clone(),
+                delay_s: delay,
+                spectral_radius: claim(spec, robot, gains, model, delay)?,
+                settled,
+                saturated_fraction: figures
+                    .and_then(|figures| figures.number("saturated_fraction"))
+                    .unwrap_or(1.0),
+            });
+        }
+    }
+    Ok(flown)
+}
+
+/// What the linear analysis says of the loop that is flown: nominal masses, sloshing propellant, these delays.
+fn claim(spec: &Spec, robot: &Robot, gains: &Gains, model: &ModelSpec, delay: f64) -> anyhow::Result<f64> {
+    let mut delayed = spec.clone();
+    delayed.sampling.sensor_delay_s = delay;
+    delayed.sampling.actuator_delay_s = delay;
+    delayed.sampling.computing_s = 0.0;
+    delayed.sampling.actuator_lag_s = 0.0;
+    let mut nominal = ModelSpec::nominal(model.joints_deg.clone());
+    nominal.slosh = true;
+    Ok(spectral_radius(&delayed, robot, &nominal, gains)?)
+}
+
+fn overrides(flight: &FlightSpec, gains: &Gains, model: &ModelSpec, delay: f64) -> anyhow::Result<Vec<String>> {
+    if !(delay.is_finite() && delay >= 0.0) {
+        bail!("flight.delays_s has {delay}: a delay must be zero or positive");
+    }
+    let table = Table::from_iter([("gains".to_owned(), Value::try_from(GainTable::new(gains))?)]);
+    let millis = format!("{:.6} ms", 1e3 * delay);
+    let joints: Vec<String> = model.joints_deg.iter().map(ToString::to_string).collect();
+    let mut all = vec![
+        format!("{}={}", flight.gains_key, Value::Table(table)),
+        format!("{}=\"[{}] deg\"", flight.joints_key, joints.join(", ")),
+    ];
+    all.extend(flight.delay_keys.iter().map(|key| format!("{key}=\"{millis}\"")));
+    if gains.ki.is_empty() {
+        all.extend(flight.proportional.iter().cloned());
+    }
+    Ok(all)
+}
+
+fn find(specification: &Path, named: &str) -> Option<PathBuf> {
+    let here = specification.parent().unwrap_or(Path::new("."));
+    [PathBuf::from(named), here.join(named), here.join("..").join(named)]
+        .into_iter()
+        .find(|path| path.is_file())
+}

@@ -1,0 +1,11 @@
+//! The capture of a tumbling satellite: what only this application has.
+//!
+//! - [`assessment`]: its figures of merit and criteria, under the name `capture`;
+//! - [`actuators`]: the list of every single failure of an actuator of the stock plant;
+//! - [`provenance`]: whether gains fit the robot and the period that they are used with;
+//! - [`flight`]: closed-loop verification of tuned gains in the simulator.
+
+pub mod actuators;
+pub mod assessment;
+pub mod flight;
+pub mod provenance;

@@ -1,0 +1,63 @@
+//! Where tuned gains come from, and whether that is what they are used with.
+
+use multibody::Description;
+use toml::{Table, Value};
+
+use engine::scenario::Scenario;
+
+/// Digest of a text, to notice a change: 64-bit FNV-1a.
+pub fn digest(text: &str) -> String {
+    let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
+        (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
+    });
+    format!("fnv1a64:{hash:016x}")
+}
+
+/// Digest of the physics of a robot description: masses, inertias, joints, frames and limits, not what it looks like. `None` when
+/// the text is no description.
+pub fn plant_digest(urdf: &str) -> Option<String> {
+    let description = Description::from_urdf(urdf).ok()?;
+    Some(format!("physics:{:016x}", description.digest()))
+}
+
+/// What does not match between the gains of a scenario's controllers and their provenance. Nothing of it keeps a run from
+/// starting: a changed robot may well fly with its old gains, but what was proved of them was proved of another one.
+pub fn remarks(scenario: &Scenario) -> Vec<String> {
+    let mut out = Vec::new();
+    for entry in &scenario.participants {
+        let parameters = &entry.setup.parameters;
+        let key = format!("participants.{}.parameters.gains", entry.setup.name);
+        let Some(provenance) = table(parameters, "gains").and_then(|gains| table(gains, "provenance")) else {
+            continue;
+        };
+        let specification = text(provenance, "specification").unwrap_or("their specification");
+        if let (Some(then), Some(urdf)) = (text(provenance, "plant_digest"), text(parameters, "urdf"))
+            && let Some(now) = plant_digest(urdf)
+            && then != now
+        {
+            out.push(format!(
+                "{key}: these gains were tuned for another robot ({then}, here {now}): their margins are not those of this \
+                 robot; tune again with `orchestrator tune {specification}`"
+            ));
+        }
+        let (then, now) = (
+            provenance.get("controller_period_s").and_then(Value::as_float),
+            entry.setup.period,
+        );
+        if let Some(then) = then.filter(|then| (then - now).abs() > 1e-9 * then) {
+            out.push(format!(
+                "{key}: these gains were tuned for a period of {then} s, and the controller's is {now} s: their margins are not those of \
+                 this loop; tune again with sampling.controller_period_s = {now} in {specification}"
+            ));
+        }
+    }
+    out
+}
+
+fn table<'a>(table: &'a Table, key: &str) -> Option<&'a Table> {
+    table.get(key).and_then(Value::as_table)
+}
+
+fn text<'a>(table: &'a Table, key: &str) -> Option<&'a str> {
+    table.get(key).and_then(Value::as_str)
+}

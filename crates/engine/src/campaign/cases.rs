@@ -1,0 +1,147 @@
+//! Campaigns of failures: a declared list of cases.
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use toml::{Table, Value};
+
+use super::Column;
+use crate::scenario::{Program, Scenario};
+
+/// What is wrong with a list of cases.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}: {reason}", path.display())]
+pub struct CasesError {
+    /// The file: the list, or the scenario.
+    pub path: PathBuf,
+    /// What is wrong with it, and the remedy.
+    pub reason: String,
+}
+
+/// A file of cases.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct List {
+    /// One line about it.
+    #[serde(default)]
+    title: String,
+    case: Vec<Case>,
+}
+
+/// `[[case]]`
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Case {
+    name: String,
+    /// Keys of the scenario and their values, as with `--set`.
+    #[serde(default)]
+    set: Table,
+    /// Keys of the scenario that hold lists, and what is added to each.
+    #[serde(default)]
+    append: Table,
+    /// Failures of the stock plant's actuators: added to its `faults`.
+    #[serde(default)]
+    actuators: Vec<Table>,
+    /// Faults of the scenario: added to its list `faults`.
+    #[serde(default)]
+    faults: Vec<Table>,
+}
+
+/// Points with what tells them apart.
+#[derive(Debug)]
+pub struct Cases {
+    /// One line about them.
+    pub title: String,
+    /// The columns.
+    pub columns: Vec<Column>,
+    /// The changes of each.
+    pub points: Vec<Vec<String>>,
+}
+
+fn column(name: &str, texts: Vec<String>) -> Column {
+    Column {
+        name: name.to_owned(),
+        unit: String::new(),
+        texts,
+        numbers: None,
+    }
+}
+
+/// The cases that the file `path` lists.
+///
+/// # Errors
+/// Names the case and the key.
+pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> {
+    let refuse = |reason: String| CasesError {
+        path: path.to_owned(),
+        reason,
+    };
+    let text = std::fs::read_to_string(path).map_err(|error| refuse(format!("cannot be read: {error}")))?;
+    let list: List = toml::from_str(&text).map_err(|error| {
+        let line = error.span().map_or(0, |span| text[..span.start].lines().count().max(1));
+        refuse(format!("line {line}: {}", error.message()))
+    })?;
+    if list.case.is_empty() {
+        return Err(refuse("has no [[case]]".into()));
+    }
+    let (mut names, mut points) = (Vec::new(), Vec::new());
+    for case in list.case {
+        let refuse = |reason: String| refuse(format!("case `{}`: {reason}", case.name));
+        if names.contains(&case.name) {
+            return Err(refuse("there is another case of that name".into()));
+        }
+        let mut changes: Vec<String> = case.set.iter().map(|(key, value)| format!("{key}={value}")).collect();
+        let mut add = |key: &str, more: Vec<Value>| -> Result<(), CasesError> {
+            changes.push(appended(scenario, key, more).map_err(refuse)?);
+            Ok(())
+        };
+        for (key, more) in &case.append {
+            let Value::Array(more) = more else {
+                return Err(refuse(format!("append.\"{key}\" is {}: write a list", more.type_str())));
+            };
+            add(key, more.clone())?;
+        }
+        let tables = |tables: Vec<Table>| tables.into_iter().map(Value::Table).collect::<Vec<_>>();
+        if !case.actuators.is_empty() {
+            let plant = builtin(scenario, "plant")
+                .ok_or_else(|| refuse("`actuators`: the scenario has no stock plant".into()))?;
+            add(
+                &format!("participants.{plant}.parameters.faults"),
+                tables(case.actuators),
+            )?;
+        }
+        if !case.faults.is_empty() {
+            add("faults", tables(case.faults))?;
+        }
+        names.push(case.name);
+        points.push(changes);
+    }
+    Ok(Cases {
+        title: list.title,
+        columns: vec![column("case", names)],
+        points,
+    })
+}
+
+/// The change that adds `more` to the list at `key`, which may not be there yet.
+pub fn appended(scenario: &Scenario, key: &str, more: Vec<Value>) -> Result<String, String> {
+    let mut parts = key.split('.');
+    let first = parts.next().and_then(|part| scenario.resolved().get(part));
+    let found = parts.fold(first, |value, part| value?.as_table()?.get(part));
+    let mut list = match found {
+        None => Vec::new(),
+        Some(Value::Array(list)) => list.clone(),
+        Some(other) => return Err(format!("`{key}` is {} and no list", other.type_str())),
+    };
+    list.extend(more);
+    Ok(format!("{key}={}", Value::Array(list)))
+}
+
+/// The name of the participant that is the builtin `name`.
+pub fn builtin<'a>(scenario: &'a Scenario, name: &str) -> Option<&'a str> {
+    let found = scenario
+        .participants
+        .iter()
+        .find(|entry| entry.program == Program::Builtin(name.to_owned()));
+    found.map(|entry| entry.setup.name.as_str())
+}

@@ -1,0 +1,124 @@
+//! Campaigns: many runs of one scenario with changes, and one table of what became of them.
+//!
+//! A campaign is a list of points, each a list of changes as `--set` takes them. Worker processes run the points, one at a
+//! time each, so that a crash of one point costs that point alone; the results go to a journal in the order in which they come
+//! and into the table in the order of the points. Nothing in the table depends on the number of workers or on time.
+
+mod cases;
+mod folder;
+mod grid;
+mod picture;
+mod point;
+mod table;
+mod tell;
+mod work;
+mod worker;
+
+use std::path::PathBuf;
+
+pub use cases::{Cases, CasesError, appended, builtin, from_file as cases_from_file};
+pub use folder::Kind;
+pub use grid::{Axis, GridError, grid, range_of_seeds};
+pub use picture::{Picture, draw};
+pub use point::{Outcome, figures_of};
+pub use table::{figure_of, figure_value, sheet, short};
+pub use tell::{map, quantiles, stretches, verdicts, wilson};
+pub use work::{Finished, Options, run};
+pub use worker::serve;
+
+use crate::run::RunFailure;
+use crate::scenario::ScenarioError;
+
+/// More points than anybody waits for, and more rows than are meant to be read.
+pub const POINTS_MAX: usize = 100_000;
+
+/// Many runs of one scenario.
+#[derive(Debug)]
+pub struct Campaign {
+    /// Which command makes it.
+    pub kind: Kind,
+    /// The scenario file.
+    pub scenario: PathBuf,
+    /// Changes that all points share.
+    pub overrides: Vec<String>,
+    /// What tells the points apart, as columns of the table.
+    pub columns: Vec<Column>,
+    /// The changes of each point.
+    pub points: Vec<Vec<String>>,
+}
+
+/// A column that tells points apart.
+#[derive(Debug, Clone)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// The unit of its numbers; empty where it has none.
+    pub unit: String,
+    /// The value of each point as text.
+    pub texts: Vec<String>,
+    /// The same as numbers, where all of them are numbers of that unit.
+    pub numbers: Option<Vec<f64>>,
+}
+
+/// Why there is no campaign, or no more of it.
+#[derive(Debug, thiserror::Error)]
+pub enum CampaignError {
+    /// The scenario, or the first point of it, is wrong.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The list of cases is wrong.
+    #[error(transparent)]
+    Cases(#[from] CasesError),
+    /// What shall be varied makes no sense.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The folder belongs to something else.
+    #[error("{}: {reason}", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// Why it is not taken.
+        reason: String,
+    },
+    /// The figure is not there.
+    #[error("there is no figure of merit `{name}`; there is {known}")]
+    Figure {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// The scenario has changed under the campaign.
+    #[error("{} has changed since the campaign began: start it again", path.display())]
+    Changed {
+        /// The scenario.
+        path: PathBuf,
+    },
+    /// The file system refused.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was tried.
+        action: &'static str,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The table cannot be written.
+    #[error(transparent)]
+    Export(#[from] report::export::ExportError),
+    /// A run cannot be started.
+    #[error(transparent)]
+    Run(#[from] RunFailure),
+}
+
+impl CampaignError {
+    /// The exit code of the program: 2 when the user must change something, else 1.
+    pub fn exit_code(&self) -> i32 {
+        match self {
+            CampaignError::Io { .. } | CampaignError::Export(_) | CampaignError::Changed { .. } => 1,
+            CampaignError::Run(failure) => failure.exit_code(),
+            _ => 2,
+        }
+    }
+}

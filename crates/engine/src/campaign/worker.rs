@@ -1,0 +1,179 @@
+//! The processes that run the points: each takes one point at a time as a line of JSON and answers with one.
+
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::PathBuf;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rustix::process::{Pid, Signal, kill_process};
+use serde::{Deserialize, Serialize};
+
+use super::point::{Result as PointResult, run_point};
+use crate::Catalogue;
+
+/// A point for a worker.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Task {
+    /// The scenario file.
+    pub scenario: PathBuf,
+    /// What it must still be, with the changes that all points share.
+    pub digest: String,
+    /// Those changes.
+    pub common: Vec<String>,
+    /// The changes of this point.
+    pub changes: Vec<String>,
+    /// The run folder, if it is kept.
+    pub keep: Option<PathBuf>,
+    /// Where a run folder may be made for a while.
+    pub scratch: PathBuf,
+}
+
+/// A worker's answer.
+#[derive(Debug, Serialize, Deserialize)]
+pub enum Answer {
+    /// The point was run, or could not be.
+    Done(Box<PointResult>),
+    /// The scenario is not what it was.
+    Changed,
+}
+
+/// Serves the points that come as lines on `tasks`, one answer a line, until there are no more.
+///
+/// # Errors
+/// When nobody listens any more.
+pub fn serve(catalogue: &Arc<Catalogue>, tasks: impl BufRead, mut answers: impl Write) -> io::Result<()> {
+    for line in tasks.lines() {
+        let task: Task = serde_json::from_str(&line?)?;
+        let answer = if task.is_current(catalogue) {
+            let changes = [task.common.as_slice(), &task.changes].concat();
+            Answer::Done(Box::new(run_point(
+                catalogue,
+                &task.scenario,
+                &changes,
+                task.keep.as_deref(),
+                &task.scratch,
+            )))
+        } else {
+            Answer::Changed
+        };
+        writeln!(answers, "{}", serde_json::to_string(&answer)?)?;
+        answers.flush()?;
+    }
+    Ok(())
+}
+
+impl Task {
+    fn is_current(&self, catalogue: &Arc<Catalogue>) -> bool {
+        crate::scenario::Scenario::read(catalogue, &self.scenario, &self.common)
+            .is_ok_and(|scenario| super::folder::digest_of_scenario(&scenario).to_string() == self.digest)
+    }
+}
+
+/// What a worker has to say.
+#[derive(Debug)]
+pub enum Word {
+    /// An answer.
+    Answer(Answer),
+    /// It is gone.
+    Gone,
+}
+
+/// A worker's process.
+#[derive(Debug)]
+pub struct Worker {
+    child: Child,
+    orders: Option<ChildStdin>,
+    said: Arc<Mutex<String>>,
+}
+
+impl Worker {
+    /// Starts worker number `number`, whose words go to `words` with the number.
+    ///
+    /// The kernel kills it when the thread that starts it dies, so this must be called from the main thread.
+    pub fn start(number: usize, words: &Sender<(usize, Word)>) -> io::Result<Worker> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command
+            .arg("campaign-worker")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        crate::run::tie(&mut command);
+        let mut child = command.spawn()?;
+        let orders = child.stdin.take();
+        let said = Arc::new(Mutex::new(String::new()));
+        let mut listeners = Vec::new();
+        if let Some(errors) = child.stderr.take() {
+            let said = said.clone();
+            listeners.push(std::thread::spawn(move || {
+                for line in BufReader::new(errors).lines().map_while(Result::ok) {
+                    let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
+                    if said.len() < 2000 {
+                        *said += &line;
+                        said.push(' ');
+                    }
+                }
+            }));
+        }
+        if let Some(answers) = child.stdout.take() {
+            let words = words.clone();
+            std::thread::spawn(move || {
+                for line in BufReader::new(answers).lines().map_while(Result::ok) {
+                    // What is no answer was printed by somebody's model, and is nobody's business.
+                    if let Ok(answer) = serde_json::from_str(&line)
+                        && words.send((number, Word::Answer(answer))).is_err()
+                    {
+                        return;
+                    }
+                }
+                listeners.into_iter().for_each(|listener| drop(listener.join()));
+                let _ = words.send((number, Word::Gone));
+            });
+        }
+        Ok(Worker { child, orders, said })
+    }
+
+    /// Gives it a point.
+    pub fn order(&mut self, task: &Task) -> io::Result<()> {
+        let orders = self.orders.as_mut().ok_or(io::ErrorKind::BrokenPipe)?;
+        let line = serde_json::to_string(task)? + "\n";
+        orders.write_all(line.as_bytes())?;
+        orders.flush()
+    }
+
+    /// How it ended and what it said last, once it is gone.
+    pub fn obituary(&mut self) -> String {
+        let ending = match self.child.wait() {
+            Ok(status) => crate::run::ending_of_process(status),
+            Err(error) => error.to_string(),
+        };
+        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        let said = said.trim();
+        if said.is_empty() {
+            format!("the process that ran it {ending}")
+        } else {
+            format!("the process that ran it {ending}: {said}")
+        }
+    }
+
+    /// Asks it to end in order: a run that it has under way takes its processes along.
+    pub fn dismiss(&mut self) {
+        self.orders = None;
+        let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.orders = None;
+        let started = std::time::Instant::now();
+        while started.elapsed().as_secs() < 2 {
+            if !matches!(self.child.try_wait(), Ok(None)) {
+                return;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

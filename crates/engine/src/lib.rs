@@ -1,0 +1,26 @@
+//! The engine: a scenario becomes runs, replays and campaigns.
+//!
+//! - [`scenario`]: the file that a user writes, read and resolved once;
+//! - [`run`]: one run, with its participants in one loop or each in a process of its own, to a tape and figures;
+//! - [`replay`]: one participant of a recorded run again, with the inputs that it had; [`shadow`]: a second program on a
+//!   participant's inputs;
+//! - [`campaign`]: many runs of one scenario with changes, and one table;
+//! - [`live`]: a page that shows a run while it goes on, and steers it.
+//!
+//! The engine is a library: it prints nothing, reads no keys, installs no signal handler and never ends the process. A
+//! [`Catalogue`] holds the participants and the assessments that the program contains; an [`Observer`] receives what happens,
+//! and an [`Interrupt`] asks for an end in order.
+
+pub mod assessment;
+pub mod campaign;
+mod catalogue;
+pub mod live;
+mod observer;
+pub mod replay;
+pub mod run;
+pub mod scenario;
+pub mod scope;
+pub mod shadow;
+
+pub use catalogue::{AssessmentFactory, Catalogue};
+pub use observer::{Answer, Event, Interrupt, Observer, Progress, Silent};

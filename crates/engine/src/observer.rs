@@ -1,0 +1,127 @@
+//! Observers: what a run or a campaign reports while it goes on, and what it asks.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What happens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// A run of `duration_s` simulated seconds begins.
+    Begun {
+        /// Simulated time from start to end, s.
+        duration_s: f64,
+    },
+    /// The newest sample is stamped `t_s`. Reported every few milliseconds at least.
+    Time {
+        /// Simulated time, s.
+        t_s: f64,
+    },
+    /// A campaign has `done` of `all` points, `resumed` of them from before.
+    Points {
+        /// Points with a result.
+        done: usize,
+        /// Points of the campaign.
+        all: usize,
+        /// Points whose results were there when it began.
+        resumed: usize,
+    },
+    /// Something that a user should see; the run goes on.
+    Notice {
+        /// One or more lines.
+        text: &'a str,
+    },
+    /// The run rests at `t_s` until [`Observer::answer`] or the live page lets it go on.
+    Paused {
+        /// Simulated time, s.
+        t_s: f64,
+        /// Which process is which participant, in words.
+        processes: &'a str,
+    },
+    /// Nothing more will be reported.
+    Over,
+}
+
+/// What becomes of a paused run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer {
+    /// It goes on.
+    Continue,
+    /// It ends here.
+    End,
+    /// There will be no answer: only the live page can let it go on, and without one it ends.
+    Never,
+}
+
+/// Receives what happens in a run or a campaign. Called on the thread that runs it, so an implementation returns at once.
+pub trait Observer: Send {
+    /// Takes note of `event`.
+    fn event(&mut self, event: Event<'_>);
+
+    /// What becomes of the paused run; asked again and again while it rests. `None` as long as nothing is decided.
+    fn answer(&mut self) -> Option<Answer> {
+        None
+    }
+}
+
+/// An observer that reports nothing and lets every paused run wait.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Observer for Silent {
+    fn event(&mut self, _: Event<'_>) {}
+}
+
+/// The engine's way to the observer, if there is one.
+#[derive(Clone, Default)]
+pub struct Progress(Option<Arc<Mutex<dyn Observer>>>);
+
+impl Progress {
+    /// Reports to `observer`.
+    pub fn new(observer: impl Observer + 'static) -> Progress {
+        Progress(Some(Arc::new(Mutex::new(observer))))
+    }
+
+    fn observer(&self) -> Option<MutexGuard<'_, dyn Observer + 'static>> {
+        let observer = self.0.as_ref()?;
+        Some(observer.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Reports `event`.
+    pub fn report(&self, event: Event<'_>) {
+        if let Some(mut observer) = self.observer() {
+            observer.event(event);
+        }
+    }
+
+    /// Reports something that a user should see.
+    pub fn say(&self, text: &str) {
+        self.report(Event::Notice { text });
+    }
+
+    /// What becomes of the paused run, if that is decided.
+    pub(crate) fn answer(&self) -> Option<Answer> {
+        self.observer()?.answer()
+    }
+}
+
+/// A request for an end in order, which any thread or signal handler can make.
+#[derive(Debug, Clone, Default)]
+pub struct Interrupt(Arc<AtomicBool>);
+
+impl Interrupt {
+    /// Asks whatever holds a copy to end in order.
+    pub fn ask(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether an end was asked for.
+    pub fn asked(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    /// The flag itself, for a signal handler.
+    pub fn flag(&self) -> Arc<AtomicBool> {
+        self.0.clone()
+    }
+}

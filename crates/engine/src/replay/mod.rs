@@ -1,0 +1,510 @@
+//! One participant of a recorded run again, with the inputs it had then.
+//!
+//! Which sample each activation reads follows from the plan, and the samples stand on the tape. So a replay is a run of the
+//! participant alone, with players in place of those who fed it. Everything else is the same: links, delays, draws,
+//! transport, and how a run ends.
+
+pub(crate) mod player;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use lockstep::link::Read;
+use lockstep::participant::Interface;
+use lockstep::time::Rational;
+use tape::compare::{Comparison, compare};
+use tape::folder::RunFolder;
+use tape::{ReadError, Reader, Selection, Source};
+use toml::{Table, Value};
+
+use crate::Catalogue;
+use crate::run::{self, Ending, Options, RunFailure};
+use crate::scenario::{Program, Scenario, ScenarioError, fault_name};
+use crate::scope::{Scope, ScopeError};
+use player::Role;
+
+/// Why there is no replay, or no comparison.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The folder is not a run.
+    #[error("{}: there is no plan.toml: name the folder of a run, such as runs/close-20260101T000000Z-1", .0.display())]
+    NoRun(PathBuf),
+    /// The tape cannot be read.
+    #[error(transparent)]
+    Tape(#[from] ReadError),
+    /// The plan is wrong, with the changes of the command line.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// What was asked for does not fit the recorded run.
+    #[error("{0}")]
+    Misfit(String),
+    /// The run of the participant did not begin.
+    #[error(transparent)]
+    Run(#[from] RunFailure),
+    /// There is no place for it.
+    #[error(transparent)]
+    Scope(#[from] ScopeError),
+}
+
+impl ReplayError {
+    /// 2 when the user must change something, else 1.
+    pub fn exit_code(&self) -> i32 {
+        match self {
+            ReplayError::Run(failure) => failure.exit_code(),
+            ReplayError::Scope(_) => 1,
+            _ => 2,
+        }
+    }
+}
+
+/// What is replayed.
+pub struct Request<'a> {
+    /// What builtin participants are made of.
+    pub catalogue: &'a Arc<Catalogue>,
+    /// The folder of the recorded run.
+    pub folder: &'a Path,
+    /// Who is replayed.
+    pub participant: &'a str,
+    /// Changes of the plan, each `key.path=value`.
+    pub overrides: &'a [String],
+    /// A program in the participant's place, with its arguments.
+    pub program: Option<(&'a Path, &'a [String])>,
+    /// Replay no further than this.
+    pub to: Option<Rational>,
+}
+
+/// What a replay found.
+pub struct Found {
+    /// How the participant's run ended.
+    pub ending: Ending,
+    /// A is the recording, B the replay; both up to the shorter one.
+    pub comparison: Comparison,
+    /// What else a reader of the result should know.
+    pub notes: Vec<String>,
+    /// The instant before which all activations were replayed, s.
+    pub to_s: f64,
+}
+
+/// A recorded run with one participant picked out.
+pub struct Replay {
+    reader: Reader,
+    participant: String,
+    scenario: Scenario,
+    notes: Vec<String>,
+}
+
+impl Replay {
+    /// Reads the recorded run and says how far its samples reach.
+    ///
+    /// # Errors
+    /// Whatever does not fit: nothing has been started.
+    pub fn plan(request: &Request<'_>) -> Result<Replay, ReplayError> {
+        let file = RunFolder::open(request.folder).plan();
+        if !file.is_file() {
+            return Err(ReplayError::NoRun(request.folder.to_owned()));
+        }
+        let reader = Reader::open(request.folder)?;
+        let mut misfit = Ok(());
+        let mut scenario = Scenario::read_with(request.catalogue, &file, request.overrides, |table| {
+            misfit = reduce(table, request, &reader);
+        });
+        if let Err(reason) = misfit {
+            return Err(ReplayError::Misfit(reason));
+        }
+        let mut notes = Vec::new();
+        let scenario_now = scenario.as_ref().map_err(Clone::clone)?;
+        check_sample_times(scenario_now, &reader, request.participant)?;
+        let made = scenario_now.make()?;
+        let all = &scenario_now.participants;
+        let at = all.iter().position(|entry| entry.setup.name == request.participant);
+        let at = at.expect("it was kept");
+        let interfaces: Vec<Option<Interface>> = made
+            .iter()
+            .map(|made| made.as_ref().map(|made| made.interface()))
+            .collect();
+        if let Some(interface) = &interfaces[at] {
+            check_outputs(interface, &reader, request.participant)?;
+        }
+        let reach = reach(scenario_now, &interfaces, &reader, at)?;
+        let end = reach
+            .end
+            .min(request.to.unwrap_or(reach.end))
+            .min(scenario_now.duration);
+        if end < scenario_now.duration {
+            notes.extend(reach.note.filter(|_| end == reach.end));
+            let text = end.to_string();
+            scenario = Scenario::read_with(request.catalogue, &file, request.overrides, |table| {
+                // The same as above, which was right then.
+                let _ = reduce(table, request, &reader);
+                table.insert("duration".into(), Value::String(text));
+            });
+        }
+        Ok(Replay {
+            scenario: scenario?,
+            participant: request.participant.to_owned(),
+            reader,
+            notes,
+        })
+    }
+
+    /// Whether the participant is a program of its own.
+    pub fn external(&self) -> bool {
+        let entry = self
+            .scenario
+            .participants
+            .iter()
+            .find(|entry| entry.setup.name == self.participant);
+        entry.is_some_and(|entry| matches!(entry.program, Program::External { .. }))
+    }
+
+    /// Runs the participant and compares what it says with the tape.
+    pub fn run(self, options: &Options) -> Result<Found, ReplayError> {
+        // The replay's own tape is of no use afterwards, and must go however this program ends.
+        let scope = Scope::create()?;
+        let mut options = options.clone();
+        let out = options
+            .out
+            .get_or_insert_with(|| scope.address().folder.join("replay"))
+            .clone();
+        let outcome = run::run(&self.scenario, &options)?;
+        let replayed = Reader::open(&out)?;
+        let mut notes = self.notes;
+        let own = |reader: &Reader| -> Vec<(usize, u64)> {
+            let all = reader.streams().iter().enumerate();
+            let own = all.filter(|(_, spec)| spec.participant == self.participant);
+            own.map(|(stream, _)| (stream, reader.count(stream))).collect()
+        };
+        // What both have; where one of them goes on is said beside the result.
+        let (mut recording, mut replay) = (own(&self.reader), own(&replayed));
+        replay.retain_mut(|(at, count)| {
+            let spec = &replayed.streams()[*at];
+            let twin = recording
+                .iter_mut()
+                .find(|(stream, _)| self.reader.streams()[*stream].port == spec.port);
+            let Some((_, recorded)) = twin else {
+                notes.push(format!("{} is not on the tape, so it was not compared", spec.name()));
+                return false;
+            };
+            if *count > *recorded {
+                let more = *count - *recorded;
+                notes.push(format!(
+                    "{} goes on for {more} samples where the tape ends",
+                    spec.name()
+                ));
+            }
+            *count = (*count).min(*recorded);
+            *recorded = *count;
+            true
+        });
+        let comparison = compare(
+            &Selection::new(&self.reader, recording),
+            &Selection::new(&replayed, replay),
+        )?;
+        if let Some(difference) = comparison.streams.first() {
+            return Err(ReplayError::Misfit(format!(
+                "participants.{}: it has other ports than when the tape was recorded: {difference}",
+                self.participant
+            )));
+        }
+        Ok(Found {
+            ending: outcome.ending,
+            comparison,
+            notes,
+            to_s: self.scenario.duration.seconds(),
+        })
+    }
+}
+
+/// Leaves of a plan's table the one participant, the connections into it, and players in place of those who feed it.
+fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) -> Result<(), String> {
+    let subject = request.participant;
+    let missing = |what: &str| format!("the plan of {} has no table `{what}`", request.folder.display());
+    let participants = table.get("participants").and_then(Value::as_table);
+    let participants = participants.ok_or_else(|| missing("participants"))?.clone();
+    let Some(Value::Table(own)) = participants.get(subject) else {
+        let known: Vec<String> = participants.keys().map(|name| format!("`{name}`")).collect();
+        let run = request.folder.display();
+        return Err(format!(
+            "{run} has no participant `{subject}`; it has {}",
+            known.join(", ")
+        ));
+    };
+    let mut own = own.clone();
+    if let Some((exe, args)) = request.program {
+        let mut run = Table::new();
+        run.insert("exe".into(), Value::String(exe.to_string_lossy().into_owned()));
+        run.insert(
+            "args".into(),
+            Value::Array(args.iter().cloned().map(Value::String).collect()),
+        );
+        own.insert("run".into(), Value::Table(run));
+    }
+    let mut kept = Table::new();
+    kept.insert(subject.to_owned(), Value::Table(own));
+    let mut connections = Table::new();
+    let mut played: BTreeMap<String, (Vec<String>, Role)> = BTreeMap::new();
+    for (name, connection) in table.get("connections").and_then(Value::as_table).into_iter().flatten() {
+        let Value::Table(mut connection) = connection.clone() else {
+            continue;
+        };
+        let inputs: Vec<Value> = match connection.get("to") {
+            Some(Value::Array(all)) => all.clone(),
+            Some(one) => vec![one.clone()],
+            None => Vec::new(),
+        };
+        let into_own = |input: &Value| {
+            let port = input.as_str().and_then(|input| input.split_once('.'));
+            port.is_some_and(|(participant, _)| participant == subject)
+        };
+        let inputs: Vec<Value> = inputs.into_iter().filter(into_own).collect();
+        if inputs.is_empty() {
+            continue;
+        }
+        let from = connection.get("from").and_then(Value::as_str).unwrap_or_default();
+        let Some((producer, port)) = from.split_once('.').map(|(a, b)| (a.to_owned(), b.to_owned())) else {
+            return Err(format!("connections.{name}.from: `{from}` is not a port"));
+        };
+        // Only a continuous participant has a sample before the run starts.
+        let first_sample = connection.get("initial").and_then(Value::as_str) == Some("first-sample");
+        let (ports, role) = played.entry(producer.clone()).or_insert((Vec::new(), Role::Sampled));
+        if first_sample {
+            *role = Role::Continuous;
+        }
+        if !ports.contains(&port) {
+            ports.push(port.clone());
+        }
+        connection.insert(
+            "from".into(),
+            Value::String(format!("{}.{port}", stand_in(&producer, subject))),
+        );
+        connection.insert("to".into(), Value::Array(inputs));
+        connections.insert(name.clone(), Value::Table(connection));
+    }
+    let mut stand = |name: String, producer: &str, ports: &[String], role: Role| -> Result<(), String> {
+        for port in ports {
+            let stream = reader.stream(&format!("{producer}.{port}"));
+            stream.map_err(|error| error.to_string())?;
+        }
+        let original = participants.get(producer).and_then(Value::as_table);
+        let original = original.ok_or_else(|| missing(&format!("participants.{producer}")))?;
+        let mut run = Table::new();
+        run.insert("builtin".into(), Value::String(player::NAME.into()));
+        let mut entry = Table::new();
+        entry.insert("run".into(), Value::Table(run));
+        for key in ["period", "offset"] {
+            entry.extend(original.get(key).map(|value| (key.to_owned(), value.clone())));
+        }
+        let parameters = player::parameters(reader.dir(), producer, ports, role);
+        entry.insert("parameters".into(), Value::Table(parameters));
+        kept.insert(name, Value::Table(entry));
+        Ok(())
+    };
+    for (producer, (ports, role)) in played {
+        stand(stand_in(&producer, subject), &producer, &ports, role)?;
+    }
+    let said = reader.streams().iter();
+    let said = said.filter(|spec| spec.participant == subject && !spec.is_seen());
+    let said: Vec<String> = said.map(|spec| spec.port.clone()).collect();
+    stand(listener(subject), subject, &said, Role::Listener)?;
+    for port in said {
+        let mut connection = Table::new();
+        connection.insert("from".into(), Value::String(format!("{subject}.{port}")));
+        connection.insert("to".into(), Value::String(format!("{}.{port}", listener(subject))));
+        connections.insert(format!("{}-{port}", listener(subject)), Value::Table(connection));
+    }
+    keep_faults(table, subject, &kept, &connections);
+    table.insert("participants".into(), Value::Table(kept));
+    table.insert("connections".into(), Value::Table(connections));
+    // What the run was judged by, and what ended it, is no matter of one participant.
+    table.remove("assessment");
+    table.remove("guards");
+    Ok(())
+}
+
+/// Leaves of a plan's faults those that disturb what the participant sees, under the names that their draws go by.
+fn keep_faults(table: &mut Table, subject: &str, participants: &Table, connections: &Table) {
+    let Some(Value::Array(faults)) = table.get_mut("faults") else {
+        return;
+    };
+    for (position, fault) in faults.iter_mut().enumerate() {
+        if let Value::Table(fault) = fault {
+            let name = fault_name(fault.get("name").and_then(Value::as_str), position);
+            fault.insert("name".into(), Value::String(name));
+        }
+    }
+    faults.retain_mut(|fault| {
+        let text = |key: &str| fault.get(key).and_then(Value::as_str).map(str::to_owned);
+        if let Some(connection) = text("connection") {
+            return connections.contains_key(&connection);
+        }
+        if let Some(input) = text("input") {
+            return input
+                .split_once('.')
+                .is_some_and(|(participant, _)| participant == subject);
+        }
+        let output = text("output");
+        let Some((producer, port)) = output.as_deref().and_then(|output| output.split_once('.')) else {
+            return false;
+        };
+        let player = stand_in(producer, subject);
+        let played = participants
+            .get(&player)
+            .and_then(|player| player.get("parameters")?.get("ports")?.as_array())
+            .is_some_and(|ports| ports.iter().any(|played| played.as_str() == Some(port)));
+        if let Value::Table(fault) = fault {
+            fault.insert("output".into(), Value::String(format!("{player}.{port}")));
+        }
+        played
+    });
+}
+
+/// The name of a player: the one it stands for, except where a participant feeds itself.
+fn stand_in(producer: &str, subject: &str) -> String {
+    if producer == subject {
+        format!("{producer}-recorded")
+    } else {
+        producer.to_owned()
+    }
+}
+
+/// The name of whoever listens to the participant that is run again.
+fn listener(subject: &str) -> String {
+    format!("{subject}-heard")
+}
+
+/// The samples on the tape must be those that the plan speaks of.
+fn check_sample_times(scenario: &Scenario, reader: &Reader, subject: &str) -> Result<(), ReplayError> {
+    for spec in reader.streams() {
+        let entry = |name: &str| scenario.participants.iter().find(|entry| entry.setup.name == name);
+        let Some(entry) = entry(&spec.participant) else {
+            continue;
+        };
+        if spec.first_index > 0 {
+            return Err(ReplayError::Misfit(format!(
+                "{}: stream `{}` begins with sample {}: what was before is not on this tape, and a participant has to be \
+                 replayed from its start",
+                reader.dir().display(),
+                spec.name(),
+                spec.first_index
+            )));
+        }
+        if (entry.period, entry.offset) != (spec.period, spec.offset) {
+            let who = &spec.participant;
+            let remedy = if who == subject {
+                "its samples could not be compared"
+            } else {
+                "its samples could not be played"
+            };
+            return Err(ReplayError::Misfit(format!(
+                "participants.{who}: period {} and offset {}, but the tape was recorded with {} and {}: {remedy}",
+                entry.period, entry.offset, spec.period, spec.offset
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Every recorded output must still be there, as it was.
+fn check_outputs(interface: &Interface, reader: &Reader, subject: &str) -> Result<(), ReplayError> {
+    let recorded = reader.streams().iter();
+    for spec in recorded.filter(|spec| spec.participant == subject && !spec.is_seen()) {
+        let output = interface.outputs.iter().find(|output| output.name == spec.port);
+        let difference = match output {
+            None => Some(format!("it has no output `{}`", spec.port)),
+            Some(output) => {
+                let difference = output.descriptor.difference(&spec.descriptor);
+                difference.map(|difference| format!("output `{}`: {difference}", spec.port))
+            }
+        };
+        if let Some(difference) = difference {
+            return Err(ReplayError::Misfit(format!(
+                "participants.{subject}: it has other ports than when the tape was recorded: {difference}"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// How far a tape feeds a participant.
+struct Reach {
+    /// No activation at or after this instant can be replayed.
+    end: Rational,
+    /// Why, where the tape is the reason.
+    note: Option<String>,
+}
+
+fn reach(
+    scenario: &Scenario,
+    interfaces: &[Option<Interface>],
+    reader: &Reader,
+    subject: usize,
+) -> Result<Reach, ReplayError> {
+    let plan = scenario.sketch(interfaces)?;
+    let own = &plan.participants[subject];
+    let far = || {
+        ReplayError::Misfit(format!(
+            "{}: a time that needs more than 63 bits",
+            reader.dir().display()
+        ))
+    };
+    let instant = |period: Rational, offset: Rational, k: u64| {
+        let k = i64::try_from(k).map_err(|_| far())?;
+        let since = period.checked_mul(k).ok_or_else(far)?;
+        since.checked_add(offset).ok_or_else(far)
+    };
+    let mut reach = Reach {
+        end: scenario.duration,
+        note: None,
+    };
+    for link in own.inputs.iter().flatten() {
+        let from = plan.links[*link].from;
+        let producer = &plan.participants[from.0];
+        let itself = producer.name == stand_in(&own.name, &own.name);
+        let played = if itself { &own.name } else { &producer.name };
+        let name = format!("{played}.{}", producer.interface.outputs[from.1].name);
+        let count = reader.count(reader.stream(&name)?);
+        let mut schedule = plan.schedule(*link);
+        let missing = (0..own.activations).find_map(|k| match schedule.advance() {
+            Read::Sample(index) if index >= count => Some((k, index)),
+            _ => None,
+        });
+        let Some((k, index)) = missing else { continue };
+        let at = instant(own.period, own.offset, k)?;
+        if k == 0 {
+            return Err(ReplayError::Misfit(format!(
+                "{}: the tape has {count} samples of `{name}`, and the first activation of `{}` reads sample {index}: \
+                 nothing can be replayed",
+                reader.dir().display(),
+                own.name
+            )));
+        }
+        if at < reach.end {
+            reach.end = at;
+            reach.note = Some(format!(
+                "the tape has {count} samples of {name}: what `{}` reads at t = {at} is not on it, so the replay ends there",
+                own.name
+            ));
+        }
+    }
+    // A run that ended early: where inputs do not end the replay, the end of the tape does, a little later, so that an
+    // activation whose samples never reached the tape happens again too.
+    let mut newest = Rational::ZERO;
+    let mut margin = own.period;
+    for (stream, spec) in reader.streams().iter().enumerate() {
+        let last = reader.count(stream).saturating_sub(1);
+        newest = newest.max(instant(spec.period, spec.offset, last)?);
+        margin = margin.max(spec.period);
+    }
+    let end = newest
+        .checked_add(margin)
+        .and_then(|end| end.checked_add(own.period))
+        .ok_or_else(far)?;
+    if end < reach.end {
+        reach.end = end;
+        reach.note = Some(format!(
+            "the tape ends at t = {newest}, and the replay a little later, at t = {end}"
+        ));
+    }
+    Ok(reach)
+}

@@ -1,0 +1,414 @@
+//! A run with every participant in a process of its own.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use lockstep::plan::Plan;
+use lockstep::time::Ticks;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use tape::folder::RunFolder;
+use tape::{Event, EventKind};
+
+use super::Options;
+use super::agenda::Agenda;
+use super::checkpoint::Checkpoint;
+use super::crew::{self, Member};
+use super::describe;
+use super::explain;
+use super::horizon::Guide;
+use super::outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
+use super::place::Place;
+use super::prepare;
+use super::recording::Recorder;
+use super::slices::Slices;
+use super::survive::{Fallen, Restarts};
+use crate::observer::{Event as Report, Interrupt, Progress};
+use crate::scenario::{Entry, OnFailure, Scenario};
+use crate::scope::{self, Scope};
+
+/// How long participants may take to leave after they were told to.
+pub(super) const GRACE: Duration = Duration::from_millis(500);
+/// The orchestrator's nap when there is nothing to do.
+const NAP: Timespec = Timespec {
+    tv_sec: 0,
+    tv_nsec: 1_000_000,
+};
+/// Deaths are looked for at least this often.
+const LOOK: Duration = Duration::from_millis(2);
+/// Samples reach the disk at least this often.
+const FLUSH: Duration = Duration::from_millis(50);
+
+pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
+    // Whatever can be refused is refused before anything starts or is written.
+    let known = prepare::check(scenario)?;
+    let entries = prepare::entries(scenario, options)?;
+    scope::leftovers().iter().for_each(scope::Leftover::remove);
+    let interrupt = options.interrupt.clone();
+    let folder = prepare::folder(scenario, options)?;
+    let scope = Scope::create()?;
+    let names = entries.iter().map(|entry| entry.setup.name.as_str());
+    let (domain, ports) = Place::enter(scope.address(), names)?;
+    let mut crew = Vec::new();
+    for (entry, ports) in entries.iter().zip(ports) {
+        let process = crew::start(entry, &domain, &folder.stderr(&entry.setup.name))?;
+        crew.push(Member::new(process, ports));
+    }
+    let asked = Instant::now();
+    for member in &mut crew {
+        crew::arrive(member, asked, &interrupt)?;
+    }
+    let mut interfaces = Vec::new();
+    for ((member, entry), known) in crew.iter_mut().zip(&entries).zip(&known.interfaces) {
+        interfaces.push(crew::introduce(scenario, entry, known.as_ref(), member, &interrupt)?);
+    }
+    let plan = scenario.plan(&interfaces)?;
+    describe::check_substitutes(scenario, &interfaces, &interrupt)?;
+    let mut recorder = prepare::recorder(scenario, &plan, &folder)?;
+    let start = prepare::start(&plan, options, &mut recorder)?;
+    let agenda = Agenda::new(scenario, &plan, options, start.from, start.substituted)?;
+    let place = Place::furnish(domain, &plan)?;
+    let placement = crew::placement(&plan, options);
+    let mut positions = start.positions.map(Vec::into_iter);
+    for (number, member) in crew.iter_mut().enumerate() {
+        let position = positions.as_mut().and_then(Iterator::next);
+        crew::connect(&plan, number, member, position, &placement, options, &interrupt)?;
+    }
+    options.begin(&plan, &folder);
+    let mut conductor = Conductor {
+        guide: Guide::new(&plan, options, agenda, start.from),
+        progress: options.progress.clone(),
+        restarts: vec![Restarts::default(); entries.len()],
+        slices: Slices::default(),
+        fallen: Vec::new(),
+        base: vec![0; entries.len()],
+        entries,
+        substituted: start.substituted,
+        programs: 0,
+        last_checkpoint: None,
+        scenario,
+        scope,
+        folder,
+        plan,
+        options,
+        interrupt,
+        crew,
+        place,
+        recorder,
+        started: Instant::now(),
+        last_moved: Instant::now(),
+        last_flush: Instant::now(),
+        last_look: Instant::now(),
+        warned: false,
+    };
+    let ending = conductor.conduct();
+    let known = Instant::now();
+    let wall_s = (known - conductor.started).as_secs_f64();
+    let Conductor {
+        crew,
+        recorder,
+        plan,
+        place,
+        scope,
+        folder,
+        ..
+    } = conductor.bring_down(&ending)?;
+    let timing = crew
+        .iter()
+        .filter_map(|member| Some((member.process.name.clone(), member.timing.clone()?)));
+    let timing: BTreeMap<_, _> = timing.collect();
+    let source = |link: &Option<usize>| link.map_or("nobody".into(), |link| plan.output_name(plan.links[link].from));
+    let sources = (plan.participants.iter())
+        .map(|own| (own.name.clone(), own.inputs.iter().map(source).collect()))
+        .collect();
+    let simulated_s = plan.timebase.seconds(recorder.newest.clamp(0, plan.end));
+    let ending = recorder.with_active_faults(ending);
+    let (digest, figures) = recorder.finish()?;
+    // Ports before the place, the place before its files.
+    drop(crew);
+    drop(place);
+    drop(scope);
+    Ok(Outcome {
+        folder: folder.root().to_owned(),
+        ending,
+        simulated_s,
+        wall_s,
+        known,
+        digest,
+        figures,
+        timing,
+        sources,
+        placement: placement.reason,
+    })
+}
+
+/// A run under way.
+pub(super) struct Conductor<'a> {
+    pub(super) scenario: &'a Scenario,
+    pub(super) plan: Plan,
+    pub(super) options: &'a Options,
+    pub(super) interrupt: Interrupt,
+    /// What runs in each seat.
+    pub(super) entries: Vec<Entry>,
+    /// How many of the scenario's substitutions have happened.
+    pub(super) substituted: usize,
+    /// How many programs were started in mid-run.
+    pub(super) programs: usize,
+    pub(super) restarts: Vec<Restarts>,
+    /// Who else failed, besides the one that was reported, and was not attended to yet.
+    pub(super) fallen: Vec<Fallen>,
+    /// The activation at which each participant took up its work in this place; it stands there or further on.
+    pub(super) base: Vec<u64>,
+    pub(super) last_checkpoint: Option<Checkpoint>,
+    pub(super) crew: Vec<Member>,
+    pub(super) place: Place,
+    pub(super) scope: Scope,
+    pub(super) folder: RunFolder,
+    pub(super) recorder: Recorder,
+    pub(super) progress: Progress,
+    /// How far everybody may go.
+    pub(super) guide: Guide,
+    started: Instant,
+    pub(super) last_moved: Instant,
+    last_flush: Instant,
+    last_look: Instant,
+    slices: Slices,
+    warned: bool,
+}
+
+impl Conductor<'_> {
+    /// Moves the clock, records, and watches, until the run is over.
+    fn conduct(&mut self) -> Ending {
+        self.advance_clock();
+        loop {
+            match self.turn() {
+                Ok(None) => {}
+                Ok(Some(ending)) => return ending,
+                Err(failed) => {
+                    if let Err(ending) = self.survive(failed) {
+                        return ending;
+                    }
+                }
+            }
+            self.advance_clock();
+        }
+    }
+
+    /// One look around. `Some` when the run is over; the error is a failure that the run may survive.
+    fn turn(&mut self) -> Result<Option<Ending>, Ending> {
+        if self.drain()? {
+            self.last_moved = Instant::now();
+            self.warned = false;
+            self.look_for_lies()?;
+            // However much the others have to say, a death is seen in time.
+            if self.last_look.elapsed() > LOOK {
+                self.look_for_deaths()?;
+            }
+        } else {
+            self.look_for_deaths()?;
+            self.look_for_lies()?;
+            if self.crew.iter().all(|member| member.timing.is_some()) {
+                return Ok(Some(Ending::Complete));
+            }
+            self.nap();
+        }
+        let t = self.plan.timebase.seconds(self.recorder.newest.max(0));
+        self.progress.report(Report::Time { t_s: t });
+        if self.interrupt.asked() {
+            let reason = format!("interrupted at t = {t} s");
+            return Ok(Some(Ending::Stopped { reason }));
+        }
+        if self.last_flush.elapsed() > FLUSH {
+            self.last_flush = Instant::now();
+            self.recorder.flush().map_err(|error| Ending::Failed {
+                participant: ORCHESTRATOR.into(),
+                reason: error.to_string(),
+            })?;
+            self.look_for_floods()?;
+            self.slices.look(self.crew.iter().map(|member| member.process.pid()));
+        }
+        if let Some(now) = self.guide.stop()
+            && self.crew.iter().all(|member| member.rests_at(now))
+            && let Some(ending) = self.attend(now)?
+        {
+            return Ok(Some(ending));
+        }
+        self.watch()?;
+        Ok(None)
+    }
+
+    /// Moves the horizon as far as it may be.
+    fn advance_clock(&mut self) {
+        let horizon = self.guide.horizon(self.recorder.newest);
+        if horizon > self.place.clock.horizon() {
+            self.place.clock.extend(horizon);
+            self.crew.iter().for_each(Member::ring);
+        }
+    }
+
+    /// Waits for the user.
+    pub(super) fn pause(&mut self, now: Ticks) -> Result<bool, RunFailure> {
+        // Whoever looks at the tape now sees everything before the rest.
+        self.recorder.flush()?;
+        let steering = self.guide.hold(now);
+        let who: Vec<String> = (self.crew.iter())
+            .map(|member| format!("{} is process {}", member.process.name, member.process.pid()))
+            .collect();
+        let go_on = prepare::pause(
+            &self.plan,
+            now,
+            &who.join(", "),
+            &self.progress,
+            &self.interrupt,
+            steering.as_deref(),
+        );
+        self.guide.go_on();
+        Ok(go_on)
+    }
+
+    /// Takes what participants have recorded; whether there was anything.
+    fn drain(&mut self) -> Result<bool, Ending> {
+        let mut moved = false;
+        for number in 0..self.crew.len() {
+            // Bounded, so that one participant cannot keep the others from being heard.
+            for _ in 0..16 {
+                if !self.take_from(number)? {
+                    break;
+                }
+                moved = true;
+            }
+        }
+        Ok(moved)
+    }
+
+    /// Takes a batch of what participant number `number` has recorded; whether there was anything.
+    fn take_from(&mut self, number: usize) -> Result<bool, Ending> {
+        let member = &mut self.crew[number];
+        let failed = |participant: &str, reason: String| Ending::Failed {
+            participant: participant.to_owned(),
+            reason,
+        };
+        let taken = member.take(number, &mut self.recorder);
+        let name = &member.process.name;
+        let moved = taken.map_err(|broken| match self.recorder.take_error() {
+            Some(error) => failed(ORCHESTRATOR, error.to_string()),
+            None => failed(name, broken.to_string()),
+        })?;
+        match member.failure() {
+            Some(reason) => Err(failed(name, reason)),
+            None => Ok(moved),
+        }
+    }
+
+    fn look_for_deaths(&mut self) -> Result<(), Ending> {
+        self.last_look = Instant::now();
+        for number in 0..self.crew.len() {
+            let Some(status) = self.crew[number].process.ended() else {
+                continue;
+            };
+            // What it sent before it died counts.
+            while self.take_from(number)? {}
+            let member = &self.crew[number];
+            if member.timing.is_some() && status.success() {
+                continue;
+            }
+            return Err(Ending::Failed {
+                participant: member.process.name.clone(),
+                reason: explain::death(&self.plan, number, member, status),
+            });
+        }
+        Ok(())
+    }
+
+    /// A guard did not let a sample pass. The sample is on the tape, so a restart would have to give it again.
+    fn look_for_lies(&mut self) -> Result<(), Ending> {
+        let Some((number, mut reason)) = self.recorder.take_lie() else {
+            return Ok(());
+        };
+        let entry = &mut self.entries[number];
+        if entry.on_failure == OnFailure::Restart {
+            entry.on_failure = OnFailure::Stop;
+            reason += "; a restart would have to give the same again, so the run ends";
+        }
+        let participant = entry.setup.name.clone();
+        Err(Ending::Failed { participant, reason })
+    }
+
+    fn look_for_floods(&self) -> Result<(), Ending> {
+        let Some(member) = self.crew.iter().find(|member| member.process.floods()) else {
+            return Ok(());
+        };
+        let reason = format!(
+            "wrote more than {} MiB to its standard error",
+            super::child::LOG_MAX >> 20
+        );
+        Err(Ending::Failed {
+            participant: member.process.name.clone(),
+            reason,
+        })
+    }
+
+    /// Sleeps until a participant ends, or for a moment.
+    fn nap(&self) {
+        let alive = self.crew.iter().filter(|member| member.timing.is_none());
+        let mut ends: Vec<PollFd<'_>> = alive
+            .map(|member| PollFd::from_borrowed_fd(member.process.descriptor(), PollFlags::IN))
+            .collect();
+        let _ = poll(&mut ends, Some(&NAP));
+    }
+
+    /// Nothing has moved for a while: say why; after the time that a participant is given, end the run.
+    fn watch(&mut self) -> Result<(), Ending> {
+        let resting = self
+            .crew
+            .iter()
+            .all(|member| member.rests_at(self.place.clock.horizon()));
+        self.guide.tell(self.recorder.newest, resting);
+        if resting {
+            self.last_moved = Instant::now();
+        }
+        let still = self.last_moved.elapsed().as_secs_f64();
+        if still > self.options.patience_s {
+            let (culprit, text) = explain::standstill(&self.plan, &self.crew, self.place.clock.horizon(), still);
+            return Err(Ending::Failed {
+                participant: culprit,
+                reason: text,
+            });
+        }
+        if still > 2.0 && !self.warned {
+            self.warned = true;
+            let (_, text) = explain::standstill(&self.plan, &self.crew, self.place.clock.horizon(), still);
+            self.progress.say(&text);
+        }
+        Ok(())
+    }
+
+    /// Tells everybody to leave, sees that they do, and takes what they still had to say.
+    fn bring_down(mut self, ending: &Ending) -> Result<Self, RunFailure> {
+        self.progress.report(Report::Over);
+        self.place.clock.stop();
+        self.crew.iter().for_each(Member::ring);
+        let started = Instant::now();
+        for number in 0..self.crew.len() {
+            self.crew[number]
+                .process
+                .bring_down(GRACE.saturating_sub(started.elapsed()));
+        }
+        // What the others had handed over counts, whoever failed.
+        for number in 0..self.crew.len() {
+            self.crew[number].failed = None;
+            while let Ok(true) = self.take_from(number) {}
+        }
+        if let Ending::Failed { participant, reason } = ending {
+            let time = self.plan.timebase.time(self.recorder.newest.max(0)).unwrap_or_default();
+            let (participant, text) = (Some(participant.clone()), reason.clone());
+            // A full disk has no room for the event either; the reason is printed all the same.
+            let _ = self.recorder.event(&Event {
+                time,
+                kind: EventKind::Failure,
+                participant,
+                text,
+            });
+        }
+        Ok(self)
+    }
+}

@@ -1,0 +1,186 @@
+//! How a run ended.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use lockstep::control::Timing;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use tape::folder::FolderError;
+use tape::{AppendError, CreateError, Digest, ReadError};
+
+use super::checkpoint::CheckpointError;
+use crate::scenario::ScenarioError;
+use crate::scope::ScopeError;
+
+/// Why a run cannot be started, or cannot be recorded.
+#[derive(Debug, thiserror::Error)]
+pub enum RunFailure {
+    /// The scenario is wrong.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The run folder cannot be made.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The tape cannot be made.
+    #[error(transparent)]
+    Tape(#[from] CreateError),
+    /// The tape cannot be written.
+    #[error("the run cannot be recorded: {0}")]
+    Append(#[from] AppendError),
+    /// The tape cannot be read back.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A checkpoint cannot be written or read.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// The run's part of the machine cannot be made.
+    #[error(transparent)]
+    Scope(#[from] ScopeError),
+    /// Shared memory cannot be set up.
+    #[error(transparent)]
+    Domain(#[from] lockstep::transport::iceoryx::DomainError),
+    /// A participant cannot be started or does not answer.
+    #[error("participant `{participant}`: {reason}")]
+    Participant {
+        /// Who.
+        participant: String,
+        /// Why.
+        reason: String,
+    },
+    /// Somebody asked for an end before the run began.
+    #[error("interrupted before the run began")]
+    Interrupted,
+    /// Something else.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl RunFailure {
+    /// The exit code of the program: 2 when the user must change something, else 1.
+    pub fn exit_code(&self) -> i32 {
+        match self {
+            RunFailure::Scenario(_)
+            | RunFailure::Checkpoint(CheckpointError::None { .. })
+            | RunFailure::Folder(FolderError::NotEmpty { .. } | FolderError::NotAFolder { .. }) => 2,
+            _ => 1,
+        }
+    }
+}
+
+/// Who failed when no participant did.
+pub const ORCHESTRATOR: &str = "orchestrator";
+
+/// How a run that was recorded ended.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(tag = "status", rename_all = "kebab-case")]
+pub enum Ending {
+    /// All activations are complete.
+    Complete,
+    /// The user ended it.
+    Stopped {
+        /// At which simulated time, and by what.
+        reason: String,
+    },
+    /// A participant failed.
+    Failed {
+        /// Who.
+        participant: String,
+        /// When, why, and its last words.
+        reason: String,
+    },
+}
+
+impl Ending {
+    /// For people: who failed, and why; nothing where all went well.
+    pub fn words(&self) -> Option<String> {
+        match self {
+            Ending::Complete => None,
+            Ending::Stopped { reason } => Some(reason.clone()),
+            Ending::Failed { participant, reason } if participant == ORCHESTRATOR => Some(reason.clone()),
+            Ending::Failed { participant, reason } => Some(format!("participant `{participant}`: {reason}")),
+        }
+    }
+}
+
+/// A run that was recorded.
+pub struct Outcome {
+    /// The run folder.
+    pub folder: PathBuf,
+    /// How it ended.
+    pub ending: Ending,
+    /// Simulated time reached, s.
+    pub simulated_s: f64,
+    /// Wall time between the first activation and the last sample on the tape, s.
+    pub wall_s: f64,
+    /// When the orchestrator knew how the run ends.
+    pub known: Instant,
+    /// The tape.
+    pub digest: Digest,
+    /// The figures of merit.
+    pub figures: Option<crate::assessment::Figures>,
+    /// Where everybody's wall time went.
+    pub timing: BTreeMap<String, Timing>,
+    /// Who feeds each input of each participant in `timing`.
+    pub sources: BTreeMap<String, Vec<String>>,
+    /// The choice of cores in words.
+    pub placement: String,
+}
+
+impl Outcome {
+    /// Simulated time over wall time.
+    pub fn real_time_factor(&self) -> f64 {
+        if self.wall_s > 0.0 {
+            self.simulated_s / self.wall_s
+        } else {
+            0.0
+        }
+    }
+
+    /// 0 criteria met; 1 the run failed or was stopped by a signal; 3 a criterion is not met.
+    pub fn exit_code(&self) -> i32 {
+        match (&self.ending, &self.figures) {
+            (Ending::Failed { .. }, _) => 1,
+            (Ending::Stopped { .. }, _) => 1,
+            (Ending::Complete, Some(figures)) if !figures.met() => 3,
+            (Ending::Complete, _) => 0,
+        }
+    }
+
+    /// `summary.json`: figures of merit, how the run ended, and what it cost.
+    pub fn summary(&self) -> Value {
+        let mut all = Map::new();
+        if let Some(figures) = &self.figures {
+            all.extend(figures.values.clone());
+        }
+        all.insert("ending".into(), json!(self.ending));
+        all.insert("simulated_time_s".into(), json!(self.simulated_s));
+        all.insert("wall_time_s".into(), json!(self.wall_s));
+        all.insert("real_time_factor".into(), json!(self.real_time_factor()));
+        all.insert("tape_digest".into(), json!(self.digest.to_string()));
+        all.insert("run_folder".into(), json!(self.folder.display().to_string()));
+        all.insert("placement".into(), json!(self.placement));
+        all.insert("timing".into(), self.timing());
+        Value::Object(all)
+    }
+
+    /// Where wall time went; waiting for samples by who had to send them.
+    fn timing(&self) -> Value {
+        let mut timing = json!(self.timing);
+        for (name, sources) in &self.sources {
+            let Some(inputs) = timing.get_mut(name).and_then(|own| own.get_mut("inputs_ns")) else {
+                continue;
+            };
+            let spent = inputs.as_array().cloned().unwrap_or_default();
+            let mut named = Map::new();
+            for (source, ns) in sources.iter().zip(spent) {
+                // Two inputs may read one output.
+                let before = named.get(source).and_then(Value::as_u64).unwrap_or(0);
+                named.insert(source.clone(), json!(before + ns.as_u64().unwrap_or(0)));
+            }
+            *inputs = Value::Object(named);
+        }
+        timing
+    }
+}

@@ -1,0 +1,289 @@
+//! What both ways of running have in common: the run folder, the recorder, stops and pacing.
+
+use std::time::{Duration, SystemTime};
+
+use lockstep::participant::Interface;
+use lockstep::plan::{Cut, Plan, Position};
+use lockstep::time::Ticks;
+use serde::Serialize;
+use tape::folder::{RunFolder, utc_text};
+use tape::{Event, EventKind, StreamSpec, Writer};
+
+use super::checkpoint::Checkpoint;
+use super::outcome::RunFailure;
+use super::played::Played;
+use super::recording::{Recorder, streams};
+use super::{Options, Origin};
+use crate::assessment::Assessment;
+use crate::live::Steering;
+use crate::observer::{Answer, Event as Report, Interrupt, Progress};
+use crate::scenario::{Entry, OnFailure, Program, Scenario, ScenarioError, State};
+
+/// What is known of a scenario before anything starts.
+pub struct Known {
+    /// The ports of each participant that this program contains.
+    pub interfaces: Vec<Option<Interface>>,
+    /// The plan; where the ports of external programs are not known, they are assumed to be what they are connected to.
+    pub plan: Plan,
+}
+
+/// Makes the participants that this program contains, plans, and looks at the assessment: everything but launch.
+pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
+    let interfaces: Vec<Option<Interface>> = scenario
+        .make()?
+        .iter()
+        .map(|participant| participant.as_ref().map(|participant| participant.interface()))
+        .collect();
+    for substitution in &scenario.substitutions {
+        let entry = substitution.entry(&scenario.participants[substitution.participant]);
+        let Program::Builtin(name) = &entry.program else {
+            continue;
+        };
+        let Some(factory) = scenario.catalogue().factory(name) else {
+            continue;
+        };
+        let substitute =
+            factory(&entry.setup).map_err(|error| scenario.substitution_refusal(substitution, &error.to_string()))?;
+        let known = interfaces[substitution.participant].as_ref();
+        if let Some(difference) = known.and_then(|known| substitute.interface().difference(known)) {
+            let reason = format!("`{name}` has other ports than `{}`: {difference}", entry.setup.name);
+            return Err(scenario.substitution_refusal(substitution, &reason));
+        }
+    }
+    let plan = scenario.sketch(&interfaces)?;
+    scenario.watches(&plan, |participant| interfaces[participant].is_some())?;
+    if interfaces.iter().all(Option::is_some) {
+        assess(scenario, &streams(&plan))?;
+    }
+    Ok(Known { interfaces, plan })
+}
+
+fn assess(scenario: &Scenario, streams: &[StreamSpec]) -> Result<Option<Box<dyn Assessment>>, ScenarioError> {
+    let table = scenario.assessment.as_ref();
+    let made = table
+        .map(|table| scenario.catalogue().assess(table, streams))
+        .transpose();
+    made.map_err(|error| scenario.assessment_refusal(&error.key, &error.reason))
+}
+
+/// What made a run, for whoever looks at it later.
+#[derive(Serialize)]
+struct Provenance<'a> {
+    scenario: &'a str,
+    title: &'a str,
+    started: String,
+    command: Vec<String>,
+    version: &'a str,
+    iceoryx2: &'a str,
+    host: Host,
+    files: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Host {
+    name: String,
+    kernel: String,
+    processor: String,
+    cores: usize,
+}
+
+impl Host {
+    fn here() -> Host {
+        let system = rustix::system::uname();
+        let text = |part: &std::ffi::CStr| part.to_string_lossy().into_owned();
+        let about = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = about.lines().find_map(|line| {
+            line.strip_prefix("model name")?
+                .split_once(':')
+                .map(|(_, m)| m.trim().to_owned())
+        });
+        Host {
+            name: text(system.nodename()),
+            kernel: format!("{} {}", text(system.sysname()), text(system.release())),
+            processor: model.unwrap_or_else(|| text(system.machine())),
+            cores: std::thread::available_parallelism().map_or(1, usize::from),
+        }
+    }
+}
+
+/// Makes the run folder, with the resolved scenario and what made it.
+pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<RunFolder, RunFailure> {
+    let folder = match &options.out {
+        Some(out) => RunFolder::create(out)?,
+        None => RunFolder::create_default(std::path::Path::new("runs"), &scenario.name)?,
+    };
+    let resolved =
+        toml::to_string_pretty(&scenario.portable()).map_err(|error| RunFailure::Other(error.to_string()))?;
+    folder.write(&folder.plan(), &resolved)?;
+    let provenance = Provenance {
+        scenario: &scenario.name,
+        title: &scenario.title,
+        started: utc_text(SystemTime::now()),
+        command: std::env::args_os()
+            .map(|word| word.to_string_lossy().into_owned())
+            .collect(),
+        version: scenario.catalogue().version(),
+        iceoryx2: lockstep::transport::iceoryx::VERSION,
+        host: Host::here(),
+        files: scenario.files().iter().map(|file| file.display().to_string()).collect(),
+    };
+    folder.write_json(&folder.run(), &provenance)?;
+    Ok(folder)
+}
+
+/// Opens the tape.
+pub(super) fn recorder(scenario: &Scenario, plan: &Plan, folder: &RunFolder) -> Result<Recorder, RunFailure> {
+    let streams = streams(plan);
+    let assessment = assess(scenario, &streams)?;
+    let watches = scenario.watches(plan, |_| true)?;
+    let writer = Writer::create(&folder.tape(), streams)?;
+    Ok(Recorder::new(plan.clone(), writer, assessment, watches))
+}
+
+/// Where a run begins.
+pub(super) struct Start {
+    /// No activation before this instant happens in this run, ticks.
+    pub(super) from: Ticks,
+    /// Where each participant takes up its work; nothing at the beginning of a run.
+    pub(super) positions: Option<Vec<Position>>,
+    /// How many of the scenario's substitutions have happened.
+    pub(super) substituted: usize,
+}
+
+/// What runs in each seat when the run begins.
+pub(super) fn entries(scenario: &Scenario, options: &Options) -> Result<Vec<Entry>, RunFailure> {
+    let mut entries = scenario.participants.clone();
+    if let Some(origin) = &options.origin {
+        let names: Vec<&String> = entries.iter().map(|entry| &entry.setup.name).collect();
+        if !names.iter().copied().eq(&origin.checkpoint.participants) {
+            return Err(RunFailure::Other(format!(
+                "the run cannot be taken up: the checkpoint is one of {}, the scenario has {}",
+                origin.checkpoint.participants.join(", "),
+                scenario
+                    .participants
+                    .iter()
+                    .map(|entry| entry.setup.name.as_str())
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            )));
+        }
+        entries = entries_at(scenario, &origin.checkpoint);
+    }
+    Ok(entries)
+}
+
+/// What sat in each seat when `checkpoint` was made.
+pub(super) fn entries_at(scenario: &Scenario, checkpoint: &Checkpoint) -> Vec<Entry> {
+    let mut entries = scenario.participants.clone();
+    let done = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
+    for substitution in scenario.substitutions.iter().take(done) {
+        let seat = &mut entries[substitution.participant];
+        *seat = substitution.entry(seat);
+    }
+    for (seat, replaced) in entries.iter_mut().zip(&checkpoint.replaced) {
+        if let (true, OnFailure::Substitute(program)) = (replaced, seat.on_failure.clone()) {
+            *seat = seat.replaced_by(&program);
+        }
+    }
+    entries
+}
+
+/// Where the run begins; what was before it is put on the tape.
+pub(super) fn start(plan: &Plan, options: &Options, recorder: &mut Recorder) -> Result<Start, RunFailure> {
+    let Some(Origin { run, checkpoint }) = &options.origin else {
+        return Ok(Start {
+            from: 0,
+            positions: None,
+            substituted: 0,
+        });
+    };
+    let from = plan.timebase.ceil(checkpoint.time);
+    let from = from.map_err(|error| RunFailure::Other(error.to_string()))?;
+    if from >= plan.end || plan.cut_at(from) != checkpoint.cut {
+        return Err(RunFailure::Other(format!(
+            "the run cannot be taken up at t = {}: the scenario ends before, or has other sample times than the run that was saved",
+            checkpoint.time
+        )));
+    }
+    let played = Played::open(&RunFolder::open(run).tape(), plan)?;
+    recorder.copy(&played, &checkpoint.cut, checkpoint.time)?;
+    recorder.event(&Event {
+        time: checkpoint.time,
+        kind: EventKind::Resume,
+        participant: None,
+        text: format!("taken up from the checkpoint at t = {}", checkpoint.time),
+    })?;
+    let states = checkpoint.states.iter().cloned().map(Some).collect();
+    Ok(Start {
+        from,
+        positions: Some(positions(plan, &checkpoint.cut, &played, states)?),
+        substituted: usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX),
+    })
+}
+
+/// What the tape says of a substitution at `now`.
+pub(super) fn substitution_event(
+    plan: &Plan,
+    now: Ticks,
+    cut: &Cut,
+    seat: usize,
+    entry: &Entry,
+    state: State,
+) -> Event {
+    let how = match state {
+        State::Cold => "from afresh",
+        State::Keep => "with the state of the one before",
+    };
+    Event {
+        time: plan.timebase.time(now).unwrap_or_default(),
+        kind: EventKind::Substitution,
+        participant: Some(entry.setup.name.clone()),
+        text: format!("{} takes over at activation {} {how}", entry.program, cut.next[seat]),
+    }
+}
+
+/// Where everybody goes on at `cut`, with these states.
+pub(super) fn positions(
+    plan: &Plan,
+    cut: &Cut,
+    played: &Played,
+    states: Vec<Option<Vec<u8>>>,
+) -> Result<Vec<Position>, RunFailure> {
+    let numbers = states.into_iter().enumerate();
+    numbers
+        .map(|(number, state)| {
+            let position = plan.position(cut, number, |stream, index| played.payload(stream, index))?;
+            Ok(Position { state, ..position })
+        })
+        .collect()
+}
+
+/// Waits at rest until the observer answers, the live page lets the run go on, or an end is asked for; whether the run goes on.
+/// `processes` says in words which process is which participant.
+pub(super) fn pause(
+    plan: &Plan,
+    at: Ticks,
+    processes: &str,
+    progress: &Progress,
+    interrupt: &Interrupt,
+    steering: Option<&Steering>,
+) -> bool {
+    let t_s = plan.timebase.seconds(at);
+    progress.report(Report::Paused { t_s, processes });
+    loop {
+        match (progress.answer(), steering) {
+            (Some(Answer::Continue), _) => {
+                steering.into_iter().for_each(Steering::resume);
+                return true;
+            }
+            (Some(Answer::End), _) => {
+                steering.into_iter().for_each(Steering::resume);
+                return false;
+            }
+            (Some(Answer::Never), None) => return false,
+            (_, Some(steering)) if steering.lets_past(at) => return true,
+            _ if interrupt.asked() => return false,
+            _ => std::thread::sleep(Duration::from_millis(20)),
+        }
+    }
+}

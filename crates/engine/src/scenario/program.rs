@@ -1,0 +1,73 @@
+//! The program that runs in a participant's place.
+
+use std::path::{Path, PathBuf};
+
+use super::error::Mistake;
+use super::source::Source;
+use super::types::RunEntry;
+
+/// What runs in a participant's place.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Program {
+    /// A participant that this program contains.
+    Builtin(String),
+    /// Somebody's program.
+    External {
+        /// The file.
+        exe: PathBuf,
+        /// Its arguments.
+        args: Vec<String>,
+    },
+}
+
+/// Reads a `run` table, which stands at `key`.
+pub(super) fn program(source: &Source, folder: &Path, key: &str, run: RunEntry) -> Result<Program, Mistake> {
+    match (run.builtin, run.exe) {
+        (Some(builtin), None) => {
+            if source.catalogue.factory(&builtin).is_none() {
+                let known: Vec<String> = source.catalogue.names().map(|name| format!("`{name}`")).collect();
+                let reason = format!("there is no builtin `{builtin}`; there is {}", known.join(", "));
+                return Err(source.mistake(key, reason));
+            }
+            if !run.args.is_empty() {
+                return Err(source.mistake(key, "a builtin takes no args: use `parameters`"));
+            }
+            Ok(Program::Builtin(builtin))
+        }
+        (None, Some(exe)) => Ok(Program::External {
+            exe: find(folder, &exe).map_err(|reason| source.mistake(key, reason))?,
+            args: run.args,
+        }),
+        _ => Err(source.mistake(
+            key,
+            "write either { builtin = \"NAME\" } or { exe = \"FILE\", args = […] }",
+        )),
+    }
+}
+
+/// A program named with a slash is relative to the scenario; a bare name is looked for in PATH.
+fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
+    if exe.contains('/') {
+        let path = folder.join(exe);
+        return if runs(&path) {
+            std::path::absolute(&path).map_err(|error| error.to_string())
+        } else {
+            Err(format!("`{}` is not an executable file", path.display()))
+        };
+    }
+    in_path(exe)
+        .ok_or_else(|| format!("there is no program `{exe}` in PATH; name a file with its folder, such as \"./{exe}\""))
+}
+
+fn runs(path: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    std::fs::metadata(path).is_ok_and(|about| about.is_file() && about.permissions().mode() & 0o111 != 0)
+}
+
+/// The file that a bare name stands for.
+pub fn in_path(name: &str) -> Option<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path)
+        .map(|folder| folder.join(name))
+        .find(|path| runs(path))
+}

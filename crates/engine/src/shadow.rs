@@ -1,0 +1,217 @@
+//! A second program on the inputs of a participant: what it would have said in its place.
+//!
+//! What a participant says follows from its inputs alone, and the tape has those. So a shadow need not run beside the run: it
+//! is replayed on the recorded inputs as soon as the run is over, with the bits that it would have seen. It costs the run
+//! nothing, and whatever happens to it, the run has happened already.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde::Serialize;
+use tape::compare::Comparison;
+
+use crate::replay::{Replay, Request};
+use crate::run::{Ending, Options, RunFailure, describe};
+use crate::scenario::Scenario;
+use crate::{Catalogue, Interrupt};
+
+/// What `--shadow NAME=PROGRAM` asks for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Shadow {
+    participant: String,
+    program: String,
+    /// What makes the program stand in the participant's place.
+    overrides: Vec<String>,
+}
+
+/// What a shadow said, against what was said in the run.
+#[derive(Debug, Serialize)]
+pub struct Account {
+    /// Whose place it shadowed.
+    pub participant: String,
+    /// The program, as it was given.
+    pub program: String,
+    /// Why there is nothing to compare, if so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
+    /// How its own run ended.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ending: Option<Ending>,
+    /// Up to where it was fed, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to_s: Option<f64>,
+    /// What else there is to say.
+    pub notes: Vec<String>,
+    /// A is the run, B the shadow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub comparison: Option<Comparison>,
+}
+
+/// `NAME=PROGRAM` in two parts, with the `run` table that PROGRAM stands for: `builtin:NAME`, or a file as the shell sees it.
+pub fn in_place(text: &str, option: &str) -> Result<(String, String), String> {
+    let parts = text
+        .split_once('=')
+        .map(|(name, program)| (name.trim(), program.trim()));
+    let Some((participant, program)) = parts.filter(|(name, program)| !name.is_empty() && !program.is_empty()) else {
+        return Err(format!(
+            "{option} takes PARTICIPANT=PROGRAM, such as controller=./my-controller or controller=builtin:controller, not `{text}`"
+        ));
+    };
+    let mut run = toml::Table::new();
+    match program.strip_prefix("builtin:") {
+        Some(builtin) => run.insert("builtin".into(), toml::Value::String(builtin.to_owned())),
+        None => {
+            // What has a slash is relative to where the user is, not to the scenario.
+            let file = if program.contains('/') {
+                let absolute =
+                    std::path::absolute(program).map_err(|error| format!("{option}: `{program}`: {error}"))?;
+                absolute.to_string_lossy().into_owned()
+            } else {
+                program.to_owned()
+            };
+            run.insert("exe".into(), toml::Value::String(file))
+        }
+    };
+    Ok((participant.to_owned(), toml::Value::Table(run).to_string()))
+}
+
+impl Shadow {
+    /// Reads what was given with `--shadow` and `--shadow-set`.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub fn read(text: &str, set: &[String]) -> Result<Shadow, String> {
+        let (participant, run) = in_place(text, "--shadow")?;
+        let program = text
+            .split_once('=')
+            .map_or("", |(_, program)| program)
+            .trim()
+            .to_owned();
+        let mut overrides = vec![format!("participants.{participant}.run={run}")];
+        for one in set {
+            if !one.contains('=') {
+                return Err(format!(
+                    "--shadow-set takes KEY.PATH=VALUE, a parameter of the shadow, not `{one}`"
+                ));
+            }
+            overrides.push(format!("participants.{participant}.parameters.{one}"));
+        }
+        Ok(Shadow {
+            participant,
+            program,
+            overrides,
+        })
+    }
+
+    /// Whether it can stand in its place in a run of `scenario`, which was read from `file` with `overrides`: that is
+    /// refused before anything runs. A program of its own is started for a moment, to ask for its ports.
+    ///
+    /// # Errors
+    /// What is wrong with the program or its parameters, or the difference of its ports.
+    pub fn check(
+        &self,
+        catalogue: &Arc<Catalogue>,
+        file: &Path,
+        overrides: &[String],
+        interrupt: &Interrupt,
+    ) -> Result<(), RunFailure> {
+        let ports = |overrides: &[String]| -> Result<_, RunFailure> {
+            let scenario = Scenario::read(catalogue, file, overrides)?;
+            // Whatever else is wrong with it is told first.
+            scenario.make()?;
+            let entry = scenario
+                .participants
+                .iter()
+                .find(|entry| entry.setup.name == self.participant);
+            let ports = entry
+                .map(|entry| describe::ports(&scenario, entry, interrupt))
+                .transpose();
+            Ok((scenario, ports))
+        };
+        let (_, original) = ports(overrides)?;
+        let (scenario, shadow) = ports(&[overrides, &self.overrides].concat())?;
+        let reason = match (original, shadow) {
+            (Ok(Some(original)), Ok(Some(shadow))) => shadow.difference(&original),
+            (_, Err(RunFailure::Participant { reason, .. })) => Some(format!("it {reason}")),
+            (_, Err(other)) => return Err(other),
+            // What is wrong with the run itself is said when it starts.
+            _ => None,
+        };
+        match reason {
+            Some(reason) => {
+                let reason = format!("`{}` cannot be its shadow: {reason}", self.program);
+                Err(scenario.program_refusal(&self.participant, &reason).into())
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Feeds it what its participant was fed in the run in `folder`. Its own run is kept in `shadow/NAME` there.
+    pub fn run(&self, catalogue: &Arc<Catalogue>, folder: &Path, options: &Options) -> Account {
+        let mut account = Account {
+            participant: self.participant.clone(),
+            program: self.program.clone(),
+            refused: None,
+            ending: None,
+            to_s: None,
+            notes: Vec::new(),
+            comparison: None,
+        };
+        let replay = Replay::plan(&Request {
+            catalogue,
+            folder,
+            participant: &self.participant,
+            overrides: &self.overrides,
+            program: None,
+            to: None,
+        });
+        let found = replay.and_then(|replay| {
+            let in_process = options.in_process && !replay.external();
+            replay.run(&Options {
+                in_process,
+                out: Some(folder.join("shadow").join(&self.participant)),
+                interrupt: options.interrupt.clone(),
+                wait: options.wait,
+                no_placement: options.no_placement,
+                patience_s: options.patience_s,
+                ..Options::default()
+            })
+        });
+        match found {
+            Ok(found) => {
+                account.ending = Some(found.ending);
+                account.to_s = Some(found.to_s);
+                account.notes = found.notes;
+                account.comparison = Some(found.comparison);
+            }
+            Err(error) => account.refused = Some(error.to_string()),
+        }
+        account
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shadow_stands_in_the_place_of_its_participant() {
+        let set = ["law=\"reference\"".to_owned()];
+        let shadow = Shadow::read("controller=builtin:controller", &set).unwrap();
+        assert_eq!(
+            shadow.overrides,
+            [
+                "participants.controller.run={ builtin = \"controller\" }",
+                "participants.controller.parameters.law=\"reference\"",
+            ]
+        );
+        let (name, run) = in_place("controller=/bin/true", "--substitute").unwrap();
+        assert_eq!((name.as_str(), run.as_str()), ("controller", "{ exe = \"/bin/true\" }"));
+        assert!(in_place("controller=./x", "").unwrap().1.contains('/'));
+        assert_eq!(in_place("controller=x", "").unwrap().1, "{ exe = \"x\" }");
+        for bad in ["controller", "=x", "controller="] {
+            assert!(in_place(bad, "--shadow").unwrap_err().contains("PARTICIPANT=PROGRAM"));
+        }
+        assert!(Shadow::read("a=b", &["x".into()]).is_err());
+    }
+}
