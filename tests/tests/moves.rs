@@ -64,6 +64,19 @@ fn who_dies_when_asked_for_its_state_goes_back_like_the_others() {
 }
 
 #[test]
+fn a_death_as_a_resumed_run_begins_goes_back_to_its_checkpoint() {
+    let world = World::new("resumed", "damper");
+    let said = world.run("run", &["--checkpoint-at", "4 s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    // It is asked for its state before it has stepped in the resumed run.
+    let (runs, policy) = (dies(&world, "damper", &["first-save"]), policy("damper", BACK));
+    let said = world.resume("run", "resumed", &["--set", &runs, "--set", &policy]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(world.path("damper first-save").exists(), "it did not die");
+    world.same_as_undisturbed("resumed");
+}
+
+#[test]
 fn a_substitute_that_dies_as_it_takes_over_follows_the_policy_of_its_seat() {
     let world = World::with("newcomer", "damper", &substitution("4.5 s", "dies", "keep"));
     let scenario = std::fs::read_to_string(&world.scenario).unwrap();

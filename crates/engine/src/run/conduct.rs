@@ -84,7 +84,8 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         entries,
         substituted: start.substituted,
         programs: 0,
-        last_checkpoint: None,
+        // What a run goes on from is good for going back to as well, until its first own checkpoint.
+        last_checkpoint: options.origin.as_ref().map(|origin| origin.checkpoint.clone()),
         scenario,
         scope,
         folder,
