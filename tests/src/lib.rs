@@ -2,7 +2,9 @@
 
 pub mod faulty;
 pub mod liar;
+pub mod long;
 pub mod machine;
+pub mod page;
 pub mod parts;
 pub mod program;
 pub mod world;

@@ -81,6 +81,11 @@ impl Damper {
     pub fn factory(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
         Ok(Box::new(Damper::default()))
     }
+
+    /// The force against a motion, N.
+    pub fn force(motion: &Motion) -> f64 {
+        -0.8 * motion.velocity
+    }
 }
 
 impl Participant for Damper {
@@ -97,7 +102,7 @@ impl Participant for Damper {
     fn step(&mut self, _: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         self.count += 1;
         *outputs.get_mut(0) = Push {
-            force: -0.8 * inputs.get::<Motion>(0).velocity,
+            force: Damper::force(inputs.get::<Motion>(0)),
             count: self.count,
         };
         Ok(())

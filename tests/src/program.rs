@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 /// The root of the project.
@@ -14,38 +14,55 @@ pub fn root() -> PathBuf {
         .to_owned()
 }
 
-/// The folder with the programs of the build that this test belongs to: `target/release` or `target/debug`.
+/// The folder with the programs of the build that this program or test belongs to: `target/release` or `target/debug`.
 fn programs() -> PathBuf {
     let own = std::env::current_exe().expect("a test has a file");
-    own.parent()
-        .and_then(Path::parent)
-        .expect("tests are built into target/PROFILE/deps")
-        .to_owned()
+    let folder = own.parent().expect("a file lies in a folder");
+    match folder.file_name() {
+        Some(name) if name == "deps" => folder.parent().expect("tests are built into target/PROFILE/deps"),
+        _ => folder,
+    }
+    .to_owned()
 }
 
-/// The program. Cargo builds only the programs of the package that is tested, so this one is built here, once.
+/// The program.
 pub fn orchestrator() -> &'static Path {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    BUILT.get_or_init(|| build("orchestrator", &["-p", "orchestrator", "--bin", "orchestrator"]))
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| built().join("orchestrator"))
 }
 
 /// A participant of the folder `tests/participants`, healthy or not.
 pub fn participant(name: &str) -> PathBuf {
-    static BUILT: OnceLock<PathBuf> = OnceLock::new();
-    let folder = BUILT.get_or_init(|| build("", &["-p", "escapement-tests", "--bins"]));
-    folder.join(name)
+    built().join(name)
 }
 
-fn build(program: &str, what: &[&str]) -> PathBuf {
-    let folder = programs();
-    let mut cargo = Command::new(env!("CARGO"));
-    cargo.current_dir(root()).arg("build").arg("--quiet").args(what);
-    if folder.ends_with("release") {
-        cargo.arg("--release");
-    }
-    let built = cargo.stdout(Stdio::null()).status().expect("cargo can be started");
-    assert!(built.success(), "{what:?} does not build");
-    folder.join(program)
+/// The program of `examples/spring`.
+pub fn spring() -> PathBuf {
+    built().join("spring")
+}
+
+static BUILT: OnceLock<PathBuf> = OnceLock::new();
+
+/// Takes all programs as they are from now on: a process of the same build has built them.
+pub fn all_built() {
+    let _ = BUILT.set(programs());
+}
+
+/// The folder with everything that a test may start. Cargo builds only the programs of the package that is tested, so the others are
+/// built here: once, and by one command, because other packages beside them would mean other features of what they share.
+fn built() -> &'static Path {
+    BUILT.get_or_init(|| {
+        let folder = programs();
+        let mut cargo = Command::new(env!("CARGO"));
+        cargo.current_dir(root()).args(["build", "--quiet", "--bins"]);
+        cargo.args(["-p", "orchestrator", "-p", "escapement-tests", "-p", "spring"]);
+        if folder.ends_with("release") {
+            cargo.arg("--release");
+        }
+        let status = cargo.stdout(Stdio::null()).status().expect("cargo can be started");
+        assert!(status.success(), "the programs do not build");
+        folder
+    })
 }
 
 /// A path as an argument.
@@ -53,8 +70,11 @@ pub fn text(path: &Path) -> &str {
     path.to_str().expect("paths of tests are text")
 }
 
-/// A folder that is removed with everything in it.
-pub struct Folder(PathBuf);
+/// A folder that is removed with everything in it, unless it is kept.
+pub struct Folder {
+    path: PathBuf,
+    kept: AtomicBool,
+}
 
 impl Folder {
     /// A new one under the build's folder for temporary files.
@@ -65,17 +85,26 @@ impl Folder {
             .join("tmp")
             .join(format!("{name}-{}-{number}", std::process::id()));
         std::fs::create_dir_all(&path).expect("the build's folder can be written");
-        Folder(path)
+        Folder {
+            path,
+            kept: AtomicBool::new(false),
+        }
     }
 
     /// Its path.
     pub fn path(&self) -> &Path {
-        &self.0
+        &self.path
+    }
+
+    /// Leaves it where it is, for a look at what went wrong.
+    pub fn keep(&self) -> &Path {
+        self.kept.store(true, Ordering::Relaxed);
+        &self.path
     }
 
     /// Writes a file into it.
     pub fn write(&self, name: &str, text: &str) -> PathBuf {
-        let path = self.0.join(name);
+        let path = self.path.join(name);
         std::fs::write(&path, text).expect("the folder can be written");
         path
     }
@@ -83,7 +112,9 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+        if !self.kept.load(Ordering::Relaxed) {
+            let _ = std::fs::remove_dir_all(&self.path);
+        }
     }
 }
 

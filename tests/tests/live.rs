@@ -7,6 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use escapement_tests::machine::processes_of;
+use escapement_tests::page::Page;
 use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, text};
 use escapement_tests::world::oscillator;
 use serde_json::Value;
@@ -15,8 +16,7 @@ use serde_json::Value;
 struct Watched {
     child: Option<Child>,
     said: BufReader<std::process::ChildStderr>,
-    host: String,
-    path: String,
+    page: Page,
 }
 
 impl Watched {
@@ -41,36 +41,17 @@ impl Watched {
         let mut said = BufReader::new(child.stderr.take().unwrap());
         let mut line = String::new();
         said.read_line(&mut line).unwrap();
-        let url = line
-            .trim()
-            .strip_prefix("live: http://")
-            .unwrap_or_else(|| panic!("{line}"));
-        let (host, path) = url.split_once('/').unwrap();
+        let page = Page::of(&line).unwrap_or_else(|| panic!("{line}"));
         Watched {
             child: Some(child),
             said,
-            host: host.to_owned(),
-            path: format!("/{path}"),
+            page,
         }
-    }
-
-    fn connect(&self) -> TcpStream {
-        let stream = TcpStream::connect(&self.host).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-        stream
     }
 
     /// Status and body of the answer to a request; `{host}`, `{path}` and `{origin}` stand for those of the page.
     fn ask(&self, request: &str) -> (u16, String) {
-        let request = request.replace("{host}", &self.host).replace("{path}", &self.path);
-        let request = request.replace("{origin}", &format!("http://{}", self.host));
-        let mut stream = self.connect();
-        stream.write_all(request.replace('\n', "\r\n").as_bytes()).unwrap();
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).unwrap();
-        let status = answer.split(' ').nth(1).and_then(|word| word.parse().ok());
-        let body = answer.split_once("\r\n\r\n").map(|(_, body)| body.to_owned());
-        (status.unwrap_or_else(|| panic!("{answer}")), body.unwrap_or_default())
+        self.page.try_ask(request).unwrap()
     }
 
     fn get(&self, below: &str) -> (u16, String) {
@@ -78,11 +59,7 @@ impl Watched {
     }
 
     fn wish(&self, body: &str) -> (u16, String) {
-        let length = body.len();
-        self.ask(&format!(
-            "POST {{path}}control HTTP/1.1\nHost: {{host}}\nOrigin: {{origin}}\nContent-Type: application/json\n\
-             Content-Length: {length}\n\n{body}"
-        ))
+        self.page.try_wish(body).unwrap()
     }
 
     fn state(&self) -> Value {
@@ -283,7 +260,7 @@ fn nobody_else_can_see_or_steer_the_run() {
     ] {
         assert_eq!(run.ask(&request).0, status, "{what}");
     }
-    let port: u16 = run.host.rsplit(':').next().unwrap().parse().unwrap();
+    let port: u16 = run.page.host.rsplit(':').next().unwrap().parse().unwrap();
     let open = std::fs::read_to_string("/proc/net/tcp").unwrap();
     let listens = open
         .lines()
@@ -303,9 +280,9 @@ fn nobody_else_can_see_or_steer_the_run() {
     );
     // Nothing of this has moved the run. The page does, while others hold connections and read nothing.
     run.rests_at(1.0);
-    let held: Vec<TcpStream> = (0..15).map(|_| run.connect()).collect();
+    let held: Vec<TcpStream> = (0..15).map(|_| run.page.connect().unwrap()).collect();
     for mut stream in held.iter().take(8) {
-        let page = format!("GET {} HTTP/1.1\r\nHost: {}\r\n\r\n", run.path, run.host);
+        let page = format!("GET {} HTTP/1.1\r\nHost: {}\r\n\r\n", run.page.path, run.page.host);
         stream.write_all(page.as_bytes()).unwrap();
     }
     assert_eq!(run.wish(r#"{"do": "resume"}"#).0, 200);

@@ -1,0 +1,37 @@
+//! The random draws of one round.
+
+use lockstep::random::Stream;
+
+/// Draws that depend on a seed and a name alone.
+pub(super) struct Dice {
+    stream: Stream,
+    index: u64,
+}
+
+impl Dice {
+    pub(super) fn new(seed: u64, name: &str) -> Dice {
+        Dice {
+            stream: Stream::new(seed, name),
+            index: 0,
+        }
+    }
+
+    /// A whole number below `count`.
+    pub(super) fn below(&mut self, count: u64) -> u64 {
+        self.index += 1;
+        self.stream.bits(self.index) % count
+    }
+
+    /// A whole number from `first` to `last`, both included.
+    pub(super) fn between(&mut self, first: u64, last: u64) -> u64 {
+        first + self.below(last - first + 1)
+    }
+
+    pub(super) fn one_in(&mut self, count: u64) -> bool {
+        self.below(count) == 0
+    }
+
+    pub(super) fn pick<T: Copy>(&mut self, of: &[T]) -> T {
+        of[self.below(of.len() as u64) as usize]
+    }
+}

@@ -1,0 +1,72 @@
+//! Long tests: random signals, undisturbed starts and suspensions, as many rounds as time allows.
+//!
+//! A round is a function of a seed and its number, as far as the machine's scheduling lets it be, so that one that fails can be
+//! run again alone. The program `long` runs them; the ordinary tests run a short share.
+
+mod campaign;
+mod case;
+mod dice;
+mod inspect;
+mod round;
+mod start;
+mod strike;
+pub mod work;
+
+use case::Case;
+use dice::Dice;
+
+/// What a round reports that found nothing wrong, or the reason why it did.
+pub type Check<T> = Result<T, String>;
+
+/// What is done again and again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Runs and campaigns whose processes get random signals at random instants, and are resumed.
+    Killer,
+    /// Short runs that nothing disturbs.
+    Starts,
+    /// Runs whose processes are stopped and continued, for less and for more than `--patience`.
+    Suspensions,
+}
+
+impl Kind {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Killer => "killer",
+            Kind::Starts => "starts",
+            Kind::Suspensions => "suspensions",
+        }
+    }
+}
+
+/// What was done, besides looking.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Tally {
+    /// Runs and campaigns that were started.
+    pub runs: u64,
+    /// Signals that reached a process.
+    pub signals: u64,
+    /// Runs that were resumed, and campaigns that were continued.
+    pub resumes: u64,
+}
+
+impl std::ops::AddAssign for Tally {
+    fn add_assign(&mut self, other: Tally) {
+        self.runs += other.runs;
+        self.signals += other.signals;
+        self.resumes += other.resumes;
+    }
+}
+
+fn equal<T: PartialEq + std::fmt::Debug>(what: &str, found: &T, right: &T) -> Check<()> {
+    if found == right {
+        Ok(())
+    } else {
+        Err(format!("{what} is {found:?}, not {right:?}"))
+    }
+}
+
+fn demand(holds: bool, otherwise: impl FnOnce() -> String) -> Check<()> {
+    if holds { Ok(()) } else { Err(otherwise()) }
+}

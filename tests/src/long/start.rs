@@ -1,0 +1,42 @@
+//! A short run that nothing disturbs: it must succeed, whatever else the machine does.
+
+use std::time::Duration;
+
+use super::inspect::{Part, nothing_left};
+use super::round::References;
+use super::strike::{Running, none_left};
+use super::{Check, Dice, Tally, demand, equal};
+use crate::program::Folder;
+
+/// How many scenarios a seed has.
+const CASES: u64 = 18;
+
+/// Start `number` of `seed`.
+pub(super) fn run(seed: u64, number: u64, references: &mut References, tally: &mut Tally) -> Check<()> {
+    let mut dice = Dice::new(seed, &format!("start {number}"));
+    let at = dice.below(CASES);
+    let (case, reference) = references.get(seed, at, true, tally)?;
+    let folder = Folder::new("start");
+    let out = folder.path().join("run");
+    let mut arguments = vec!["run".to_owned()];
+    arguments.extend(case.arguments(folder.path()));
+    arguments.extend(["--out".into(), out.display().to_string(), "--quiet".into()]);
+    let wait = dice.pick(&["auto", "auto", "yield", "sleep"]);
+    arguments.extend(["--wait".into(), wait.into()]);
+    let token = format!("start-{seed}-{number}-{}", std::process::id());
+    tally.runs += 1;
+    let ended = Running::start(&arguments, folder.path(), &token).finish()?;
+    let looked = || -> Check<()> {
+        none_left(&token, Duration::ZERO)?;
+        nothing_left(&folder.path().join("scratch"), false)?;
+        equal("the exit code", &ended.code, &Some(case.code))?;
+        demand(ended.err.is_empty(), || "it has something to say".into())?;
+        equal("the tape", &reference.part(&out, false)?, &Part::Whole)?;
+        reference.account(&out, case.code, case.code, Part::Whole)?;
+        Ok(())
+    };
+    looked().map_err(|reason| {
+        let kept = folder.keep();
+        format!("{reason}: {ended:?}\n  case {at}, kept in {}", kept.display())
+    })
+}

@@ -1,0 +1,422 @@
+//! Signals to the processes of one run, each at an instant that its tape or the clock gives.
+
+use std::fs::{self, File};
+use std::os::fd::OwnedFd;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, PidfdFlags, Signal, WaitOptions, pidfd_open, pidfd_send_signal, waitpid};
+
+use super::{Check, Dice};
+use crate::program::{orchestrator, root};
+
+/// A run, resumed run or campaign may take this long, stops of its processes included.
+const LIMIT: Duration = Duration::from_secs(240);
+/// The environment variable by which the processes of a run are found, however they are called.
+const TOKEN: &str = "ESCAPEMENT_LONG";
+
+/// What gets a signal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Target {
+    /// The participant of this seat, or a worker of a campaign.
+    One(usize),
+    Orchestrator,
+    /// All processes; the orchestrator first or last.
+    All {
+        orchestrator_first: bool,
+    },
+}
+
+/// What happens to the target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Action {
+    Signal(Signal),
+    /// Stopped, and continued after this long.
+    Pause {
+        ms: u64,
+    },
+    /// Stopped for good.
+    Stop,
+}
+
+/// When it happens. A moment whose condition never comes has come when the run has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Moment {
+    /// So long after the strike before, or after the start.
+    After { us: u64 },
+    /// So long after this part of the tape has been written.
+    Tape { per_mille: u64, us: u64 },
+}
+
+/// A signal, or a stop with its continuation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Strike {
+    pub(super) moment: Moment,
+    pub(super) target: Target,
+    pub(super) action: Action,
+}
+
+/// What became of a strike.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hit {
+    pub(super) target: Target,
+    pub(super) action: Action,
+    /// Which seats or workers were reached.
+    pub(super) seat: Option<usize>,
+    /// The orchestrator had opened the run folder, which it does after it has begun to handle signals.
+    pub(super) opened: bool,
+    /// Samples of the run itself were on the disk, so every participant had been connected.
+    pub(super) began: bool,
+}
+
+/// A stream of the tape that shows how far a run is.
+#[derive(Debug, Clone)]
+pub(super) struct Progress {
+    pub(super) stream: PathBuf,
+    /// The size of the whole of it.
+    pub(super) whole: u64,
+    /// What a run has before it begins: nothing, or what it goes on from.
+    pub(super) before: u64,
+}
+
+/// What an orchestrator's processes are called.
+pub(super) enum Parts {
+    /// The names of the participants.
+    Seats(Vec<String>),
+    /// The workers of a campaign.
+    Workers,
+}
+
+/// A process, held so that no other can take its number.
+struct Process {
+    handle: OwnedFd,
+    seat: Option<usize>,
+}
+
+impl Process {
+    fn send(&self, signal: Signal) -> bool {
+        pidfd_send_signal(&self.handle, signal).is_ok()
+    }
+}
+
+/// An orchestrator that is running, with everything that it has started.
+pub(super) struct Running {
+    child: Child,
+    token: String,
+    said: [PathBuf; 2],
+    started: Instant,
+    /// Signals that reached a process.
+    pub(super) signals: u64,
+}
+
+/// How an orchestrator ended.
+#[derive(Debug)]
+pub(super) struct Ended {
+    /// The exit code; `None` when a signal ended it.
+    pub(super) code: Option<i32>,
+    pub(super) signal: Option<i32>,
+    pub(super) err: String,
+}
+
+impl Running {
+    /// Starts the orchestrator with `arguments`; `folder` gets what it writes, and is where it may put files for a while.
+    pub(super) fn start(arguments: &[String], folder: &Path, token: &str) -> Running {
+        let said = ["stdout", "stderr"].map(|name| folder.join(name));
+        let [out, err] = [0, 1].map(|at| File::create(&said[at]).expect("the folder can be written"));
+        let scratch = folder.join("scratch");
+        fs::create_dir_all(&scratch).expect("the folder can be written");
+        let child = Command::new(orchestrator())
+            .args(arguments)
+            .current_dir(root())
+            .env(TOKEN, token)
+            .env("TMPDIR", scratch)
+            .stdin(Stdio::null())
+            .stdout(out)
+            .stderr(err)
+            .spawn();
+        Running {
+            child: child.expect("the orchestrator can be started"),
+            token: token.to_owned(),
+            said,
+            started: Instant::now(),
+            signals: 0,
+        }
+    }
+
+    /// What it has written to standard error so far.
+    pub(super) fn err(&self) -> String {
+        fs::read_to_string(&self.said[1]).unwrap_or_default()
+    }
+
+    /// Whether it has ended; it can still be waited for.
+    pub(super) fn over(&mut self) -> bool {
+        self.child.try_wait().expect("a child can be waited for").is_some()
+    }
+
+    /// Waits for the end.
+    pub(super) fn finish(mut self) -> Check<Ended> {
+        while !self.over() {
+            if self.started.elapsed() > LIMIT {
+                let seen = self.err();
+                let _ = self.child.kill();
+                let _ = self.child.wait();
+                return Err(format!("it hangs; so far it said: {seen}"));
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let status = self.child.wait().expect("a child can be waited for");
+        Ok(Ended {
+            code: status.code(),
+            signal: std::os::unix::process::ExitStatusExt::signal(&status),
+            err: self.err(),
+        })
+    }
+
+    /// Its participants, or the workers of a campaign, with their numbers.
+    fn processes(&self, parts: &Parts) -> Vec<Process> {
+        let found = marked(&self.token).into_iter().filter_map(|(pid, variables)| {
+            let handle = pidfd_open(Pid::from_raw(pid)?, PidfdFlags::empty()).ok()?;
+            let seat = match parts {
+                Parts::Seats(names) => {
+                    let name = variables
+                        .split(|byte| *byte == 0)
+                        .find_map(|one| one.strip_prefix(format!("{}=", lockstep::host::PARTICIPANT).as_bytes()))?;
+                    Some(names.iter().position(|own| own.as_bytes() == name)?)
+                }
+                Parts::Workers => is_worker(pid, self.child.id()).then_some(0),
+            }?;
+            // Held now: when it is still the same, no other process can have taken its number.
+            (environment(pid)? == variables).then_some((
+                pid,
+                Process {
+                    handle,
+                    seat: Some(seat),
+                },
+            ))
+        });
+        let mut found: Vec<_> = found.collect();
+        if matches!(parts, Parts::Workers) {
+            found.sort_by_key(|(pid, _)| *pid);
+            for (number, (_, worker)) in found.iter_mut().enumerate() {
+                worker.seat = Some(number);
+            }
+        }
+        found.into_iter().map(|(_, process)| process).collect()
+    }
+
+    /// Waits for the moment of `strike` and delivers it; what it reached.
+    pub(super) fn deliver(&mut self, strike: &Strike, parts: &Parts, out: &Path, progress: &Progress) -> Vec<Hit> {
+        let us = match strike.moment {
+            Moment::After { us } => us,
+            Moment::Tape { per_mille, us } => {
+                let size = progress.whole * per_mille / 1000;
+                while !self.over()
+                    && length(&progress.stream) < size.max(progress.before + 1).min(progress.whole)
+                    && self.started.elapsed() < LIMIT
+                {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                us
+            }
+        };
+        std::thread::sleep(Duration::from_micros(us));
+        let (opened, began) = (
+            out.join("run.json").exists(),
+            length(&progress.stream) > progress.before,
+        );
+        let struck = self.targets(strike.target, parts);
+        let (first, last) = match strike.action {
+            Action::Signal(signal) => (signal, None),
+            Action::Pause { ms } => (Signal::STOP, Some(ms)),
+            Action::Stop => (Signal::STOP, None),
+        };
+        let mut hits = Vec::new();
+        for process in &struck {
+            if process.send(first) {
+                self.signals += 1;
+                hits.push(Hit {
+                    target: strike.target,
+                    action: strike.action,
+                    seat: process.seat,
+                    opened,
+                    began,
+                });
+            }
+        }
+        if let Some(ms) = last {
+            std::thread::sleep(Duration::from_millis(ms));
+            // What has been started or has been missed meanwhile was not stopped; a further signal does not hurt it.
+            let continued = struck.iter().filter(|process| process.send(Signal::CONT));
+            self.signals += continued.count() as u64;
+        }
+        hits
+    }
+
+    fn targets(&mut self, target: Target, parts: &Parts) -> Vec<Process> {
+        let own = (!self.over())
+            .then(|| pidfd_open(Pid::from_child(&self.child), PidfdFlags::empty()).ok())
+            .flatten()
+            .map(|handle| Process { handle, seat: None });
+        match target {
+            Target::Orchestrator => own.into_iter().collect(),
+            Target::One(seat) => {
+                let mut found = self.processes(parts);
+                found.retain(|process| process.seat == Some(seat));
+                found
+            }
+            Target::All { orchestrator_first } => {
+                let others = self.processes(parts);
+                if orchestrator_first {
+                    own.into_iter().chain(others).collect()
+                } else {
+                    others.into_iter().chain(own).collect()
+                }
+            }
+        }
+    }
+}
+
+fn length(path: &Path) -> u64 {
+    fs::metadata(path).map_or(0, |about| about.len())
+}
+
+fn environment(pid: i32) -> Option<Vec<u8>> {
+    fs::read(format!("/proc/{pid}/environ")).ok()
+}
+
+/// Whether `pid` is a campaign's worker, and not a child of one that has not become another program yet.
+fn is_worker(pid: i32, campaign: u32) -> bool {
+    let line = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    let parent = stat.rsplit_once(") ").and_then(|(_, rest)| rest.split(' ').nth(1));
+    line.windows(15).any(|part| part == b"campaign-worker")
+        && parent.and_then(|text| text.parse().ok()) == Some(campaign)
+}
+
+/// The living processes of the run with `token`, with their environment. A process that is dead and not yet reaped has none.
+fn marked(token: &str) -> Vec<(i32, Vec<u8>)> {
+    let mark = format!("{TOKEN}={token}\0");
+    let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<i32>().ok());
+    let found = numbers.filter_map(|pid| Some((pid, environment(pid)?)));
+    found
+        .filter(|(_, variables)| variables.windows(mark.len()).any(|part| part == mark.as_bytes()))
+        .collect()
+}
+
+/// Fails when a process of the run with `token` is left. Those that the kernel ends with the orchestrator get `time`.
+pub(super) fn none_left(token: &str, time: Duration) -> Check<()> {
+    let started = Instant::now();
+    loop {
+        let left = marked(token);
+        if left.is_empty() {
+            return Ok(());
+        }
+        if started.elapsed() > time {
+            let lines = left.iter().map(|(pid, _)| {
+                let line = fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+                format!("{pid}: {}", line.replace('\0', " "))
+            });
+            let lines: Vec<String> = lines.collect();
+            for (pid, _) in &left {
+                if let Some(pid) = Pid::from_raw(*pid) {
+                    let _ = rustix::process::kill_process(pid, Signal::KILL);
+                    let _ = waitpid(Some(pid), WaitOptions::NOHANG);
+                }
+            }
+            return Err(format!("processes are left: {lines:?}"));
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// How long a process may be stopped, and how long it may do nothing before a run ends.
+pub(super) const PATIENCE: &str = "2 s";
+/// Longer than [`PATIENCE`].
+const LONG_MS: [u64; 2] = [2400, 3500];
+
+impl Strike {
+    /// A signal, or a stop and its continuation, among those that a run with `seats` participants may get.
+    pub(super) fn draw(dice: &mut Dice, seats: usize, pauses_only: bool) -> Strike {
+        let moment = match dice.below(8) {
+            0 | 1 => Moment::After {
+                us: dice.below(120_000),
+            },
+            2 => Moment::Tape {
+                per_mille: 1000,
+                us: dice.below(60_000),
+            },
+            _ => Moment::Tape {
+                per_mille: dice.below(1000),
+                us: dice.below(20_000),
+            },
+        };
+        let target = match dice.below(8) {
+            0 | 1 => Target::Orchestrator,
+            2 => Target::All {
+                orchestrator_first: dice.one_in(2),
+            },
+            _ => Target::One(dice.below(seats as u64) as usize),
+        };
+        let pause = pauses_only || dice.one_in(4);
+        let action = match target {
+            _ if pause => Strike::pause(dice, target),
+            Target::One(_) => Action::Signal(dice.pick(&[
+                Signal::KILL,
+                Signal::KILL,
+                Signal::KILL,
+                Signal::TERM,
+                Signal::INT,
+                Signal::HUP,
+                Signal::ABORT,
+                Signal::SEGV,
+                Signal::USR1,
+            ])),
+            Target::Orchestrator => Action::Signal(dice.pick(&[Signal::KILL, Signal::TERM, Signal::INT, Signal::HUP])),
+            Target::All { .. } => Action::Signal(dice.pick(&[Signal::KILL, Signal::TERM])),
+        };
+        Strike { moment, target, action }
+    }
+
+    fn pause(dice: &mut Dice, target: Target) -> Action {
+        match dice.below(8) {
+            0 if matches!(target, Target::One(_)) => Action::Stop,
+            0..=2 => Action::Pause {
+                ms: dice.between(LONG_MS[0], LONG_MS[1]),
+            },
+            _ => Action::Pause {
+                ms: dice.between(1, 500),
+            },
+        }
+    }
+
+    /// Whether it lasts longer than [`PATIENCE`].
+    pub(super) fn is_long(&self) -> bool {
+        match self.action {
+            Action::Stop => true,
+            Action::Pause { ms } => ms >= LONG_MS[0],
+            Action::Signal(_) => false,
+        }
+    }
+}
+
+impl Hit {
+    /// Whether a participant that it reached may fail by it. A suspension of everything, or of the orchestrator, harms nothing.
+    pub(super) fn harms_a_participant(&self) -> bool {
+        let one = matches!(self.target, Target::One(_));
+        match self.action {
+            Action::Signal(_) => self.seat.is_some(),
+            Action::Stop => one,
+            Action::Pause { ms } => one && ms >= LONG_MS[0],
+        }
+    }
+
+    /// The signal that it sent to the orchestrator to end it.
+    pub(super) fn ends_the_orchestrator(&self) -> Option<Signal> {
+        match self.action {
+            Action::Signal(signal) if self.seat.is_none() => Some(signal),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! The page of a run under `--live`, as a browser asks it.
+
+use std::io::{self, Read, Write};
+use std::net::TcpStream;
+use std::time::Duration;
+
+/// Where a page is.
+#[derive(Debug, Clone)]
+pub struct Page {
+    /// Address and port.
+    pub host: String,
+    /// The path, with the secret of the run.
+    pub path: String,
+}
+
+impl Page {
+    /// The page that the orchestrator has announced in `said`.
+    pub fn of(said: &str) -> Option<Page> {
+        let url = said
+            .lines()
+            .find_map(|line| line.trim().strip_prefix("live: http://"))?;
+        let (host, path) = url.split_once('/')?;
+        Some(Page {
+            host: host.to_owned(),
+            path: format!("/{path}"),
+        })
+    }
+
+    /// Status and body of the answer to a request; `{host}`, `{path}` and `{origin}` stand for those of the page.
+    ///
+    /// # Errors
+    /// When the server is gone, or gives no answer.
+    pub fn try_ask(&self, request: &str) -> io::Result<(u16, String)> {
+        let request = request.replace("{host}", &self.host).replace("{path}", &self.path);
+        let request = request.replace("{origin}", &format!("http://{}", self.host));
+        let mut stream = self.connect()?;
+        stream.write_all(request.replace('\n', "\r\n").as_bytes())?;
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer)?;
+        let status = answer.split(' ').nth(1).and_then(|word| word.parse().ok());
+        let body = answer.split_once("\r\n\r\n").map(|(_, body)| body.to_owned());
+        let status = status.ok_or_else(|| io::Error::other(format!("no answer: {answer}")))?;
+        Ok((status, body.unwrap_or_default()))
+    }
+
+    /// A connection to the server.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn connect(&self) -> io::Result<TcpStream> {
+        let stream = TcpStream::connect(&self.host)?;
+        stream.set_read_timeout(Some(Duration::from_secs(60)))?;
+        Ok(stream)
+    }
+
+    /// A command, such as `{"do": "pause"}`, as the page sends it.
+    ///
+    /// # Errors
+    /// As of [`Page::try_ask`].
+    pub fn try_wish(&self, body: &str) -> io::Result<(u16, String)> {
+        let length = body.len();
+        self.try_ask(&format!(
+            "POST {{path}}control HTTP/1.1\nHost: {{host}}\nOrigin: {{origin}}\nContent-Type: application/json\n\
+             Content-Length: {length}\n\n{body}"
+        ))
+    }
+}

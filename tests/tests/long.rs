@@ -1,0 +1,35 @@
+//! A short share of the long tests, by their own command. `docs/hazards.md` says what a round is and what is checked after it.
+
+use std::process::{Command, Stdio};
+
+use escapement_tests::program::participant;
+
+/// Some rounds of `kind`, which all succeed.
+fn rounds(kind: &str, count: &str, more: &[&str]) {
+    let said = Command::new(participant("long"))
+        .args([kind, "--rounds", count, "--jobs", "4"])
+        .args(more)
+        .stdin(Stdio::null())
+        .output()
+        .expect("the program can be started");
+    let (out, err) = (
+        String::from_utf8_lossy(&said.stdout),
+        String::from_utf8_lossy(&said.stderr),
+    );
+    assert!(said.status.success(), "{out}{err}");
+}
+
+#[test]
+fn random_signals_lose_nothing_and_leave_nothing() {
+    rounds("killer", "48", &[]);
+}
+
+#[test]
+fn suspensions_fail_no_healthy_run() {
+    rounds("suspensions", "12", &[]);
+}
+
+#[test]
+fn undisturbed_starts_all_succeed() {
+    rounds("starts", "100", &["--beside-load"]);
+}
