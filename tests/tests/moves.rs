@@ -51,6 +51,26 @@ fn who_dies_on_the_way_back_is_brought_back_too() {
 }
 
 #[test]
+fn a_participant_that_fails_on_the_way_back_is_not_replaced() {
+    // The substitute would begin where the tape ends, and the others are where they went back to.
+    let world = World::new("rewound", "damper");
+    let (plant, damper) = (dies(&world, "plant", &["late"]), dies(&world, "damper", &["restore"]));
+    let backup = format!("{{ substitute = {{ exe = '{}' }} }}", participant("damper").display());
+    let (back, replaced) = (policy("plant", BACK), policy("damper", &backup));
+    let mut more = vec!["--checkpoint-every", "2 s", "--patience", "5 s"];
+    for set in [&plant, &damper, &back, &replaced] {
+        more.extend(["--set", set]);
+    }
+    let said = world.run("run", &more);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    world.same_as_undisturbed("run");
+    for mark in ["plant late", "damper restore"] {
+        assert!(world.path(mark).exists(), "no death: {mark}");
+    }
+    assert!(!world.events("run").contains("\"substitution\""));
+}
+
+#[test]
 fn who_dies_when_asked_for_its_state_goes_back_like_the_others() {
     let world = World::new("state", "damper");
     let (runs, policy) = (dies(&world, "damper", &["save"]), policy("damper", BACK));

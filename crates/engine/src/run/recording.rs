@@ -60,6 +60,8 @@ pub struct Recorder {
     lie: Option<(usize, String)>,
     /// What was recorded before everybody went back to a checkpoint, and is now recorded again.
     again: Option<Played>,
+    /// How many samples each stream has where its producer stands: those on the tape, or fewer since everybody went back.
+    reached: Vec<u64>,
 }
 
 impl Recorder {
@@ -67,7 +69,8 @@ impl Recorder {
     pub fn new(plan: Plan, writer: Writer, assessment: Option<Box<dyn Assessment>>, watches: Vec<Watch>) -> Recorder {
         let outputs = plan.participants.iter().enumerate();
         let outputs = outputs.flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number));
-        let owners = outputs.chain(plan.seen.iter().map(|seen| seen.participant)).collect();
+        let owners: Vec<usize> = outputs.chain(plan.seen.iter().map(|seen| seen.participant)).collect();
+        let reached = vec![0; owners.len()];
         Recorder {
             writer,
             assessment,
@@ -79,6 +82,7 @@ impl Recorder {
             newest: i64::MIN,
             error: None,
             again: None,
+            reached,
         }
     }
 
@@ -117,16 +121,38 @@ impl Recorder {
         Ok(())
     }
 
-    /// How many activations of participant number `participant` are on the tape; `None` when that cannot be told from there,
-    /// because it has no outputs or left an activation incomplete.
-    pub fn activations(&self, participant: usize) -> Option<u64> {
+    /// Everybody stands at `cut` from now on, whatever is on the tape.
+    pub fn stand_at(&mut self, cut: &Cut) {
+        for (stream, participant) in self.owners.iter().enumerate() {
+            self.reached[stream] = self.plan.samples_before(*participant, cut.next[*participant]);
+        }
+    }
+
+    /// The streams of the outputs of participant number `participant`.
+    fn outputs(&self, participant: usize) -> std::ops::Range<usize> {
         let own = &self.plan.participants[participant];
         let first = own.first_stream as usize;
-        let mut counts = (first..first + own.interface.outputs.len()).map(|stream| self.writer.count(stream));
-        let samples = counts.next()??;
+        first..first + own.interface.outputs.len()
+    }
+
+    /// How many activations of participant number `participant` have been recorded where it stands; `None` when that cannot be told
+    /// from its samples, because it has no outputs or left an activation incomplete.
+    pub fn activations(&self, participant: usize) -> Option<u64> {
+        let mut counts = self.reached[self.outputs(participant)].iter();
+        let samples = *counts.next()?;
         counts
-            .all(|other| other == Some(samples))
+            .all(|other| *other == samples)
             .then(|| self.plan.activations_of(participant, samples))
+    }
+
+    /// Whether the tape has samples of participant number `participant` that are still to come again, since everybody went back.
+    pub fn is_ahead_of(&self, participant: usize) -> bool {
+        let mut outputs = self.outputs(participant);
+        outputs.any(|stream| {
+            self.writer
+                .count(stream)
+                .is_some_and(|count| self.reached[stream] < count)
+        })
     }
 
     fn same_again(again: &Played, stream: u32, header: Header, payload: &[u8]) -> Result<(), Broken> {
@@ -168,7 +194,9 @@ impl Recorder {
         if let Some(again) = &self.again
             && header.index < again.count(number)
         {
-            return Self::same_again(again, stream, header, payload);
+            Self::same_again(again, stream, header, payload)?;
+            self.reached[number] = self.reached[number].max(header.index + 1);
+            return Ok(());
         }
         let stamp = self.plan.timebase.seconds(header.stamp);
         match self.writer.append(number, header.index, stamp, payload) {
@@ -180,6 +208,7 @@ impl Recorder {
             }
             Err(error) => return Err(Broken(format!("recorded {error}"))),
         }
+        self.reached[number] = header.index + 1;
         if let Some(assessment) = &mut self.assessment {
             assessment.sample(number, stamp, payload);
         }

@@ -189,8 +189,11 @@ impl Conductor<'_> {
 
     /// Everybody is at rest but `fallen`, who are dead: the run goes on as the scenario says. Gives those who fail on the way.
     fn recover(&mut self, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
-        let mut policies = fallen.iter().map(|one| &self.entries[one.number].on_failure);
-        if policies.any(|policy| *policy == OnFailure::Restart) {
+        // Another program would not give again what is on the tape: one that fails on the way back comes back too.
+        let mut fallen_numbers = fallen.iter().map(|one| one.number);
+        if fallen_numbers
+            .any(|number| self.entries[number].on_failure == OnFailure::Restart || self.recorder.is_ahead_of(number))
+        {
             self.go_back(fallen)
         } else {
             self.replace(fallen)
@@ -239,7 +242,8 @@ impl Conductor<'_> {
                 None => self
                     .recorder
                     .activations(number)
-                    .unwrap_or_else(|| member.status().next),
+                    .unwrap_or_else(|| member.status().next)
+                    .max(self.base[number]),
             };
             cut.next.push(stands);
             let (one, entry) = (fallen.iter().find(|one| one.number == number), &self.entries[number]);

@@ -234,6 +234,7 @@ impl Conductor<'_> {
         }
         self.crew = crew;
         self.base.clone_from(&cut.next);
+        self.recorder.stand_at(cut);
         for (entry, newcomer) in self.entries.iter_mut().zip(newcomers) {
             if let Some(newcomer) = newcomer {
                 *entry = *newcomer;
