@@ -164,6 +164,7 @@ impl Shadow {
             overrides: &self.overrides,
             program: None,
             to: None,
+            unverified: false,
         });
         let found = replay.and_then(|replay| {
             let in_process = options.in_process && !replay.external();

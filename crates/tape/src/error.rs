@@ -203,6 +203,18 @@ pub enum ReadError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A stream is not what was sealed when the run ended.
+    #[error("{}: stream `{stream}` is damaged: it has {found}, and seal.json says {sealed}; take the tape from another copy, or run again", path.display())]
+    Altered {
+        /// The file.
+        path: PathBuf,
+        /// The stream.
+        stream: String,
+        /// What it has now.
+        found: String,
+        /// What it had.
+        sealed: String,
+    },
     /// The index describes streams that cannot be.
     #[error("{} is damaged: {source}", path.display())]
     Spec {

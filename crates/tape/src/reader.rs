@@ -5,6 +5,7 @@ use std::io::{self, Read};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use super::digest::{combine, hash_stream};
 use super::spec::{FORMAT_NAME, Index, Seal, validate_all};
 use super::{Digest, Event, FORMAT_VERSION, ReadError, Source, StreamSpec};
 
@@ -117,7 +118,11 @@ impl Reader {
         self.seal.as_ref().map(|seal| seal.digest)
     }
 
-    /// Compares every byte with what the writer stated when it finished. A tape without a seal has nothing to compare.
+    /// Compares every byte with what the writer stated when it finished, in one pass that takes no memory. A tape without a seal,
+    /// that of a run which was killed, has nothing to compare with.
+    ///
+    /// # Errors
+    /// [`ReadError::Altered`] with the first stream that is not what was sealed.
     pub fn verify(&self) -> Result<(), ReadError> {
         let Some(seal) = &self.seal else { return Ok(()) };
         if seal.streams.len() != self.streams.len() {
@@ -127,21 +132,32 @@ impl Reader {
                 format!("it lists {} streams of {}", seal.streams.len(), self.streams.len()),
             ));
         }
+        let mut parts = Vec::with_capacity(seal.streams.len());
         for entry in &seal.streams {
             let stream = self.stream(&entry.stream)?;
             let lane = &self.lanes[stream];
+            let altered = |found: String, sealed: String| ReadError::Altered {
+                path: lane.path.clone(),
+                stream: entry.stream.clone(),
+                found,
+                sealed,
+            };
             if lane.count != entry.count || lane.torn_bytes != 0 {
-                let reason = format!(
-                    "it has {} records and {} bytes; {} records were written",
-                    lane.count, lane.torn_bytes, entry.count
-                );
-                return Err(damaged(&lane.path, reason));
+                let torn = match lane.torn_bytes {
+                    0 => String::new(),
+                    bytes => format!(" and {bytes} bytes of another"),
+                };
+                let found = format!("{} samples{torn}", lane.count);
+                return Err(altered(found, format!("{} samples", entry.count)));
             }
-            if super::digest::hash_stream(self, stream)? != entry.blake3 {
-                return Err(damaged(&lane.path, "its bytes are not those that were written"));
+            let hash = hash_stream(self, stream)?;
+            if hash != entry.blake3 {
+                let of = |hash| format!("the BLAKE3 hash {hash}");
+                return Err(altered(of(hash), of(entry.blake3)));
             }
+            parts.push((&self.streams[stream], lane.count, hash));
         }
-        if self.digest()? != seal.digest {
+        if combine(parts.into_iter()) != seal.digest {
             return Err(damaged(
                 &self.dir.join("index.json"),
                 "it is not the index that was written",

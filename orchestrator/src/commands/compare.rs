@@ -7,6 +7,7 @@ use clap::Args;
 use tape::Reader;
 use tape::compare::{Comparison, compare};
 
+use super::trust::{Trust, told};
 use crate::output;
 
 /// Exit code: the tapes differ.
@@ -26,15 +27,18 @@ pub struct CompareArgs {
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
+    /// Whether damaged tapes are compared
+    #[command(flatten)]
+    pub trust: Trust,
 }
 
 /// Compares and prints; gives the exit code.
 pub fn run(args: &CompareArgs) -> anyhow::Result<i32> {
-    let tapes = open(&args.a).and_then(|a| Ok((a, open(&args.b)?)));
+    let tapes = open(&args.a, args.trust).and_then(|a| Ok((a, open(&args.b, args.trust)?)));
     let comparison = match tapes.and_then(|(a, b)| compare(&a, &b)) {
         Ok(comparison) => comparison,
         Err(error) => {
-            eprintln!("error: {error}");
+            eprintln!("error: {}", told(&error));
             return Ok(UNREADABLE);
         }
     };
@@ -48,8 +52,8 @@ pub fn run(args: &CompareArgs) -> anyhow::Result<i32> {
     Ok(if comparison.identical { 0 } else { DIFFERENT })
 }
 
-fn open(path: &Path) -> Result<Reader, tape::ReadError> {
-    let reader = Reader::open(path)?;
+fn open(path: &Path, trust: Trust) -> Result<Reader, tape::ReadError> {
+    let reader = trust.open(path)?;
     for torn in reader.torn() {
         eprintln!(
             "note: {}: stream `{}` ends in {} bytes of an incomplete record after {} complete ones; they are left out",

@@ -7,8 +7,8 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use report::export;
 use report::geometry::Geometry;
-use tape::Reader;
 
+use super::trust::{Trust, told};
 use engine::scenario::in_path;
 
 /// Exit code: the folder is not a run, or a file of it cannot be read.
@@ -43,6 +43,9 @@ pub struct ExportArgs {
     /// A URDF for the scene, of the servicer or of the target [default: those that the run names]
     #[arg(long)]
     pub model: Vec<PathBuf>,
+    /// Whether a damaged tape is exported
+    #[command(flatten)]
+    pub trust: Trust,
 }
 
 /// Exports and says which files there are; gives the exit code.
@@ -56,10 +59,10 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
         );
         return Ok(UNREADABLE);
     }
-    let reader = match Reader::open(&args.run) {
+    let reader = match args.trust.open(&args.run) {
         Ok(reader) => reader,
         Err(error) => {
-            eprintln!("error: {error}");
+            eprintln!("error: {}", told(&error));
             return Ok(UNREADABLE);
         }
     };

@@ -15,4 +15,5 @@ pub mod report;
 pub mod resume;
 pub mod run;
 pub mod sweep;
+mod trust;
 pub mod tune;

@@ -8,6 +8,7 @@ use lockstep::time::Rational;
 use serde_json::json;
 
 use super::compare::{DIFFERENT, print};
+use super::trust::{Trust, told};
 use crate::builtin::catalogue;
 use crate::cli::CommonArgs;
 use crate::output;
@@ -45,6 +46,9 @@ pub struct ReplayArgs {
     /// What every run takes
     #[command(flatten)]
     pub common: CommonArgs,
+    /// Whether a damaged tape is replayed
+    #[command(flatten)]
+    pub trust: Trust,
     /// Arguments of the program named with --exe
     #[arg(last = true, requires = "exe")]
     pub args: Vec<String>,
@@ -55,7 +59,10 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<i32> {
     match replay(args) {
         Ok(found) => report(args, &found),
         Err(error) => {
-            eprintln!("error: {error}");
+            match &error {
+                ReplayError::Tape(of_tape) => eprintln!("error: {}", told(of_tape)),
+                other => eprintln!("error: {other}"),
+            }
             Ok(error.exit_code())
         }
     }
@@ -74,6 +81,7 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         overrides: &args.set,
         program: exe.as_deref().map(|exe| (exe, args.args.as_slice())),
         to: args.to,
+        unverified: args.trust.unverified,
     })?;
     let in_process = !args.process && !replay.external();
     replay.run(&Options {

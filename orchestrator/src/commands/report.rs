@@ -8,6 +8,8 @@ use anyhow::Context;
 use clap::Args;
 use report::page::Report;
 
+use super::trust::{Trust, told};
+
 /// Exit code: a folder is not a run, or a file of it cannot be read.
 const UNREADABLE: i32 = 2;
 
@@ -28,11 +30,20 @@ pub struct ReportArgs {
     /// A URDF for the playback, of the servicer or of the target [default: those that the run names]
     #[arg(long)]
     pub model: Vec<PathBuf>,
+    /// Whether damaged tapes are reported
+    #[command(flatten)]
+    pub trust: Trust,
 }
 
 /// Reads the runs, writes the page and says where it is; gives the exit code.
 pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
+    for run in &args.runs {
+        if let Err(error) = args.trust.open(run) {
+            eprintln!("error: {}", told(&error));
+            return Ok(UNREADABLE);
+        }
+    }
     let report = match Report::read(&args.runs, &args.model) {
         Ok(report) => report,
         Err(error) => {

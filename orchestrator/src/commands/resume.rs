@@ -1,6 +1,7 @@
 //! `orchestrator resume RUN`
 
 use crate::builtin::catalogue;
+use tape::Reader;
 use tape::folder::RunFolder;
 
 use super::run::execute;
@@ -35,6 +36,13 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
             return Ok(2);
         }
     };
+    // What is on the tape is copied and sealed anew. A run that was killed has no seal; a tape that cannot be read is told later.
+    if let Ok(tape) = Reader::open(&folder.tape())
+        && let Err(error) = tape.verify()
+    {
+        eprintln!("error: the run cannot be taken up: {error}");
+        return Ok(2);
+    }
     if let Some(name) = name(&folder) {
         scenario.name = name;
     }

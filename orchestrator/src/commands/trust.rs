@@ -1,0 +1,37 @@
+//! Verification of a tape against its seal, for commands that read tapes.
+
+use std::path::Path;
+
+use clap::Args;
+use tape::{ReadError, Reader};
+
+/// Whether the command accepts a tape that differs from its seal.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct Trust {
+    /// Read the tape even if it differs from its seal
+    #[arg(long)]
+    pub unverified: bool,
+}
+
+impl Trust {
+    /// Opens the tape in `folder`, and compares it with its seal.
+    ///
+    /// # Errors
+    /// Unreadable files, and a difference from the seal; with `--unverified` a difference is a warning.
+    pub fn open(self, folder: &Path) -> Result<Reader, ReadError> {
+        let reader = Reader::open(folder)?;
+        match reader.verify() {
+            Err(error) if self.unverified => eprintln!("warning: {error}"),
+            verified => verified?,
+        }
+        Ok(reader)
+    }
+}
+
+/// The text of an error of a command that has `--unverified`.
+pub fn told(error: &ReadError) -> String {
+    match error {
+        ReadError::Altered { .. } => format!("{error} (--unverified reads it as it is)"),
+        other => other.to_string(),
+    }
+}

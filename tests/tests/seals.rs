@@ -1,0 +1,83 @@
+//! A tape whose bytes are not those that were sealed: nothing is made of it, unless its reader wants that.
+
+use std::path::Path;
+
+use escapement_tests::program::{orchestrate, text};
+use escapement_tests::world::World;
+
+/// Flips one bit of the file `file`, in its middle.
+fn flip(file: &Path) {
+    let mut bytes = std::fs::read(file).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(file, bytes).unwrap();
+}
+
+#[test]
+fn flipped_bit_is_refused_by_every_reader() {
+    let world = World::new("flipped", "damper");
+    assert_eq!(world.run("saved", &["--checkpoint-at", "9 s"]).code, Some(0));
+    let run = world.path("saved");
+    let (run, undisturbed) = (text(&run), world.path("undisturbed"));
+    let out = world.path("exported");
+    let page = world.path("page.html");
+    let readers: [&[&str]; 5] = [
+        &["compare", text(&undisturbed), run],
+        &["compare", run, text(&undisturbed)],
+        &["report", run, "--out", text(&page)],
+        &["export", run, "--to", "csv", "--out", text(&out)],
+        &["replay", run, "--participant", "damper", "--quiet"],
+    ];
+    for reader in readers {
+        assert_eq!(orchestrate(reader).code, Some(0), "{reader:?}");
+    }
+    let stream = world.path("saved/tape/plant.motion.bin");
+    flip(&stream);
+    // The damper need not read the sample that was altered.
+    let codes: [&[i32]; 5] = [&[3], &[3], &[0], &[0], &[0, 3]];
+    for (reader, codes) in readers.iter().zip(codes) {
+        let said = orchestrate(reader);
+        assert_eq!(said.code, Some(2), "{reader:?}: {said:?}");
+        for word in [
+            "stream `plant.motion` is damaged",
+            "BLAKE3",
+            "seal.json",
+            "--unverified",
+        ] {
+            assert!(said.err.contains(word), "{reader:?}: `{word}` is missing: {said:?}");
+        }
+        let said = orchestrate(&[reader, &["--unverified"][..]].concat());
+        assert!(
+            said.code.is_some_and(|code| codes.contains(&code)),
+            "{reader:?}: {said:?}"
+        );
+        assert!(said.err.contains("stream `plant.motion` is damaged"), "{said:?}");
+    }
+    let said = world.resume("saved", "resumed", &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("stream `plant.motion` is damaged"), "{said:?}");
+    assert!(!world.path("resumed").exists(), "a damaged tape was copied");
+    assert_eq!(
+        world.resume("saved", "resumed", &["--unverified"]).code,
+        Some(2),
+        "for reading alone"
+    );
+    // The same bit again, and all is as it was.
+    flip(&stream);
+    assert_eq!(world.resume("saved", "resumed", &[]).code, Some(0));
+    world.same_as_undisturbed("resumed");
+}
+
+#[test]
+fn shortened_stream_is_refused_by_export() {
+    let world = World::new("shortened", "damper");
+    let stream = world.path("undisturbed/tape/damper.push.bin");
+    let file = std::fs::OpenOptions::new().write(true).open(&stream).unwrap();
+    file.set_len(24 * 999).unwrap();
+    let said = orchestrate(&["export", text(&world.path("undisturbed")), "--to", "parquet"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err.contains("it has 999 samples, and seal.json says 1000 samples"),
+        "{said:?}"
+    );
+}
