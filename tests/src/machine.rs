@@ -23,8 +23,7 @@ pub fn orphans() -> Vec<String> {
     let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
     let orphan = |name: &String| {
         let id = name.strip_prefix("esc_").and_then(|rest| rest.get(..16));
-        let base = format!("esc-{}", rustix::process::getuid().as_raw());
-        id.is_some_and(|id| !memory.join(base).join(id).exists()) && memory.join(name).exists()
+        id.is_some_and(|id| !memory.join(format!("esc-{id}")).exists()) && memory.join(name).exists()
     };
     names.filter(orphan).collect()
 }
@@ -75,9 +74,23 @@ pub fn wait_for_bytes(path: &Path, bytes: u64) {
     }
 }
 
-/// The process that writes its standard error to `log`.
+/// The process that writes `log`, the first one of a participant in a run folder.
 pub fn writer_of(log: &Path) -> Option<u32> {
+    let participant = log.file_stem()?.to_str()?;
+    let run = log.parent()?.parent()?.as_os_str().as_encoded_bytes();
+    let wanted = format!("ESCAPEMENT_PARTICIPANT={participant}");
     let processes = fs::read_dir("/proc").into_iter().flatten().flatten();
     let mut numbers = processes.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
-    numbers.find(|pid| fs::read_link(format!("/proc/{pid}/fd/2")).is_ok_and(|target| target == log))
+    numbers.find(|pid| {
+        let read = |pid: u32, what: &str| fs::read(format!("/proc/{pid}/{what}")).unwrap_or_default();
+        let environment = read(*pid, "environ");
+        if !environment.split(|byte| *byte == 0).any(|one| one == wanted.as_bytes()) {
+            return false;
+        }
+        // Its orchestrator was started with the name of the run folder.
+        let status = String::from_utf8_lossy(&read(*pid, "status")).into_owned();
+        let parent = status.lines().find_map(|line| line.strip_prefix("PPid:"));
+        let parent = parent.and_then(|parent| parent.trim().parse().ok()).unwrap_or(0);
+        read(parent, "cmdline").split(|byte| *byte == 0).any(|part| part == run)
+    })
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use escapement_tests::program::{Folder, finish, orchestrator, root};
+use escapement_tests::program::{Folder, finish, orchestrate, orchestrator, root, text};
 use escapement_tests::world::oscillator;
 
 /// A run that lasts until it is told to end, started with every permission for everybody.
@@ -128,13 +128,6 @@ fn nothing_of_a_run_is_for_others() {
         }
         assert!(!about.file_type().is_block_device());
     }
-    let base = running.folder.parent().expect("the folder stands in the user's");
-    assert_eq!(
-        fs::metadata(base).expect("it is there").mode() & 0o077,
-        0,
-        "{}",
-        base.display()
-    );
     // What the run leaves behind stands below a folder that others cannot enter.
     let kept = running.files.path().join("run");
     let mode = fs::metadata(&kept).expect("the run folder is there").mode();
@@ -157,4 +150,58 @@ fn nothing_of_a_run_is_for_others() {
     }
     running.end();
     assert!(open.is_empty(), "{}", open.join("\n"));
+}
+
+/// Runs the orchestrator as another user, who needs no rights. `None` where that cannot be done.
+fn as_nobody(arguments: &[&str]) -> Option<std::process::Output> {
+    let user = ["--reuid=65534", "--regid=65534", "--clear-groups"];
+    let setpriv = || {
+        let mut command = Command::new("setpriv");
+        command.args(user).stdin(Stdio::null()).current_dir("/");
+        command
+    };
+    let may = setpriv().args(["test", "-x"]).arg(orchestrator()).status();
+    if !rustix::process::getuid().is_root() || !may.is_ok_and(|status| status.success()) {
+        return None;
+    }
+    Some(
+        setpriv()
+            .arg(orchestrator())
+            .args(arguments)
+            .output()
+            .expect("it can be started"),
+    )
+}
+
+#[test]
+fn folders_of_another_user_do_not_block_a_run() {
+    let files = Folder::new("guessed");
+    let scenario = oscillator(&files, "damper");
+    // What could be guessed: a name made of the number of a user, held by another user for each of the two.
+    let guessed = ["esc-0", "esc-65534"].map(|name| Path::new("/dev/shm").join(name));
+    for (folder, owner) in guessed.iter().zip([65534, 0]) {
+        let _ = fs::create_dir(folder);
+        let _ = std::os::unix::fs::chown(folder, Some(owner), Some(owner));
+    }
+    let out = files.path().join("run");
+    let said = orchestrate(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
+    std::os::unix::fs::chown(files.path(), Some(65534), Some(65534)).unwrap_or_default();
+    let out = files.path().join("nobody");
+    let other = as_nobody(&["run", text(&scenario), "--out", text(&out), "--duration", "1 s"]);
+    guessed.iter().for_each(|folder| drop(fs::remove_dir(folder)));
+    assert_eq!(said.code, Some(0), "{said:?}");
+    if let Some(other) = other {
+        assert_eq!(other.status.code(), Some(0), "{other:?}");
+    }
+}
+
+#[test]
+fn doctor_leaves_the_objects_of_another_user() {
+    let running = Running::start();
+    if let Some(said) = as_nobody(&["doctor", "--remove", "--json"]) {
+        let found = String::from_utf8_lossy(&said.stdout).into_owned();
+        assert!(said.status.success() && !found.contains(&running.prefix), "{said:?}");
+    }
+    assert!(running.objects().len() >= 10, "{:?}", running.objects());
+    running.end();
 }

@@ -2,8 +2,13 @@
 //!
 //! A run owns a folder that only the user can enter, named by 80 random bits, and every object in shared memory whose name
 //! starts with the same bits. A lock on a file in the folder says that the run is alive; the kernel lifts it when the
-//! orchestrator dies, however that happens. So everything under the bits of an unlocked folder is nobody's and can go.
+//! orchestrator dies, however that happens. So everything under the bits of an unlocked folder can be removed, and so can objects
+//! without a folder: a run creates its folder before all objects, and removes it after them.
+//!
+//! All names are drawn at random for one run. So neither another user nor a container, in which the same number is another user, can
+//! hold one in advance.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, symlink};
@@ -16,6 +21,10 @@ use tape::folder::private;
 
 const SHARED_MEMORY: &str = "/dev/shm";
 const MARK: &str = "esc_";
+/// Where the folders of runs are, up to what is drawn for each of them.
+pub const FOLDERS: &str = "/dev/shm/esc-";
+/// What the names of runs' folders start with.
+const FOLDER: &str = "esc-";
 const LOCK: &str = "lock";
 /// In a run's folder, the way to what it has on disk.
 const SCRATCH: &str = "scratch";
@@ -40,9 +49,6 @@ pub enum ScopeError {
     /// Everybody was moved too often.
     #[error("the run was taken up {} times: it has no place left in shared memory; what fails again and again is not mended by a restart", PLACES.len() - 1)]
     Exhausted,
-    /// The common folder is not the user's own.
-    #[error("`{}` belongs to somebody else or can be entered by others: remove it, or let its owner do so", .0.display())]
-    Untrusted(PathBuf),
 }
 
 fn io_error(path: &Path, what: &'static str) -> impl FnOnce(io::Error) -> ScopeError {
@@ -50,41 +56,22 @@ fn io_error(path: &Path, what: &'static str) -> impl FnOnce(io::Error) -> ScopeE
     move |source| ScopeError::Io { path, what, source }
 }
 
-/// The folder in which the folders of all of this user's runs stand. In memory: a run makes a file for each end of each link,
-/// which on a disk takes longer than all the rest of its start. The same for all of a user's runs: whoever looks for dead runs
-/// must see the locks of the living ones.
-pub fn base() -> PathBuf {
-    Path::new(SHARED_MEMORY).join(format!("esc-{}", rustix::process::getuid().as_raw()))
+/// An unguessable name, never drawn twice.
+fn draw() -> Result<String, ScopeError> {
+    let mut bits = [0_u8; ID];
+    File::open("/dev/urandom")
+        .and_then(|mut random| io::Read::read_exact(&mut random, &mut bits))
+        .map_err(io_error(Path::new("/dev/urandom"), "cannot be read"))?;
+    let letters = bits.iter();
+    Ok(letters
+        .map(|byte| char::from(b"abcdefghijklmnopqrstuvwxyz234567"[usize::from(byte % 32)]))
+        .collect())
 }
 
-/// Refuses a common folder that is not the user's own.
-fn trust(base: &Path) -> Result<(), ScopeError> {
-    let about = fs::symlink_metadata(base).map_err(io_error(base, "cannot be read"))?;
-    let own = about.uid() == rustix::process::getuid().as_raw();
-    if !about.is_dir() || !own || about.mode() & 0o077 != 0 {
-        return Err(ScopeError::Untrusted(base.to_owned()));
-    }
-    Ok(())
-}
-
-/// Makes the folder `id` in the common folder, and that if there is none.
-fn make_folder(id: &str) -> Result<PathBuf, ScopeError> {
-    let base = base();
-    let folder = base.join(id);
-    let make = |folder: &Path| match private().create(folder) {
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists && folder == base => Ok(()),
-        made => made.map_err(io_error(folder, "cannot be made")),
-    };
-    let mut tries = 0;
-    loop {
-        let made = make(&base).and_then(|()| trust(&base)).and_then(|()| make(&folder));
-        tries += 1;
-        match made {
-            // Another run has ended just now, as the last one, and has taken the common folder away.
-            Err(ScopeError::Io { source, .. }) if source.kind() == io::ErrorKind::NotFound && tries < 100 => {}
-            made => return made.map(|()| folder),
-        }
-    }
+/// The folder of the run `id`. In memory: a run makes a file for each end of each link, which on a disk takes longer than all the
+/// rest of its start.
+fn folder_of(id: &str) -> PathBuf {
+    Path::new(SHARED_MEMORY).join(format!("{FOLDER}{id}"))
 }
 
 /// A run's part of the machine. Everything in it is removed when this is dropped.
@@ -98,15 +85,9 @@ pub struct Scope {
 impl Scope {
     /// Makes a new one, with a name that nobody can guess and that is never used again.
     pub fn create() -> Result<Scope, ScopeError> {
-        let mut bits = [0_u8; ID];
-        File::open("/dev/urandom")
-            .and_then(|mut random| io::Read::read_exact(&mut random, &mut bits))
-            .map_err(io_error(Path::new("/dev/urandom"), "cannot be read"))?;
-        let id: String = bits
-            .iter()
-            .map(|byte| char::from(b"abcdefghijklmnopqrstuvwxyz234567"[usize::from(byte % 32)]))
-            .collect();
-        let folder = make_folder(&id)?;
+        let id = draw()?;
+        let folder = folder_of(&id);
+        private().create(&folder).map_err(io_error(&folder, "cannot be made"))?;
         let lock = folder.join(LOCK);
         // Locked under another name first: nobody ever sees the lock file of a living run unlocked.
         let unborn = folder.join("lock.new");
@@ -138,7 +119,8 @@ impl Scope {
     /// Makes a folder on disk that only the user can enter, for what is too large for memory. It goes with the run, also when
     /// this process is killed; once for each scope.
     pub fn scratch(&self) -> Result<PathBuf, ScopeError> {
-        let folder = std::env::temp_dir().join(format!("escapement-{}", self.id));
+        // Not the run's own name, which any user can list in shared memory.
+        let folder = std::env::temp_dir().join(format!("escapement-{}", draw()?));
         let folder = std::path::absolute(&folder).map_err(io_error(&folder, "cannot be named in full"))?;
         let link = self.folder.join(SCRATCH);
         // The link first: through it whoever clears up finds the folder.
@@ -177,17 +159,14 @@ fn prefix(id: &str) -> String {
 }
 
 fn remove(prefix: &str, folder: &Path) {
-    for object in objects(prefix) {
-        let _ = fs::remove_file(object);
-    }
+    let clear = || objects(prefix).iter().for_each(|object| drop(fs::remove_file(object)));
+    clear();
     if let Ok(scratch) = fs::read_link(folder.join(SCRATCH)) {
         let _ = fs::remove_dir_all(scratch);
     }
     let _ = fs::remove_dir_all(folder);
-    // The common folder goes with the last run: while there is another one it is not empty.
-    if let Some(base) = folder.parent() {
-        let _ = fs::remove_dir(base);
-    }
+    // A dying process of the run may have created one more. An even later one has no folder, and the next clean-up removes it.
+    clear();
 }
 
 /// The objects in shared memory whose names start with `prefix`.
@@ -218,24 +197,33 @@ impl Leftover {
 
 /// Everything that dead runs of this user left behind.
 pub fn leftovers() -> Vec<Leftover> {
-    let base = base();
-    if trust(&base).is_err() {
-        return Vec::new();
-    }
+    // Objects before folders: a folder precedes its objects, so an object without a folder belongs to a run that has ended.
+    let orphans = ids(MARK, |about| about.is_file());
+    let orphans = orphans.into_iter().filter(|id| !folder_of(id).exists());
+    // A folder that others may enter, or a symbolic link, is not one of a run.
+    let folders = ids(FOLDER, |about| about.is_dir() && about.mode() & 0o077 == 0);
     // Only a folder with a lock that nobody holds proves that a run is dead. Its objects go first and the folder last.
-    let ids: Vec<String> = fs::read_dir(&base)
-        .into_iter()
-        .flatten()
-        .flatten()
-        .filter_map(|entry| entry.file_name().into_string().ok())
-        .collect();
-    ids.into_iter()
-        .filter(|id| id.len() == ID && dead(&base.join(id)))
-        .map(|id| leftover(&base, &id))
+    let dead = folders.into_iter().filter(|id| dead(&folder_of(id)));
+    let all: BTreeSet<String> = orphans.chain(dead).collect();
+    all.iter().map(|id| leftover(id)).collect()
+}
+
+/// The names of runs of which this user owns an entry of shared memory: `mark`, then the name; entries that `kind` accepts.
+fn ids(mark: &str, kind: impl Fn(&fs::Metadata) -> bool) -> BTreeSet<String> {
+    let user = rustix::process::getuid().as_raw();
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    entries
+        .filter_map(|entry| {
+            let name = entry.file_name().into_string().ok()?;
+            let id = name.strip_prefix(mark)?.get(..ID)?.to_owned();
+            let drawn = id.bytes().all(|byte| matches!(byte, b'a'..=b'z' | b'2'..=b'7'));
+            let about = drawn.then(|| entry.metadata().ok())??;
+            (about.uid() == user && kind(&about)).then_some(id)
+        })
         .collect()
 }
 
-fn leftover(base: &Path, id: &str) -> Leftover {
+fn leftover(id: &str) -> Leftover {
     let prefix = prefix(id);
     let objects = objects(&prefix);
     let bytes = objects
@@ -245,7 +233,7 @@ fn leftover(base: &Path, id: &str) -> Leftover {
         .sum();
     Leftover {
         prefix,
-        folder: base.join(id),
+        folder: folder_of(id),
         objects,
         bytes,
     }
@@ -264,5 +252,32 @@ fn dead(folder: &Path) -> bool {
                     .is_ok_and(|age| age > Duration::from_secs(10))
             })
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn object_without_a_folder_is_removed() {
+        let id = draw().unwrap();
+        let object = Path::new(SHARED_MEMORY).join(format!("{}0_late", prefix(&id)));
+        fs::write(&object, "left").unwrap();
+        // A run of another test may have removed it already.
+        leftovers().iter().for_each(Leftover::remove);
+        assert!(!object.exists());
+    }
+
+    #[test]
+    fn objects_of_a_living_run_are_no_leftovers() {
+        let scope = Scope::create().unwrap();
+        let object = Path::new(SHARED_MEMORY).join(format!("{}_x", prefix(&scope.id)));
+        fs::write(&object, "used").unwrap();
+        leftovers().iter().for_each(Leftover::remove);
+        assert!(object.exists() && scope.folder.exists());
+        let folder = scope.folder.clone();
+        drop(scope);
+        assert!(!object.exists() && !folder.exists());
     }
 }

@@ -29,7 +29,10 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
                 println!("shared memory: /dev/shm cannot be read; runs with processes will fail, --in-process works")
             }
         }
-        println!("runs keep their files under {}", scope::base().display());
+        println!(
+            "each run keeps its files in a folder {}* of its own, which no other user can enter",
+            scope::FOLDERS
+        );
         for left in &leftovers {
             println!(
                 "a dead run left {} objects ({} KiB) in shared memory, and {}",
