@@ -5,9 +5,9 @@
 //! host (a name that was bound to it afterwards is refused) and, where the browser says where they come from, come from
 //! our own page; only a POST with a JSON body changes anything; and no answer may be read by another page.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, Read};
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -19,8 +19,11 @@ use super::Steering;
 use super::http::{self, Bad, Request};
 use super::steering::{Course, Wish};
 
-/// Connections at once; more are turned away.
+/// Requests of our own page that are answered at once; more are turned away.
 const CONNECTIONS: usize = 16;
+/// Connections at once that have not sent our address yet. The oldest is closed for a new one: a page sends its request at once, and
+/// a silent connection cannot block it.
+const SILENT: usize = 64;
 /// How long a browser may take to accept an answer.
 const WRITE: Duration = Duration::from_secs(5);
 /// A page that has not asked for this long is closed.
@@ -58,6 +61,8 @@ struct Shared {
     result: Mutex<Option<Arc<Vec<u8>>>>,
     pages: Mutex<BTreeMap<String, Page>>,
     connections: AtomicUsize,
+    /// Connections without a request so far, each with its number, the oldest first.
+    silent: Mutex<VecDeque<(u64, TcpStream)>>,
 }
 
 /// A server in threads of its own, which end with the program.
@@ -83,6 +88,7 @@ impl Server {
             result: Mutex::new(None),
             pages: Mutex::new(BTreeMap::new()),
             connections: AtomicUsize::new(0),
+            silent: Mutex::default(),
         });
         let server = Server { shared: shared.clone() };
         std::thread::Builder::new()
@@ -118,7 +124,7 @@ impl Server {
 fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
     // Threads that are started here inherit it: the run comes first.
     let _ = rustix::process::setpriority_process(None, 10);
-    loop {
+    for number in 0.. {
         let Ok((mut stream, peer)) = listener.accept() else {
             // Out of file descriptors, most likely: that passes.
             std::thread::sleep(Duration::from_millis(50));
@@ -129,19 +135,15 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
         if !peer.ip().is_loopback() {
             continue;
         }
-        if shared.connections.fetch_add(1, Ordering::Relaxed) >= CONNECTIONS {
-            shared.connections.fetch_sub(1, Ordering::Relaxed);
-            let _ = stream.set_nonblocking(true);
-            let _ = http::answer(&mut stream, 503, TEXT, b"too many connections\n");
-            continue;
-        }
+        let Ok(handle) = stream.try_clone() else { continue };
+        shared.add_silent(number, handle);
         let mine = shared.clone();
         let spawned = std::thread::Builder::new().name("live".into()).spawn(move || {
-            serve(&mut stream, &mine);
-            mine.connections.fetch_sub(1, Ordering::Relaxed);
+            serve(&mut stream, number, &mine);
+            mine.remove_silent(number);
         });
         if spawned.is_err() {
-            shared.connections.fetch_sub(1, Ordering::Relaxed);
+            shared.remove_silent(number);
         }
     }
 }
@@ -149,7 +151,7 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
 /// An answer: status, kind, body.
 type Answer = (u16, &'static str, Vec<u8>);
 
-fn serve(stream: &mut TcpStream, shared: &Shared) {
+fn serve(stream: &mut TcpStream, number: u64, shared: &Shared) {
     let request = match http::read(stream, Instant::now() + http::PATIENCE) {
         Ok(request) => request,
         Err(Bad::Answer(status, text)) => {
@@ -158,11 +160,22 @@ fn serve(stream: &mut TcpStream, shared: &Shared) {
         }
         Err(Bad::Gone) => return,
     };
-    let (status, kind, body) = match allowed(&request, shared) {
-        Err((status, text)) => (status, TEXT, format!("{text}\n").into_bytes()),
-        Ok(below) => route(&request, below, shared),
+    let below = match allowed(&request, shared) {
+        Err((status, text)) => {
+            let _ = write_within(stream, status, TEXT, format!("{text}\n").as_bytes());
+            return;
+        }
+        Ok(below) => below,
+    };
+    shared.remove_silent(number);
+    let busy = shared.connections.fetch_add(1, Ordering::Relaxed);
+    let (status, kind, body) = if busy < CONNECTIONS {
+        route(&request, below, shared)
+    } else {
+        text(503, "too many connections")
     };
     let sent = write_within(stream, status, kind, &body);
+    shared.connections.fetch_sub(1, Ordering::Relaxed);
     if let (Ok(()), 200, Some(id)) = (sent, status, page_id(&request))
         && request.path.ends_with("/result")
         && let Some(page) = locked(&shared.pages).get_mut(id)
@@ -188,7 +201,7 @@ fn write_within(stream: &mut TcpStream, status: u16, kind: &str, body: &[u8]) ->
             count => rest = &rest[count..],
         }
     }
-    stream.shutdown(std::net::Shutdown::Write)?;
+    stream.shutdown(Shutdown::Write)?;
     // Whoever closes first while bytes are under way breaks the connection: the other side is waited for.
     let _ = stream.set_read_timeout(Some(Duration::from_millis(200)));
     let _ = stream.read(&mut [0; 64]);
@@ -263,6 +276,23 @@ const SOON: &[u8] = b"<!DOCTYPE html><meta charset=utf-8><meta http-equiv=refres
 <body style='font-family:system-ui;margin:4rem;color:#667'>The run is about to begin.";
 
 impl Shared {
+    /// Adds connection `number`; closes the oldest silent one if there are too many.
+    fn add_silent(&self, number: u64, stream: TcpStream) {
+        let mut silent = locked(&self.silent);
+        silent.push_back((number, stream));
+        if silent.len() > SILENT
+            && let Some((_, oldest)) = silent.pop_front()
+        {
+            // The thread of that connection reads its end, and ends.
+            let _ = oldest.shutdown(Shutdown::Both);
+        }
+    }
+
+    /// Removes connection `number`: its request is that of our page, or it is over.
+    fn remove_silent(&self, number: u64) {
+        locked(&self.silent).retain(|(silent, _)| *silent != number);
+    }
+
     /// Does something with the live report; `None` while there is nothing to report.
     fn with_live<T>(
         &self,
@@ -413,6 +443,7 @@ mod tests {
             result: Mutex::new(None),
             pages: Mutex::new(BTreeMap::new()),
             connections: AtomicUsize::new(0),
+            silent: Mutex::default(),
         }
     }
 
@@ -485,6 +516,22 @@ mod tests {
             405,
             "no preflight"
         );
+    }
+
+    #[test]
+    fn silent_connections_do_not_block_the_page() {
+        let server = Server::start(0, Arc::new(Steering::default())).unwrap();
+        let port = server.shared.port;
+        let connect = || TcpStream::connect((Ipv4Addr::LOCALHOST, port)).unwrap();
+        let silent: Vec<TcpStream> = (0..4 * SILENT).map(|_| connect()).collect();
+        let mut stream = connect();
+        let path = format!("/{}/", server.shared.token);
+        let request = format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n");
+        io::Write::write_all(&mut stream, request.as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+        drop(silent);
     }
 
     #[test]
