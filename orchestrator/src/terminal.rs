@@ -1,7 +1,8 @@
 //! The terminal: a line that moves while a run or a campaign goes on, notices, and Enter at a pause.
 
-use std::io::{BufRead, IsTerminal, Write, stderr, stdin};
+use std::io::{IsTerminal, Write, stderr, stdin};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use engine::{Answer, Event, Observer, Progress};
@@ -16,8 +17,8 @@ struct Terminal {
     last: Option<Instant>,
     duration_s: f64,
     width: usize,
-    /// What the user typed at a pause: whether the run goes on, or nothing at the end of the input.
-    typed: Option<Receiver<Option<bool>>>,
+    /// Whether a pause has asked for a line.
+    asks: bool,
 }
 
 /// A terminal's observer. With `quiet`, notices alone.
@@ -28,7 +29,7 @@ pub fn progress(quiet: bool) -> Progress {
         last: None,
         duration_s: 0.0,
         width: 0,
-        typed: None,
+        asks: false,
     })
 }
 
@@ -97,14 +98,7 @@ impl Observer for Terminal {
                 self.notice(&format!(
                     "paused at t = {t_s} s ({processes}): Enter goes on, q and Enter ends the run"
                 ));
-                let (sender, receiver) = mpsc::channel();
-                // A thread, so that Ctrl-C is seen while no key is pressed; it ends with the line or with the program.
-                std::thread::spawn(move || {
-                    let mut line = String::new();
-                    let read = stdin().lock().read_line(&mut line).unwrap_or(0);
-                    let _ = sender.send((read > 0).then(|| line.trim() != "q"));
-                });
-                self.typed = Some(receiver);
+                self.asks = true;
             }
             Event::Over => self.clear(),
             _ => {}
@@ -112,12 +106,33 @@ impl Observer for Terminal {
     }
 
     fn answer(&mut self) -> Option<Answer> {
-        match self.typed.as_ref()?.try_recv() {
-            Ok(Some(true)) => Some(Answer::Continue),
-            Ok(Some(false)) => Some(Answer::End),
+        if !self.asks {
+            return None;
+        }
+        match typed().lock().unwrap_or_else(PoisonError::into_inner).try_recv() {
+            Ok(line) if line.trim() == "q" => Some(Answer::End),
+            Ok(_) => Some(Answer::Continue),
             // At the end of the input nothing more will be typed.
-            Ok(None) | Err(TryRecvError::Disconnected) => Some(Answer::Never),
+            Err(TryRecvError::Disconnected) => Some(Answer::Never),
             Err(TryRecvError::Empty) => None,
         }
     }
+}
+
+/// The lines of standard input. One thread reads them for all pauses: a pause that a failure ends leaves no reader behind that would
+/// take the line of the next one.
+fn typed() -> &'static Mutex<Receiver<String>> {
+    static LINES: OnceLock<Mutex<Receiver<String>>> = OnceLock::new();
+    LINES.get_or_init(|| {
+        let (sender, receiver) = mpsc::channel();
+        // The thread ends with the input, or with the program.
+        std::thread::spawn(move || {
+            for line in stdin().lines().map_while(Result::ok) {
+                if sender.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        Mutex::new(receiver)
+    })
 }

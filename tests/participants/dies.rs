@@ -14,14 +14,19 @@ struct Mortal {
     steps: u64,
 }
 
+/// The participant `name` has come to `moment`.
+fn comes_to(name: &str, moment: &str) {
+    let mut arguments = std::env::args().skip(1);
+    let folder = arguments.next().expect("a folder");
+    let mark = Path::new(&folder).join(format!("{name} {moment}"));
+    if arguments.any(|named| named == moment) && (folder == "always" || File::create_new(mark).is_ok()) {
+        std::process::abort();
+    }
+}
+
 impl Mortal {
     fn comes_to(&self, moment: &str) {
-        let mut arguments = std::env::args().skip(1);
-        let folder = arguments.next().expect("a folder");
-        let mark = Path::new(&folder).join(format!("{} {moment}", self.name));
-        if arguments.any(|named| named == moment) && (folder == "always" || File::create_new(mark).is_ok()) {
-            std::process::abort();
-        }
+        comes_to(&self.name, moment);
     }
 }
 
@@ -49,6 +54,7 @@ impl Participant for Mortal {
 }
 
 fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+    comes_to(&setup.name, "made");
     let inner = if setup.name == "plant" {
         Oscillator::factory
     } else {

@@ -1,9 +1,15 @@
-//! Writes to its standard error without end.
+//! Writes to its standard error without end: in its steps, or before it enters the run (`floods at-once`).
 
 use std::process::ExitCode;
 
 use escapement_tests::faulty;
 
 fn main() -> ExitCode {
-    faulty::damper("floods", |_| eprintln!("{}", "word ".repeat(200_000)))
+    let words = || eprintln!("{}", "word ".repeat(200_000));
+    if std::env::args().any(|argument| argument == "at-once") {
+        loop {
+            words();
+        }
+    }
+    faulty::damper("floods", move |_| eprintln!("{}", "word ".repeat(200_000)))
 }

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use escapement_tests::liar::{Liar, honest_reply, run};
 use escapement_tests::parts::Push;
-use lockstep::control::{Reply, Request};
+use lockstep::control::{Note, Reply, Request, Timing};
 use lockstep::participant::Interface;
 use lockstep::wire::encode;
 
@@ -25,6 +25,9 @@ fn reply(lie: &str, request: &Request) -> Option<Vec<u8>> {
             *interface = Interface::new(interface.kind).output::<Push>("push");
             interface.outputs[0].descriptor.fields[1].offset = 4;
         }
+        ("steers-in-a-unit", Request::Configure { .. }, Reply::Described { interface }) => {
+            interface.outputs[0].descriptor.fields[0].unit = "N\u{1b}[2J\nerror: all is well".into();
+        }
         _ => {}
     }
     Some(encode("a reply", &reply).expect("small"))
@@ -44,6 +47,36 @@ fn act(lie: &str, liar: &mut Liar) {
         "record-nobody" => stream = Some(77),
         "record-last" => header.index = u64::MAX,
         "record-twice" => liar.record_anew(),
+        // Nobody is ever woken: all that it sends is found all the same.
+        "wakes-nobody" => {
+            liar.behave_from(LIE, liar.assignment.activations);
+            return liar.note(&Note::Finished(Timing::default()));
+        }
+        "intrudes" => {
+            let _kept = liar.intrude("plant");
+            return liar.behave_from(LIE, liar.assignment.activations);
+        }
+        // Done, after a tenth of its samples.
+        "finishes" => return liar.note(&Note::Finished(Timing::default())),
+        // At rest where the plan has twice as many activations before; then with that number, which it has not done.
+        "rests-early" => return liar.rest(liar.header(2 * LIE).stamp, LIE, |request| reply(lie, request)),
+        "rests-short" => return liar.rest(liar.header(2 * LIE).stamp, 2 * LIE, |request| reply(lie, request)),
+        "rests-beyond" => return liar.rest(liar.header(3 * LIE).stamp, 3 * LIE, |request| reply(lie, request)),
+        "repeats-itself" => loop {
+            let (horizon, next) = (liar.header(LIE).stamp, LIE);
+            liar.note(&Note::AtRest { horizon, next });
+        },
+        // The activation at the very instant before which everybody is to rest.
+        "past-the-horizon" => return liar.behave_from(LIE, LIE + 1),
+        "steers-the-terminal" => {
+            let (activation, t) = (LIE, "1\u{1b}[31m".to_owned());
+            let reason = "\u{1b}[2J\0odd\nerror: all is well\rcaptured".to_owned();
+            return liar.note(&Note::Failed { activation, t, reason });
+        }
+        "steers-in-its-log" => {
+            eprint!("\u{1b}[2J\0last\nerror: all is well\n");
+            std::process::abort();
+        }
         "dies-on-move" => return liar.rest(liar.header(LIE).stamp, LIE, |request| reply(lie, request)),
         _ => return liar.behave(0),
     }

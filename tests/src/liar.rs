@@ -128,7 +128,12 @@ impl Liar {
 
     /// Does what the plan says for activations 0 to `until`.
     pub fn behave(&mut self, until: u64) {
-        for k in 0..until {
+        self.behave_from(0, until);
+    }
+
+    /// Does what the plan says for activations `from` to `until`.
+    pub fn behave_from(&mut self, from: u64, until: u64) {
+        for k in from..until {
             let mut motion = [0; size_of::<Motion>()];
             let mut newest = None;
             while newest.is_none_or(|index| index < 10 * k) {
@@ -145,12 +150,16 @@ impl Liar {
         }
     }
 
-    /// Comes to rest at `horizon` with activation `next` to come, and answers requests with `reply` from then on.
-    pub fn rest(&mut self, horizon: Ticks, next: u64, reply: impl Fn(&Request) -> Option<Vec<u8>>) {
-        let note = Note::AtRest { horizon, next };
-        while !self.record.0.borrow_mut().note(&note).expect("a record") {
+    /// Says `note` of itself.
+    pub fn note(&mut self, note: &Note) {
+        while !self.record.0.borrow_mut().note(note).expect("a record") {
             self.look();
         }
+    }
+
+    /// Comes to rest at `horizon` with activation `next` to come, and answers requests with `reply` from then on.
+    pub fn rest(&mut self, horizon: Ticks, next: u64, reply: impl Fn(&Request) -> Option<Vec<u8>>) {
+        self.note(&Note::AtRest { horizon, next });
         loop {
             let served = self.control.serve_bytes(|bytes| {
                 let request = wire::decode("a request", bytes).expect("the orchestrator keeps to the protocol");
@@ -164,6 +173,11 @@ impl Liar {
     /// Opens a second way to the recorder, in place of the first.
     pub fn record_anew(&mut self) {
         self.record = record(&self.domain, &self.name, self.assignment.outputs[0].stream);
+    }
+
+    /// Opens the way to the recorder that belongs to `another`, beside its own.
+    pub fn intrude(&self, another: &str) -> RecordSender {
+        RecordSender::open(&self.domain, another, 0, &[size_of::<Push>()]).expect("a record")
     }
 
     /// Puts a sample onto the tape: of its own stream, unless another is named.

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use escapement_tests::machine::{leftovers, orphans, processes_of, signal, wait_for_bytes, writer_of};
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, root, start, text};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, start, text};
 use escapement_tests::world::oscillator;
 
 /// Runs the oscillator with `damper` and looks at what is left.
@@ -161,13 +161,59 @@ fn a_slow_participant_is_not_thrown_out() {
 
 #[test]
 fn a_flood_of_words_is_dammed() {
-    let (_, said) = ended("floods", &[]);
+    let at_once = format!(
+        "participants.damper.run={{ exe = '{}', args = ['at-once'] }}",
+        participant("floods").display()
+    );
+    for more in [&[][..], &["--set", &at_once]] {
+        let (folder, said) = ended("floods", more);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(
+            said.err
+                .contains("`damper`: wrote more than 64 MiB to its standard error"),
+            "{}",
+            &said.err[..200]
+        );
+        let log = std::fs::metadata(folder.path().join("run/log/damper.stderr")).unwrap();
+        assert_eq!(log.len(), 64 << 20);
+    }
+}
+
+#[test]
+fn death_is_reported_while_another_participant_starts() {
+    let silent = format!(
+        "participants.plant.run={{ exe = '{}' }}",
+        participant("silent").display()
+    );
+    let (_, said) = ended("early_exit", &["--set", &silent]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("`damper`: exited with status 7"), "{said:?}");
+}
+
+#[test]
+fn death_during_a_pause_ends_the_run() {
+    let folder = Folder::new("paused");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    let mut command = Command::new(orchestrator());
+    command
+        .args(["run", text(&scenario), "--out", text(&out), "--pause-at", "1 s"])
+        .current_dir(root())
+        // Nobody types, and the input does not end.
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    wait_for_bytes(&out.join("tape/plant.motion.bin"), 24 * 1001);
+    signal(pid_of(&folder, "damper"), rustix::process::Signal::KILL);
+    let said = finish(child);
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(
-        said.err.contains("`damper`") && said.err.contains("standard error"),
-        "{}",
-        &said.err[..200]
+        said.err.contains("`damper`") && said.err.contains("signal 9"),
+        "{said:?}"
     );
+    clean(&folder);
+    assert_eq!(is_prefix(&folder), 100);
 }
 
 #[test]

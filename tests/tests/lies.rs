@@ -1,11 +1,16 @@
 //! Participants that break the protocol: whatever they write into shared memory, the run ends, names them, and leaves nothing.
 
 use escapement_tests::machine::processes_of;
-use escapement_tests::program::{Folder, orchestrate, participant};
+use escapement_tests::program::{Folder, Said, orchestrate, participant};
 use escapement_tests::world::oscillator;
 
 /// The run ends with code 1 and says all of `words`.
-fn caught(lie: &str, words: &[&str]) {
+fn caught(lie: &str, words: &[&str]) -> (Folder, Said) {
+    caught_with(lie, &[], words)
+}
+
+/// As [`caught`], with `more` on the command line.
+fn caught_with(lie: &str, more: &[&str], words: &[&str]) -> (Folder, Said) {
     let folder = Folder::new(lie);
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");
@@ -15,12 +20,121 @@ fn caught(lie: &str, words: &[&str]) {
     );
     let scenario = scenario.to_str().expect("paths of tests are text");
     let out = out.to_str().expect("paths of tests are text");
-    let said = orchestrate(&["run", scenario, "--set", &run, "--out", out]);
+    let said = orchestrate(&[&["run", scenario, "--set", &run, "--out", out], more].concat());
     assert_eq!(said.code, Some(1), "{said:?}");
     for word in words {
         assert!(said.err.contains(word), "`{word}` is missing: {said:?}");
     }
     assert_eq!(processes_of(folder.path()), Vec::<String>::new(), "processes are left");
+    (folder, said)
+}
+
+#[test]
+fn early_finish_note_is_refused_and_its_sender_named() {
+    let has = "has recorded 100 samples of `damper.push` where the plan has 1000";
+    let (folder, _) = caught("finishes", &["`damper`: reports that it has finished", has]);
+    let summary = std::fs::read_to_string(folder.path().join("run/summary.json")).unwrap();
+    assert!(
+        summary.contains("\"failed\"") && !summary.contains("\"complete\""),
+        "{summary}"
+    );
+}
+
+#[test]
+fn false_rest_note_is_refused_before_a_checkpoint() {
+    for (lie, words) in [
+        (
+            "rests-early",
+            "at t = 2 s before its activation 100; by the plan it rests there before activation 200",
+        ),
+        (
+            "rests-short",
+            "at t = 2 s, and has recorded 100 samples of `damper.push` where the plan has 200",
+        ),
+        ("rests-beyond", "at t = 3 s; it may go no further than t = 2 s"),
+    ] {
+        let (folder, _) = caught_with(
+            lie,
+            &["--checkpoint-at", "2 s"],
+            &["`damper`: reports that it rests", words],
+        );
+        assert!(!folder.path().join("run/checkpoints").exists(), "{lie}");
+    }
+}
+
+#[test]
+fn second_publisher_of_a_record_is_named_not_its_owner() {
+    let (_, said) = caught(
+        "intrudes",
+        &[
+            "`damper`: process",
+            "opened the record of `plant`, which is not its own",
+        ],
+    );
+    assert!(!said.err.contains("participant `plant`"), "{said:?}");
+}
+
+#[test]
+fn consumer_finds_samples_although_no_notifier_wakes_it() {
+    let folder = Folder::new("wakes");
+    let scenario = oscillator(&folder, "damper");
+    let run = format!(
+        "participants.damper.run={{ exe = '{}', args = ['wakes-nobody'] }}",
+        participant("lies").display()
+    );
+    let out = folder.path().join("run");
+    let (scenario, out) = (scenario.to_str().unwrap(), out.to_str().unwrap());
+    let run = [
+        "run",
+        scenario,
+        "--out",
+        out,
+        "--wait",
+        "sleep",
+        "--duration",
+        "1200 ms",
+        "--set",
+        &run,
+    ];
+    let said = orchestrate(&run);
+    assert_eq!(said.code, Some(0), "{said:?}");
+}
+
+#[test]
+fn sample_past_the_granted_time_is_refused() {
+    caught_with(
+        "past-the-horizon",
+        &["--pause-at", "1 s"],
+        &[
+            "`damper`: recorded sample #100 of `damper.push`",
+            "it may go no further than t = 1 s",
+        ],
+    );
+}
+
+#[test]
+fn repeated_notes_do_not_count_as_progress() {
+    caught_with(
+        "repeats-itself",
+        &["--patience", "3 s"],
+        &["`damper`: nothing has moved for 3."],
+    );
+}
+
+#[test]
+fn participant_text_cannot_steer_the_terminal_or_fake_lines() {
+    let steers = |text: &str| text.contains(|c: char| c.is_control() && c != '\n');
+    for lie in ["steers-the-terminal", "steers-in-its-log", "steers-in-a-unit"] {
+        let (folder, said) = caught(lie, &["`damper`", r"\u{1b}[2J"]);
+        assert!(!steers(&said.err) && !steers(&said.out), "{said:?}");
+        let fakes = |line: &str| line.starts_with("error: all") || line.trim_start().starts_with("error: all");
+        assert!(!said.err.lines().any(fakes), "{said:?}");
+        if lie == "steers-in-its-log" {
+            // The log has what was written.
+            let log = std::fs::read(folder.path().join("run/log/damper.stderr")).unwrap();
+            assert!(log.starts_with(b"\x1b[2J\0last\nerror: all is well\n"), "{log:?}");
+        }
+    }
 }
 
 #[test]

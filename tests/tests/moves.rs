@@ -233,3 +233,58 @@ fn other_ports_after_a_restart_are_refused_with_the_difference() {
     }
     assert_eq!(world.prefix("run"), 200);
 }
+
+#[test]
+fn participant_that_dies_in_set_up_is_restarted() {
+    for seat in ["plant", "damper"] {
+        let world = World::new("unborn", "damper");
+        let (runs, policy) = (dies(&world, seat, &["made"]), policy(seat, BACK));
+        let said = world.run("run", &["--set", &runs, "--set", &policy]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert!(said.err.contains("when it was given its parameters"), "{said:?}");
+        world.same_as_undisturbed("run");
+        assert!(world.events("run").contains("started again before the run began"));
+        // The words of both programs are kept.
+        let logs = std::fs::read_dir(world.path("run/log")).unwrap().flatten();
+        let of_seat = |name: &String| name.starts_with(&format!("{seat}."));
+        let logs: Vec<String> = logs
+            .filter_map(|log| log.file_name().into_string().ok())
+            .filter(of_seat)
+            .collect();
+        assert_eq!(logs.len(), 2, "{logs:?}");
+    }
+}
+
+#[test]
+fn participant_that_dies_at_resume_is_restarted() {
+    let world = World::new("awakening", "damper");
+    let (runs, policy) = (dies(&world, "damper", &["restore"]), policy("damper", BACK));
+    let said = world.run("run", &["--set", &runs, "--set", &policy, "--checkpoint-at", "4 s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let said = world.resume("run", "resumed", &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.err.contains("when it was given its part of the plan"), "{said:?}");
+    world.same_as_undisturbed("resumed");
+}
+
+#[test]
+fn participant_that_always_dies_in_set_up_is_replaced() {
+    let world = World::new("never", "damper");
+    let exe = participant("dies").display().to_string();
+    let runs = format!("participants.damper.run={{ exe = {exe:?}, args = [\"always\", \"made\"] }}");
+    let said = world.run("given up", &["--set", &runs, "--set", &policy("damper", BACK)]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("started again 5 times without getting any further"),
+        "{said:?}"
+    );
+    let spare = participant("damper").display().to_string();
+    let spare = format!("participants.damper.on-failure={{ substitute = {{ exe = {spare:?} }} }}");
+    let said = world.run("replaced", &["--set", &runs, "--set", &spare]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    world.same_as_undisturbed("replaced");
+    assert!(world.events("replaced").contains("takes over before the run began"));
+    let said = world.run("ended", &["--set", &runs]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(!said.err.contains("started again"), "{said:?}");
+}

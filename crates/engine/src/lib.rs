@@ -21,6 +21,7 @@ pub mod run;
 pub mod scenario;
 pub mod scope;
 pub mod shadow;
+mod text;
 
 pub use catalogue::{AssessmentFactory, Catalogue};
 pub use observer::{Answer, Event, Interrupt, Observer, Progress, Silent};

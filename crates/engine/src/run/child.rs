@@ -1,19 +1,16 @@
 //! Participants' processes: started, watched, and always brought down.
 
-use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open};
 
+use super::log::Log;
 use crate::scenario::{Entry, Program};
-
-/// A participant that writes more than this to its standard error is stopped.
-pub const LOG_MAX: u64 = 64 << 20;
 
 /// A participant's process.
 pub struct Participant {
@@ -21,7 +18,7 @@ pub struct Participant {
     pub name: String,
     child: Child,
     pidfd: OwnedFd,
-    log: PathBuf,
+    log: Log,
     status: Option<ExitStatus>,
 }
 
@@ -63,7 +60,7 @@ impl Participant {
                 command
             }
         };
-        let output = File::create(log)?;
+        let (log, output) = Log::create(log)?;
         command
             .env(lockstep::host::ADDRESS, address)
             .env(lockstep::host::PARTICIPANT, &name)
@@ -78,7 +75,7 @@ impl Participant {
                 name,
                 child,
                 pidfd,
-                log: log.to_owned(),
+                log,
                 status: None,
             }),
             Err(error) => {
@@ -99,12 +96,18 @@ impl Participant {
         self.pidfd.as_fd()
     }
 
-    /// How the process ended, if it has.
+    /// How the process ended, if it has. Then its log is complete.
     pub fn ended(&mut self) -> Option<ExitStatus> {
         if self.status.is_none() {
             self.status = self.child.try_wait().ok().flatten();
+            self.status.iter().for_each(|_| self.log.settle());
         }
         self.status
+    }
+
+    /// What it has written.
+    pub(super) fn log(&self) -> &Log {
+        &self.log
     }
 
     /// How it ended in words: exit status or signal.
@@ -130,26 +133,7 @@ impl Participant {
 
     /// True when it has written more to its log than anybody will read.
     pub fn floods(&self) -> bool {
-        std::fs::metadata(&self.log).is_ok_and(|about| about.len() > LOG_MAX)
-    }
-
-    /// The last lines that it wrote.
-    pub fn last_words(&self) -> Vec<String> {
-        const TAIL: u64 = 4096;
-        let read = || -> io::Result<Vec<u8>> {
-            let mut file = File::open(&self.log)?;
-            let length = file.metadata()?.len();
-            file.seek(SeekFrom::Start(length.saturating_sub(TAIL)))?;
-            let mut tail = Vec::new();
-            file.take(TAIL).read_to_end(&mut tail)?;
-            Ok(tail)
-        };
-        let text = String::from_utf8_lossy(&read().unwrap_or_default()).into_owned();
-        let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
-        lines[lines.len().saturating_sub(5)..]
-            .iter()
-            .map(|line| (*line).to_owned())
-            .collect()
+        self.log.is_full()
     }
 
     /// Waits up to `grace` for it to end by itself, then kills it.
@@ -161,6 +145,7 @@ impl Participant {
         if self.ended().is_none() {
             let _ = self.child.kill();
             self.status = self.child.wait().ok();
+            self.log.settle();
         }
     }
 }

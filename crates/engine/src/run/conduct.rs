@@ -12,17 +12,18 @@ use tape::{Event, EventKind};
 use super::Options;
 use super::agenda::Agenda;
 use super::checkpoint::Checkpoint;
-use super::crew::{self, Member};
-use super::describe;
+use super::crew::{self, Member, Taken};
 use super::explain;
 use super::horizon::Guide;
+use super::monitor::Monitor;
 use super::outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
 use super::place::Place;
 use super::prepare;
 use super::recording::Recorder;
+use super::set_up::{self, Ready};
 use super::slices::Slices;
 use super::survive::{Fallen, Restarts};
-use crate::observer::{Event as Report, Interrupt, Progress};
+use crate::observer::{Event as Report, Progress};
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::{self, Scope};
 
@@ -35,6 +36,8 @@ const NAP: Timespec = Timespec {
 };
 /// Deaths are looked for at least this often.
 const LOOK: Duration = Duration::from_millis(2);
+/// Batches that are taken from one participant before the next one is looked at.
+pub(super) const BATCHES: usize = 16;
 /// Samples reach the disk at least this often.
 const FLUSH: Duration = Duration::from_millis(50);
 
@@ -43,36 +46,20 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     let known = prepare::check(scenario)?;
     let entries = prepare::entries(scenario, options)?;
     scope::leftovers().iter().for_each(scope::Leftover::remove);
-    let interrupt = options.interrupt.clone();
+    let monitor = Monitor::new(options.interrupt.clone());
     let folder = prepare::folder(scenario, options)?;
-    let scope = Scope::create()?;
-    let names = entries.iter().map(|entry| entry.setup.name.as_str());
-    let (domain, ports) = Place::enter(scope.address(), names)?;
-    let mut crew = Vec::new();
-    for (entry, ports) in entries.iter().zip(ports) {
-        let process = crew::start(entry, &domain, &folder.stderr(&entry.setup.name))?;
-        crew.push(Member::new(process, ports));
-    }
-    let asked = Instant::now();
-    for member in &mut crew {
-        crew::arrive(member, asked, &interrupt)?;
-    }
-    let mut interfaces = Vec::new();
-    for ((member, entry), known) in crew.iter_mut().zip(&entries).zip(&known.interfaces) {
-        interfaces.push(crew::introduce(scenario, entry, known.as_ref(), member, &interrupt)?);
-    }
-    let plan = scenario.plan(&interfaces)?;
-    describe::check_substitutes(scenario, &interfaces, &interrupt)?;
-    let mut recorder = prepare::recorder(scenario, &plan, &folder)?;
-    let start = prepare::start(&plan, options, &mut recorder)?;
+    let Ready {
+        entries,
+        programs,
+        scope,
+        plan,
+        recorder,
+        start,
+        place,
+        placement,
+        crew,
+    } = set_up::set_up(scenario, options, &known.interfaces, entries, &folder, &monitor)?;
     let agenda = Agenda::new(scenario, &plan, options, start.from, start.substituted)?;
-    let place = Place::furnish(domain, &plan)?;
-    let placement = crew::placement(&plan, options);
-    let mut positions = start.positions.map(Vec::into_iter);
-    for (number, member) in crew.iter_mut().enumerate() {
-        let position = positions.as_mut().and_then(Iterator::next);
-        crew::connect(&plan, number, member, position, &placement, options, &interrupt)?;
-    }
     options.begin(&plan, &folder);
     let mut conductor = Conductor {
         guide: Guide::new(&plan, options, agenda, start.from),
@@ -80,10 +67,9 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         restarts: vec![Restarts::default(); entries.len()],
         slices: Slices::default(),
         fallen: Vec::new(),
-        base: vec![0; entries.len()],
         entries,
         substituted: start.substituted,
-        programs: 0,
+        programs,
         // What a run goes on from is good for going back to as well, until its first own checkpoint.
         last_checkpoint: options.origin.as_ref().map(|origin| origin.checkpoint.clone()),
         scenario,
@@ -91,7 +77,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         folder,
         plan,
         options,
-        interrupt,
+        monitor,
         crew,
         place,
         recorder,
@@ -147,7 +133,7 @@ pub(super) struct Conductor<'a> {
     pub(super) scenario: &'a Scenario,
     pub(super) plan: Plan,
     pub(super) options: &'a Options,
-    pub(super) interrupt: Interrupt,
+    pub(super) monitor: Monitor,
     /// What runs in each seat.
     pub(super) entries: Vec<Entry>,
     /// How many of the scenario's substitutions have happened.
@@ -157,8 +143,6 @@ pub(super) struct Conductor<'a> {
     pub(super) restarts: Vec<Restarts>,
     /// Who else failed, besides the one that was reported, and was not attended to yet.
     pub(super) fallen: Vec<Fallen>,
-    /// The activation at which each participant took up its work in this place; it stands there or further on.
-    pub(super) base: Vec<u64>,
     pub(super) last_checkpoint: Option<Checkpoint>,
     pub(super) crew: Vec<Member>,
     pub(super) place: Place,
@@ -214,7 +198,7 @@ impl Conductor<'_> {
         }
         let t = self.plan.timebase.seconds(self.recorder.newest.max(0));
         self.progress.report(Report::Time { t_s: t });
-        if self.interrupt.asked() {
+        if self.monitor.asked() {
             let reason = format!("interrupted at t = {t} s");
             return Ok(Some(Ending::Stopped { reason }));
         }
@@ -224,7 +208,6 @@ impl Conductor<'_> {
                 participant: ORCHESTRATOR.into(),
                 reason: error.to_string(),
             })?;
-            self.look_for_floods()?;
             self.slices.look(self.crew.iter().map(|member| member.process.pid()));
         }
         if let Some(now) = self.guide.stop()
@@ -241,6 +224,7 @@ impl Conductor<'_> {
     fn advance_clock(&mut self) {
         let horizon = self.guide.horizon(self.recorder.newest);
         if horizon > self.place.clock.horizon() {
+            self.recorder.grant(horizon);
             self.place.clock.extend(horizon);
             self.crew.iter().for_each(Member::ring);
         }
@@ -254,46 +238,70 @@ impl Conductor<'_> {
         let who: Vec<String> = (self.crew.iter())
             .map(|member| format!("{} is process {}", member.process.name, member.process.pid()))
             .collect();
+        let (plan, crew) = (&self.plan, &mut self.crew);
         let go_on = prepare::pause(
-            &self.plan,
+            plan,
             now,
             &who.join(", "),
             &self.progress,
-            &self.interrupt,
+            self.monitor.interrupt(),
             steering.as_deref(),
+            || {
+                let mut all = crew.iter_mut().enumerate();
+                all.find_map(|(number, member)| {
+                    let reason = member.process_failure(plan, number)?;
+                    let participant = member.process.name.clone();
+                    Some(RunFailure::Participant { participant, reason })
+                })
+            },
         );
         self.guide.go_on();
-        Ok(go_on)
+        go_on
     }
 
-    /// Takes what participants have recorded; whether there was anything.
+    /// Takes what participants have recorded; whether anything moved.
     fn drain(&mut self) -> Result<bool, Ending> {
         let mut moved = false;
         for number in 0..self.crew.len() {
             // Bounded, so that one participant cannot keep the others from being heard.
-            for _ in 0..16 {
-                if !self.take_from(number)? {
-                    break;
+            for _ in 0..BATCHES {
+                match self.take_from(number)? {
+                    Taken::Nothing => break,
+                    Taken::Old => {}
+                    Taken::News => moved = true,
                 }
-                moved = true;
             }
         }
         Ok(moved)
     }
 
-    /// Takes a batch of what participant number `number` has recorded; whether there was anything.
-    fn take_from(&mut self, number: usize) -> Result<bool, Ending> {
+    /// Takes a batch of what participant number `number` has recorded.
+    fn take_from(&mut self, number: usize) -> Result<Taken, Ending> {
         let member = &mut self.crew[number];
         let failed = |participant: &str, reason: String| Ending::Failed {
             participant: participant.to_owned(),
             reason,
         };
         let taken = member.take(number, &mut self.recorder);
-        let name = &member.process.name;
-        let moved = taken.map_err(|broken| match self.recorder.take_error() {
-            Some(error) => failed(ORCHESTRATOR, error.to_string()),
-            None => failed(name, broken.to_string()),
-        })?;
+        let moved = match taken {
+            Ok(moved) => moved,
+            Err(broken) => {
+                if let Some(error) = self.recorder.take_error() {
+                    return Err(failed(ORCHESTRATOR, error.to_string()));
+                }
+                let all = self
+                    .crew
+                    .iter()
+                    .map(|one| (one.process.name.as_str(), one.process.pid()));
+                let victim = &self.crew[number];
+                let name = &victim.process.name;
+                return Err(match victim.foreign_writer(all) {
+                    Some((author, process)) => failed(author, crew::foreign_writer_reason(name, process, &broken.0)),
+                    None => failed(name, broken.0),
+                });
+            }
+        };
+        let (member, name) = (&self.crew[number], &self.crew[number].process.name);
         match member.failure() {
             Some(reason) => Err(failed(name, reason)),
             None => Ok(moved),
@@ -303,19 +311,15 @@ impl Conductor<'_> {
     fn look_for_deaths(&mut self) -> Result<(), Ending> {
         self.last_look = Instant::now();
         for number in 0..self.crew.len() {
-            let Some(status) = self.crew[number].process.ended() else {
-                continue;
-            };
-            // What it sent before it died counts.
-            while self.take_from(number)? {}
-            let member = &self.crew[number];
-            if member.timing.is_some() && status.success() {
-                continue;
+            if self.crew[number].process.ended().is_some() {
+                // What it sent before it died counts.
+                while self.take_from(number)? != Taken::Nothing {}
             }
-            return Err(Ending::Failed {
-                participant: member.process.name.clone(),
-                reason: explain::death(&self.plan, number, member, status),
-            });
+            let member = &mut self.crew[number];
+            if let Some(reason) = member.process_failure(&self.plan, number) {
+                let participant = member.process.name.clone();
+                return Err(Ending::Failed { participant, reason });
+            }
         }
         Ok(())
     }
@@ -332,20 +336,6 @@ impl Conductor<'_> {
         }
         let participant = entry.setup.name.clone();
         Err(Ending::Failed { participant, reason })
-    }
-
-    fn look_for_floods(&self) -> Result<(), Ending> {
-        let Some(member) = self.crew.iter().find(|member| member.process.floods()) else {
-            return Ok(());
-        };
-        let reason = format!(
-            "wrote more than {} MiB to its standard error",
-            super::child::LOG_MAX >> 20
-        );
-        Err(Ending::Failed {
-            participant: member.process.name.clone(),
-            reason,
-        })
     }
 
     /// Sleeps until a participant ends, or for a moment.
@@ -397,7 +387,7 @@ impl Conductor<'_> {
         // What the others had handed over counts, whoever failed.
         for number in 0..self.crew.len() {
             self.crew[number].failed = None;
-            while let Ok(true) = self.take_from(number) {}
+            while let Ok(Taken::Old | Taken::News) = self.take_from(number) {}
         }
         if let Ending::Failed { participant, reason } = ending {
             let time = self.plan.timebase.time(self.recorder.newest.max(0)).unwrap_or_default();

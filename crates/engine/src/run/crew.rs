@@ -15,10 +15,11 @@ use lockstep::transport::iceoryx::{
 use super::Options;
 use super::child::Participant;
 use super::explain;
+use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::recording::Recorder;
-use crate::observer::Interrupt;
 use crate::scenario::{Entry, Scenario};
+use crate::text::quoted;
 
 /// How long a program may take to enter the run, and to answer a request.
 pub(super) const PATIENCE: Duration = Duration::from_secs(20);
@@ -48,6 +49,17 @@ impl Ports {
             _services: services,
         })
     }
+}
+
+/// The content of one batch of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Taken {
+    /// Nothing.
+    Nothing,
+    /// Notes that were there before, which are no progress.
+    Old,
+    /// Samples, or a note about progress.
+    News,
 }
 
 /// One participant.
@@ -84,10 +96,34 @@ impl Member {
     pub(super) fn failure(&self) -> Option<String> {
         match &self.failed {
             Some(Note::Failed { activation, t, reason }) => {
+                let (t, reason) = (quoted(t), quoted(reason));
                 Some(format!("failed at t = {t} s (activation {activation}): {reason}"))
             }
             _ => None,
         }
+    }
+
+    /// How its process failed, if it did: it ended before it was done, or its log is full. It is participant number `number`.
+    pub(super) fn process_failure(&mut self, plan: &Plan, number: usize) -> Option<String> {
+        match self.process.ended() {
+            Some(status) if self.timing.is_some() && status.success() => None,
+            Some(status) => Some(explain::death(plan, number, self, status)),
+            None if self.process.floods() => Some(explain::flood()),
+            None => None,
+        }
+    }
+
+    /// Another participant that has opened a publisher of this one's record, with the number of the process. `all` has the names and
+    /// processes of the participants.
+    pub(super) fn foreign_writer<'a>(&self, all: impl Iterator<Item = (&'a str, u32)>) -> Option<(&'a str, u32)> {
+        let writers = self.ports.record.writers();
+        // A participant may be a script that starts the program.
+        let lines: Vec<(u32, Vec<u32>)> = writers.into_iter().map(|pid| (pid, ancestry(pid))).collect();
+        all.filter(|(_, pid)| *pid != self.process.pid())
+            .find_map(|(name, pid)| {
+                let line = lines.iter().find(|(_, line)| line.contains(&pid));
+                line.map(|(writer, _)| (name, *writer))
+            })
     }
 
     /// What it does.
@@ -100,8 +136,9 @@ impl Member {
         self.ports.bell.ring();
     }
 
-    /// Takes what it has recorded, a batch at most; whether there was anything.
-    pub(super) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<bool, Broken> {
+    /// Takes a batch of its record. Notes about its progress are compared with the plan and with the samples on the tape.
+    pub(super) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<Taken, Broken> {
+        let mut news = false;
         let Member {
             ports,
             timing,
@@ -119,10 +156,23 @@ impl Member {
                     stream,
                     header,
                     payload,
-                } => recorder.sample(number, stream, header, payload)?,
-                Recorded::Note(Note::Finished(spent)) => *timing = Some(spent),
-                Recorded::Note(Note::AtRest { horizon, .. }) => *at_rest = Some(horizon),
-                Recorded::Note(Note::Recalled { next }) => *recalled = Some(next),
+                } => {
+                    recorder.sample(number, stream, header, payload)?;
+                    news = true;
+                }
+                Recorded::Note(Note::Finished(spent)) => {
+                    recorder.finished(number)?;
+                    news |= timing.replace(spent).is_none();
+                }
+                Recorded::Note(Note::AtRest { horizon, next }) => {
+                    recorder.rests(number, horizon, next)?;
+                    news |= *at_rest < Some(horizon);
+                    *at_rest = (*at_rest).max(Some(horizon));
+                }
+                Recorded::Note(Note::Recalled { next }) => {
+                    recorder.recalled(number, next)?;
+                    news |= recalled.replace(next).is_none();
+                }
                 Recorded::Note(note @ Note::Failed { .. }) => *failed = Some(note),
             }
             Ok(())
@@ -131,15 +181,21 @@ impl Member {
         if matches!(took, Ok(true)) && status.asleep() == Some(Sleeping::FOR_ANYTHING) {
             bell.ring();
         }
-        took
+        Ok(match took? {
+            false => Taken::Nothing,
+            true if news => Taken::News,
+            true => Taken::Old,
+        })
     }
 
     /// Sends a request and waits for the reply.
-    pub(super) fn ask(&mut self, request: &Request, interrupt: &Interrupt) -> Result<Reply, RunFailure> {
+    pub(super) fn ask(&mut self, request: &Request, monitor: &Monitor) -> Result<Reply, RunFailure> {
         let Member { ports, process, .. } = self;
         ports.bell.ring();
         let control = &ports.control;
-        let reply = control.ask(request, PATIENCE, || process.ended().is_some() || interrupt.asked());
+        let reply = control.ask(request, PATIENCE, || {
+            process.ended().is_some() || process.floods() || monitor.failure().is_some()
+        });
         let when = match request {
             Request::Hello { .. } => "when it was greeted",
             Request::Configure { .. } => "when it was given its parameters",
@@ -150,26 +206,50 @@ impl Member {
         };
         match reply {
             Ok(Some(reply)) => Ok(reply),
-            Ok(None) if interrupt.asked() => Err(RunFailure::Interrupted),
-            Ok(None) => Err(silent(&mut self.process, "answer", when)),
+            Ok(None) => Err(silent(&mut self.process, monitor, "answer", when)),
             Err(broken) => Err(self.odd(format!("gave no answer that can be used {when}: {broken}"))),
         }
     }
 
-    /// Something that this participant should not have done.
-    pub(super) fn odd(&self, reason: impl Into<String>) -> RunFailure {
+    /// A failure of this participant; `reason` may contain text of the participant.
+    pub(super) fn odd(&self, reason: impl AsRef<str>) -> RunFailure {
         RunFailure::Participant {
             participant: self.process.name.clone(),
-            reason: reason.into(),
+            reason: quoted(reason.as_ref()),
         }
     }
 }
 
-/// Who did not do `what`, and is dead or too late.
-fn silent(process: &mut Participant, what: &str, when: &str) -> RunFailure {
-    let reason = match process.ended() {
-        Some(status) => format!("{} {when}{}", Participant::ending(status), explain::words(process)),
-        None => format!(
+/// The numbers of a process, its parent, and so on.
+fn ancestry(mut pid: u32) -> Vec<u32> {
+    let mut line = Vec::new();
+    while pid > 1 && !line.contains(&pid) && line.len() < 16 {
+        line.push(pid);
+        let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+        let parent = status.lines().find_map(|line| line.strip_prefix("PPid:"));
+        pid = parent.and_then(|parent| parent.trim().parse().ok()).unwrap_or(0);
+    }
+    line
+}
+
+/// The reason of a failure by a participant that opened the record of `victim`, which failed with `broken`.
+pub(super) fn foreign_writer_reason(victim: &str, process: u32, broken: &str) -> String {
+    format!("process {process} opened the record of `{victim}`, which is not its own: `{victim}` {broken}")
+}
+
+/// Why a participant did not do `what`: it ended or is late, or the monitor reports another failure.
+fn silent(process: &mut Participant, monitor: &Monitor, what: &str, when: &str) -> RunFailure {
+    let elsewhere = monitor.failure();
+    let reason = match (process.ended(), elsewhere) {
+        (_, Some(RunFailure::Interrupted)) => return RunFailure::Interrupted,
+        (Some(status), _) => format!(
+            "{} {when}{}",
+            Participant::ending(status),
+            explain::words(process.log())
+        ),
+        (None, _) if process.floods() => format!("{} {when}", explain::flood()),
+        (None, Some(failure)) => return failure,
+        (None, None) => format!(
             "did not {what} within {} s {when} (pid {})",
             PATIENCE.as_secs(),
             process.pid()
@@ -190,14 +270,13 @@ pub(super) fn start(entry: &Entry, domain: &Domain, log: &std::path::Path) -> Re
 }
 
 /// Waits until it has entered the run, which everybody was asked to do at `asked`.
-pub(super) fn arrive(member: &mut Member, asked: Instant, interrupt: &Interrupt) -> Result<(), RunFailure> {
+pub(super) fn arrive(member: &mut Member, asked: Instant, monitor: &Monitor) -> Result<(), RunFailure> {
     while !member.ports.control.present() {
-        if interrupt.asked() {
-            return Err(RunFailure::Interrupted);
-        }
-        if member.process.ended().is_some() || asked.elapsed() > PATIENCE {
+        let process = &mut member.process;
+        if process.ended().is_some() || monitor.failure().is_some() || asked.elapsed() > PATIENCE {
             return Err(silent(
-                &mut member.process,
+                process,
+                monitor,
                 "enter the run",
                 "before it had entered the run",
             ));
@@ -208,8 +287,8 @@ pub(super) fn arrive(member: &mut Member, asked: Instant, interrupt: &Interrupt)
 }
 
 /// Hello.
-pub(super) fn greet(member: &mut Member, interrupt: &Interrupt) -> Result<(), RunFailure> {
-    match member.ask(&Request::Hello { protocol: PROTOCOL }, interrupt)? {
+pub(super) fn greet(member: &mut Member, monitor: &Monitor) -> Result<(), RunFailure> {
+    match member.ask(&Request::Hello { protocol: PROTOCOL }, monitor)? {
         Reply::Hello { protocol: PROTOCOL, .. } => Ok(()),
         Reply::Hello { protocol, program } => Err(member.odd(format!(
             "`{program}` speaks version {protocol} of the protocol; this orchestrator speaks {PROTOCOL}"
@@ -224,9 +303,9 @@ pub(super) fn introduce(
     entry: &Entry,
     known: Option<&Interface>,
     member: &mut Member,
-    interrupt: &Interrupt,
+    monitor: &Monitor,
 ) -> Result<Interface, RunFailure> {
-    greet(member, interrupt)?;
+    greet(member, monitor)?;
     let setup = &entry.setup;
     let request = Request::Configure {
         name: setup.name.clone(),
@@ -235,18 +314,38 @@ pub(super) fn introduce(
         period: setup.period,
         offset: setup.offset,
     };
-    let interface = match member.ask(&request, interrupt)? {
+    let interface = match member.ask(&request, monitor)? {
         Reply::Described { interface } => interface,
-        Reply::Refused { key, reason } => return Err(scenario.refusal(&setup.name, &key, &reason).into()),
+        Reply::Refused { key, reason } => {
+            let refusal = scenario.refusal(&setup.name, &quoted(&key), &quoted(&reason));
+            return Err(refusal.into());
+        }
         other => return Err(member.odd(format!("answered its parameters with {other:?}"))),
     };
     interface
         .validate()
         .map_err(|error| member.odd(format!("describes ports that cannot be: {error}")))?;
+    if let Some(text) = control_text(&interface) {
+        return Err(member.odd(format!(
+            "describes ports that cannot be: a name, unit or frame has a control character in it: {text}"
+        )));
+    }
     if let Some(difference) = known.and_then(|known| interface.difference(known)) {
         return Err(member.odd(format!("describes other ports than expected: {difference}")));
     }
     Ok(interface)
+}
+
+/// A name, unit or frame with a control character. They appear in messages, file names and pages.
+fn control_text(interface: &Interface) -> Option<&str> {
+    let inputs = interface.inputs.iter().map(|port| &port.descriptor);
+    let mut all = inputs.chain(interface.outputs.iter().map(|port| &port.descriptor));
+    all.find_map(|descriptor| {
+        let fields = descriptor.fields.iter();
+        let mut texts =
+            std::iter::once(&descriptor.name).chain(fields.flat_map(|field| [&field.name, &field.unit, &field.frame]));
+        texts.find(|text| quoted(text) != **text).map(String::as_str)
+    })
 }
 
 /// Gives participant number `number` its part of the plan, its cores, and where to take up the work; nothing for the start of
@@ -258,7 +357,7 @@ pub(super) fn connect(
     position: Option<Position>,
     placement: &Placement,
     options: &Options,
-    interrupt: &Interrupt,
+    monitor: &Monitor,
 ) -> Result<(), RunFailure> {
     let request = Request::Connect {
         assignment: plan.assignment(number),
@@ -266,23 +365,30 @@ pub(super) fn connect(
         waiting: options.wait.strategy(placement.sharing[number]),
         position: position.map(Box::new),
     };
-    match member.ask(&request, interrupt)? {
-        Reply::Done => {}
-        Reply::Refused { reason, .. } => return Err(member.odd(format!("cannot connect: {reason}"))),
-        other => return Err(member.odd(format!("answered its part of the plan with {other:?}"))),
-    }
-    // Whatever it records from now on is there for the recorder, even if it leaves at once.
-    match member.ports.record.take_memory() {
-        Ok(true) => Ok(()),
-        Ok(false) => Err(member.odd("has connected without sending the memory of its record")),
-        Err(broken) => Err(member.odd(format!("its record cannot be received: {broken}"))),
+    let reply = member.ask(&request, monitor)?;
+    let failure = match reply {
+        // Whatever it records from now on is there for the recorder, even if it leaves at once.
+        Reply::Done => match member.ports.record.take_memory() {
+            Ok(true) => return Ok(()),
+            Ok(false) => "has connected without sending the memory of its record".to_owned(),
+            Err(broken) => format!("its record cannot be received: {broken}"),
+        },
+        Reply::Refused { reason, .. } => format!("cannot connect: {reason}"),
+        other => format!("answered its part of the plan with {other:?}"),
+    };
+    match member.foreign_writer(monitor.all()) {
+        Some((author, process)) => Err(RunFailure::Participant {
+            participant: author.to_owned(),
+            reason: quoted(&foreign_writer_reason(&member.process.name, process, &failure)),
+        }),
+        None => Err(member.odd(failure)),
     }
 }
 
 /// Asks a participant at rest to go to `address` when the clock says leave.
-pub(super) fn send_to(member: &mut Member, address: &str, interrupt: &Interrupt) -> Result<(), RunFailure> {
+pub(super) fn send_to(member: &mut Member, address: &str, monitor: &Monitor) -> Result<(), RunFailure> {
     let address = address.to_owned();
-    match member.ask(&Request::Move { address }, interrupt)? {
+    match member.ask(&Request::Move { address }, monitor)? {
         Reply::Done => Ok(()),
         Reply::Refused { reason, .. } => {
             Err(member.odd(format!("cannot take part in a substitution or a restart: {reason}")))
@@ -292,8 +398,8 @@ pub(super) fn send_to(member: &mut Member, address: &str, interrupt: &Interrupt)
 }
 
 /// The state of a participant at rest.
-pub(super) fn save(member: &mut Member, interrupt: &Interrupt) -> Result<Vec<u8>, RunFailure> {
-    match member.ask(&Request::Save, interrupt)? {
+pub(super) fn save(member: &mut Member, monitor: &Monitor) -> Result<Vec<u8>, RunFailure> {
+    match member.ask(&Request::Save, monitor)? {
         Reply::State(Some(state)) => Ok(state),
         Reply::State(None) => Err(member.odd(
             "cannot save its state, which a checkpoint or a substitution with state needs: implement `save` and `restore`, \

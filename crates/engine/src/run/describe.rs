@@ -7,6 +7,7 @@ use lockstep::participant::Interface;
 
 use super::conduct::GRACE;
 use super::crew::{self, Member};
+use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::place::Place;
 use crate::observer::Interrupt;
@@ -18,6 +19,10 @@ use crate::scope::Scope;
 /// # Errors
 /// A program that does not enter, describes no ports, or refuses its parameters.
 pub fn ports(scenario: &Scenario, entry: &Entry, interrupt: &Interrupt) -> Result<Interface, RunFailure> {
+    ask_for_ports(scenario, entry, &Monitor::new(interrupt.clone()))
+}
+
+fn ask_for_ports(scenario: &Scenario, entry: &Entry, monitor: &Monitor) -> Result<Interface, RunFailure> {
     if let Program::Builtin(name) = &entry.program
         && let Some(factory) = scenario.catalogue().factory(name)
     {
@@ -36,9 +41,9 @@ pub fn ports(scenario: &Scenario, entry: &Entry, interrupt: &Interrupt) -> Resul
         .map(|(process, ports)| Member::new(process, ports))
         .collect();
     let member = &mut members[0];
-    crew::arrive(member, Instant::now(), interrupt)?;
-    let interface = crew::introduce(scenario, entry, None, member, interrupt)?;
-    let _ = member.ask(&Request::Terminate, interrupt);
+    crew::arrive(member, Instant::now(), monitor)?;
+    let interface = crew::introduce(scenario, entry, None, member, monitor)?;
+    let _ = member.ask(&Request::Terminate, monitor);
     member.process.bring_down(GRACE);
     Ok(interface)
 }
@@ -47,16 +52,14 @@ pub fn ports(scenario: &Scenario, entry: &Entry, interrupt: &Interrupt) -> Resul
 ///
 /// # Errors
 /// The first one that has not, with the difference, or what is wrong with its program.
-pub(super) fn check_substitutes(
-    scenario: &Scenario,
-    known: &[Interface],
-    interrupt: &Interrupt,
-) -> Result<(), RunFailure> {
+pub(super) fn check_substitutes(scenario: &Scenario, known: &[Interface], monitor: &Monitor) -> Result<(), RunFailure> {
     let compare = |entry: &Entry, seat: usize, refuse: &dyn Fn(&str) -> ScenarioError| {
-        let ports = match ports(scenario, entry, interrupt) {
+        let ports = match ask_for_ports(scenario, entry, monitor) {
             Ok(ports) => ports,
+            // Somebody of the run itself has failed meanwhile.
             Err(RunFailure::Participant { reason, .. }) => {
-                return Err(refuse(&format!("{} {reason}", entry.program)).into());
+                let refusal = || refuse(&format!("{} {reason}", entry.program)).into();
+                return Err(monitor.failure().unwrap_or_else(refusal));
             }
             Err(other) => return Err(other),
         };

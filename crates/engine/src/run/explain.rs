@@ -8,16 +8,23 @@ use lockstep::transport::iceoryx::{Activity, Status};
 
 use super::child::Participant;
 use super::crew::Member;
+use super::log::{LOG_MAX, Log};
 use super::outcome::ORCHESTRATOR;
+use crate::text::quoted;
 
-/// The last lines that a process wrote, ready to be put behind a message.
-pub(super) fn words(process: &Participant) -> String {
-    let lines = process.last_words();
+/// The last lines of a log, ready to be put behind a message.
+pub(super) fn words(log: &Log) -> String {
+    let lines = log.last_lines();
     if lines.is_empty() {
         "; it wrote nothing".into()
     } else {
-        format!("; its last lines:\n  {}", lines.join("\n  "))
+        format!("; its last lines:\n  | {}", quoted(&lines.join("\n")))
     }
+}
+
+/// The reason of a failure by a full log.
+pub(super) fn flood() -> String {
+    format!("wrote more than {} MiB to its standard error", LOG_MAX >> 20)
 }
 
 /// What participant number `number` does.
@@ -66,7 +73,7 @@ pub(super) fn death(plan: &Plan, number: usize, member: &Member, status: ExitSta
         instant(plan, number, last),
         last.next,
         doing(plan, number, last),
-        words(&member.process)
+        words(member.process.log())
     )
 }
 

@@ -210,7 +210,8 @@ impl Run<'_> {
                         let who = format!("process {}", std::process::id());
                         let steering = self.guide.hold(reached);
                         let (progress, interrupt) = (&self.progress, &self.interrupt);
-                        if !prepare::pause(&self.plan, reached, &who, progress, interrupt, steering.as_deref()) {
+                        let steering = steering.as_deref();
+                        if !prepare::pause(&self.plan, reached, &who, progress, interrupt, steering, || None)? {
                             let t = self.plan.timebase.seconds(reached);
                             let reason = format!("stopped at t = {t} s");
                             return Ok(Ending::Stopped { reason });

@@ -11,11 +11,14 @@ pub mod faults;
 mod guard;
 mod horizon;
 mod in_process;
+mod log;
+mod monitor;
 mod outcome;
 mod place;
 mod played;
 pub(crate) mod prepare;
 mod recording;
+mod set_up;
 mod slices;
 mod survive;
 mod take_up;
@@ -40,7 +43,7 @@ use crate::observer::{Event, Interrupt, Progress};
 use crate::scenario::Scenario;
 
 /// How a process ended in words: exit status or signal.
-pub(crate) fn ending_of_process(status: std::process::ExitStatus) -> String {
+pub fn ending_of_process(status: std::process::ExitStatus) -> String {
     child::Participant::ending(status)
 }
 

@@ -19,6 +19,9 @@ use crate::live::Steering;
 use crate::observer::{Answer, Event as Report, Interrupt, Progress};
 use crate::scenario::{Entry, OnFailure, Program, Scenario, ScenarioError, State};
 
+/// A pause looks for signals and failures this often.
+const LOOK: Duration = Duration::from_millis(5);
+
 /// What is known of a scenario before anything starts.
 pub struct Known {
     /// The ports of each participant that this program contains.
@@ -260,6 +263,9 @@ pub(super) fn positions(
 
 /// Waits at rest until the observer answers, the live page lets the run go on, or an end is asked for; whether the run goes on.
 /// `processes` says in words which process is which participant.
+///
+/// # Errors
+/// The failure that `look` returns; it is called every few milliseconds.
 pub(super) fn pause(
     plan: &Plan,
     at: Ticks,
@@ -267,23 +273,27 @@ pub(super) fn pause(
     progress: &Progress,
     interrupt: &Interrupt,
     steering: Option<&Steering>,
-) -> bool {
+    mut look: impl FnMut() -> Option<RunFailure>,
+) -> Result<bool, RunFailure> {
     let t_s = plan.timebase.seconds(at);
     progress.report(Report::Paused { t_s, processes });
     loop {
         match (progress.answer(), steering) {
             (Some(Answer::Continue), _) => {
                 steering.into_iter().for_each(Steering::resume);
-                return true;
+                return Ok(true);
             }
             (Some(Answer::End), _) => {
                 steering.into_iter().for_each(Steering::resume);
-                return false;
+                return Ok(false);
             }
-            (Some(Answer::Never), None) => return false,
-            (_, Some(steering)) if steering.lets_past(at) => return true,
-            _ if interrupt.asked() => return false,
-            _ => std::thread::sleep(Duration::from_millis(20)),
+            (Some(Answer::Never), None) => return Ok(false),
+            (_, Some(steering)) if steering.lets_past(at) => return Ok(true),
+            _ if interrupt.asked() => return Ok(false),
+            _ => std::thread::sleep(LOOK),
+        }
+        if let Some(failure) = look() {
+            return Err(failure);
         }
     }
 }

@@ -43,6 +43,17 @@ pub fn streams(plan: &Plan) -> Vec<StreamSpec> {
     streams
 }
 
+/// The number of samples of stream number `stream` when the next activation of its owner is `next`.
+fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u64 {
+    let outputs = plan.participants.iter().map(|own| own.interface.outputs.len());
+    if stream < outputs.sum() {
+        plan.samples_before(owner, next)
+    } else {
+        // One sample of a disturbed input per activation.
+        next
+    }
+}
+
 /// Everything that is made of samples while they come.
 pub struct Recorder {
     writer: Writer,
@@ -62,6 +73,12 @@ pub struct Recorder {
     again: Option<Played>,
     /// How many samples each stream has where its producer stands: those on the tape, or fewer since everybody went back.
     reached: Vec<u64>,
+    /// The number of samples of each stream that precede the first activation.
+    early: Vec<u64>,
+    /// The activation at which each participant started in the present place.
+    base: Vec<u64>,
+    /// The granted time (horizon), ticks: no activation at or past it may happen yet.
+    granted: Ticks,
 }
 
 impl Recorder {
@@ -71,12 +88,17 @@ impl Recorder {
         let outputs = outputs.flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number));
         let owners: Vec<usize> = outputs.chain(plan.seen.iter().map(|seen| seen.participant)).collect();
         let reached = vec![0; owners.len()];
+        let early = owners.iter().enumerate();
+        let early = early.map(|(stream, &owner)| samples(&plan, stream, owner, 0)).collect();
         Recorder {
             writer,
             assessment,
             watches,
+            early,
             lie: None,
             faults: faults::events(&plan),
+            base: vec![0; plan.participants.len()],
+            granted: Ticks::MAX,
             plan,
             owners,
             newest: i64::MIN,
@@ -84,6 +106,34 @@ impl Recorder {
             again: None,
             reached,
         }
+    }
+
+    /// Grants time up to `horizon`: samples of activations at or past it are refused.
+    pub fn grant(&mut self, horizon: Ticks) {
+        self.granted = horizon;
+    }
+
+    /// All participants go on at `cut`: the samples behind it come next.
+    pub fn stand_at(&mut self, cut: &Cut) {
+        self.base.clone_from(&cut.next);
+        for (stream, reached) in self.reached.iter_mut().enumerate() {
+            let owner = self.owners[stream];
+            *reached = samples(&self.plan, stream, owner, cut.next[owner]);
+        }
+    }
+
+    /// The next activation of each participant at rest at `now`. A substitute of a failed participant may be further on.
+    pub fn cut_at(&self, now: Ticks) -> Cut {
+        let mut cut = self.plan.cut_at(now);
+        for (next, base) in cut.next.iter_mut().zip(&self.base) {
+            *next = (*next).max(*base);
+        }
+        cut
+    }
+
+    /// The activation at which participant number `participant` started in the present place.
+    pub fn base(&self, participant: usize) -> u64 {
+        self.base[participant]
     }
 
     /// Records what another run had recorded before `cut`.
@@ -121,13 +171,6 @@ impl Recorder {
         Ok(())
     }
 
-    /// Everybody stands at `cut` from now on, whatever is on the tape.
-    pub fn stand_at(&mut self, cut: &Cut) {
-        for (stream, participant) in self.owners.iter().enumerate() {
-            self.reached[stream] = self.plan.samples_before(*participant, cut.next[*participant]);
-        }
-    }
-
     /// The streams of the outputs of participant number `participant`.
     fn outputs(&self, participant: usize) -> std::ops::Range<usize> {
         let own = &self.plan.participants[participant];
@@ -135,14 +178,89 @@ impl Recorder {
         first..first + own.interface.outputs.len()
     }
 
-    /// How many activations of participant number `participant` have been recorded where it stands; `None` when that cannot be told
-    /// from its samples, because it has no outputs or left an activation incomplete.
+    /// How many whole activations of participant number `participant` have been recorded where it stands; `None` when that cannot be
+    /// told from its samples, because it has no outputs.
     pub fn activations(&self, participant: usize) -> Option<u64> {
-        let mut counts = self.reached[self.outputs(participant)].iter();
-        let samples = *counts.next()?;
+        let counts = self.reached[self.outputs(participant)].iter();
         counts
-            .all(|other| *other == samples)
-            .then(|| self.plan.activations_of(participant, samples))
+            .min()
+            .map(|samples| self.plan.activations_of(participant, *samples))
+    }
+
+    /// Checks a Finished note of participant number `participant` against its recorded samples.
+    ///
+    /// # Errors
+    /// The contradiction, in words that follow the participant's name.
+    pub fn finished(&self, participant: usize) -> Result<(), Broken> {
+        let own = &self.plan.participants[participant];
+        let says = "reports that it has finished";
+        let last = own.activations.checked_sub(1).map(|last| own.sample_time.instant(last));
+        if last.is_some_and(|last| last >= self.granted) {
+            return Err(Broken(format!(
+                "{says}; it may go no further than t = {} s",
+                self.plan.timebase.seconds(self.granted)
+            )));
+        }
+        self.stands_at(participant, own.activations, says)
+    }
+
+    /// Checks an AtRest note (granted time and next activation) against the plan and the recorded samples.
+    ///
+    /// # Errors
+    /// As [`Recorder::finished`].
+    pub fn rests(&self, participant: usize, horizon: Ticks, next: u64) -> Result<(), Broken> {
+        let t = self.plan.timebase.seconds(horizon);
+        let says = format!("reports that it rests at t = {t} s");
+        if horizon > self.granted {
+            return Err(Broken(format!(
+                "{says}; it may go no further than t = {} s",
+                self.plan.timebase.seconds(self.granted)
+            )));
+        }
+        let own = &self.plan.participants[participant];
+        let before = own.sample_time.count_before(horizon.min(self.plan.end));
+        let right = before.max(self.base[participant]);
+        if next != right {
+            return Err(Broken(format!(
+                "{says} before its activation {next}; by the plan it rests there before activation {right}"
+            )));
+        }
+        self.stands_at(participant, next, &says)
+    }
+
+    /// Checks a Recalled note (next activation) against the recorded samples.
+    ///
+    /// # Errors
+    /// As [`Recorder::finished`].
+    pub fn recalled(&self, participant: usize, next: u64) -> Result<(), Broken> {
+        let (least, most) = (self.base[participant], self.plan.participants[participant].activations);
+        let says = format!("reports that it rests before its activation {next}");
+        if !(least..=most).contains(&next) {
+            return Err(Broken(format!(
+                "{says}, of those from {least} to {most} that it may have reached"
+            )));
+        }
+        self.stands_at(participant, next, &says)
+    }
+
+    /// Checks that the participant has recorded exactly the samples of the activations before `next`.
+    fn stands_at(&self, participant: usize, next: u64, says: &str) -> Result<(), Broken> {
+        let owned = self.owners.iter().enumerate();
+        for (stream, _) in owned.filter(|(_, owner)| **owner == participant) {
+            let (due, right) = (self.reached[stream], samples(&self.plan, stream, participant, next));
+            if due != right {
+                let name = self.name(stream);
+                return Err(Broken(format!(
+                    "{says}, and has recorded {due} samples of `{name}` where the plan has {right}"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// `participant.port` of stream number `stream`.
+    fn name(&self, stream: usize) -> String {
+        streams(&self.plan)[stream].name()
     }
 
     /// Whether the tape has samples of participant number `participant` that are still to come again, since everybody went back.
@@ -191,11 +309,12 @@ impl Recorder {
                 header.index
             )));
         }
+        self.is_due(participant, number, header.index)?;
         if let Some(again) = &self.again
             && header.index < again.count(number)
         {
             Self::same_again(again, stream, header, payload)?;
-            self.reached[number] = self.reached[number].max(header.index + 1);
+            self.reached[number] += 1;
             return Ok(());
         }
         let stamp = self.plan.timebase.seconds(header.stamp);
@@ -208,7 +327,7 @@ impl Recorder {
             }
             Err(error) => return Err(Broken(format!("recorded {error}"))),
         }
-        self.reached[number] = header.index + 1;
+        self.reached[number] += 1;
         if let Some(assessment) = &mut self.assessment {
             assessment.sample(number, stamp, payload);
         }
@@ -226,6 +345,28 @@ impl Recorder {
             self.tell_of_faults()?;
         }
         Ok(())
+    }
+
+    /// Checks that sample `index` of stream number `stream` is the next one, and that its activation lies before the granted time.
+    fn is_due(&self, participant: usize, stream: usize, index: u64) -> Result<(), Broken> {
+        let (own, due) = (&self.plan.participants[participant], self.reached[stream]);
+        let activation = index.checked_sub(self.early[stream]);
+        let granted = activation.is_none_or(|k| k < own.activations && own.sample_time.instant(k) < self.granted);
+        if index == due && granted {
+            return Ok(());
+        }
+        let name = self.name(stream);
+        Err(Broken(if index != due {
+            format!("recorded stream `{name}`: sample {index} came where sample {due} was due")
+        } else if let Some(k) = activation.filter(|&k| k < own.activations) {
+            format!(
+                "recorded sample #{index} of `{name}`, which its activation at t = {} s gives; it may go no further than t = {} s",
+                self.plan.timebase.seconds(own.sample_time.instant(k)),
+                self.plan.timebase.seconds(self.granted)
+            )
+        } else {
+            format!("recorded sample #{index} of `{name}`, of which the plan has {due}")
+        }))
     }
 
     /// Notes the faults that begin or end by now.

@@ -6,7 +6,8 @@ use lockstep::plan::Cut;
 use lockstep::time::Ticks;
 use tape::{Event, EventKind};
 
-use super::conduct::Conductor;
+use super::conduct::{BATCHES, Conductor};
+use super::crew::Taken;
 use super::explain;
 use super::outcome::{Ending, RunFailure};
 use super::prepare;
@@ -14,7 +15,7 @@ use super::take_up::Seat;
 use crate::scenario::OnFailure;
 
 /// How often somebody may fail without getting any further.
-const RESTARTS_MAX: u32 = 5;
+pub(super) const RESTARTS_MAX: u32 = 5;
 
 /// A participant that failed.
 #[derive(Debug, Clone)]
@@ -124,7 +125,7 @@ impl Conductor<'_> {
             member.process.bring_down(Duration::ZERO);
             member.failed = None;
             // What it had handed over counts, up to what was wrong with it.
-            while let Ok(true) = member.take(one.number, &mut self.recorder) {}
+            while let Ok(Taken::Old | Taken::News) = member.take(one.number, &mut self.recorder) {}
         }
         self.place.clock.recall();
         let started = Instant::now();
@@ -144,7 +145,7 @@ impl Conductor<'_> {
                 }
             }
             let Some(number) = left else { return Ok(()) };
-            if self.interrupt.asked() {
+            if self.monitor.asked() {
                 return Err(RunFailure::Interrupted);
             }
             let patience = self.options.patience_s;
@@ -163,10 +164,11 @@ impl Conductor<'_> {
         let member = &mut self.crew[number];
         member.ring();
         let ended = member.process.ended();
-        loop {
+        // Bounded, because a participant may send notes for ever.
+        for _ in 0..BATCHES {
             match member.take(number, &mut self.recorder) {
-                Ok(true) => {}
-                Ok(false) => break,
+                Ok(Taken::Old | Taken::News) => {}
+                Ok(Taken::Nothing) => break,
                 Err(broken) => {
                     return match self.recorder.take_error() {
                         Some(error) => Err(error.into()),
@@ -243,7 +245,8 @@ impl Conductor<'_> {
                     .recorder
                     .activations(number)
                     .unwrap_or_else(|| member.status().next)
-                    .max(self.base[number]),
+                    .min(self.plan.participants[number].activations)
+                    .max(self.recorder.base(number)),
             };
             cut.next.push(stands);
             let (one, entry) = (fallen.iter().find(|one| one.number == number), &self.entries[number]);

@@ -83,7 +83,7 @@ impl Conductor<'_> {
     }
 
     fn checkpoint(&mut self, now: Ticks, file: bool) -> Result<(), RunFailure> {
-        let checkpoint = self.saved(self.time(now), self.cut_at(now))?;
+        let checkpoint = self.saved(self.time(now), self.recorder.cut_at(now))?;
         if file {
             // The tape first: a checkpoint is of no use without the samples before it.
             self.recorder.flush()?;
@@ -95,7 +95,7 @@ impl Conductor<'_> {
 
     /// The state of the run, with everybody at rest at `cut`.
     pub(super) fn saved(&mut self, time: Rational, cut: Cut) -> Result<Checkpoint, RunFailure> {
-        let states = self.crew.iter_mut().map(|member| crew::save(member, &self.interrupt));
+        let states = self.crew.iter_mut().map(|member| crew::save(member, &self.monitor));
         let states = states.collect::<Result<_, _>>()?;
         Ok(Checkpoint::new(
             &self.plan,
@@ -111,25 +111,16 @@ impl Conductor<'_> {
         self.plan.timebase.time(ticks).unwrap_or_default()
     }
 
-    /// Where everybody stands who is at rest at `now`. Who has taken over from somebody who failed may stand further on.
-    fn cut_at(&self, now: Ticks) -> Cut {
-        let mut cut = self.plan.cut_at(now);
-        for (next, base) in cut.next.iter_mut().zip(&self.base) {
-            *next = (*next).max(*base);
-        }
-        cut
-    }
-
     /// The substitution number `number` of the scenario, at `now`.
     fn substitute(&mut self, now: Ticks, number: usize) -> Result<Vec<Fallen>, RunFailure> {
         let substitution = &self.scenario.substitutions[number];
         let seat = substitution.participant;
         let state = match substitution.state {
             State::Cold => None,
-            State::Keep => Some(crew::save(&mut self.crew[seat], &self.interrupt)?),
+            State::Keep => Some(crew::save(&mut self.crew[seat], &self.monitor)?),
         };
         let entry = substitution.entry(&self.scenario.participants[seat]);
-        let cut = self.cut_at(now);
+        let cut = self.recorder.cut_at(now);
         let event = prepare::substitution_event(&self.plan, now, &cut, seat, &entry, substitution.state);
         let mut new = Some((entry, state));
         let seats = (0..self.crew.len())
@@ -181,9 +172,7 @@ impl Conductor<'_> {
         let address = domain.address().to_string();
         for (number, (member, seat)) in old.iter_mut().zip(&seats).enumerate() {
             if let Seat::Same(_) = seat {
-                missing.unless(number, member, |member| {
-                    crew::send_to(member, &address, &self.interrupt)
-                })?;
+                missing.unless(number, member, |member| crew::send_to(member, &address, &self.monitor))?;
             }
         }
         self.place.clock.stop();
@@ -211,12 +200,12 @@ impl Conductor<'_> {
         let asked = Instant::now();
         for (number, (member, newcomer)) in crew.iter_mut().zip(&newcomers).enumerate() {
             missing.unless(number, member, |member| {
-                crew::arrive(member, asked, &self.interrupt)?;
+                crew::arrive(member, asked, &self.monitor)?;
                 match newcomer {
-                    None => crew::greet(member, &self.interrupt),
+                    None => crew::greet(member, &self.monitor),
                     Some(entry) => {
                         let known = &self.plan.participants[number].interface;
-                        crew::introduce(self.scenario, entry, Some(known), member, &self.interrupt).map(drop)
+                        crew::introduce(self.scenario, entry, Some(known), member, &self.monitor).map(drop)
                     }
                 }
             })?;
@@ -229,11 +218,10 @@ impl Conductor<'_> {
             missing.unless(number, member, |member| {
                 let position = Some(position);
                 let (plan, options) = (&self.plan, self.options);
-                crew::connect(plan, number, member, position, &placement, options, &self.interrupt)
+                crew::connect(plan, number, member, position, &placement, options, &self.monitor)
             })?;
         }
         self.crew = crew;
-        self.base.clone_from(&cut.next);
         self.recorder.stand_at(cut);
         for (entry, newcomer) in self.entries.iter_mut().zip(newcomers) {
             if let Some(newcomer) = newcomer {

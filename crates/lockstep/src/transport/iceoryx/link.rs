@@ -161,3 +161,55 @@ impl Receiver for LinkReceiver {
         Ok(Some(header))
     }
 }
+
+#[cfg(test)]
+#[path = "../../../tests/place/mod.rs"]
+mod place;
+
+#[cfg(test)]
+mod tests {
+    use super::place::Place;
+    use super::*;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    #[test]
+    fn received_sample_is_stable_while_its_sender_scribbles() {
+        let place = Place::new();
+        let service = LinkService::create(&place.domain, 0, 64, 4).expect("a new domain has room");
+        let mut receiver = service.receiver(&place.domain).expect("the only receiver");
+        let mut sender = service.sender(&place.domain).expect("the only sender");
+        let done = AtomicBool::new(false);
+        sender.prepare().expect("a receiver is there");
+        for index in 0..4 {
+            let header = Header { index, stamp: 0 };
+            assert_eq!(sender.try_send(header, &[7; 64]), Ok(true));
+        }
+        let words = sender.ring.words().expect("handed over").expect("taken");
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for value in (0..).take_while(|_| !done.load(Ordering::Relaxed)) {
+                    // All payloads: what stands in front of them is what makes them samples.
+                    for slot in words.chunks(receiver_stride()) {
+                        slot[HEAD..HEAD + 8].iter().for_each(|word| word.set(value));
+                    }
+                }
+            });
+            for _ in 0..4 {
+                let mut payload = [0; 64];
+                let header = receiver
+                    .try_receive(&mut payload)
+                    .expect("a sample")
+                    .expect("it was sent");
+                let before = payload;
+                std::thread::yield_now();
+                assert_eq!((header.stamp, payload), (0, before));
+            }
+            done.store(true, Ordering::Relaxed);
+        });
+    }
+
+    fn receiver_stride() -> usize {
+        let slots = Slots { size: 64, capacity: 4 };
+        slots.stride()
+    }
+}

@@ -184,7 +184,7 @@ pub struct RecordReceiver {
     taken: u64,
     /// What is looked at: a copy, so that what is checked is what is used, whatever the sender does to its memory.
     copy: Vec<u64>,
-    _service: RingService,
+    service: RingService,
 }
 
 impl RecordReceiver {
@@ -196,8 +196,13 @@ impl RecordReceiver {
             ring: service.reader(domain)?,
             taken: 0,
             copy: Vec::with_capacity(BATCH),
-            _service: service,
+            service,
         })
+    }
+
+    /// The processes that write records here, as they say themselves: that of the participant, if all is well.
+    pub fn writers(&self) -> Vec<u32> {
+        self.service.writers()
     }
 
     /// Takes the memory of the record; `false` while it has not come. To be called when the participant has sent it: it is lost with
@@ -306,8 +311,14 @@ fn split_entry(words: &[u64]) -> Result<Option<(Recorded<'_>, &[u64])>, Broken> 
 }
 
 #[cfg(test)]
+#[path = "../../../tests/place/mod.rs"]
+mod place;
+
+#[cfg(test)]
 mod tests {
+    use super::place::Place;
     use super::*;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     /// How many entries there are and how many words they have, or what is wrong.
     fn read(words: &[u64]) -> Result<(usize, usize), Broken> {
@@ -365,6 +376,47 @@ mod tests {
                 .collect();
             let _ = read(&words);
             let _ = committed(&shared(&words), 1);
+        }
+    }
+
+    #[test]
+    fn taken_record_is_stable_while_its_writer_scribbles() {
+        let draws = crate::random::Stream::new(2, "scribbles");
+        for round in 0..20 {
+            let place = Place::new();
+            let mut receiver = RecordReceiver::create(&place.domain, "a").expect("a new domain has room");
+            let mut sender = RecordSender::open(&place.domain, "a", 0, &[64]).expect("the only writer");
+            assert_eq!(receiver.writers(), [std::process::id()]);
+            let mut index = 0;
+            while index < 2000 && sender.sample(0, Header { index, stamp: 0 }, &[7; 64]) == Ok(true) {
+                index += 1;
+            }
+            sender.commit();
+            let words = sender.ring.words().expect("handed over").expect("taken");
+            let done = AtomicBool::new(false);
+            std::thread::scope(|scope| {
+                scope.spawn(|| {
+                    for at in (0..).take_while(|_| !done.load(Ordering::Relaxed)) {
+                        let draw = |which: u64| draws.bits(1 << 32 | round << 20 | (3 * at + which) % (1 << 20));
+                        // Anywhere near, the count of what is committed too.
+                        words[draw(0) as usize % 512].set(draw(1) >> (draw(2) % 64));
+                    }
+                });
+                for _ in 0..100 {
+                    let received = receiver.receive(|entry| {
+                        if let Recorded::Sample { header, payload, .. } = entry {
+                            let before = (header, payload.to_vec());
+                            std::thread::yield_now();
+                            assert_eq!(before, (header, payload.to_vec()));
+                        }
+                        Ok::<(), Broken>(())
+                    });
+                    if received.is_err() {
+                        break;
+                    }
+                }
+                done.store(true, Ordering::Relaxed);
+            });
         }
     }
 }

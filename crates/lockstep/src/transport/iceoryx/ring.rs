@@ -75,6 +75,17 @@ impl RingService {
         Ok(RingService { memory, taken, name })
     }
 
+    /// The processes that have opened a writing end, as they say themselves.
+    pub(super) fn writers(&self) -> Vec<u32> {
+        let mut writers = Vec::new();
+        self.memory.dynamic_config().list_publishers(|writer| {
+            let process = writer.node_id.pid::<Ipc>().ok();
+            writers.extend(process.and_then(|process| u32::try_from(process.value()).ok()));
+            CallbackProgression::Continue
+        });
+        writers
+    }
+
     /// The writing end of `lines`. The first word of every line whose number is a multiple of `cleared` is zero at first.
     pub(super) fn writer(&self, domain: &Domain, lines: usize, cleared: usize) -> Result<RingWriter, DomainError> {
         let failed =

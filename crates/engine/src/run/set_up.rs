@@ -1,0 +1,220 @@
+//! Start-up of a run: processes, handshake, plan, tape, services and positions, up to the first step.
+//!
+//! Before the first step no state can be lost. So where the failed participant's `on-failure` is a restart or a substitute, all
+//! participants are started again in a fresh place, the failed one with the program that its policy names.
+
+use std::time::Instant;
+
+use lockstep::participant::Interface;
+use lockstep::plan::{Placement, Plan};
+use lockstep::time::Rational;
+use tape::folder::RunFolder;
+use tape::{Event, EventKind};
+
+use super::Options;
+use super::crew::{self, Member};
+use super::describe;
+use super::monitor::Monitor;
+use super::outcome::RunFailure;
+use super::place::Place;
+use super::prepare::{self, Start};
+use super::recording::Recorder;
+use super::survive::RESTARTS_MAX;
+use crate::scenario::{Entry, OnFailure, Scenario};
+use crate::scope::Scope;
+
+/// A run before its first step.
+pub(super) struct Ready {
+    /// What runs in each seat.
+    pub(super) entries: Vec<Entry>,
+    /// How many programs were started again.
+    pub(super) programs: usize,
+    pub(super) scope: Scope,
+    pub(super) plan: Plan,
+    pub(super) recorder: Recorder,
+    pub(super) start: Start,
+    pub(super) place: Place,
+    pub(super) placement: Placement,
+    pub(super) crew: Vec<Member>,
+}
+
+/// What follows from the ports, and stays the same in every attempt.
+struct Basis {
+    interfaces: Vec<Interface>,
+    plan: Plan,
+    recorder: Recorder,
+    start: Start,
+}
+
+/// The arguments of every attempt.
+struct SetUp<'a> {
+    scenario: &'a Scenario,
+    options: &'a Options,
+    /// The ports of each builtin participant.
+    known: &'a [Option<Interface>],
+    folder: &'a RunFolder,
+    monitor: &'a Monitor,
+}
+
+/// Starts the programs of `entries`, and creates everything that they need.
+///
+/// # Errors
+/// Failures that no `on-failure` covers.
+pub(super) fn set_up(
+    scenario: &Scenario,
+    options: &Options,
+    known: &[Option<Interface>],
+    mut entries: Vec<Entry>,
+    folder: &RunFolder,
+    monitor: &Monitor,
+) -> Result<Ready, RunFailure> {
+    let all = SetUp {
+        scenario,
+        options,
+        known,
+        folder,
+        monitor,
+    };
+    let (mut basis, mut programs) = (None, 0);
+    let mut failures = vec![0; entries.len()];
+    let mut events = Vec::new();
+    loop {
+        let attempt = all.attempt(&entries, &mut basis, &mut programs);
+        let (participant, reason) = match (attempt, basis.take()) {
+            (Ok((scope, place, placement, crew)), Some(made)) => {
+                let Basis {
+                    plan,
+                    mut recorder,
+                    start,
+                    ..
+                } = made;
+                let time = plan.timebase.time(start.from).unwrap_or_default();
+                for event in events {
+                    recorder.event(&Event { time, ..event })?;
+                }
+                return Ok(Ready {
+                    entries,
+                    programs,
+                    scope,
+                    plan,
+                    recorder,
+                    start,
+                    place,
+                    placement,
+                    crew,
+                });
+            }
+            (Err(RunFailure::Participant { participant, reason }), made) => {
+                basis = made;
+                (participant, reason)
+            }
+            (Err(other), _) => return Err(other),
+            (Ok(_), None) => unreachable!("an attempt that succeeds has a basis"),
+        };
+        let number = entries.iter().position(|entry| entry.setup.name == participant);
+        let event = number.and_then(|number| {
+            failures[number] += 1;
+            apply_policy(&mut entries[number], failures[number], &reason)
+        });
+        let Some(event) = event else {
+            let mut reason = reason;
+            if number.is_some_and(|number| failures[number] > RESTARTS_MAX) {
+                reason += &format!("\n(started again {RESTARTS_MAX} times without getting any further)");
+            }
+            return Err(RunFailure::Participant { participant, reason });
+        };
+        options.progress.say(&format!(
+            "participant `{participant}`: {reason}\nparticipant `{participant}`: {}",
+            event.text
+        ));
+        events.push(event);
+    }
+}
+
+/// Applies the policy of a participant that has failed `count` times to its entry; returns the event, or nothing when the run ends.
+fn apply_policy(entry: &mut Entry, count: u32, reason: &str) -> Option<Event> {
+    let first_line = reason.lines().next().unwrap_or_default();
+    let (kind, text) = match entry.on_failure.clone() {
+        OnFailure::Stop => return None,
+        OnFailure::Restart if count > RESTARTS_MAX => return None,
+        OnFailure::Restart => (
+            EventKind::Restart,
+            format!("started again before the run began: {first_line}"),
+        ),
+        OnFailure::Substitute(program) => {
+            *entry = entry.replaced_by(&program);
+            let text = format!(
+                "{} takes over before the run began: the one before {first_line}",
+                entry.program
+            );
+            (EventKind::Substitution, text)
+        }
+    };
+    Some(Event {
+        time: Rational::ZERO,
+        kind,
+        participant: Some(entry.setup.name.clone()),
+        text,
+    })
+}
+
+impl SetUp<'_> {
+    /// One attempt in a place of its own. After an error all processes of the attempt have ended.
+    fn attempt(
+        &self,
+        entries: &[Entry],
+        basis: &mut Option<Basis>,
+        programs: &mut usize,
+    ) -> Result<(Scope, Place, Placement, Vec<Member>), RunFailure> {
+        let (scenario, options) = (self.scenario, self.options);
+        let scope = Scope::create()?;
+        let names = entries.iter().map(|entry| entry.setup.name.as_str());
+        let (domain, ports) = Place::enter(scope.address(), names)?;
+        let mut crew = Vec::new();
+        for (entry, ports) in entries.iter().zip(ports) {
+            let name = &entry.setup.name;
+            let mut log = self.folder.stderr(name);
+            if log.exists() {
+                *programs += 1;
+                log = self.folder.stderr(&format!("{name}.{programs}"));
+            }
+            let process = crew::start(entry, &domain, &log)?;
+            crew.push(Member::new(process, ports));
+        }
+        // Every wait below ends when any of the participants fails.
+        let monitor = self.monitor.over(crew.iter().map(|member| &member.process));
+        let monitor = monitor.map_err(|error| RunFailure::Other(error.to_string()))?;
+        let asked = Instant::now();
+        for member in &mut crew {
+            crew::arrive(member, asked, &monitor)?;
+        }
+        let mut interfaces = Vec::new();
+        let before = basis.as_ref().map(|basis| basis.interfaces.as_slice());
+        for (number, (member, entry)) in crew.iter_mut().zip(entries).enumerate() {
+            let known = before.map_or(self.known[number].as_ref(), |before| Some(&before[number]));
+            interfaces.push(crew::introduce(scenario, entry, known, member, &monitor)?);
+        }
+        let Basis { plan, start, .. } = match basis {
+            Some(basis) => basis,
+            None => {
+                let plan = scenario.plan(&interfaces)?;
+                describe::check_substitutes(scenario, &interfaces, &monitor)?;
+                let mut recorder = prepare::recorder(scenario, &plan, self.folder)?;
+                let start = prepare::start(&plan, options, &mut recorder)?;
+                basis.insert(Basis {
+                    interfaces,
+                    plan,
+                    recorder,
+                    start,
+                })
+            }
+        };
+        let place = Place::furnish(domain, plan)?;
+        let placement = crew::placement(plan, options);
+        for (number, member) in crew.iter_mut().enumerate() {
+            let position = start.positions.as_ref().map(|positions| positions[number].clone());
+            crew::connect(plan, number, member, position, &placement, options, &monitor)?;
+        }
+        Ok((scope, place, placement, crew))
+    }
+}

@@ -1,0 +1,34 @@
+//! Text of other programs in messages.
+
+/// Text of another program as a part of a message: control characters and marks of text direction are replaced by their numbers, and
+/// each line after the first begins with a bar, so that it cannot be taken for a line of this program.
+pub fn quoted(text: &str) -> String {
+    let steers = |c: char| {
+        let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        (c.is_control() && c != '\t') || turns
+    };
+    let plain = |line: &str| -> String {
+        let shown = line.chars().map(|c| match steers(c) {
+            true => c.escape_unicode().to_string(),
+            false => c.to_string(),
+        });
+        shown.collect()
+    };
+    let lines: Vec<String> = text.trim_end().lines().map(plain).collect();
+    lines.join("\n  | ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quoted_text_has_no_control_characters_or_bare_lines() {
+        assert_eq!(quoted("the valve is stuck\n"), "the valve is stuck");
+        assert_eq!(quoted("37 °C, \tréglé"), "37 °C, \tréglé");
+        assert_eq!(quoted("\u{1b}[2Ja\0b\rc\u{9b}d"), r"\u{1b}[2Ja\u{0}b\u{d}c\u{9b}d");
+        assert_eq!(quoted("no\nerror: all is well\n\n"), "no\n  | error: all is well");
+        assert_eq!(quoted("no\r\nmore"), "no\n  | more");
+        assert_eq!(quoted("a\u{202e}b\u{2066}"), r"a\u{202e}b\u{2066}");
+    }
+}
