@@ -1,15 +1,16 @@
 //! One exchange between two processes against the shortest that the transport, and the machine, can do.
 
+use std::io::Read;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use lockstep::transport::iceoryx::bare::{Bare, Payload};
 use lockstep::transport::iceoryx::{Address, Domain};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
 use super::Figures;
-use engine::run::Wait;
+use engine::run::{Wait, ending_of_process};
 use engine::scope::Scope;
 
 /// Round trips per round.
@@ -63,23 +64,40 @@ fn tie_to(which: usize) {
 fn bare_round() -> anyhow::Result<f64> {
     let scope = Scope::create()?;
     let table = scope.address().to_string();
-    let seat = |end: &str| -> std::io::Result<Child> {
+    let seat = |end: &str| -> std::io::Result<End> {
         let mut command = Command::new(std::env::current_exe()?);
         command
             .args(["participant", end])
             .env(TABLE, &table)
             .stdin(Stdio::null())
             .stdout(Stdio::piped());
-        command.spawn()
+        Ok(End(command.spawn()?))
     };
-    let mut pong = seat("bench-pong")?;
-    let ping = seat("bench-ping")?.wait_with_output()?;
-    let _ = pong.kill();
-    let _ = pong.wait();
-    let text = String::from_utf8_lossy(&ping.stdout).into_owned();
+    let (mut far, mut near) = (seat("bench-pong")?, seat("bench-ping")?);
+    // The near end waits for the far one without a limit.
+    while near.0.try_wait()?.is_none() {
+        if let Some(status) = far.0.try_wait()? {
+            anyhow::bail!("the bare ping-pong failed: its far end {}", ending_of_process(status));
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let mut text = String::new();
+    if let Some(said) = &mut near.0.stdout {
+        said.read_to_string(&mut text)?;
+    }
     text.trim()
         .parse()
         .map_err(|_| anyhow::anyhow!("the bare ping-pong failed: `{text}`"))
+}
+
+/// The process of one end; it ends with its round.
+struct End(Child);
+
+impl Drop for End {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 /// The children of [`exchange`]: one end of the bare ping-pong. `None` when `name` is not one.

@@ -1,0 +1,35 @@
+//! `bench`, where one of its processes dies.
+
+use std::fs;
+use std::time::{Duration, Instant};
+
+use escapement_tests::machine::signal;
+use escapement_tests::program::{finish, start};
+use rustix::process::Signal;
+
+/// The child of `parent` that was started with the argument `argument`.
+fn child_with(parent: u32, argument: &str) -> Option<u32> {
+    let list = fs::read_to_string(format!("/proc/{parent}/task/{parent}/children")).ok()?;
+    let mut children = list.split_whitespace().filter_map(|pid| pid.parse().ok());
+    children.find(|pid| {
+        let line = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        line.split(|byte| *byte == 0).any(|part| part == argument.as_bytes())
+    })
+}
+
+#[test]
+fn bench_ends_with_a_reason_when_its_far_end_dies() {
+    let bench = start(&["bench", "--rounds", "1", "--participants", "2", "--deaths", "0"]);
+    let started = Instant::now();
+    let far = loop {
+        match child_with(bench.id(), "bench-pong") {
+            Some(pid) => break pid,
+            None => assert!(started.elapsed() < Duration::from_secs(100), "there is no far end"),
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    };
+    assert!(signal(far, Signal::KILL));
+    let said = finish(bench);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("its far end was ended by signal 9"), "{said:?}");
+}
