@@ -243,6 +243,7 @@ impl Round {
                 // The run may be over, or not have begun: then there is nothing to steer.
                 page.map(|page| page.try_wish(wish));
             };
+            // Paused, unless the strike waits for the tape to grow.
             if !matches!(strike.moment, Moment::Tape { .. }) {
                 steer(r#"{"do": "pause"}"#, &running);
                 steer(r#"{"do": "step", "time": "10 ms"}"#, &running);
@@ -263,7 +264,7 @@ impl Round {
             .iter()
             .filter_map(|hit| Some(hit.ends_the_orchestrator()?.as_raw()))
             .collect();
-        // A killed orchestrator leaves what it must, and so does one that is asked to end twice.
+        // A killed orchestrator cannot clean up, and one that is interrupted twice does not.
         let sudden = ended.code.is_none() || (ended.code == Some(1) && ends.len() > 1);
         none_left(&self.token, if sudden { AFTERMATH } else { Duration::ZERO })?;
         nothing_left(&self.folder.path().join("scratch"), sudden)?;

@@ -73,7 +73,7 @@ impl Work {
             let failure = found.err();
             let line = Line { number, tally, failure };
             let text = serde_json::to_string(&line).expect("a line is plain data");
-            // The parent is gone when nobody reads.
+            // Without a reader the parent is gone.
             if writeln!(std::io::stdout(), "{text}").is_err() {
                 return;
             }
