@@ -3,7 +3,9 @@
 use std::f64::consts::SQRT_2;
 
 use synthesis::interconnect::{feedback, series};
-use synthesis::linalg::{CMatrix, Matrix, c64, eigenvalues_complex, from_rows, singular_values, to_complex};
+use synthesis::linalg::{
+    CMatrix, Matrix, c64, eigenvalues_complex, from_rows, hermitian_eigen, singular_values, to_complex,
+};
 use synthesis::mu::{Block, Margin, MarginOptions, MuError, Structure, lower_bound, margin, upper_bound};
 use synthesis::state_space::StateSpace;
 
@@ -167,6 +169,179 @@ fn mixed_blocks_of_the_slicot_example() {
     let (lower, upper) = bounds(&complex(&rows), &blocks);
     close(upper, 41.74753408, 1e-5);
     assert!(lower > 0.5 * upper, "{lower}");
+}
+
+/// One complex and one real scalar, where the upper bound is exact (Meinsma, Shrivastava and Fu 1997); the figures agree with
+/// SLICOT's AB13MD. The least is at moderate scalings, between large ones that prove less.
+#[test]
+fn one_complex_and_one_real_scalar_are_exact() {
+    let cases: [([[(f64, f64); 2]; 2], f64); 4] = [
+        ([[(-0.6, -1.1), (1.0, -0.5)], [(0.2, -0.4), (-0.6, -0.6)]], 1.479385),
+        ([[(0.4, 1.8), (-0.3, -0.7)], [(0.2, 0.0), (0.3, 0.4)]], 1.907473),
+        ([[(1.8, -0.3), (-0.9, -0.9)], [(-0.6, 0.0), (-0.7, -0.7)]], 2.038840),
+        ([[(0.6, 2.3), (1.4, 1.4)], [(-0.1, 0.4), (-0.5, -0.9)]], 2.526744),
+    ];
+    for (rows, known) in cases {
+        let m = complex(&[&rows[0], &rows[1]]);
+        let (lower, upper) = bounds(&m, &[Block::Full { rows: 1, columns: 1 }, Block::Real(1)]);
+        close(upper, known, 1e-6);
+        close(lower, known, 1e-6);
+        close(least_bound(&m), known, 1e-6);
+    }
+}
+
+/// The least bound of a matrix with one full block and, last, one real scalar, by nested golden sections over the ratio of the
+/// two D and over G.
+fn least_bound(m: &CMatrix) -> f64 {
+    let n = m.nrows();
+    let real = n - 1;
+    let proved = |d: f64, g: f64| -> f64 {
+        // D = diag(d² I, 1), G = diag(0, g), in the congruence that makes D the identity.
+        let size = |i: usize| if i < real { d } else { 1.0 };
+        let scaled = CMatrix::from_fn(n, n, |i, j| m[(i, j)] * (size(i) / size(j)));
+        let f = CMatrix::from_fn(n, n, |i, j| {
+            let product: c64 = (0..n).map(|k| scaled[(k, i)].conj() * scaled[(k, j)]).sum();
+            let turned = |column: usize| c64::new(0.0, g) * scaled[(real, column)];
+            let left = if i == real { turned(j) } else { c64::new(0.0, 0.0) };
+            let right = if j == real {
+                turned(i).conj()
+            } else {
+                c64::new(0.0, 0.0)
+            };
+            product + left + right
+        });
+        hermitian_eigen(&f).unwrap().0[n - 1]
+    };
+    let golden = |low: f64, high: f64, f: &dyn Fn(f64) -> f64| -> f64 {
+        let part = 0.381_966_011_250_105;
+        let (mut a, mut b) = (low, high);
+        let (mut x, mut y) = (a + part * (b - a), b - part * (b - a));
+        let (mut fx, mut fy) = (f(x), f(y));
+        for _ in 0..75 {
+            if fx < fy {
+                (b, y, fy) = (y, x, fx);
+                x = a + part * (b - a);
+                fx = f(x);
+            } else {
+                (a, x, fx) = (x, y, fy);
+                y = b - part * (b - a);
+                fy = f(y);
+            }
+        }
+        fx.min(fy)
+    };
+    let least = golden(-12.0, 12.0, &|d| golden(-3e3, 3e3, &|g| proved(d.exp(), g)));
+    least.max(0.0).sqrt()
+}
+
+/// Numbers in [−1, 1], the same on every machine.
+fn draws(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        ((state >> 33) as f64 / (1u64 << 31) as f64) * 2.0 - 1.0
+    }
+}
+
+fn random(draw: &mut impl FnMut() -> f64, rows: usize, columns: usize) -> CMatrix {
+    CMatrix::from_fn(rows, columns, |_, _| c64::new(draw(), draw()))
+}
+
+/// No scalings of a brute force prove less, on matrices whose entries span two decades, and what is returned is a proof.
+#[test]
+fn upper_bound_is_the_least_over_d_and_g() {
+    let mut draw = draws(3);
+    for (full, count) in [(1, 60), (2, 30), (3, 10)] {
+        for _ in 0..count {
+            let m = CMatrix::from_fn(full + 1, full + 1, |_, _| c64::new(draw(), draw()) * 10f64.powf(draw()));
+            let known = least_bound(&m);
+            let s = structure(&[
+                Block::Full {
+                    rows: full,
+                    columns: full,
+                },
+                Block::Real(1),
+            ]);
+            let upper = upper_bound(&m, &s, 1e-7).unwrap();
+            let found = upper.value;
+            assert!(
+                found <= known * (1.0 + 1e-6),
+                "found {found:.9}, brute force {known:.9}: {m:?}"
+            );
+            let (d, g) = (&upper.scalings.d_left, &upper.scalings.g);
+            let (dm, gm) = (m.adjoint() * d * &m, g * &m);
+            let certificate = CMatrix::from_fn(full + 1, full + 1, |i, j| {
+                let turned = c64::new(0.0, 1.0) * (gm[(i, j)] - gm[(j, i)].conj());
+                upper.scalings.d_right[(i, j)] * (found * found) - dm[(i, j)] - turned
+            });
+            let values = hermitian_eigen(&certificate).unwrap().0;
+            assert!(values[0] > 0.0, "{found} is not proved: {values:?}");
+        }
+    }
+}
+
+/// mu of a 2 × 2 matrix with a real and a complex scalar, from the determinant: for every real parameter the complex one that
+/// makes it vanish is known, and the larger of the two is searched along a line.
+fn exact_mu(m: &CMatrix) -> f64 {
+    let one = c64::new(1.0, 0.0);
+    let size = |real: f64| -> f64 {
+        let rest = one - m[(0, 0)] * real;
+        let factor = m[(1, 1)] * rest + m[(0, 1)] * m[(1, 0)] * real;
+        real.abs().max((rest / factor).norm())
+    };
+    let points: Vec<f64> = (0..40001).map(|i| unbounded(f64::from(i - 20000) / 20001.0)).collect();
+    let best = (1..points.len() - 1)
+        .min_by(|&i, &j| size(points[i]).total_cmp(&size(points[j])))
+        .unwrap();
+    let (mut low, mut high) = (points[best - 1], points[best + 1]);
+    for _ in 0..200 {
+        let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
+        if size(a) < size(b) { high = b } else { low = a }
+    }
+    1.0 / size(0.5 * (low + high))
+}
+
+/// Maps (−1, 1) to all numbers, densest around zero.
+fn unbounded(x: f64) -> f64 {
+    x / (1.0 - x * x)
+}
+
+/// Beside one full block a real scalar leaves no gap (Meinsma, Shrivastava and Fu 1997): the bound is mu itself.
+#[test]
+fn upper_bound_is_mu_for_a_real_and_a_complex_scalar() {
+    let mut draw = draws(29);
+    for _ in 0..60 {
+        let m = random(&mut draw, 2, 2);
+        let upper = upper_bound(&m, &structure(&[Block::Real(1), Block::Complex(1)]), 1e-7).unwrap();
+        close(upper.value, exact_mu(&m), 1e-6);
+    }
+}
+
+/// The upper bound is exact for up to three complex blocks, and for one repeated scalar beside one full block
+/// (Packard and Doyle 1993): the perturbation found must be as large as the bound says.
+#[test]
+fn upper_bound_is_exact_for_few_blocks() {
+    let full = |rows: usize, columns: usize| Block::Full { rows, columns };
+    let structures = [
+        vec![Block::Complex(1); 3],
+        vec![full(2, 1), full(1, 2), Block::Complex(1)],
+        vec![Block::Complex(2), full(1, 1)],
+    ];
+    let mut draw = draws(11);
+    for blocks in structures {
+        let s = structure(&blocks);
+        let mut apart = 0;
+        for _ in 0..20 {
+            let m = random(&mut draw, s.columns(), s.rows());
+            let (lower, upper) = bounds(&m, &blocks);
+            assert!(lower > 0.9 * upper, "{blocks:?}: {lower} {upper}");
+            // The search for a perturbation may end on a lower hill; the bound may not be what is wrong in all cases.
+            apart += usize::from(lower < upper * (1.0 - 1e-6));
+        }
+        assert!(apart <= 4, "{blocks:?}: {apart} of 20 apart");
+    }
 }
 
 fn checked_margin(m: &StateSpace, s: &Structure, options: &MarginOptions) -> Margin {

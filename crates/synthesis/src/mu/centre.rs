@@ -29,21 +29,22 @@ impl Centres<'_> {
             .collect()
     }
 
-    /// Moves `x` to the analytic centre at level β², on the slice of constant trace of D; at most so many steps.
-    pub(super) fn centre(&self, x: &mut Vec<f64>, level: f64, newton_steps: usize) -> Result<(), LinalgError> {
+    /// Moves `x` to the analytic centre at level β², on the slice of constant trace of D; at most so many steps. Returns whether
+    /// the centre was reached.
+    pub(super) fn centre(&self, x: &mut Vec<f64>, level: f64, newton_steps: usize) -> Result<bool, LinalgError> {
         let n = self.parameters.len();
         let trace: Vec<f64> = self.neutral();
         let barriers = self.barriers();
         let places: Vec<(Block, usize, usize)> = self.structure.placed().collect();
         for _ in 0..newton_steps {
             let Some(here) = self.potential(x, level) else {
-                return Ok(());
+                return Ok(false);
             };
             let Some(whiten) = inverse_factor(&self.certificate(x, level)) else {
-                return Ok(());
+                return Ok(false);
             };
             let little: Option<Vec<CMatrix>> = self.barrier_matrices(x).iter().map(inverse_factor).collect();
-            let Some(little) = little else { return Ok(()) };
+            let Some(little) = little else { return Ok(false) };
             let size = whiten.nrows();
             let right = columns(&whiten);
             let left = columns(&(&whiten * linalg::adjoint(self.m)));
@@ -77,11 +78,11 @@ impl Centres<'_> {
             });
             let rhs = Matrix::from_fn(n + 1, 1, |i, _| if i < n { -gradient[i] } else { 0.0 });
             let Ok(step) = linalg::solve(&kkt, &rhs) else {
-                return Ok(());
+                return Ok(false);
             };
             let decrement: f64 = -(0..n).map(|i| gradient[i] * step[(i, 0)]).sum::<f64>();
             if decrement.is_nan() || decrement < 1e-6 {
-                return Ok(());
+                return Ok(!decrement.is_nan());
             }
             let mut t = 1.0;
             loop {
@@ -95,11 +96,38 @@ impl Centres<'_> {
                 }
                 t *= 0.5;
                 if t < 1e-10 {
-                    return Ok(());
+                    // What rounding lets the potential show is reached.
+                    return Ok(decrement < 1e-2);
                 }
             }
         }
-        Ok(())
+        Ok(false)
+    }
+
+    /// How far below `level` the least β² can lie, by duality; `x` must be the centre of that level. `None` outside the domain.
+    ///
+    /// At the centre the inverse Z of the certificate, with those of the barriers, is a multiplier: for the scalings x' of
+    /// any level λ' it makes `(level − λ') Tr(Z D(x')) ≤ ν Tr D'`, with ν the sum of all sizes over the trace of D here. The
+    /// least eigenvalue of the blocks of Z bounds the ratio of the traces whatever x' is.
+    pub(super) fn gap(&self, x: &[f64], level: f64) -> Result<Option<f64>, LinalgError> {
+        let Some(whiten) = inverse_factor(&self.certificate(x, level)) else {
+            return Ok(None);
+        };
+        let z = linalg::adjoint(&whiten) * &whiten;
+        let mut least = f64::INFINITY;
+        for (block, r, _) in self.structure.placed() {
+            let rows = block.rows();
+            least = least.min(match block {
+                Block::Full { .. } => (0..rows).map(|i| z[(r + i, r + i)].re).sum(),
+                _ => {
+                    let part = CMatrix::from_fn(rows, rows, |i, j| z[(r + i, r + j)]);
+                    linalg::hermitian_eigen(&part)?.0[0]
+                }
+            });
+        }
+        let trace: f64 = self.neutral().iter().zip(x).map(|(unit, value)| unit * value).sum();
+        let sizes = z.nrows() + self.barriers().iter().map(|b| b.size).sum::<usize>();
+        Ok((least > 0.0).then(|| sizes as f64 / (trace * least)))
     }
 }
 

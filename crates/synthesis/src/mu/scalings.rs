@@ -235,6 +235,9 @@ pub(super) fn holds(m: &CMatrix, s: &Scalings, level: f64) -> Result<bool, Linal
     Ok(linalg::hermitian_eigen(&f)?.0.first().is_none_or(|least| *least > 0.0))
 }
 
+/// Most centres on the way to a bound; each takes a fifth or less of the distance that is left.
+const ROUNDS: usize = 120;
+
 /// Upper bound of μ at one matrix, to the relative accuracy `tolerance` of the convex problem (1e-6 is comfortable).
 ///
 /// M has as many rows as Δ has columns and the other way round.
@@ -242,7 +245,15 @@ pub(super) fn holds(m: &CMatrix, s: &Scalings, level: f64) -> Result<bool, Linal
 /// # Errors
 /// Blocks that do not fit the matrix, an eigenvalue iteration that does not converge.
 pub fn upper_bound(m: &CMatrix, structure: &Structure, tolerance: f64) -> Result<UpperBound, MuError> {
-    bound_until(m, structure, tolerance, f64::NEG_INFINITY, None)
+    let mut bound = bound_until(m, structure, tolerance, f64::NEG_INFINITY, None)?;
+    // The least value is where the certificate is singular, and rounding decides there. The value returned is one at which the
+    // certificate, evaluated as it stands, holds.
+    let mut raised = 1e-12;
+    while bound.value > 0.0 && raised < 1e-7 && !holds(m, &bound.scalings, bound.value)? {
+        bound.value *= 1.0 + raised;
+        raised *= 2.0;
+    }
+    Ok(bound)
 }
 
 /// As [`upper_bound`], but content with any proof of `enough` or less, which is also the level at which the scalings returned are
@@ -265,16 +276,18 @@ pub(super) fn bound_until(
         });
     }
     let floor = (1e-9 * size).powi(2);
-    let mut best = (centres.proved(&x)?, x.clone());
-    let mut level = best.0.max(floor) * 1.5;
+    let mut proved = centres.proved(&x)?;
+    let mut best = (proved, x.clone());
+    let mut level = proved.max(floor) * 1.5;
     let target = if enough > 0.0 {
         enough * enough
     } else {
         f64::NEG_INFINITY
     };
-    // What a centre proves falls by a constant factor of the distance to the optimum; a stall ends the loop.
-    let mut stalled = 0;
-    for _ in 0..80 {
+    // Every centre proves less than its level, so it is itself a point of the next domain, between the two. What was proved on
+    // the way to a centre may be less still, but another point proved it: a level taken from there has lost this one.
+    let certain = m.nrows().max(m.ncols()) as f64;
+    for _ in 0..ROUNDS {
         if best.0 < target {
             // Enough is proved. The centre for that level has the most slack, which is what an interval needs.
             x.clone_from(&best.1);
@@ -285,28 +298,30 @@ pub(super) fn bound_until(
             }
             break;
         }
-        centres.centre(&mut x, level, 20)?;
-        let proved = centres.proved(&x)?;
-        let before = best.0;
+        let centred = centres.centre(&mut x, level, 20)?;
+        let before = proved;
+        proved = centres.proved(&x)?;
         if proved < best.0 {
             best = (proved, x.clone());
         }
         if best.0 <= floor {
             break;
         }
-        let gap = level - best.0;
-        if gap <= tolerance * best.0.abs() {
+        if centred {
+            let enough = tolerance * best.0;
+            let gap = centres.gap(&x, level)?.unwrap_or(f64::INFINITY);
+            // Blocks that do not matter at the optimum leave the dual bound loose; there the slack itself is the measure.
+            if best.0 - (level - gap) <= enough || level - proved <= 0.1 * enough / certain {
+                break;
+            }
+        } else if before - proved <= 1e-3 * tolerance * proved && level - proved <= tolerance * proved {
+            // Rounding keeps the centre from being reached, and what is left is below what was asked for.
             break;
         }
-        stalled = if before - best.0 <= 0.01 * tolerance * before.abs() {
-            stalled + 1
-        } else {
-            0
-        };
-        if stalled >= 6 {
+        if !(level - proved > 4.0 * f64::EPSILON * level) {
             break;
         }
-        level = best.0 + 0.2 * gap;
+        level = proved + if centred { 0.2 } else { 0.8 } * (level - proved);
     }
     let value = if best.0 <= floor { 0.0 } else { best.0.sqrt() };
     Ok(UpperBound {
