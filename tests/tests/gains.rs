@@ -100,3 +100,50 @@ fn what_a_killed_flight_leaves_is_removed() {
         assert!(!left.exists(), "{} is left", left.display());
     }
 }
+
+/// `tune` on plain matrices: exit code and message.
+fn tune_matrices(json: &str) -> escapement_tests::program::Said {
+    let folder = Folder::new("tune-matrices");
+    let file = folder.write("plant.json", json);
+    orchestrate(&["tune", text(&file), "--starts", "2"])
+}
+
+#[test]
+fn tune_warns_where_no_gain_is_optimal() {
+    for (json, expected) in [
+        (
+            r#"{"A":[[1]],"B1":[[1]],"B":[[1]],"C1":[[1]],"C":[[1]]}"#,
+            "falls with growing gains",
+        ),
+        (
+            r#"{"A":[[1]],"B1":[[1]],"B":[[1]],"C1":[[1]],"C":[[1]],"D12":[[1]],"D21":[[1]]}"#,
+            "imaginary axis",
+        ),
+        (
+            r#"{"A":[[-1]],"B1":[[1]],"B":[[1]],"C1":[[0]],"C":[[1]]}"#,
+            "w does not reach z",
+        ),
+    ] {
+        let said = tune_matrices(json);
+        assert_eq!(said.code, Some(3), "{said:?}");
+        assert!(
+            said.err.contains("warning: ") && said.err.contains(expected),
+            "{said:?}"
+        );
+        assert!(said.out.contains("gamma"), "{said:?}");
+    }
+}
+
+#[test]
+fn tune_names_the_line_of_a_wrong_key() {
+    let plant = "{\"A\": [[-1]],\n\"B1\": [[1]],\n\"B\": [[1]],\n\"C1\": [[1]],\n\"C\": [[1]]";
+    for (extra, expected) in [
+        (",\n\"D2l\": [[1]]}", "plant.json:6: D2l: unknown key"),
+        (",\n\"ny\": 2}", "plant.json:6: ny: 2 stated"),
+        (",\n\"D12\": [[1, 2]]}", "plant.json:6: matrix D12 is 1 x 2"),
+    ] {
+        let said = tune_matrices(&format!("{plant}{extra}"));
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(said.err.contains(expected), "{said:?}");
+    }
+}

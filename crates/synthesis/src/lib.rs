@@ -48,6 +48,7 @@ pub mod mu;
 pub mod norm;
 mod parallel;
 pub mod plot;
+mod precise;
 pub mod reduce;
 mod rng;
 pub mod robot;

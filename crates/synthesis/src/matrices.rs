@@ -1,5 +1,8 @@
 //! A plant given as plain matrices, in the form of the static output feedback collections.
 
+use std::collections::BTreeMap;
+
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use crate::linalg::{self, Matrix, blocks};
@@ -9,9 +12,11 @@ use crate::tuner::{Channel, GainBlock, GainKind, Model, Problem};
 /// `ẋ = A x + B1 w + B u`, `z = C1 x + D11 w + D12 u`, `y = C x + D21 w + D22 u`, to be closed by `u = K y`.
 ///
 /// Rows of numbers, row by row. A missing D is zero. In a file the keys are `A`, `B1`, `B`, `C1`, `C`, `D11`, `D12`,
-/// `D21`, `D22`, and optionally `name` and `K` (a gain to start from); other keys are ignored, so that problems from
-/// published collections, which carry their own remarks, can be read as they are.
+/// `D21`, `D22`, and optionally `name` and `K` (a gain to start from). The remarks that problems of published collections carry
+/// are understood: `source` is skipped, and the sizes `nx`, `nw`, `nu`, `nz`, `ny` must agree with the matrices. Every other
+/// key is an error.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Listed")]
 #[allow(missing_docs)]
 pub struct PlantMatrices {
     #[serde(default)]
@@ -36,6 +41,106 @@ pub struct PlantMatrices {
     pub d22: Vec<Vec<f64>>,
     #[serde(rename = "K", default, skip_serializing_if = "Option::is_none")]
     pub start: Option<Vec<Vec<f64>>>,
+}
+
+/// Why a list of matrices is refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum KeyError {
+    /// A key without meaning, which may be a misspelt one.
+    #[error("{0}: unknown key; known are A, B1, B, C1, C, D11, D12, D21, D22, K, name, source, nx, nw, nu, nz and ny")]
+    Unknown(String),
+    /// A stated size that the matrices do not have.
+    #[error("{key}: {stated} stated, but {matrix} has {found} {what}; correct one of them")]
+    Size {
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        stated: usize,
+        /// The matrix that says otherwise.
+        matrix: &'static str,
+        /// Rows or columns.
+        what: &'static str,
+        /// How many it has.
+        found: usize,
+    },
+}
+
+/// What a file holds, as it is read.
+#[derive(Deserialize)]
+struct Listed {
+    #[serde(default)]
+    name: String,
+    #[serde(rename = "A")]
+    a: Vec<Vec<f64>>,
+    #[serde(rename = "B1")]
+    b1: Vec<Vec<f64>>,
+    #[serde(rename = "B")]
+    b: Vec<Vec<f64>>,
+    #[serde(rename = "C1")]
+    c1: Vec<Vec<f64>>,
+    #[serde(rename = "C")]
+    c: Vec<Vec<f64>>,
+    #[serde(rename = "D11", default)]
+    d11: Vec<Vec<f64>>,
+    #[serde(rename = "D12", default)]
+    d12: Vec<Vec<f64>>,
+    #[serde(rename = "D21", default)]
+    d21: Vec<Vec<f64>>,
+    #[serde(rename = "D22", default)]
+    d22: Vec<Vec<f64>>,
+    #[serde(rename = "K", default)]
+    start: Option<Vec<Vec<f64>>>,
+    #[serde(rename = "source", default)]
+    _source: Option<IgnoredAny>,
+    nx: Option<usize>,
+    nw: Option<usize>,
+    nu: Option<usize>,
+    nz: Option<usize>,
+    ny: Option<usize>,
+    #[serde(flatten)]
+    others: BTreeMap<String, IgnoredAny>,
+}
+
+impl TryFrom<Listed> for PlantMatrices {
+    type Error = KeyError;
+
+    fn try_from(l: Listed) -> Result<Self, KeyError> {
+        if let Some(key) = l.others.into_keys().next() {
+            return Err(KeyError::Unknown(key));
+        }
+        let width = |m: &[Vec<f64>]| m.first().map_or(0, Vec::len);
+        let sizes = [
+            ("nx", l.nx, "A", "rows", l.a.len()),
+            ("nw", l.nw, "B1", "columns", width(&l.b1)),
+            ("nu", l.nu, "B", "columns", width(&l.b)),
+            ("nz", l.nz, "C1", "rows", l.c1.len()),
+            ("ny", l.ny, "C", "rows", l.c.len()),
+        ];
+        for (key, stated, matrix, what, found) in sizes {
+            if let Some(stated) = stated.filter(|n| *n != found) {
+                return Err(KeyError::Size {
+                    key,
+                    stated,
+                    matrix,
+                    what,
+                    found,
+                });
+            }
+        }
+        Ok(Self {
+            name: l.name,
+            a: l.a,
+            b1: l.b1,
+            b: l.b,
+            c1: l.c1,
+            c: l.c,
+            d11: l.d11,
+            d12: l.d12,
+            d21: l.d21,
+            d22: l.d22,
+            start: l.start,
+        })
+    }
 }
 
 impl PlantMatrices {

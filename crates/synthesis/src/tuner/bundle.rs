@@ -55,6 +55,9 @@ pub(crate) fn finish<E>(
     };
     let mut t = 1.0;
     for _ in 0..steps {
+        if cuts.is_empty() {
+            break; // Nothing can be lowered.
+        }
         let level: Vec<f64> = cuts.iter().map(|c| c.at(x, value) - value).collect();
         let gradients: Vec<Vec<f64>> = cuts.iter().map(|c| c.gradient.clone()).collect();
         let moved: Vec<Vec<f64>> = gradients.iter().map(|g| times(g)).collect();

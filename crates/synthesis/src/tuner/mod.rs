@@ -6,6 +6,9 @@
 //! 3. **Finish** with a bundle of the active pieces, in the metric that 2 has learnt, and go back to 2 while that helps.
 //! 4. **Certify**: the smallest element of the convex hull of the active gradients.
 //!
+//! Growing gains have a small price, so that an infimum at infinite gain does not draw the search to where rounding decides;
+//! the [`Verdict`] says when a result is no optimum.
+//!
 //! Several starts, each its own deterministic run; threads only decide when a run happens, never what it does.
 
 mod bundle;
@@ -15,9 +18,14 @@ mod gains;
 mod objective;
 mod problem;
 pub(crate) mod qp;
+mod region;
 mod run;
+mod search;
+mod state_feedback;
+mod verdict;
 
 pub use certificate::Certificate;
 pub use gains::{GainBlock, GainError, GainKind};
 pub use problem::{Channel, Model, Problem, TuneError};
 pub use run::{ChannelReport, Evaluation, Flow, Options, Phase, Progress, Tuned, controllers, evaluate, tune};
+pub use verdict::Verdict;

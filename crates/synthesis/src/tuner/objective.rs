@@ -31,7 +31,7 @@ impl Piece {
 }
 
 /// The closed loop of one model with what gradients need.
-struct Closed<'a> {
+pub(super) struct Closed<'a> {
     model: &'a Model,
     /// Closed loop from w to z.
     system: StateSpace,
@@ -41,7 +41,7 @@ struct Closed<'a> {
     /// From the states and from w to y.
     c_y: Matrix,
     d_y: Matrix,
-    poles: Vec<c64>,
+    pub(super) poles: Vec<c64>,
 }
 
 impl Closed<'_> {
@@ -75,7 +75,7 @@ pub(crate) struct Objective<'a> {
     memory: Vec<Vec<Vec<f64>>>,
     tolerance: f64,
     /// Channels whose remembered peaks all lie below this part of the largest one are not tested further; 0 tests all.
-    screen: f64,
+    pub(super) screen: f64,
     /// Threads that share the models; has no influence on the result.
     threads: usize,
     /// Evaluations of the norm so far.
@@ -83,16 +83,16 @@ pub(crate) struct Objective<'a> {
 }
 
 /// One closed loop on the way to its norms.
-struct Look<'a> {
-    closed: Closed<'a>,
+pub(super) struct Look<'a> {
+    pub(super) closed: Closed<'a>,
     /// The channels.
-    parts: Vec<StateSpace>,
+    pub(super) parts: Vec<StateSpace>,
     /// The largest gain of each at the frequencies that mattered lately.
     norms: Vec<ChannelNorm>,
 }
 
-/// A closed loop must be at least this far from the axis, relative to its fastest pole, to count as stable. Nearer, neither its
-/// stability nor its norm can be told from rounding: a search that may go there finds gains of 1e11 whose peak the Hamiltonian misses.
+/// A closed loop must be at least this far from the axis, relative to the fastest pole with or without feedback, to count as
+/// stable. Nearer, neither its stability nor its norm can be told from rounding.
 const MARGIN: f64 = 1e-9;
 
 impl<'a> Objective<'a> {
@@ -215,7 +215,7 @@ impl<'a> Objective<'a> {
     }
 
     /// The norms, and the closed loops they belong to; none of these when a loop is unstable or the ceiling exceeded.
-    fn look(&mut self, x: &[f64], ceiling: f64) -> Result<(Value, Vec<Look<'a>>), LinalgError> {
+    pub(super) fn look(&mut self, x: &[f64], ceiling: f64) -> Result<(Value, Vec<Look<'a>>), LinalgError> {
         self.evaluations += 1;
         let blocks = self.problem.blocks(x);
         let count = self.problem.models.len();
@@ -285,7 +285,8 @@ impl<'a> Objective<'a> {
             norms: Vec::new(),
             closed,
         };
-        let fastest = look.closed.poles.iter().map(|p| p.norm()).fold(0.0, f64::max);
+        let sizes = look.closed.poles.iter().map(|p| p.norm());
+        let fastest = sizes.fold(self.problem.fastest[m], f64::max);
         if look.closed.abscissa() >= -MARGIN * fastest {
             return Ok(Some(look));
         }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::gains::{GainBlock, GainError, Parametrised};
+use super::region::Yardstick;
 use crate::linalg::{LinalgError, Matrix, c64};
 use crate::state_space::StateSpace;
 
@@ -99,6 +100,10 @@ pub enum TuneError {
 pub(crate) struct Checked {
     pub(crate) models: Vec<Model>,
     pub(crate) gains: Vec<Parametrised>,
+    /// What a feedback of each model is measured in.
+    pub(crate) yardsticks: Vec<Yardstick>,
+    /// The size of the fastest pole of each model without feedback.
+    pub(crate) fastest: Vec<f64>,
 }
 
 impl Checked {
@@ -141,7 +146,17 @@ impl Checked {
                 });
             }
         }
-        Ok(Self { models, gains })
+        let yardsticks = models.iter().map(Yardstick::new).collect();
+        let fastest = models
+            .iter()
+            .map(|m| Ok(m.plant.poles()?.iter().map(|p| p.norm()).fold(0.0, f64::max)))
+            .collect::<Result<_, LinalgError>>()?;
+        Ok(Self {
+            models,
+            gains,
+            yardsticks,
+            fastest,
+        })
     }
 
     /// Number of free parameters.

@@ -1,13 +1,13 @@
 //! The phases of one start, several starts, and the report.
 
-use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::bundle;
 use super::certificate::{Certificate, certify};
-use super::descent::{self, Limits};
-use super::objective::{Objective, Piece, Value};
+use super::objective::{Objective, Value};
 use super::problem::{Checked, Problem, TuneError};
+use super::search::{REPORTED, Search};
+use super::state_feedback;
+use super::verdict::Verdict;
 use crate::linalg::{LinalgError, Matrix};
 use crate::parallel;
 use crate::rng::Rng;
@@ -15,7 +15,8 @@ use crate::rng::Rng;
 /// How to tune.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// Number of starts; the first is the start value of the gains, the others are scattered around it.
+    /// Number of starts; the first is the start value of the gains, the others are scattered around it. Where the whole state
+    /// is measured one more follows, from the Riccati equation.
     pub starts: usize,
     /// Standard deviation of that scatter: of a logarithm for positive gains, of a parameter unit for full ones.
     pub scatter: f64,
@@ -119,22 +120,14 @@ pub struct Tuned {
     pub evaluation: Evaluation,
     /// Evidence of local optimality.
     pub certificate: Certificate,
+    /// Whether an optimum was attained.
+    pub verdict: Verdict,
     /// Gamma of every start, infinite where none was stabilised.
     pub starts: Vec<f64>,
     /// Whether the caller stopped the run before it was done.
     pub stopped: bool,
     /// Norm evaluations of all starts together.
     pub evaluations: usize,
-}
-
-/// While searching, a channel whose known peaks all lie below this part of the largest one is believed without a proof.
-const SCREEN: f64 = 0.7;
-
-struct Outcome {
-    x: Vec<f64>,
-    gamma: f64,
-    abscissa: f64,
-    evaluations: usize,
 }
 
 /// Tunes the gains of `problem`. `watch` is called from the worker threads after every accepted step.
@@ -148,7 +141,9 @@ pub fn tune(
     watch: &(dyn Fn(Progress) -> Flow + Sync),
 ) -> Result<Tuned, TuneError> {
     let checked = Checked::new(problem)?;
-    let starts = options.starts.max(1);
+    let asked = options.starts.max(1);
+    let solved = state_feedback::start(&checked)?;
+    let starts = asked + usize::from(solved.is_some());
     let stop = AtomicBool::new(false);
     // Starts first; threads that are left over share the models of a start.
     let workers = options.threads.clamp(1, starts);
@@ -163,11 +158,22 @@ pub fn tune(
             }
             !stop.load(Ordering::Relaxed)
         };
-        Some(one_start(&checked, options, index, inner, &report))
+        let from = match &solved {
+            Some(x) if index == asked => x.clone(),
+            _ => scattered(&checked, options, index),
+        };
+        let search = Search {
+            checked: &checked,
+            options,
+            index,
+            threads: inner,
+            report: &report,
+        };
+        Some(search.run(from))
     });
     let stopped = stop.load(Ordering::Relaxed);
     let mut gammas = Vec::new();
-    let mut best: Option<Outcome> = None;
+    let mut best: Option<super::search::Outcome> = None;
     let mut evaluations = 0;
     for outcome in outcomes {
         // A start that was never begun (after a stop) or whose iteration broke down counts as not stabilised.
@@ -175,11 +181,12 @@ pub fn tune(
             gammas.push(f64::INFINITY);
             continue;
         };
-        gammas.push(outcome.gamma);
+        gammas.push(outcome.value.gamma);
         evaluations += outcome.evaluations;
         let better = best.as_ref().is_none_or(|b| {
-            outcome.gamma < b.gamma
-                || (b.gamma.is_infinite() && outcome.gamma.is_infinite() && outcome.abscissa < b.abscissa)
+            let (own, other) = (&outcome.value, &b.value);
+            own.gamma < other.gamma
+                || (own.gamma.is_infinite() && other.gamma.is_infinite() && own.abscissa < other.abscissa)
         });
         if better {
             best = Some(outcome);
@@ -192,13 +199,13 @@ pub fn tune(
         }
         .into());
     };
-    if best.gamma.is_infinite() {
+    if best.value.gamma.is_infinite() {
         return Err(if stopped {
-            TuneError::Stopped(best.abscissa)
+            TuneError::Stopped(best.value.abscissa)
         } else {
             TuneError::NotStabilised {
                 starts,
-                abscissa: best.abscissa,
+                abscissa: best.value.abscissa,
                 parameters: best.x,
             }
         });
@@ -211,13 +218,14 @@ pub fn tune(
     };
     let gains = checked.blocks(&best.x);
     let controllers = checked.models.iter().map(|m| checked.gain(m, &gains)).collect();
-    let (value, _) = Objective::new(&checked, 1e-8, options.threads).norm(&best.x, f64::INFINITY)?;
-    let evaluation = report(&checked, &value);
+    let verdict = Verdict::of(&checked, options, &best.x, &best.value)?;
+    let evaluation = report(&checked, &best.value);
     Ok(Tuned {
         gains,
         controllers,
         evaluation,
         certificate,
+        verdict,
         starts: gammas,
         stopped,
         evaluations,
@@ -231,7 +239,7 @@ pub fn tune(
 pub fn evaluate(problem: &Problem) -> Result<Evaluation, TuneError> {
     let checked = Checked::new(problem)?;
     let x = vec![0.0; checked.parameters()];
-    let (value, _) = Objective::new(&checked, 1e-8, 1).norm(&x, f64::INFINITY)?;
+    let value = Objective::new(&checked, REPORTED, 1).reported(&x)?;
     Ok(report(&checked, &value))
 }
 
@@ -284,146 +292,4 @@ fn scattered(checked: &Checked, options: &Options, index: usize) -> Vec<f64> {
         x.extend((0..g.block.kind.parameters()).map(|_| spread * rng.normal()));
     }
     x
-}
-
-fn one_start(
-    checked: &Checked,
-    options: &Options,
-    index: usize,
-    threads: usize,
-    report: &dyn Fn(Progress) -> bool,
-) -> Result<Outcome, LinalgError> {
-    let mut x = scattered(checked, options, index);
-    let mut objective = Objective::new(checked, 1e-7, threads).screened(SCREEN);
-    let mut abscissa = stabilise(&objective, &mut x, index, report)?;
-    let (first, gradient) = objective.norm(&x, f64::INFINITY)?;
-    if first.gamma.is_infinite() {
-        abscissa = abscissa.max(first.abscissa);
-        return Ok(Outcome {
-            x,
-            gamma: f64::INFINITY,
-            abscissa,
-            evaluations: objective.evaluations,
-        });
-    }
-    let mut best = first.gamma.ln();
-    let mut gradient: Vec<f64> = gradient.iter().map(|g| g / first.gamma).collect();
-    let limits = Limits {
-        iterations: options.iterations,
-        gain: options.tolerance,
-        window: 20,
-    };
-    let go = Cell::new(true);
-    let watch = |phase| {
-        let go = &go;
-        move |_: &[f64], value: f64| {
-            let value = value.exp();
-            go.set(report(Progress {
-                start: index,
-                phase,
-                value,
-                best: value,
-            }));
-            go.get()
-        }
-    };
-    let mut metric = None;
-    for _ in 0..options.rounds.max(1) {
-        let before = best;
-        let descend = |x: &[f64], ceiling: f64| -> descent::Evaluation<LinalgError> {
-            // A trial point far out may overflow; it is simply not taken.
-            Ok(match objective.norm(x, ceiling.exp()) {
-                Ok((value, gradient)) => (value.gamma.ln(), gradient.iter().map(|g| g / value.gamma).collect()),
-                Err(_) => (f64::INFINITY, Vec::new()),
-            })
-        };
-        let (_, learnt) = descent::bfgs(&mut x, best, gradient, metric, limits, descend, watch(Phase::Descend))?;
-        if !go.get() {
-            break;
-        }
-        let mut in_logs = |x: &[f64]| -> bundle::Pieces<LinalgError> {
-            Ok(match objective.pieces(x, 0.9) {
-                Ok((value, pieces)) => (value.gamma.ln(), pieces.iter().map(Piece::logarithm).collect()),
-                Err(_) => (f64::INFINITY, Vec::new()),
-            })
-        };
-        let here = in_logs(&x)?;
-        let gain = 0.1 * options.tolerance;
-        best = bundle::finish(
-            &mut x,
-            here,
-            &learnt,
-            options.finishing,
-            gain,
-            in_logs,
-            watch(Phase::Finish),
-        )?;
-        if !go.get() || before - best < options.tolerance {
-            break;
-        }
-        metric = Some(learnt);
-        let (value, fresh) = objective.norm(&x, f64::INFINITY)?;
-        best = value.gamma.ln();
-        gradient = fresh.iter().map(|g| g / value.gamma).collect();
-    }
-    // What is reported spares nothing.
-    let mut objective = objective.screened(0.0);
-    let (value, _) = objective.norm(&x, f64::INFINITY)?;
-    Ok(Outcome {
-        x,
-        gamma: value.gamma,
-        abscissa: value.abscissa,
-        evaluations: objective.evaluations,
-    })
-}
-
-/// Descends on the spectral abscissa until it is negative by a little, in a few descents (a fresh metric gets BFGS over
-/// the kinks at which several eigenvalues meet).
-fn stabilise(
-    objective: &Objective<'_>,
-    x: &mut Vec<f64>,
-    index: usize,
-    report: &dyn Fn(Progress) -> bool,
-) -> Result<f64, LinalgError> {
-    let size = objective
-        .problem
-        .models
-        .iter()
-        .map(|m| crate::linalg::max_abs(&m.plant.a))
-        .fold(1.0, f64::max);
-    let enough = -1e-6 * size.min(1e3);
-    let evaluate = |x: &[f64], _: f64| -> descent::Evaluation<LinalgError> {
-        Ok(objective
-            .abscissa(x)
-            .ok()
-            .flatten()
-            .unwrap_or((f64::INFINITY, Vec::new())))
-    };
-    let limits = Limits {
-        iterations: 150,
-        gain: 1e-9 * size.min(1e3),
-        window: 25,
-    };
-    let mut abscissa = f64::INFINITY;
-    let mut go = true;
-    for _ in 0..3 {
-        let Some((value, gradient)) = objective.abscissa(x)? else {
-            break;
-        };
-        abscissa = value;
-        if abscissa < enough || !go {
-            break;
-        }
-        abscissa = descent::bfgs(x, value, gradient, None, limits, evaluate, |_, value| {
-            go = report(Progress {
-                start: index,
-                phase: Phase::Stabilise,
-                value,
-                best: f64::INFINITY,
-            });
-            go && value >= enough
-        })?
-        .0;
-    }
-    Ok(abscissa)
 }

@@ -7,19 +7,45 @@ use std::sync::atomic::AtomicBool;
 use synthesis::linalg::to_rows;
 use synthesis::matrices::PlantMatrices;
 use synthesis::robot::export;
-use synthesis::tuner::{Options, tune};
+use synthesis::state_space::ModelError;
+use synthesis::tuner::{Options, Problem, Verdict, tune};
 
-use super::{REFUSED, Reporter, TuneArgs, failure, progress_line, write};
+use super::{NOT_MET, REFUSED, Reporter, TuneArgs, failure, progress_line, write};
+
+/// Reads the matrices; an error starts with the line of the key that it is about.
+fn read(text: &str) -> Result<Problem, String> {
+    let at = |line: Option<usize>, message: String| match line {
+        Some(line) => format!("{line}: {message}"),
+        None => format!(" {message}"),
+    };
+    let line_of = |key: &str| {
+        let quoted = format!("\"{key}\"");
+        text.lines().position(|line| line.contains(&quoted)).map(|n| n + 1)
+    };
+    let plant: PlantMatrices = serde_json::from_str(text).map_err(|error| {
+        let message = error.to_string();
+        // What is wrong with a key, and not with the syntax, starts with the key.
+        let line = match error.line() {
+            0 => message.split(':').next().and_then(line_of),
+            line => Some(line),
+        };
+        at(line, message)
+    })?;
+    plant.static_output_feedback().map_err(|error| {
+        let line = match &error {
+            ModelError::Shape { name, .. } => line_of(name),
+            _ => None,
+        };
+        at(line, error.to_string())
+    })
+}
 
 /// Tunes, prints; gives the exit code.
 pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<i32> {
-    let problem = serde_json::from_str::<PlantMatrices>(text)
-        .map_err(|e| e.to_string())
-        .and_then(|plant| plant.static_output_feedback().map_err(|e| e.to_string()));
-    let problem = match problem {
+    let problem = match read(text) {
         Ok(problem) => problem,
         Err(error) => {
-            eprintln!("error: {}: {error}", args.spec.display());
+            eprintln!("error: {}:{error}", args.spec.display());
             return Ok(REFUSED);
         }
     };
@@ -59,6 +85,8 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
         "spectral_abscissa": tuned.evaluation.abscissa,
         "certificate": { "length": tuned.certificate.length, "radius": tuned.certificate.radius, "gradients": tuned.certificate.gradients },
         "K": k,
+        "attained": tuned.verdict == Verdict::Attained,
+        "verdict": tuned.verdict.to_string(),
         "starts": starts,
         "stopped": tuned.stopped,
     });
@@ -66,9 +94,15 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
         write(path, &serde_json::to_string_pretty(&result)?)?;
     }
     let mut out = crate::output::stdout();
+    let code = if tuned.verdict == Verdict::Attained {
+        0
+    } else {
+        eprintln!("warning: {}: {}", args.spec.display(), tuned.verdict);
+        NOT_MET
+    };
     if args.json {
         writeln!(out, "{}", serde_json::to_string_pretty(&result)?)?;
-        return Ok(0);
+        return Ok(code);
     }
     writeln!(
         out,
@@ -91,5 +125,5 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
         let row: Vec<String> = row.iter().map(|x| format!("{x:14.8}")).collect();
         writeln!(out, "K                  {}", row.join(" "))?;
     }
-    Ok(0)
+    Ok(code)
 }

@@ -37,7 +37,7 @@ const NOT_MET: i32 = 3;
 /// Ctrl-C ends the search and keeps the best gains so far; a second one ends the program.
 ///
 /// Exit code 0: tuned and verified. 1: no stabilising gain found. 2: the specification is wrong. 3: the verification or the
-/// validation set is not passed.
+/// validation set is not passed, or gamma falls without end as gains grow or a pole nears the axis.
 #[derive(Debug, Args)]
 pub struct TuneArgs {
     /// The specification

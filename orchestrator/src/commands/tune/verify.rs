@@ -6,7 +6,7 @@ use synthesis::robot::{
     ChannelEntry, Design, GainTable, Gains, GainsFile, MarginEntry, ModelSpec, OptimumEntry, Provenance, Robot,
     RobotError, SampledEntry, Spec, Validation, ValidationEntry, margins, sampled_models, tracking_optimum,
 };
-use synthesis::tuner::Evaluation;
+use synthesis::tuner::{Evaluation, Verdict};
 
 use super::super::margins::figures;
 use super::{TuneArgs, write};
@@ -24,6 +24,9 @@ pub(super) fn verify(
     file.full_order = optima(spec, robot, &design.adversary);
     file.sampled = sampled_entries(spec, robot, &design.gains)?;
     let mut complaints = Vec::new();
+    if design.tuned.verdict != Verdict::Attained {
+        complaints.push(design.tuned.verdict.to_string());
+    }
     // The gains were expensive: what fails from here on is said beside them, not in place of them.
     if !args.no_margins {
         match stated_margins(spec, robot, &design.gains, usize::MAX, stop) {

@@ -1,0 +1,72 @@
+//! A start from the Riccati equation, where the whole state is measured.
+//!
+//! Static feedback of the state reaches what any controller reaches that sees it, and that optimum is known from one Riccati
+//! equation (Doyle, Glover, Khargonekar and Francis 1989). A descent from afar gets stuck on its way there when the states are
+//! many; from the solution it only has to confirm.
+
+use super::gains::GainKind;
+use super::objective::Objective;
+use super::problem::Checked;
+use super::region;
+use crate::full_order;
+use crate::linalg::{self, LinalgError, Matrix};
+
+/// The parameters of the best state feedback; `None` where the problem is another one: several models or channels, gains that
+/// are not free, measurements that do not tell the state.
+pub(super) fn start(checked: &Checked) -> Result<Option<Vec<f64>>, LinalgError> {
+    let ([model], [gain]) = (&checked.models[..], &checked.gains[..]) else {
+        return Ok(None);
+    };
+    let [channel] = &model.channels[..] else {
+        return Ok(None);
+    };
+    let whole = gain.block.kind
+        == GainKind::Full {
+            rows: model.controls,
+            columns: model.measurements,
+        };
+    let p = &model.plant;
+    let n = p.states();
+    let (nw, nz) = (p.inputs() - model.controls, p.outputs() - model.measurements);
+    let measured = linalg::sub(&p.c, nz, 0, model.measurements, n);
+    let direct = linalg::sub(&p.d, nz, 0, model.measurements, p.inputs());
+    if !whole || model.transforms[0].is_some() || linalg::max_abs(&direct) > 0.0 || model.measurements < n || n == 0 {
+        return Ok(None);
+    }
+    let gram = measured.transpose() * &measured;
+    if linalg::reciprocal_condition(&gram)? < 1e-12 {
+        return Ok(None);
+    }
+    let to_state = linalg::solve(&gram, &measured.transpose().to_owned())?;
+    // The plant of this channel alone.
+    let mut plant = p.select(channel.outputs.clone(), 0..p.inputs());
+    plant = {
+        let columns: Vec<usize> = channel.inputs.clone().chain(nw..p.inputs()).collect();
+        crate::state_space::StateSpace {
+            b: Matrix::from_fn(n, columns.len(), |i, j| plant.b[(i, columns[j])]),
+            d: Matrix::from_fn(plant.outputs(), columns.len(), |i, j| plant.d[(i, columns[j])]),
+            ..plant
+        }
+    };
+    let mut objective = Objective::new(checked, 1e-7, 1);
+    let mut best: Option<(f64, Vec<f64>)> = None;
+    for feedback in full_order::state_feedbacks(&plant, model.controls)? {
+        let k = feedback * &to_state;
+        let start = &gain.block.start;
+        let x: Vec<f64> = (0..k.nrows())
+            .flat_map(|i| (0..k.ncols()).map(move |j| (i, j)))
+            .map(|(i, j)| (k[(i, j)] - start[(i, j)]) / gain.block.unit)
+            .collect();
+        let Some((price, _)) = region::price(checked, &x, region::PRICE) else {
+            continue;
+        };
+        let Ok((value, _)) = objective.norm(&x, f64::INFINITY) else {
+            continue;
+        };
+        let total = value.gamma.ln() + price;
+        if value.gamma.is_finite() && best.as_ref().is_none_or(|b| total < b.0) {
+            best = Some((total, x));
+        }
+    }
+    Ok(best.map(|b| b.1))
+}

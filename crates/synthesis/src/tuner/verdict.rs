@@ -1,0 +1,236 @@
+//! What a result is worth: norms that rounding has not touched, and whether an optimum was attained at all.
+
+use super::objective::{ChannelNorm, Objective, Value};
+use super::problem::{Channel, Checked, Model};
+use super::region;
+use super::run::Options;
+use super::search::Search;
+use crate::interconnect;
+use crate::linalg::{LinalgError, Matrix, c64};
+use crate::norm;
+use crate::precise::Loop;
+use crate::reduce;
+use crate::state_space::StateSpace;
+
+/// Whether the gains found are an optimum, or only the end of the region that was searched.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Verdict {
+    /// A local optimum among the gains that were searched.
+    Attained,
+    /// The infimum lies at infinite gain: gamma was still falling where the feedback is this many times as large as the plant.
+    InfiniteGain {
+        /// Name of the model.
+        model: String,
+        /// How many times as large as the plant the feedback is.
+        feedback: f64,
+    },
+    /// The infimum lies on the limit of stability: gamma was still falling where a pole comes next to the imaginary axis.
+    PoleNearAxis {
+        /// Name of the model.
+        model: String,
+        /// The pole of the closed loop.
+        pole: c64,
+    },
+    /// No channel passes anything from w to z: there was nothing to minimise.
+    NothingToMinimise,
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Attained => write!(f, "a local optimum"),
+            Self::InfiniteGain { model, feedback } => write!(
+                f,
+                "model {model}: no optimum: gamma still falls with growing gains, where the feedback is {feedback:.1e} times as \
+                 large as the plant; add an effort weight (rows of D12) or a measurement noise (columns of D21)"
+            ),
+            Self::PoleNearAxis { model, pole } => write!(
+                f,
+                "model {model}: no optimum: gamma still falls as a pole approaches the imaginary axis, it is at {pole:.3e}; weight \
+                 the slow motion (rows of C1) or disturb it (columns of B1)"
+            ),
+            Self::NothingToMinimise => write!(
+                f,
+                "w does not reach z: gamma is zero whatever the gains; check B1, C1, D11, D12 and D21"
+            ),
+        }
+    }
+}
+
+/// A feedback this many times as fast as its plant may be on its way to infinity.
+const FAST: f64 = 30.0;
+/// A higher price for growing gains than that of the search, at which the doubt is settled.
+const TRIAL: f64 = 100.0 * region::PRICE;
+/// A pole this near to the axis, relative to the fastest one, is only there because the axis is better.
+const NEAR: f64 = 1e-6;
+/// Poles that span more than this leave the slow ones with few correct digits.
+const SPREAD: f64 = 1e5;
+
+impl Verdict {
+    /// The verdict on the gains at `x`, which stabilise.
+    pub(super) fn of(checked: &Checked, options: &Options, x: &[f64], value: &Value) -> Result<Self, LinalgError> {
+        if value.gamma == 0.0 {
+            return Ok(Self::NothingToMinimise);
+        }
+        let blocks = checked.blocks(x);
+        if runs_away(checked, options, x)? {
+            let sizes = checked.models.iter().zip(&checked.yardsticks);
+            let sizes = sizes.map(|(model, yardstick)| (yardstick.feedback(&checked.gain(model, &blocks)), model));
+            if let Some((feedback, model)) = sizes.max_by(|a, b| a.0.total_cmp(&b.0)) {
+                let model = model.name.clone();
+                return Ok(Self::InfiniteGain { model, feedback });
+            }
+        }
+        for (model, own) in checked.models.iter().zip(&checked.fastest) {
+            let k = checked.gain(model, &blocks);
+            // Weights keep their own poles whatever the gains are; those of the loop are the ones that the search has moved.
+            let poles = loop_poles(model, &k)?;
+            let fastest = poles.iter().map(|p| p.norm()).fold(*own, f64::max);
+            let slowest = poles.into_iter().max_by(|a, b| a.re.total_cmp(&b.re));
+            if let Some(pole) = slowest.filter(|p| p.re > -NEAR * fastest) {
+                let model = model.name.clone();
+                // A slow pole that is no slower than the plant has not moved: the fast ones have run away from it.
+                let feedback = region::feedback(checked, x);
+                return Ok(if feedback >= FAST && pole.re <= -NEAR * own {
+                    Self::InfiniteGain { model, feedback }
+                } else {
+                    Self::PoleNearAxis { model, pole }
+                });
+            }
+        }
+        Ok(Self::Attained)
+    }
+}
+
+/// Whether the gains at `x` are held by the price of growth alone: at a hundred times the price less than half of them does as
+/// well to a part in ten thousand. An optimum at a finite gain does not move for it, however large the gain is.
+fn runs_away(checked: &Checked, options: &Options, x: &[f64]) -> Result<bool, LinalgError> {
+    let feedback = region::feedback(checked, x);
+    if feedback < FAST {
+        return Ok(false);
+    }
+    if feedback >= 0.1 * region::LARGEST {
+        return Ok(true);
+    }
+    let search = Search {
+        checked,
+        options,
+        index: 0,
+        threads: options.threads,
+        report: &|_| true,
+    };
+    let mut trial = x.to_vec();
+    let mut objective = Objective::new(checked, 1e-7, options.threads);
+    search.improve(&mut objective, &mut trial, TRIAL)?;
+    Ok(region::feedback(checked, &trial) < 0.5 * feedback)
+}
+
+/// The poles of the part of a model that lies on a path from u to y, closed.
+fn loop_poles(model: &Model, k: &Matrix) -> Result<Vec<c64>, LinalgError> {
+    let p = &model.plant;
+    let (nw, nz) = (p.inputs() - model.controls, p.outputs() - model.measurements);
+    let part = reduce::on_path(&p.select(nz..p.outputs(), nw..p.inputs()));
+    match interconnect::lft_lower(&part, &StateSpace::gain(k.clone())) {
+        Ok(closed) => closed.poles(),
+        Err(_) => Ok(Vec::new()),
+    }
+}
+
+impl Objective<'_> {
+    /// The norms as they are reported: no channel spared, and where the poles of a model span many decades, every peak
+    /// looked for on a grid as well and evaluated in double-double arithmetic.
+    pub(super) fn reported(&mut self, x: &[f64]) -> Result<Value, LinalgError> {
+        let screen = std::mem::replace(&mut self.screen, 0.0);
+        let looked = self.look(x, f64::INFINITY);
+        self.screen = screen;
+        let (mut value, looks) = looked?;
+        if value.gamma.is_infinite() {
+            return Ok(value);
+        }
+        let blocks = self.problem.blocks(x);
+        for ((model, look), norms) in self.problem.models.iter().zip(&looks).zip(&mut value.channels) {
+            let sizes = || look.closed.poles.iter().map(|p| p.norm());
+            let (slowest, fastest) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
+            if fastest <= SPREAD * slowest {
+                continue;
+            }
+            let k = self.problem.gain(model, &blocks);
+            let closed = Loop {
+                plant: &model.plant,
+                k: &k,
+            };
+            for ((channel, part), found) in model.channels.iter().zip(&look.parts).zip(norms) {
+                *found = careful(&closed, channel, part, *found, &look.closed.poles)?;
+            }
+        }
+        value.gamma = value.channels.iter().flatten().map(|n| n.gain).fold(0.0, f64::max);
+        Ok(value)
+    }
+}
+
+/// The largest gain of a channel: the highest points of a logarithmic grid and of the resonances, each refined by golden
+/// sections in double-double arithmetic.
+fn careful(
+    closed: &Loop<'_>,
+    channel: &Channel,
+    part: &StateSpace,
+    found: ChannelNorm,
+    poles: &[c64],
+) -> Result<ChannelNorm, LinalgError> {
+    const PER_DECADE: f64 = 16.0;
+    const GOLDEN: f64 = 0.381_966_011_250_105;
+    let gain = |omega: f64| closed.gain(&channel.outputs, &channel.inputs, omega);
+    let guesses = norm::peak_guesses(poles);
+    let mut grid = guesses.clone();
+    if let (Some(low), Some(high)) = (guesses.iter().find(|w| **w > 0.0), guesses.last()) {
+        let (low, high) = (1e-2 * low, 1e2 * high);
+        let steps = (PER_DECADE * (high / low).log10()).ceil();
+        grid.extend((0..=steps as usize).map(|i| low * (high / low).powf(i as f64 / steps)));
+    }
+    grid.extend((found.omega > 0.0 && found.omega.is_finite()).then_some(found.omega));
+    grid.sort_by(f64::total_cmp);
+    let gains = grid
+        .iter()
+        .map(|&w| norm::gain_at(part, w))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut tops: Vec<usize> = (0..grid.len())
+        .filter(|&i| (i == 0 || gains[i] >= gains[i - 1]) && gains.get(i + 1).is_none_or(|right| gains[i] >= *right))
+        .collect();
+    tops.sort_by(|&i, &j| gains[j].total_cmp(&gains[i]));
+    let mut best = ChannelNorm {
+        gain: gain(0.0)?,
+        omega: 0.0,
+    };
+    let mut raise = |omega: f64, gain: f64| {
+        if gain > best.gain {
+            best = ChannelNorm { gain, omega };
+        }
+    };
+    raise(f64::INFINITY, gain(f64::INFINITY)?);
+    if found.omega.is_finite() {
+        raise(found.omega, gain(found.omega)?);
+    }
+    for at in tops.into_iter().take(4) {
+        let mut low = grid[at.saturating_sub(1)];
+        let mut high = grid[(at + 1).min(grid.len() - 1)];
+        let (mut peak, mut top) = (grid[at], gain(grid[at])?);
+        raise(peak, top);
+        while high - low > 1e-7 * high {
+            let left = peak - low > high - peak;
+            let trial = if left {
+                peak - GOLDEN * (peak - low)
+            } else {
+                peak + GOLDEN * (high - peak)
+            };
+            let there = gain(trial)?;
+            match (there > top, left) {
+                (true, true) => (high, top, peak) = (peak, there, trial),
+                (true, false) => (low, top, peak) = (peak, there, trial),
+                (false, true) => low = trial,
+                (false, false) => high = trial,
+            }
+        }
+        raise(peak, top);
+    }
+    Ok(best)
+}
