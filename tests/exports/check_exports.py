@@ -1,40 +1,47 @@
-"""Exports a run in every format, reads it back with the tools' own packages and compares it with the tape, value by value.
+"""Exports runs in every format, reads them back with the tools' own packages and compares them with the tapes, value by value.
 
-    python3 tests/exports/check_exports.py ORCHESTRATOR RUN
+    python3 tests/exports/check_exports.py ORCHESTRATOR RUN…
 
-ORCHESTRATOR is the program, RUN a run folder. Needs the packages of requirements.txt beside this file.
+ORCHESTRATOR is the program, each RUN a run folder. The tape of awkward.py is checked as well. Needs the packages of requirements.txt
+beside this file.
 """
 
 import csv
 import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
 
 import numpy as np
+import pandas
+import pyarrow
 import pyarrow.parquet
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
+
+import awkward
 
 NUMPY = {"f64": "<f8", "f32": "<f4", "i64": "<i8", "i32": "<i4", "u64": "<u8", "u32": "<u4", "u8": "u1"}
 
 
 def read_tape(run):
-    """The tape by its documentation alone: index.json and plain files of records."""
+    """The tape by its documentation alone: index.json and plain files of records. By stream: its entry, fields, stamps and payloads."""
     tape = run / "tape"
     index = json.loads((tape / "index.json").read_text())
     streams = {}
     for stream in index["streams"]:
         fields = stream["descriptor"]["fields"]
-        dtype = np.dtype([("t", "<f8")] + [(f["name"], NUMPY[f["element"]], tuple(f["shape"])) for f in fields])
+        payload = np.dtype([(f["name"], NUMPY[f["element"]], tuple(f["shape"])) for f in fields])
+        dtype = np.dtype([("t", "<f8"), ("payload", payload)])
         assert dtype.itemsize == stream["record_bytes"], stream["file"]
         # A torn last record belongs to nobody.
         data = (tape / stream["file"]).read_bytes()
         records = np.frombuffer(data[: len(data) // dtype.itemsize * dtype.itemsize], dtype=dtype)
-        streams[f"{stream['participant']}.{stream['port']}"] = (stream, fields, records)
+        streams[f"{stream['participant']}.{stream['port']}"] = (stream, fields, records["t"], records["payload"])
     return streams
 
 
@@ -46,53 +53,104 @@ def same(a, b, what):
     assert equal.all(), f"{what}: first difference at {np.argwhere(~equal)[0]}"
 
 
+def wide(field):
+    return np.prod(field["shape"], dtype=int) > 256
+
+
 def columns(fields, records):
-    """Name and values of every column after the time."""
+    """Name, field and values of every column after the time, one column for a wide field."""
+    wanted = []
     for field in fields:
-        values = records[field["name"]].reshape(len(records), -1)
-        shape = field["shape"]
+        values = records[field["name"]].reshape(len(records), int(np.prod(field["shape"], dtype=int)))
+        if wide(field):
+            wanted.append((field["name"], field, values))
+            continue
         for k in range(values.shape[1]):
-            place = "".join(f"[{i}]" for i in np.unravel_index(k, shape)) if shape else ""
-            yield f"{field['name']}{place} [{field['unit']}]", field, values[:, k]
+            place = "".join(f"[{i}]" for i in np.unravel_index(k, field["shape"])) if field["shape"] else ""
+            wanted.append((field["name"] + place, field, values[:, k]))
+    heading = lambda name, field: f"{name} [{field['unit']}]" if field["unit"] else name
+    # The stamp has its name first; a name that occurs again gets a number that makes it a new one.
+    rightful, taken = {heading(name, field) for name, field, _ in wanted}, {"t [s]"}
+    for name, field, values in wanted:
+        column, n = heading(name, field), 2
+        while column in taken or (n > 2 and column in rightful):
+            column, n = heading(f"{name}_{n}", field), n + 1
+        taken.add(column)
+        yield column, field, values
+
+
+def exact(text, kind):
+    """A cell of a table as a number of its own type: no integer on the way through a double."""
+    return int(text) if kind.kind in "iu" else float(text)
 
 
 def check_csv(out, streams):
-    checked = 0
-    for name, (_, fields, records) in streams.items():
-        with open(out / f"{name}.csv", newline="") as file:
-            rows = csv.reader(file)
-            header = next(rows)
-            table = np.array([[float(x) for x in row] for row in rows]).reshape(-1, len(header))
-        assert header[0] == "t [s]"
-        same(table[:, 0], records["t"], f"{name}.t")
-        expected = list(columns(fields, records))
+    checked, files = 0, set()
+    for name, (_, fields, stamps, records) in streams.items():
+        path = out / f"{name}.csv"
+        with open(path, newline="") as file:
+            header, *rows = csv.reader(file)
+        assert header[0] == "t [s]" and len(set(header)) == len(header), header
+        assert all(len(row) == len(header) for row in rows)
+        same([float(row[0]) for row in rows], stamps, f"{name}.t")
+        expected = [one for one in columns(fields, records) if not wide(one[1])]
         assert header[1:] == [column for column, _, _ in expected], header
+        # As pandas reads it. Before version 3 its parser rounds correctly only when it is asked to.
+        frame = pandas.read_csv(path, **({} if int(pandas.__version__.split(".")[0]) >= 3 else {"float_precision": "round_trip"}))
+        assert list(frame.columns) == header, f"{name}: pandas has {list(frame.columns)}"
         for k, (column, _, values) in enumerate(expected):
-            # f32 is written as its own shortest text.
-            got = table[:, k + 1].astype(values.dtype)
+            got = np.array([exact(row[k + 1], values.dtype) for row in rows], dtype=values.dtype)
             same(got, values, f"{name} {column}")
+            if len(values):
+                same(frame[column].to_numpy().astype(values.dtype), values, f"{name} {column} in pandas")
             checked += len(values)
+        arrays = {array.name: np.load(array, allow_pickle=False) for array in out.glob(f"{name}.*.npy")}
+        files.update(array.lower() for array in arrays)
+        for field in filter(wide, fields):
+            values = records[field["name"]]
+            same_type = [file for file, array in arrays.items() if array.dtype == values.dtype and array.shape == values.shape]
+            found = [file for file in same_type if arrays[file].tobytes() == values.tobytes()]
+            assert found, f"{name}.{field['name']}: no array has its values"
+            arrays.pop(found[0])
+            checked += values.size
+        assert not arrays, f"{name}: arrays of no field: {list(arrays)}"
+    assert len(files) == len(list(out.glob("*.npy"))), "two arrays have names that differ in case only"
     return checked
 
 
 def check_parquet(out, streams):
     checked = 0
-    for name, (stream, fields, records) in streams.items():
+    for name, (stream, fields, stamps, records) in streams.items():
         path = out / f"{name}.parquet"
         table = pyarrow.parquet.read_table(path)
-        assert table.num_rows == len(records)
-        same(table.column("t [s]").to_numpy(), records["t"], f"{name}.t")
+        frame = pandas.read_parquet(path)
+        assert table.num_rows == len(records) == len(frame)
+        assert table.column_names == list(frame.columns) and len(set(table.column_names)) == table.num_columns
+        same(table.column("t [s]").to_numpy(), stamps, f"{name}.t")
         for column, field, values in columns(fields, records):
-            got = table.column(column).to_numpy()
+            got, kind = table.column(column), table.schema.field(column).type
+            if not wide(field):
+                assert kind == pyarrow.from_numpy_dtype(values.dtype), f"{name} {column}: {kind}"
+                same(frame[column].to_numpy(), values, f"{name} {column} in pandas")
+                got = got.to_numpy()
+            elif field["element"] == "u8":
+                assert kind == pyarrow.binary(values.shape[1]), f"{name} {column}: {kind}"
+                got = np.frombuffer(b"".join(got.to_pylist()), np.uint8).reshape(values.shape)
+            else:
+                assert kind.list_size == values.shape[1] and kind.value_type == pyarrow.from_numpy_dtype(values.dtype), f"{name} {column}: {kind}"
+                got = got.combine_chunks().flatten().to_numpy().reshape(values.shape)
             assert got.dtype == values.dtype, f"{name} {column}: {got.dtype} against {values.dtype}"
             same(got, values, f"{name} {column}")
             metadata = table.schema.field(column).metadata
             assert metadata[b"unit"].decode() == field["unit"], f"{name} {column}: {metadata}"
             assert metadata[b"field"].decode() == field["name"]
             assert metadata.get(b"frame", b"").decode() == field["frame"]
-            checked += len(values)
+            assert json.loads(metadata.get(b"shape", b"[]")) == (field["shape"] if wide(field) else [])
+            checked += values.size
         about = json.loads(pyarrow.parquet.read_metadata(path).metadata[b"escapement.stream"])
         assert about["period"] == stream["period"] and about["descriptor"] == stream["descriptor"]
+        if any(map(wide, fields)) and len(records) * stream["record_bytes"] > 1e6:
+            assert path.stat().st_size < 1.01 * len(records) * stream["record_bytes"], f"{name}: {path.stat().st_size} bytes"
     return checked
 
 
@@ -120,27 +178,30 @@ def check_mcap(out, streams):
                 scenes += len(decoded.entities)
                 continue
             name = channel.topic[1:].replace("/", ".")
-            _, fields, records = streams[name]
+            _, fields, stamps, records = streams[name]
             k = counts[name]
             counts[name] += 1
             record = records[k]
-            assert message.log_time == round(float(record["t"]) * 1e9), f"{name} sample {k}"
-            for field in fields:
-                got = getattr(decoded, field["name"])
+            assert message.log_time == round(float(stamps[k]) * 1e9), f"{name} sample {k}"
+            # The message's fields are those of the payload in its order; the channel tells names that protobuf does not allow.
+            described = decoded.DESCRIPTOR.fields
+            assert [channel.metadata.get(f"field.{d.name}", d.name) for d in described] == [f["name"] for f in fields], name
+            for field, d in zip(fields, described):
+                got = getattr(decoded, d.name)
                 value = record[field["name"]].reshape(-1)
                 got = np.array(list(got) if field["shape"] else [got], dtype=value.dtype)
                 same(got, value, f"{name}.{field['name']} sample {k}")
                 checked += len(value)
-    for name, (stream, fields, records) in streams.items():
+    for name, (stream, fields, _, records) in streams.items():
         assert counts[name] == len(records), f"{name}: {counts[name]} of {len(records)}"
         metadata = topics["/" + name.replace(".", "/")].metadata
         for field in fields:
             assert metadata[f"unit.{field['name']}"] == field["unit"]
     assert summary.statistics.message_count == sum(c for c in summary.statistics.channel_message_counts.values())
-    poses = [(name, f["name"]) for name, (_, fields, _) in streams.items() for f in fields if f["name"] == "p_NB_N"]
+    poses = [(name, f["name"]) for name, (_, fields, *_) in streams.items() for f in fields if f["name"] == "p_NB_N"]
     if poses:
-        _, _, records = streams[next(name for name, _ in poses if name.endswith(".truth"))]
-        stamps = np.round(records["t"] * 1e9).astype(np.int64)
+        _, _, stamps, records = streams[next(name for name, _ in poses if name.endswith(".truth"))]
+        stamps = np.round(stamps * 1e9).astype(np.int64)
         for time, p, q in transforms[("N", "B")]:
             k = int(np.searchsorted(stamps, time))
             same(p, records["p_NB_N"][k], "frame B")
@@ -178,29 +239,50 @@ def check_rerun(program, run, out, streams):
         name = entity[1:].replace("/", ".")
         if name not in streams:
             continue
-        _, fields, records = streams[name]
+        _, fields, taped, records = streams[name]
         first, counts[name] = counts[name], counts[name] + len(stamps)
         records = records[first : counts[name]]
-        assert stamps == [round(float(t) * 1e9) for t in records["t"]], f"{name}: other stamps"
+        assert stamps == [round(float(t) * 1e9) for t in taped[first : counts[name]]], f"{name}: other stamps"
         column = next(column for column in batch.schema.names if column.endswith(":message"))
         messages = batch.column(column).flatten()
-        for field in fields:
-            values = messages.field(field["name"])
-            values = values.flatten() if field["shape"] else values
-            same(values.to_numpy(zero_copy_only=False).astype(records[field["name"]].dtype), records[field["name"]].reshape(-1), f"{name}.{field['name']}")
+        for k, field in enumerate(fields):
+            values = messages.field(k)
+            if wide(field) and field["element"] == "u8":
+                values = np.frombuffer(b"".join(values.to_pylist()), np.uint8)
+            else:
+                values = (values.flatten() if field["shape"] else values).to_numpy(zero_copy_only=False)
+            same(values.astype(records[field["name"]].dtype), records[field["name"]].reshape(-1), f"{name}.{field['name']}")
             checked += records[field["name"]].size
-    assert counts == {name: len(records) for name, (_, _, records) in streams.items()}, counts
-    for name, (_, fields, records) in streams.items():
+    assert counts == {name: len(records) for name, (*_, records) in streams.items()}, counts
+    for name, (_, fields, stamps, records) in streams.items():
         if name.endswith(".truth"):
-            times = np.round(records["t"] * 1e9).astype(np.int64)
+            times = np.round(stamps * 1e9).astype(np.int64)
             for stamp, place in frames["B"]:
                 k = int(np.searchsorted(times, stamp))
                 assert np.allclose(place, records["p_NB_N"][k], rtol=1e-6, atol=1e-6), f"frame B at {stamp}"
     return f"rrd: Rerun shows {checked} values equal to those of the tape, and {len(frames)} moving frames"
 
 
-def main():
-    program, run = sys.argv[1], pathlib.Path(sys.argv[2])
+def check_documentation(program, run, made):
+    """The snippets of docs/run-folder.md do what the page says, in its order: the first on a capture, the second on pictures."""
+    page = pathlib.Path(__file__).parents[2] / "docs/run-folder.md"
+    numbers, pictures = re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)
+    has = {}
+    exec(numbers.replace("RUN", str(run)), has)
+    _, _, stamps, records = read_tape(run)["plant.truth"]
+    same(has["t"], stamps, "the stamps of the page's snippet")
+    same(has["truth"]["p_NE_N"], records["p_NE_N"], "the fields of the page's snippet")
+    for kind in ("csv", "parquet"):
+        subprocess.run([program, "export", str(made), "--to", kind], check=True, stdout=subprocess.DEVNULL)
+    has = {}
+    exec(pictures.replace("RUN", str(made)), has)
+    expected = read_tape(made)["camera.picture"][3]["rgb"]
+    same(has["pictures"], expected, "the pictures of the page's snippet")
+    same(has["first"], expected[0], "the first picture of the page's snippet")
+    print("the snippets of docs/run-folder.md read what is on the tape")
+
+
+def check_run(program, run):
     streams = read_tape(run)
     assert streams, "a tape without streams shows nothing"
     with tempfile.TemporaryDirectory() as folder:
@@ -209,6 +291,18 @@ def main():
             subprocess.run([program, "export", str(run), "--to", kind, "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
             print(f"{kind}: {check(out, streams)} values equal those of the tape")
         print(check_rerun(program, run, out, streams))
+
+
+def main():
+    program = sys.argv[1]
+    with tempfile.TemporaryDirectory() as folder:
+        made = pathlib.Path(folder) / "awkward"
+        awkward.write(made)
+        for run in [*map(pathlib.Path, sys.argv[2:]), made]:
+            check_run(program, run)
+        captures = [run for run in map(pathlib.Path, sys.argv[2:]) if (run / "tape/plant.truth.bin").exists()]
+        if captures:
+            check_documentation(program, captures[0], made)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@
 //! Record k of a stream is sample `first_index + k`, and its stamp is the double nearest to `offset + index * period`.
 //! Each stream file is a prefix of what an undisturbed run would have written, whatever killed the writer: a torn last
 //! record is left out by the reader and reported. In Python,
-//! `numpy.fromfile(path, dtype=[("t", "<f8"), ("p_NB_N", "<f8", 3), …])` reads a stream.
+//! `numpy.fromfile(path, dtype=[("t", "<f8"), ("payload", [("p_NB_N", "<f8", 3), …])])` reads a stream.
 //!
 //! The [`Digest`] says whether two tapes are the same: it covers names, descriptors, sample times, counts and every
 //! byte of every stream, in an order that does not depend on which stream arrived first. Events are not part of it, so

@@ -1,16 +1,41 @@
-//! A stream as a table: one column per element.
+//! A stream as a table: a column per element, or one for a whole field that is too wide for that.
+
+use std::collections::HashSet;
 
 use lockstep::port::{Element, Field};
 
 use tape::StreamSpec;
 
+/// A field with more elements than this is one column. A picture has a million elements, and no reader opens a table with
+/// a million columns; the largest matrices that are looked at element by element (a covariance of 16 states) stay below.
+pub(super) const WIDEST: usize = 256;
+
 /// A column of a table.
 pub(super) struct Column<'a> {
-    /// The element with its unit: `p_NB_N[0] [m]`.
+    /// The element with its unit: `p_NB_N[0] [m]`. No two columns have the same.
     pub(super) name: String,
     pub(super) field: &'a Field,
-    /// Where the element starts in the payload, bytes.
+    /// Where the column starts in the payload, bytes.
     pub(super) start: usize,
+    /// How many elements each cell has: one, or all of a wide field.
+    pub(super) elements: usize,
+}
+
+impl Column<'_> {
+    /// Whether each cell holds the whole field.
+    pub(super) fn is_wide(&self) -> bool {
+        self.elements > 1
+    }
+
+    /// The bytes of the cell.
+    pub(super) fn cell<'p>(&self, payload: &'p [u8]) -> &'p [u8] {
+        &payload[self.start..self.start + self.elements * self.field.element.size()]
+    }
+}
+
+/// Whether the field is one column.
+pub(super) fn is_wide(field: &Field) -> bool {
+    field.len() > WIDEST
 }
 
 /// The name of the first column, the stamp.
@@ -19,16 +44,75 @@ pub(super) const TIME: &str = "t [s]";
 /// The columns of a stream after the stamp.
 pub(super) fn columns(spec: &StreamSpec) -> Vec<Column<'_>> {
     let mut columns = Vec::new();
+    let mut names = vec![("t".to_owned(), "s")];
     for field in &spec.descriptor.fields {
-        for element in 0..field.len() {
+        let (start, unit) = (field.offset as usize, field.unit.as_str());
+        if is_wide(field) {
+            names.push((field.name.clone(), unit));
             columns.push(Column {
-                name: format!("{} [{}]", field.element_name(element), field.unit),
+                name: String::new(),
                 field,
-                start: field.offset as usize + element * field.element.size(),
+                start,
+                elements: field.len(),
+            });
+            continue;
+        }
+        for element in 0..field.len() {
+            names.push((field.element_name(element), unit));
+            columns.push(Column {
+                name: String::new(),
+                field,
+                start: start + element * field.element.size(),
+                elements: 1,
             });
         }
     }
+    // The stamp comes first, so it keeps its name whatever a field is called.
+    for (column, name) in columns.iter_mut().zip(headings(&names).into_iter().skip(1)) {
+        column.name = name;
+    }
     columns
+}
+
+/// A name with its unit, as it heads a column; a pure text has none.
+pub(super) fn heading(name: &str, unit: &str) -> String {
+    if unit.is_empty() {
+        name.to_owned()
+    } else {
+        format!("{name} [{unit}]")
+    }
+}
+
+/// Names with their units as headings that are all different: `t_2 [s]` where `t [s]` stands already.
+pub(super) fn headings(columns: &[(String, &str)]) -> Vec<String> {
+    let wanted = columns.iter().map(|(name, unit)| heading(name, unit)).collect();
+    distinct(wanted, |at, n| {
+        heading(&format!("{}_{n}", columns[at].0), columns[at].1)
+    })
+}
+
+/// Names that are all different. The first of several equal ones stays as it is; for the others, which stand at `at`,
+/// `another(at, n)` gives names to try, n = 2, 3, …
+pub(super) fn distinct(wanted: Vec<String>, another: impl Fn(usize, usize) -> String) -> Vec<String> {
+    let mut taken: HashSet<String> = HashSet::new();
+    let repeated: Vec<bool> = wanted.iter().map(|name| !taken.insert(name.clone())).collect();
+    // All wanted names are taken by now: none that is made up gets one that another column has by right.
+    let named = wanted.into_iter().zip(repeated).enumerate();
+    named
+        .map(|(at, (name, repeated))| {
+            if !repeated {
+                return name;
+            }
+            let mut n = 2;
+            loop {
+                let name = another(at, n);
+                if taken.insert(name.clone()) {
+                    return name;
+                }
+                n += 1;
+            }
+        })
+        .collect()
 }
 
 /// One element in its own type.
@@ -57,5 +141,31 @@ pub(super) fn number(element: Element, payload: &[u8], start: usize) -> Number {
         Element::U64 => Number::U64(raw!(u64)),
         Element::U32 => Number::U64(u64::from(raw!(u32))),
         Element::U8 => Number::U64(u64::from(payload[start])),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn headings_differ_and_first_of_equals_stays(
+            names in prop::collection::vec(("[ta_]{1,2}(_2|_3)?(\\[0\\])?", prop::sample::select(vec!["s", "m", ""])), 0..40),
+        ) {
+            let made = headings(&names);
+            let different: HashSet<&String> = made.iter().collect();
+            prop_assert_eq!(different.len(), names.len());
+            let mut seen = HashSet::new();
+            for ((name, unit), made) in names.iter().zip(&made) {
+                let wanted = heading(name, unit);
+                if seen.insert(wanted.clone()) {
+                    prop_assert_eq!(made, &wanted);
+                } else {
+                    prop_assert!(made.starts_with(&format!("{name}_")), "{} for {}", made, wanted);
+                }
+            }
+        }
     }
 }

@@ -1,34 +1,71 @@
 //! Comma-separated values (RFC 4180).
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
+use std::path::{Path, PathBuf};
 
-use super::WriteError;
-use super::columns::{Number, TIME, columns, number};
+use super::columns::{Column, Number, TIME, columns, distinct, number};
+use super::{Draft, ExportError, WriteError, npy};
 use tape::{Records, Source};
 
-pub(super) fn write(source: &dyn Source, stream: usize, out: &mut BufWriter<File>) -> Result<(), WriteError> {
-    let columns = columns(&source.streams()[stream]);
-    write!(out, "{TIME}")?;
-    for column in &columns {
-        write!(out, ",{}", quoted(&column.name))?;
-    }
-    out.write_all(b"\n")?;
+/// The table of a stream, and beside it the array of each field that is too wide for a table. Gives the files.
+pub(super) fn write(source: &dyn Source, stream: usize, dir: &Path) -> Result<Vec<PathBuf>, ExportError> {
+    let spec = &source.streams()[stream];
+    let (wide, columns): (Vec<_>, Vec<_>) = columns(spec).into_iter().partition(Column::is_wide);
     let mut records = Records::new(source, stream);
+    let mut table = Draft::create(dir.join(format!("{}.csv", spec.name())))?;
+    let mut arrays = Vec::with_capacity(wide.len());
+    for (column, name) in wide.iter().zip(array_names(&wide)) {
+        let mut array = Draft::create(dir.join(format!("{}.{name}.npy", spec.name())))?;
+        array.put(&npy::head(column.field, records.remaining()))?;
+        arrays.push(array);
+    }
+    let mut line = TIME.to_owned();
+    for column in &columns {
+        line.push(',');
+        line.push_str(&quoted(&column.name));
+    }
+    line.push('\n');
+    table.put(line.as_bytes())?;
     while let Some(record) = records.next()? {
+        row(&mut table, &columns, record.stamp_s, record.payload)?;
+        for (column, array) in wide.iter().zip(&mut arrays) {
+            array.put(column.cell(record.payload))?;
+        }
+    }
+    std::iter::once(table).chain(arrays).map(Draft::finish).collect()
+}
+
+fn row(table: &mut Draft, columns: &[Column<'_>], stamp_s: f64, payload: &[u8]) -> Result<(), ExportError> {
+    table.write(|out| {
         // `{:?}` of a float is the shortest text that reads back to it, with an exponent where that is shorter.
-        write!(out, "{:?}", record.stamp_s)?;
-        for column in &columns {
-            match number(column.field.element, record.payload, column.start) {
+        write!(out, "{stamp_s:?}")?;
+        for column in columns {
+            match number(column.field.element, payload, column.start) {
                 Number::F64(x) => write!(out, ",{x:?}")?,
                 Number::F32(x) => write!(out, ",{x:?}")?,
                 Number::I64(x) => write!(out, ",{x}")?,
                 Number::U64(x) => write!(out, ",{x}")?,
             }
         }
-        out.write_all(b"\n")?;
-    }
-    Ok(())
+        out.write_all(b"\n").map_err(WriteError::Io)
+    })
+}
+
+/// The fields' names as parts of file names that are all different, also where letters' case does not count.
+fn array_names(wide: &[Column<'_>]) -> Vec<String> {
+    let plain = |column: &Column<'_>| -> String {
+        let safe = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+        column.field.name.chars().map(safe).take(96).collect()
+    };
+    let folded = wide.iter().map(|column| plain(column).to_ascii_lowercase()).collect();
+    let numbered = |at: usize, n: usize| format!("{}_{n}", plain(&wide[at]).to_ascii_lowercase());
+    let told_apart = distinct(folded, numbered).into_iter();
+    // What was added to tell them apart is added to the name as it is.
+    let names = told_apart.zip(wide).map(|(name, column)| {
+        let plain = plain(column);
+        format!("{plain}{}", &name[plain.len()..])
+    });
+    names.collect()
 }
 
 /// A text that may hold a comma, a quote or a line's end, such as the name of a foreign participant's field.

@@ -10,6 +10,7 @@
 mod columns;
 mod csv;
 mod mcap;
+mod npy;
 mod parquet;
 mod sheet;
 
@@ -42,14 +43,23 @@ pub enum ExportError {
 
 /// One CSV file per stream into the folder `dir`: `<participant>.<port>.csv`. The first line has the columns' names with
 /// their units, numbers are the shortest text that reads back to the same number. Gives the files.
+///
+/// A field of more than 256 elements, such as a picture, has no place in a table of texts: it is an array of NumPy's in a
+/// file beside the table, `<participant>.<port>.<field>.npy`, with the number of samples before its own shape.
 pub fn csv(source: &dyn Source, dir: &Path) -> Result<Vec<PathBuf>, ExportError> {
-    per_stream(source, dir, "csv", csv::write)
+    per_stream(source, dir, csv::write)
 }
 
 /// One Parquet file per stream into the folder `dir`: `<participant>.<port>.parquet`, a column of the field's own type per
-/// element. Unit, frame and field of each column are in the column's metadata as Arrow readers show it. Gives the files.
+/// element. A field of more than 256 elements is one column: bytes of a fixed number for `u8`, a list of a fixed number of
+/// elements for the other types. Unit, frame, field and shape of each column are in the column's metadata as Arrow readers
+/// show it. Gives the files.
 pub fn parquet(source: &dyn Source, dir: &Path) -> Result<Vec<PathBuf>, ExportError> {
-    per_stream(source, dir, "parquet", parquet::write)
+    per_stream(source, dir, |source, stream, dir| {
+        let path = dir.join(format!("{}.parquet", source.streams()[stream].name()));
+        whole_file(&path, |file| parquet::write(source, stream, file))?;
+        Ok(vec![path])
+    })
 }
 
 /// One MCAP file with every stream as a topic `/participant/port` of a protobuf message that describes itself, the
@@ -79,52 +89,95 @@ impl From<io::Error> for WriteError {
     }
 }
 
-type WriteStream = fn(&dyn Source, usize, &mut BufWriter<File>) -> Result<(), WriteError>;
+type WriteStream = fn(&dyn Source, usize, &Path) -> Result<Vec<PathBuf>, ExportError>;
 
-fn per_stream(
-    source: &dyn Source,
-    dir: &Path,
-    extension: &str,
-    write: WriteStream,
-) -> Result<Vec<PathBuf>, ExportError> {
+fn per_stream(source: &dyn Source, dir: &Path, write: WriteStream) -> Result<Vec<PathBuf>, ExportError> {
     fs::create_dir_all(dir).map_err(|source| ExportError::Io {
         path: dir.to_owned(),
         action: "create the folder",
         source,
     })?;
     let mut files = Vec::with_capacity(source.streams().len());
-    for (stream, spec) in source.streams().iter().enumerate() {
-        let path = dir.join(format!("{}.{extension}", spec.name()));
-        whole_file(&path, |file| write(source, stream, file))?;
-        files.push(path);
+    for stream in 0..source.streams().len() {
+        files.extend(write(source, stream, dir)?);
     }
     Ok(files)
 }
 
-/// Writes under another name and renames at the end: half a file never looks like a whole one.
+/// A file under another name until it is complete: half a file never looks like a whole one. Dropped before that, it is
+/// removed.
+struct Draft {
+    path: PathBuf,
+    part: PathBuf,
+    file: BufWriter<File>,
+}
+
+impl Draft {
+    fn create(path: PathBuf) -> Result<Draft, ExportError> {
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let part = PathBuf::from(part);
+        match File::create(&part) {
+            Ok(file) => Ok(Draft {
+                path,
+                part,
+                file: BufWriter::with_capacity(1 << 18, file),
+            }),
+            Err(source) => Err(ExportError::Io {
+                path,
+                action: "create the file",
+                source,
+            }),
+        }
+    }
+
+    fn error(&self, action: &'static str) -> impl FnOnce(io::Error) -> ExportError {
+        let path = self.path.clone();
+        move |source| ExportError::Io { path, action, source }
+    }
+
+    fn write(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteError>) -> Result<(), ExportError> {
+        match write(&mut self.file) {
+            Ok(()) => Ok(()),
+            Err(WriteError::Tape(error)) => Err(ExportError::Tape(error)),
+            Err(WriteError::Io(error)) => Err(self.error("write the file")(error)),
+        }
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> Result<(), ExportError> {
+        self.write(|file| file.write_all(bytes).map_err(WriteError::Io))
+    }
+
+    fn finish(mut self) -> Result<PathBuf, ExportError> {
+        self.write(|file| file.flush().map_err(WriteError::Io))?;
+        fs::rename(&self.part, &self.path).map_err(self.error("name the file"))?;
+        Ok(self.path.clone())
+    }
+}
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        // Not there any more under this name when it was finished.
+        let _ = fs::remove_file(&self.part);
+    }
+}
+
 fn whole_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteError>,
 ) -> Result<(), ExportError> {
-    let mut draft = path.as_os_str().to_owned();
-    draft.push(".part");
-    let draft = PathBuf::from(draft);
-    let io = |action: &'static str| {
-        let path = path.to_owned();
-        move |source| ExportError::Io { path, action, source }
-    };
-    let file = File::create(&draft).map_err(io("create the file"))?;
-    let mut file = BufWriter::with_capacity(1 << 18, file);
-    let written = write(&mut file).and_then(|()| file.flush().map_err(WriteError::Io));
-    drop(file);
-    if let Err(error) = written {
-        let _ = fs::remove_file(&draft);
-        return Err(match error {
-            WriteError::Tape(error) => ExportError::Tape(error),
-            WriteError::Io(error) => io("write the file")(error),
-        });
+    let mut draft = Draft::create(path.to_owned())?;
+    draft.write(write)?;
+    draft.finish().map(|_| ())
+}
+
+/// A number of variable length, as Thrift and Protocol Buffers have it: seven bits a byte, least significant first.
+fn varint(out: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
     }
-    fs::rename(&draft, path).map_err(io("name the file"))
+    out.push(value as u8);
 }
 
 /// A writer that knows how far it is.

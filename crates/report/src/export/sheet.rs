@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use super::columns::headings;
 use super::csv::quoted;
 use super::{ExportError, WriteError, parquet, whole_file};
 
@@ -38,18 +39,13 @@ pub struct Sheet {
     pub about: Vec<(&'static str, String)>,
 }
 
-impl SheetColumn {
-    /// The name with the unit, as it heads the column: `peak base torque [N m]`.
-    pub fn heading(&self) -> String {
-        if self.unit.is_empty() {
-            self.name.clone()
-        } else {
-            format!("{} [{}]", self.name, self.unit)
-        }
-    }
-}
-
 impl Sheet {
+    /// What heads the columns: the names with the units, `peak base torque [N m]`; all different.
+    pub fn headings(&self) -> Vec<String> {
+        let named = self.columns.iter().map(|column| (column.name.clone(), &*column.unit));
+        headings(&named.collect::<Vec<_>>())
+    }
+
     /// The number of rows.
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |column| match &column.cells {
@@ -77,7 +73,7 @@ impl Sheet {
     }
 
     fn write_csv(&self, out: &mut BufWriter<File>) -> io::Result<()> {
-        let headings: Vec<String> = self.columns.iter().map(|column| quoted(&column.heading())).collect();
+        let headings: Vec<String> = self.headings().iter().map(|heading| quoted(heading)).collect();
         writeln!(out, "{}", headings.join(","))?;
         for row in 0..self.rows() {
             let cells = self.columns.iter().map(|column| match &column.cells {

@@ -84,6 +84,12 @@ fn widen(range: Option<(u64, u64)>, time: u64) -> Option<(u64, u64)> {
     Some(range.map_or((time, time), |(from, to)| (from.min(time), to.max(time))))
 }
 
+/// The number of a schema or a channel: the format gives it two bytes.
+fn number(count: usize) -> io::Result<u16> {
+    let many = "MCAP has room for 65535 streams; CSV and Parquet have a file for each";
+    u16::try_from(count).map_err(|_| io::Error::new(io::ErrorKind::InvalidInput, many))
+}
+
 impl<'a, W: Write> Container<'a, W> {
     pub(super) fn begin(mut file: Counted<'a, W>) -> io::Result<Container<'a, W>> {
         file.put(MAGIC)?;
@@ -106,7 +112,7 @@ impl<'a, W: Write> Container<'a, W> {
 
     /// Declares a protobuf schema; gives its number.
     pub(super) fn schema(&mut self, name: &str, file_descriptor_set: &[u8]) -> io::Result<u16> {
-        let id = self.schemas.len() as u16 + 1;
+        let id = number(self.schemas.len() + 1)?;
         let record = Content::default()
             .u16(id)
             .bytes(name.as_bytes())
@@ -120,7 +126,7 @@ impl<'a, W: Write> Container<'a, W> {
 
     /// Declares a channel; gives its number.
     pub(super) fn channel(&mut self, schema: u16, topic: &str, metadata: &[(String, String)]) -> io::Result<u16> {
-        let id = self.channels.len() as u16;
+        let id = number(self.channels.len())?;
         let record = Content::default()
             .u16(id)
             .u16(schema)

@@ -1,13 +1,6 @@
 //! Protocol Buffers' wire format, as far as exports need it.
 
-/// A varint: seven bits a byte, least significant first.
-pub(super) fn varint(out: &mut Vec<u8>, mut value: u64) {
-    while value >= 0x80 {
-        out.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    out.push(value as u8);
-}
+pub(super) use crate::export::varint;
 
 /// Bytes, a text, a packed list or an inner message.
 pub(super) fn bytes(out: &mut Vec<u8>, number: u32, content: &[u8]) {

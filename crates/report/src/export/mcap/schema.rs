@@ -2,10 +2,10 @@
 
 use std::collections::HashMap;
 
-use lockstep::port::{Descriptor, Element};
+use lockstep::port::{Descriptor, Element, Field};
 
 use super::proto;
-use crate::export::columns::{Number, number};
+use crate::export::columns::{distinct, is_wide};
 use tape::StreamSpec;
 
 /// `FieldDescriptorProto.Type`.
@@ -14,13 +14,17 @@ enum Type {
     Double = 1,
     Float = 2,
     Int64 = 3,
-    Uint64 = 4,
     Int32 = 5,
+    Fixed64 = 6,
+    Fixed32 = 7,
     Bool = 8,
     Text = 9,
     Message = 11,
+    Bytes = 12,
     Uint32 = 13,
     Enum = 14,
+    Sfixed32 = 15,
+    Sfixed64 = 16,
 }
 
 /// A field of a schema: name, number, repeated, type, name of the type.
@@ -47,7 +51,7 @@ fn message_type(name: &str, fields: &[FieldSpec<'_>], enums: &[u8]) -> Vec<u8> {
 }
 
 /// A `FileDescriptorProto` as an entry of a set.
-fn file(set: &mut Vec<u8>, name: &str, package: &str, imports: &[&str], messages: &[Vec<u8>]) {
+fn file(set: &mut Vec<u8>, name: &str, package: &str, imports: &[&str], messages: &[Vec<u8>], syntax: &str) {
     proto::message(set, 1, |file| {
         proto::text(file, 1, name);
         proto::text(file, 2, package);
@@ -57,7 +61,7 @@ fn file(set: &mut Vec<u8>, name: &str, package: &str, imports: &[&str], messages
         for message in messages {
             proto::bytes(file, 4, message);
         }
-        proto::text(file, 12, "proto3");
+        proto::text(file, 12, syntax);
     });
 }
 
@@ -67,7 +71,8 @@ pub(super) struct Names {
     taken: HashMap<String, Descriptor>,
 }
 
-/// A message type that mirrors a descriptor: one field each, lists where it has a shape (row-major).
+/// A message type that mirrors a descriptor: one field each, lists where it has a shape (row-major), bytes where that
+/// would be a long list of bytes.
 pub(super) struct Schema {
     pub(super) name: String,
     pub(super) file_descriptor_set: Vec<u8>,
@@ -86,6 +91,58 @@ fn identifier(text: &str) -> String {
     name
 }
 
+/// The names of the fields in the message. Names may become equal when foreign characters are replaced: then those that
+/// are names as they stand keep them, and the others get a number.
+fn identifiers(fields: &[Field]) -> Vec<String> {
+    let mut order: Vec<usize> = (0..fields.len()).collect();
+    order.sort_by_key(|at| identifier(&fields[*at].name) != fields[*at].name);
+    let wanted = order.iter().map(|at| identifier(&fields[*at].name)).collect();
+    let numbered = |at: usize, n: usize| format!("{}_{n}", identifier(&fields[order[at]].name));
+    let mut placed: Vec<(usize, String)> = order.iter().copied().zip(distinct(wanted, numbered)).collect();
+    placed.sort();
+    placed.into_iter().map(|(_, name)| name).collect()
+}
+
+/// The type of a field, whose bytes on the wire are those of the payload but for single bytes and short lists of them.
+fn kind(field: &Field) -> Type {
+    match field.element {
+        Element::F64 => Type::Double,
+        Element::F32 => Type::Float,
+        Element::I64 => Type::Sfixed64,
+        Element::I32 => Type::Sfixed32,
+        Element::U64 => Type::Fixed64,
+        Element::U32 => Type::Fixed32,
+        Element::U8 if is_wide(field) => Type::Bytes,
+        Element::U8 => Type::Uint32,
+    }
+}
+
+/// The message type of a stream, in proto2: proto3 forbids fields whose names differ only in case and underscores, such as
+/// `q_1` and `q1`, because their default names in JSON would be equal, and some of its readers do so whatever names in JSON
+/// they are given. Here every name in JSON is the field's own.
+fn stream_type(name: &str, fields: &[Field], identifiers: &[String]) -> Vec<u8> {
+    const LABEL_OPTIONAL: u64 = 1;
+    const LABEL_REPEATED: u64 = 3;
+    let mut out = Vec::new();
+    proto::text(&mut out, 1, name);
+    for (at, (field, identifier)) in fields.iter().zip(identifiers).enumerate() {
+        let kind = kind(field);
+        let repeated = !field.shape.is_empty() && !matches!(kind, Type::Bytes);
+        proto::message(&mut out, 2, |described| {
+            proto::text(described, 1, identifier);
+            proto::integer(described, 3, at as u64 + 1);
+            proto::integer(described, 4, if repeated { LABEL_REPEATED } else { LABEL_OPTIONAL });
+            proto::integer(described, 5, kind as u64);
+            if repeated {
+                let packed = |options: &mut Vec<u8>| proto::integer(options, 2, 1);
+                proto::message(described, 8, packed);
+            }
+            proto::text(described, 10, identifier);
+        });
+    }
+    out
+}
+
 impl Names {
     pub(super) fn schema(&mut self, descriptor: &Descriptor) -> Schema {
         let plain = identifier(&descriptor.name);
@@ -96,36 +153,11 @@ impl Names {
             name = format!("{plain}_{n}");
         }
         self.taken.insert(name.clone(), descriptor.clone());
-        let mut names: Vec<String> = Vec::new();
-        for field in &descriptor.fields {
-            let plain = identifier(&field.name);
-            let mut name = plain.clone();
-            // Two names may become one when foreign characters are replaced.
-            while names.contains(&name) {
-                name.push('_');
-            }
-            names.push(name);
-        }
-        let fields: Vec<FieldSpec<'_>> = descriptor
-            .fields
-            .iter()
-            .zip(&names)
-            .enumerate()
-            .map(|(at, (field, name))| {
-                let kind = match field.element {
-                    Element::F64 => Type::Double,
-                    Element::F32 => Type::Float,
-                    Element::I64 => Type::Int64,
-                    Element::I32 => Type::Int32,
-                    Element::U64 => Type::Uint64,
-                    Element::U32 | Element::U8 => Type::Uint32,
-                };
-                (&**name, at as u32 + 1, !field.shape.is_empty(), kind, "")
-            })
-            .collect();
+        let fields = &descriptor.fields;
+        let message = stream_type(&name, fields, &identifiers(fields));
         let mut set = Vec::new();
         let path = format!("escapement/{name}.proto");
-        file(&mut set, &path, "escapement", &[], &[message_type(&name, &fields, &[])]);
+        file(&mut set, &path, "escapement", &[], &[message], "proto2");
         Schema {
             name: format!("escapement.{name}"),
             file_descriptor_set: set,
@@ -137,47 +169,51 @@ impl Names {
 impl Schema {
     /// The message of a payload.
     pub(super) fn encode(&self, payload: &[u8], out: &mut Vec<u8>) {
+        const VARINT: u64 = 0;
+        const EIGHT_BYTES: u64 = 1;
+        const FOUR_BYTES: u64 = 5;
         for (at, field) in self.descriptor.fields.iter().enumerate() {
-            let (key, size, count) = (at as u32 + 1, field.element.size(), field.len());
-            let fixed = matches!(field.element, Element::F64 | Element::F32);
-            if fixed && !field.shape.is_empty() {
-                // A packed list of fixed-size numbers has the payload's own bytes.
-                proto::bytes(out, key, &payload[field.range()]);
+            let (key, bytes) = (at as u32 + 1, &payload[field.range()]);
+            let single = matches!(kind(field), Type::Uint32);
+            if !field.shape.is_empty() {
+                if single {
+                    let mut values = Vec::with_capacity(2 * bytes.len());
+                    for byte in bytes {
+                        proto::varint(&mut values, u64::from(*byte));
+                    }
+                    proto::bytes(out, key, &values);
+                } else {
+                    proto::bytes(out, key, bytes);
+                }
                 continue;
             }
-            let mut values = Vec::new();
-            let target = if field.shape.is_empty() { &mut *out } else { &mut values };
-            for element in 0..count {
-                let value = number(field.element, payload, field.offset as usize + element * size);
-                if field.shape.is_empty() {
-                    let wire = match field.element {
-                        Element::F64 => 1,
-                        Element::F32 => 5,
-                        _ => 0,
-                    };
-                    proto::varint(target, u64::from(key) << 3 | wire);
-                }
-                match value {
-                    Number::F64(x) => target.extend(x.to_le_bytes()),
-                    Number::F32(x) => target.extend(x.to_le_bytes()),
-                    Number::I64(x) => proto::varint(target, x as u64),
-                    Number::U64(x) => proto::varint(target, x),
-                }
-            }
-            if !field.shape.is_empty() {
-                proto::bytes(out, key, &values);
+            let wire = match field.element.size() {
+                8 => EIGHT_BYTES,
+                4 => FOUR_BYTES,
+                _ => VARINT,
+            };
+            proto::varint(out, u64::from(key) << 3 | wire);
+            if single {
+                proto::varint(out, u64::from(bytes[0]));
+            } else {
+                out.extend_from_slice(bytes);
             }
         }
     }
 }
 
-/// Unit, frame and shape of every field, which protobuf has no place for.
+/// Unit, frame and shape of every field, which protobuf has no place for, under the field's own name; and that name where
+/// the message has another.
 pub(super) fn channel_metadata(spec: &StreamSpec) -> Vec<(String, String)> {
     let mut pairs = vec![
         ("offset".to_owned(), spec.offset.to_string()),
         ("period".to_owned(), spec.period.to_string()),
     ];
-    for field in &spec.descriptor.fields {
+    let fields = &spec.descriptor.fields;
+    for (field, identifier) in fields.iter().zip(identifiers(fields)) {
+        if identifier != field.name {
+            pairs.push((format!("field.{identifier}"), field.name.clone()));
+        }
         pairs.push((format!("unit.{}", field.name), field.unit.clone()));
         if !field.frame.is_empty() {
             pairs.push((format!("frame.{}", field.name), field.frame.clone()));
@@ -201,7 +237,8 @@ fn time_files(set: &mut Vec<u8>) {
             ("seconds", 1, false, Type::Int64, ""),
             ("nanos", 2, false, Type::Int32, ""),
         ];
-        file(set, path, "google.protobuf", &[], &[message_type(name, &fields, &[])]);
+        let message = message_type(name, &fields, &[]);
+        file(set, path, "google.protobuf", &[], &[message], "proto3");
     }
 }
 
@@ -248,6 +285,7 @@ pub(super) fn frame_transforms() -> Vec<u8> {
         "foxglove",
         IMPORTS,
         &messages,
+        "proto3",
     );
     set
 }
@@ -324,6 +362,7 @@ pub(super) fn scene_update() -> Vec<u8> {
             &[],
         ),
     ];
-    file(&mut set, "foxglove/SceneUpdate.proto", "foxglove", IMPORTS, &messages);
+    let path = "foxglove/SceneUpdate.proto";
+    file(&mut set, path, "foxglove", IMPORTS, &messages, "proto3");
     set
 }

@@ -20,16 +20,23 @@ enum Slot {
 pub(super) fn schema(columns: &[Column<'_>]) -> Vec<u8> {
     const VERSION_5: i16 = 4;
     const HEADER_IS_SCHEMA: u8 = 1;
-    let mut fields = vec![field(TIME, Element::F64, &[("unit", "s".to_owned())])];
+    let mut fields = vec![field(
+        TIME,
+        number(Element::F64),
+        Vec::new(),
+        &[("unit", "s".to_owned())],
+    )];
     for column in columns {
-        let mut metadata = vec![
-            ("unit", column.field.unit.clone()),
-            ("field", column.field.name.clone()),
-        ];
-        if !column.field.frame.is_empty() {
-            metadata.push(("frame", column.field.frame.clone()));
+        let described = column.field;
+        let mut metadata = vec![("unit", described.unit.clone()), ("field", described.name.clone())];
+        if !described.frame.is_empty() {
+            metadata.push(("frame", described.frame.clone()));
         }
-        fields.push(field(&column.name, column.field.element, &metadata));
+        if column.is_wide() {
+            metadata.push(("shape", format!("{:?}", described.shape)));
+        }
+        let (kind, children) = cell(column);
+        fields.push(field(&column.name, kind, children, &metadata));
     }
     let schema = vec![Slot::Absent, Slot::Tables(fields)];
     let message = vec![
@@ -47,19 +54,40 @@ pub(super) fn schema(columns: &[Column<'_>]) -> Vec<u8> {
     out
 }
 
-fn field(name: &str, element: Element, metadata: &[(&str, String)]) -> Vec<Slot> {
-    const TYPE_INT: u8 = 2;
-    const TYPE_FLOAT: u8 = 3;
-    let integer = |bits, signed| (TYPE_INT, vec![Slot::Int(bits), Slot::Byte(signed)]);
-    let (kind, details) = match element {
-        Element::F64 => (TYPE_FLOAT, vec![Slot::Short(2)]),
-        Element::F32 => (TYPE_FLOAT, vec![Slot::Short(1)]),
+/// A type: its number in the union of types, and its details.
+type Type = (u8, Vec<Slot>);
+
+fn number(element: Element) -> Type {
+    const INT: u8 = 2;
+    const FLOAT: u8 = 3;
+    let integer = |bits, signed| (INT, vec![Slot::Int(bits), Slot::Byte(signed)]);
+    match element {
+        Element::F64 => (FLOAT, vec![Slot::Short(2)]),
+        Element::F32 => (FLOAT, vec![Slot::Short(1)]),
         Element::I64 => integer(64, 1),
         Element::I32 => integer(32, 1),
         Element::U64 => integer(64, 0),
         Element::U32 => integer(32, 0),
         Element::U8 => integer(8, 0),
-    };
+    }
+}
+
+/// The type of a column's cells, with what is inside of them.
+fn cell(column: &Column<'_>) -> (Type, Vec<Vec<Slot>>) {
+    const FIXED_SIZE_BINARY: u8 = 15;
+    const FIXED_SIZE_LIST: u8 = 16;
+    let (element, size) = (column.field.element, Slot::Int(column.elements as i32));
+    match element {
+        _ if !column.is_wide() => (number(element), Vec::new()),
+        Element::U8 => ((FIXED_SIZE_BINARY, vec![size]), Vec::new()),
+        _ => {
+            let inner = field("element", number(element), Vec::new(), &[]);
+            ((FIXED_SIZE_LIST, vec![size]), vec![inner])
+        }
+    }
+}
+
+fn field(name: &str, (kind, details): Type, children: Vec<Vec<Slot>>, metadata: &[(&str, String)]) -> Vec<Slot> {
     let pairs = metadata
         .iter()
         .map(|(key, value)| vec![Slot::Text((*key).to_owned()), Slot::Text(value.clone())]);
@@ -69,7 +97,7 @@ fn field(name: &str, element: Element, metadata: &[(&str, String)]) -> Vec<Slot>
         Slot::Byte(kind),
         Slot::Table(details),
         Slot::Absent,
-        Slot::Tables(Vec::new()),
+        Slot::Tables(children),
         Slot::Tables(pairs.collect()),
     ]
 }

@@ -5,8 +5,9 @@ use std::io::{self, BufWriter};
 
 use serde_json::{Map, Value};
 
-use super::{Chunk, Counted, Leaf, describe, page_header};
+use super::{Cell, Chunk, Counted, Leaf, describe, page_header};
 use crate::export::sheet::{Cells, Sheet};
+use crate::export::varint;
 
 /// Parquet's number of a physical type and of a converted one.
 fn types(cells: &Cells) -> (i32, Option<i32>) {
@@ -25,7 +26,7 @@ pub(crate) fn write(sheet: &Sheet, out: &mut BufWriter<File>) -> io::Result<()> 
     let rows = sheet.rows();
     let mut file = Counted::new(out);
     file.put(b"PAR1")?;
-    let names: Vec<String> = sheet.columns.iter().map(|column| column.heading()).collect();
+    let names = sheet.headings();
     let (mut leaves, mut chunks, mut units) = (Vec::new(), Vec::new(), Map::new());
     for (column, name) in sheet.columns.iter().zip(&names) {
         let page = page(&column.cells);
@@ -41,7 +42,7 @@ pub(crate) fn write(sheet: &Sheet, out: &mut BufWriter<File>) -> io::Result<()> 
             name,
             physical,
             converted,
-            optional: true,
+            cell: Cell::Optional,
         });
         if !column.unit.is_empty() {
             units.insert(name.clone(), Value::String(column.unit.clone()));
@@ -88,12 +89,7 @@ fn page(cells: &Cells) -> Vec<u8> {
     };
     // Definition levels of one bit each, as one bit-packed run: its header counts groups of eight.
     let mut levels = Vec::new();
-    let mut header = (there.len().div_ceil(8) as u64) << 1 | 1;
-    while header >= 0x80 {
-        levels.push(header as u8 | 0x80);
-        header >>= 7;
-    }
-    levels.push(header as u8);
+    varint(&mut levels, (there.len().div_ceil(8) as u64) << 1 | 1);
     for group in there.chunks(8) {
         levels.push(
             group

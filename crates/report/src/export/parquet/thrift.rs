@@ -1,5 +1,7 @@
 //! Thrift's compact protocol, as far as Parquet's footer needs it.
 
+use crate::export::varint;
+
 const I32: u8 = 5;
 const I64: u8 = 6;
 const BINARY: u8 = 8;
@@ -20,16 +22,8 @@ impl Struct {
         self.last = number;
     }
 
-    fn varint(&mut self, mut value: u64) {
-        while value >= 0x80 {
-            self.bytes.push(value as u8 | 0x80);
-            value >>= 7;
-        }
-        self.bytes.push(value as u8);
-    }
-
     fn zigzag(&mut self, value: i64) {
-        self.varint((value << 1 ^ value >> 63) as u64);
+        varint(&mut self.bytes, (value << 1 ^ value >> 63) as u64);
     }
 
     fn list(&mut self, number: u8, count: usize, kind: u8) {
@@ -38,12 +32,12 @@ impl Struct {
             self.bytes.push((count as u8) << 4 | kind);
         } else {
             self.bytes.push(0xf0 | kind);
-            self.varint(count as u64);
+            varint(&mut self.bytes, count as u64);
         }
     }
 
     fn raw_text(&mut self, text: &str) {
-        self.varint(text.len() as u64);
+        varint(&mut self.bytes, text.len() as u64);
         self.bytes.extend_from_slice(text.as_bytes());
     }
 

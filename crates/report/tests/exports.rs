@@ -1,0 +1,213 @@
+//! Exports of streams whose names and shapes other tools stumble over. `tests/exports` opens the same kinds of files with
+//! the tools' own packages.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+
+use lockstep::port::{Descriptor, Element, Field};
+use lockstep::time::Rational;
+use report::export;
+use tape::{MemoryTape, Sink, StreamSpec};
+
+/// A folder that goes with the test.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new(name: &str) -> Scratch {
+        let path = std::env::temp_dir().join(format!("exports-{}-{name}", std::process::id()));
+        let _ = fs::remove_dir_all(&path);
+        fs::create_dir_all(&path).unwrap();
+        Scratch(path)
+    }
+
+    fn join(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+fn files(folder: &Scratch) -> BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(&folder.0).unwrap().map(Result::unwrap);
+    let named = entries.map(|entry| {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        (name, fs::read(entry.path()).unwrap())
+    });
+    named.collect()
+}
+
+/// A stream `a.port` at 100 Hz of fields of the given names, types, shapes and units.
+fn spec(port: &str, fields: &[(&str, Element, &[u32], &str)]) -> StreamSpec {
+    let mut size = 0;
+    let placed = fields.iter().map(|(name, element, shape, unit)| {
+        let field = Field {
+            name: (*name).to_owned(),
+            element: *element,
+            shape: shape.to_vec(),
+            unit: (*unit).to_owned(),
+            frame: String::new(),
+            offset: size,
+        };
+        size += (field.len() * element.size()) as u32;
+        field
+    });
+    let fields = placed.collect();
+    let descriptor = Descriptor {
+        name: "Message".into(),
+        size,
+        fields,
+    };
+    StreamSpec::new("a", port, descriptor, Rational::ZERO, Rational::from_millis(10))
+}
+
+/// A tape of these streams with so many samples of each; bytes count up through the payloads.
+fn tape(specs: Vec<StreamSpec>, samples: u64) -> MemoryTape {
+    let mut tape = MemoryTape::new(specs.clone()).unwrap();
+    for (stream, spec) in specs.iter().enumerate() {
+        for index in 0..samples {
+            let payload: Vec<u8> = (0..spec.descriptor.size)
+                .map(|at| (u64::from(at) + index) as u8)
+                .collect();
+            tape.sample(stream, index, index as f64 / 100.0, &payload).unwrap();
+        }
+    }
+    tape
+}
+
+fn header(files: &BTreeMap<String, Vec<u8>>, name: &str) -> String {
+    let text = String::from_utf8(files[name].clone()).unwrap();
+    text.lines().next().unwrap().to_owned()
+}
+
+#[test]
+fn field_named_like_the_stamp_gets_a_column_of_its_own() {
+    let scalar = |name| (name, Element::F64, &[][..], "s");
+    let taken = spec("taken", &[scalar("t"), scalar("t_2"), scalar("T")]);
+    let pair = ("q", Element::F64, &[2][..], "rad");
+    let spelled = spec(
+        "spelled",
+        &[("q[1]", Element::F64, &[], "rad"), pair, ("t", Element::F64, &[], "K")],
+    );
+    let (tape, folder) = (tape(vec![taken, spelled], 2), Scratch::new("stamp"));
+    export::csv(&tape, &folder.0).unwrap();
+    let files = files(&folder);
+    assert_eq!(header(&files, "a.taken.csv"), "t [s],t_3 [s],t_2 [s],T [s]");
+    assert_eq!(
+        header(&files, "a.spelled.csv"),
+        "t [s],q[1] [rad],q[0] [rad],q[1]_2 [rad],t [K]"
+    );
+}
+
+#[test]
+fn picture_is_as_large_in_every_export_as_on_the_tape() {
+    let picture = || ("rgb", Element::U8, &[48, 64, 3][..], "1");
+    let camera = spec("camera", &[("exposure", Element::F64, &[], "s"), picture()]);
+    let depth = spec("depth", &[("z", Element::F32, &[30, 40], "m")]);
+    let bytes = (camera.stride() + depth.stride()) * 100;
+    let (tape, folder) = (tape(vec![camera, depth], 100), Scratch::new("picture"));
+    export::csv(&tape, &folder.0).unwrap();
+    export::parquet(&tape, &folder.0).unwrap();
+    export::mcap(&tape, &folder.join("run.mcap"), None).unwrap();
+    let files = files(&folder);
+    for kind in [&["csv", "npy"][..], &["parquet"], &["mcap"]] {
+        let mine = files
+            .iter()
+            .filter(|(name, _)| kind.iter().any(|end| name.ends_with(end)));
+        let size: usize = mine.map(|(_, content)| content.len()).sum();
+        assert!(
+            size > bytes && size < bytes + bytes / 50,
+            "{kind:?}: {size} bytes of a tape of {bytes}"
+        );
+    }
+    assert_eq!(header(&files, "a.camera.csv"), "t [s],exposure [s]");
+    assert_eq!(header(&files, "a.depth.csv"), "t [s]");
+    let array = &files["a.camera.rgb.npy"];
+    assert!(array.starts_with(b"\x93NUMPY\x01\x00"));
+    let head = String::from_utf8_lossy(&array[10..128]);
+    assert!(
+        head.contains("{'descr': '|u1', 'fortran_order': False, 'shape': (100, 48, 64, 3), }") && head.ends_with('\n'),
+        "{head}"
+    );
+    let first: Vec<u8> = (8..8 + 48 * 64 * 3).map(|at| at as u8).collect();
+    assert_eq!(array[128..128 + first.len()], first);
+    assert_eq!(array.len(), 128 + 100 * 48 * 64 * 3);
+}
+
+#[test]
+fn arrays_whose_names_fold_together_are_separate_files() {
+    let wide = |name| (name, Element::U8, &[300][..], "1");
+    let fields = [wide("A b"), wide("a_b"), wide("a.b"), wide("a_b_2"), wide("../up")];
+    let (tape, folder) = (tape(vec![spec("x", &fields)], 1), Scratch::new("fold"));
+    export::csv(&tape, &folder.0).unwrap();
+    let files = files(&folder);
+    let names: Vec<&str> = files.keys().map(String::as_str).collect();
+    let expected = [
+        "a.x.A_b.npy",
+        "a.x.___up.npy",
+        "a.x.a_b_2.npy",
+        "a.x.a_b_3.npy",
+        "a.x.a_b_4.npy",
+        "a.x.csv",
+    ];
+    assert_eq!(names, expected);
+}
+
+#[test]
+fn stream_without_a_sample_is_a_table_without_rows() {
+    let fields = [("x", Element::F64, &[][..], "m"), ("wide", Element::U32, &[500], "1")];
+    let (tape, folder) = (tape(vec![spec("never", &fields)], 0), Scratch::new("empty"));
+    export::csv(&tape, &folder.0).unwrap();
+    export::parquet(&tape, &folder.0).unwrap();
+    export::mcap(&tape, &folder.join("run.mcap"), None).unwrap();
+    let files = files(&folder);
+    assert_eq!(files["a.never.csv"], b"t [s],x [m]\n");
+    assert!(String::from_utf8_lossy(&files["a.never.wide.npy"]).contains("(0, 500)"));
+    assert!(files["a.never.parquet"].ends_with(b"PAR1") && files["run.mcap"].ends_with(b"MCAP0\r\n"));
+}
+
+#[test]
+fn messages_name_their_fields_for_json_themselves() {
+    let scalar = |name| (name, Element::F64, &[][..], "1");
+    let fields = [
+        scalar("q_1"),
+        scalar("q1"),
+        scalar("a b"),
+        scalar("a_b"),
+        scalar("AB"),
+        scalar("1st"),
+    ];
+    let (tape, folder) = (tape(vec![spec("arm", &fields)], 1), Scratch::new("json"));
+    export::mcap(&tape, &folder.join("run.mcap"), None).unwrap();
+    let file = fs::read(folder.join("run.mcap")).unwrap();
+    let has = |part: &[u8]| file.windows(part.len()).any(|window| window == part);
+    assert!(has(b"\x62\x06proto2"), "proto3 forbids fields of one name in JSON");
+    for name in ["q_1", "q1", "a_b", "a_b_2", "AB", "_1st"] {
+        // Tag and length of `name`, and of `json_name`.
+        for tag in [0x0a, 0x52] {
+            assert!(has(&[&[tag, name.len() as u8], name.as_bytes()].concat()), "{name}");
+        }
+    }
+    assert!(
+        has(b"\x0b\x00\x00\x00field.a_b_2\x03\x00\x00\x00a b"),
+        "the channel has the field's own name"
+    );
+}
+
+#[test]
+fn failed_export_leaves_no_file() {
+    let fields = [("x", Element::F64, &[][..], "m"), ("wide", Element::U8, &[500], "1")];
+    let (tape, folder) = (tape(vec![spec("x", &fields)], 1), Scratch::new("failed"));
+    // The array's name is taken by a folder, so that the array cannot get it; the table before it is complete.
+    fs::create_dir(folder.join("a.x.wide.npy")).unwrap();
+    let error = export::csv(&tape, &folder.0).unwrap_err().to_string();
+    assert!(error.contains("a.x.wide.npy: cannot name the file"), "{error}");
+    let left = fs::read_dir(&folder.0).unwrap().map(|entry| entry.unwrap().file_name());
+    let mut left: Vec<_> = left.collect();
+    left.sort();
+    assert_eq!(left, ["a.x.csv", "a.x.wide.npy"]);
+}
