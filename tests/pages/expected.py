@@ -43,6 +43,27 @@ def rotate(q, v):
     return v + q[:, :1] * t + np.cross(q[:, 1:], t)
 
 
+def matrices(q):
+    """Rotation matrices of quaternions, scalar first: columns are the frame's axes in the world."""
+    w, x, y, z = q.T
+    rows = [[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def position_in_grasp(e, g, axes):
+    return np.einsum("nji,nj->ni", matrices(axes), e - g)
+
+
+def attitude_in_grasp(e, g):
+    """The vector part by the rotation matrix alone: axis and angle, where the report multiplies quaternions."""
+    r = np.einsum("nji,njk->nik", matrices(g), matrices(e))
+    skew = np.column_stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]]) / 2
+    sine, cosine = np.linalg.norm(skew, axis=1, keepdims=True), (np.trace(r, axis1=1, axis2=2).reshape(-1, 1) - 1) / 2
+    return skew / np.where(sine > 0, sine, 1) * np.sin(np.arctan2(sine, cosine) / 2)
+
+
 same = lambda *fields: np.column_stack(fields)
 degrees = lambda field: np.degrees(field)
 length = lambda field: np.linalg.norm(field, axis=1)
@@ -52,6 +73,8 @@ inverse = np.array([1, -1, -1, -1])
 FIGURES = {
     "position-error": ("truth", ["p_NE_N", "p_NG_N"], lambda e, g: length(e - g)),
     "attitude-error": ("truth", ["quat_NE", "quat_NG"], lambda e, g: degrees(length(rotation_vector(times(e * inverse, g))))),
+    "position-error-in-grasp": ("truth", ["p_NE_N", "p_NG_N", "quat_NG"], position_in_grasp),
+    "attitude-error-in-grasp": ("truth", ["quat_NE", "quat_NG"], attitude_in_grasp),
     "tracking-error": ("telemetry", ["p_DE_N"], length),
     "base-torque": ("command", ["torque_B"], same),
     "base-force": ("command", ["force_B"], same),

@@ -5,6 +5,7 @@
 //! 8192 samples is thinned to the least and greatest sample of each of 2048 buckets, and the playback to 3000 instants.
 
 mod document;
+mod formula;
 mod live;
 mod momenta;
 mod motion;

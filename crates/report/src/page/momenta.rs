@@ -6,7 +6,7 @@ use multibody::nalgebra::Vector3;
 use multibody::{BodyInfo, Description, DynState, DynTree, Quaternion};
 use serde::Deserialize;
 
-use super::series::find;
+use super::formula::find;
 use super::table::Names;
 use crate::geometry::{ARM_ANGLES, SLOSH_ANGLES};
 use tape::StreamSpec;

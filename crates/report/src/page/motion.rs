@@ -2,7 +2,7 @@
 
 use lockstep::port::Field;
 
-use super::series::find;
+use super::formula::find;
 use super::table::PLAYBACK;
 use tape::{ReadError, Source, StreamSpec, split_record};
 

@@ -48,13 +48,17 @@ pub(crate) enum Formula {
     Distance(Names, Names),
     /// The angle between two attitudes (quaternions, scalar first), rad.
     Angle(Names, Names),
+    /// A position from an origin, both in world axes, in the axes of an attitude.
+    PositionIn(Names, Names, Names),
+    /// The vector part of the quaternion of an attitude in the axes of another, of the shorter turn.
+    AttitudeIn(Names, Names),
     /// The rotation vector of an attitude, rad.
     RotationVector(Names),
     /// Of each body, of the wheels and of all together.
     Bodies(Share),
 }
 
-use Formula::{Angle, Bodies, Distance, Each, Norm, Part, RotationVector};
+use Formula::{Angle, AttitudeIn, Bodies, Distance, Each, Norm, Part, PositionIn, RotationVector};
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 
@@ -124,6 +128,20 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         "End effector to grasp point, angle",
         ("deg", DEGREES),
         &[curve("truth", Angle(QUAT_NE, QUAT_NG), &["angle"])],
+    ),
+    figure(
+        CAPTURE,
+        "position-error-in-grasp",
+        "End effector from the grasp point, in the axes of the grasp frame",
+        ("m", 1.0),
+        &[curve("truth", PositionIn(P_NE, P_NG, QUAT_NG), &[])],
+    ),
+    figure(
+        CAPTURE,
+        "attitude-error-in-grasp",
+        "Vector part of the end effector's quaternion in the grasp frame",
+        ("1", 1.0),
+        &[curve("truth", AttitudeIn(QUAT_NE, QUAT_NG), &[])],
     ),
     figure(
         CAPTURE,
