@@ -4,9 +4,10 @@
 #
 #     tests/see.sh [ORCHESTRATOR [SCREENSHOTS]]
 #
-# Installs what is missing: Chromium with its driver (Debian packages) and the Python packages of the requirements.txt files.
+# A check that fails does not keep the others from running. Installs what is missing: Chromium with its driver (Debian packages) and the Python packages of the requirements.txt files.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+. tests/steps.sh
 orchestrator=${1:-target/release/orchestrator}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -16,7 +17,7 @@ if ! command -v chromium >/dev/null || ! command -v chromedriver >/dev/null; the
     DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium chromium-driver
 fi
 python=python3
-if ! "$python" -c "import mcap_protobuf, numpy, pyarrow, selenium" 2>/dev/null; then
+if ! "$python" -c "import mcap_protobuf, numpy, pandas, pyarrow, selenium" 2>/dev/null; then
     "$python" -m venv "$work/venv"
     python=$work/venv/bin/python
     "$python" -m pip install --quiet -r tests/exports/requirements.txt -r tests/pages/requirements.txt
@@ -28,22 +29,27 @@ fi
 # And two whose momenta follow other laws: the propellant on a ball joint, and the target held by the gripper.
 "$orchestrator" run scenarios/close.toml --in-process --quiet --set 'participants.plant.parameters.slosh="spherical"' --out "$work/spherical"
 "$orchestrator" run scenarios/capture-and-stabilise.toml --in-process --quiet --duration "34 s" --out "$work/grasped" || [ $? -eq 3 ]
-"$python" tests/exports/check_exports.py "$orchestrator" "$work/close"
-"$python" tests/pages/check_report.py "$orchestrator" "$work/close" "$work/slower" --bodies "$work/spherical" --bodies "$work/grasped" ${2:+--screenshots "$2"}
-"$python" tests/pages/check_live.py "$orchestrator" ${2:+--screenshots "$2"}
+step "exports" "$python" tests/exports/check_exports.py "$orchestrator" "$work/close"
+step "report" "$python" tests/pages/check_report.py "$orchestrator" "$work/close" "$work/slower" --bodies "$work/spherical" --bodies "$work/grasped" ${2:+--screenshots "$2"}
+step "live page" "$python" tests/pages/check_live.py "$orchestrator" ${2:+--screenshots "$2"}
 
 # A participant in Python takes the place of one in Rust, and the tape stays the same: docs/protocol.md is enough.
-if ! "$python" -c "import iceoryx2" 2>/dev/null; then
-    "$python" -m venv "$work/foreign"
-    python=$work/foreign/bin/python
-    "$python" -m pip install --quiet -r examples/python/requirements.txt
-fi
-"$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust"
-in_python="participants.right.run={ exe = \"$(command -v "$python")\", args = [\"examples/python/spring.py\"] }"
-"$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python" --set "$in_python"
-"$orchestrator" compare "$work/rust" "$work/python"
-# Draws and gaps too.
-late=(--set connections.to-right.jitter=7ms --set connections.to-left.drop=0.2 --set connections.to-left.hold=initial)
-"$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust-late" "${late[@]}"
-"$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python-late" "${late[@]}" --set "$in_python"
-"$orchestrator" compare "$work/rust-late" "$work/python-late"
+foreign_participant() {
+    if ! "$python" -c "import iceoryx2" 2>/dev/null; then
+        "$python" -m venv "$work/foreign"
+        python=$work/foreign/bin/python
+        "$python" -m pip install --quiet -r examples/python/requirements.txt
+    fi
+    "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust"
+    in_python="participants.right.run={ exe = \"$(command -v "$python")\", args = [\"examples/python/spring.py\"] }"
+    "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python" --set "$in_python"
+    "$orchestrator" compare "$work/rust" "$work/python"
+    # Draws and gaps too.
+    late=(--set connections.to-right.jitter=7ms --set connections.to-left.drop=0.2 --set connections.to-left.hold=initial)
+    "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust-late" "${late[@]}"
+    "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python-late" "${late[@]}" --set "$in_python"
+    "$orchestrator" compare "$work/rust-late" "$work/python-late"
+}
+step "participant in Python" foreign_participant
+
+failed_steps

@@ -486,13 +486,43 @@ fn one_package_says_what_cargo_run_runs() {
 #[test]
 fn the_continuous_integration_runs_what_the_readme_says() {
     let (readme, script) = (read("README.md"), read(".ci/run"));
-    let command = "cargo test --release";
+    let command = "cargo test --release --no-fail-fast";
     assert!(
         readme.lines().any(|line| line.trim() == command),
         "README.md does not give `{command}`"
     );
+    let contributing = read("CONTRIBUTING.md");
+    assert!(
+        contributing.contains(&format!("    {command} ")),
+        "CONTRIBUTING.md does not give `{command}`"
+    );
     let run = script.lines().any(|line| line.trim().starts_with(command));
     assert!(run, ".ci/run does not run `{command}`");
+}
+
+#[test]
+fn failed_step_lets_the_others_run_and_is_listed() {
+    let script = r#"
+        set -euo pipefail
+        . tests/steps.sh
+        several() { false; echo "behind an error"; }
+        step first echo "first runs"
+        step second several
+        step third sh -c 'exit 7'
+        step last echo "last runs"
+        failed_steps
+    "#;
+    let said = Command::new("bash").current_dir(root()).args(["-c", script]).output();
+    let said = said.expect("bash can be started");
+    let text = String::from_utf8_lossy(&said.stdout);
+    assert_eq!(said.status.code(), Some(1), "{text}");
+    assert!(text.contains("first runs") && text.contains("last runs"), "{text}");
+    assert!(text.contains("third: FAILED (exit code 7)"), "{text}");
+    assert!(text.ends_with("failed: second\nfailed: third\n"), "{text}");
+    assert!(
+        !text.contains("behind an error"),
+        "a step ends at its first error: {text}"
+    );
 }
 
 #[test]
