@@ -345,6 +345,13 @@ mod tests {
         }
     }
 
+    /// 2^53 + 1 over a power of two: the integer has no double of its own, and lies in the middle between two.
+    #[test]
+    fn numerator_beyond_doubles_is_rounded_to_even() {
+        assert_eq!(nearest_double((1 << 53) + 1, 4096), 2.0_f64.powi(41));
+        assert_eq!(nearest_double((1 << 53) + 3, 4096), (2.0_f64.powi(53) + 4.0) / 4096.0);
+    }
+
     proptest! {
         #[test]
         fn text_round_trips(n in -1_000_000_i128..1_000_000, d in 1_i128..1_000_000) {
