@@ -48,7 +48,6 @@ impl Gains {
 
     /// Full gain matrices, same units. Matrices that happen to be diagonal are treated as such.
     pub fn full(kp: Matrix13, ki: Matrix13) -> Self {
-        let is_diagonal = |matrix: &Matrix13| (0..13).all(|i| (0..13).all(|j| i == j || matrix[(i, j)] == 0.0));
         Self {
             kp,
             ki,
@@ -73,6 +72,11 @@ impl Gains {
     /// Whether every channel is on its own.
     pub fn is_diagonal(&self) -> bool {
         self.form == Form::Diagonal
+    }
+
+    /// Whether the integral part of every channel is on its own.
+    pub(super) fn has_diagonal_ki(&self) -> bool {
+        is_diagonal(&self.ki)
     }
 
     /// Whether `K_P` follows the mass matrix.
@@ -121,4 +125,8 @@ impl Gains {
         }
         Ok(())
     }
+}
+
+fn is_diagonal(matrix: &Matrix13) -> bool {
+    (0..13).all(|i| (0..13).all(|j| i == j || matrix[(i, j)] == 0.0))
 }

@@ -50,7 +50,8 @@ pub struct Feedback {
     pub force: Dof,
     /// Which channels saturate.
     pub saturated: [bool; 13],
-    /// Whether the implicit step of full gain matrices converged; always true with diagonal gains.
+    /// Whether the implicit step was solved; without that the force is not a number, and the integral stays. Gains that
+    /// [`InnerLoop::new`] takes always have a solution, and it is found for every state and error that is finite.
     pub converged: bool,
 }
 
@@ -73,7 +74,8 @@ impl InnerLoop {
     ///
     /// # Errors
     ///
-    /// If `K_P` is not positive definite, `K_I` not positive semidefinite, or a bound not above zero.
+    /// If `K_P` is not positive definite, `K_I` not positive semidefinite, a bound not above zero, or if couplings in `K_I` leave the
+    /// implicit step in saturation without a solution or with several.
     pub fn new(gains: Gains, law: &FeedbackLaw, period_s: f64) -> Result<Self, ParameterError> {
         ParameterError::positive("period_s", period_s)?;
         gains.validated()?;
@@ -97,6 +99,16 @@ impl InnerLoop {
         };
         for value in bound.iter().flat_map(Dof::iter) {
             ParameterError::positive("inner.bound", *value)?;
+        }
+        let solved = bound.is_some() && discretisation == Discretisation::Exact;
+        if solved && !gains.has_diagonal_ki() && !implicit.has_one_solution() {
+            let remedy = "its couplings, against those of K_P, leave the saturated step without a solution or with several; make K_I \
+                          diagonal, or its couplings smaller";
+            return Err(ParameterError::new(
+                "inner.ki",
+                gains.ki().diagonal().as_slice(),
+                remedy,
+            ));
         }
         Ok(Self {
             gains,
@@ -162,12 +174,15 @@ impl InnerLoop {
                 let solution = if self.gains.is_diagonal() {
                     self.implicit.diagonal(&self.sigma, error, &proportional, &bound)
                 } else if let Some(implicit) = self.implicit() {
-                    implicit.full(&self.sigma, &proportional, &bound)
+                    implicit.full(&self.sigma, error, &proportional, &bound)
                 } else {
                     return Feedback::not_a_number();
                 };
+                if !solution.converged {
+                    return Feedback::not_a_number();
+                }
                 self.sigma = solution.sigma;
-                Feedback::bounded(&solution.wanted, &bound, solution.converged)
+                Feedback::bounded(&solution.wanted, &bound)
             }
         }
     }
@@ -175,7 +190,7 @@ impl InnerLoop {
     fn euler(&mut self, proportional: &Dof, bound: &Dof) -> Feedback {
         // H⁻¹(G σ + y) = F⁻¹(K_I σ + K_P y)
         let wanted = self.gains.ki() * self.sigma + proportional;
-        let feedback = Feedback::bounded(&wanted, bound, true);
+        let feedback = Feedback::bounded(&wanted, bound);
         // σ̇ = −G σ + H sat₁(·), with G = K_P⁻¹ K_I and H sat₁ = K_P⁻¹ u_CI
         let Some(implicit) = self.implicit() else {
             return Feedback::not_a_number();
@@ -202,11 +217,11 @@ impl Feedback {
         }
     }
 
-    fn bounded(wanted: &Dof, bound: &Dof, converged: bool) -> Self {
+    fn bounded(wanted: &Dof, bound: &Dof) -> Self {
         Self {
             force: wanted.zip_map(bound, |value, bound| value.clamp(-bound, bound)),
             saturated: exceeds(wanted, bound),
-            converged,
+            converged: true,
         }
     }
 }

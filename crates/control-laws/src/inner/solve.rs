@@ -1,12 +1,23 @@
 //! The implicit step of the conditional integrator while it saturates.
 //!
-//! `σ⁺ = σ + T (−G σ⁺ + K_P⁻¹ sat_F(K_I σ⁺ + K_P y))` with `G = K_P⁻¹ K_I`. The right-hand side is monotone in `σ⁺`, so with diagonal gains
-//! there is one solution, and it has a closed form a channel.
+//! `σ⁺ = σ + T (−G σ⁺ + K_P⁻¹ sat_F(K_I σ⁺ + K_P y))` with `G = K_P⁻¹ K_I`. With diagonal gains there is one solution, and it has a closed
+//! form a channel. With full gains a fixed point finds it where `T G` is small, and [pivoting](ImplicitStep::pivoted) wherever there is one
+//! solution.
+//!
+//! Written for `w = K_I σ⁺ + K_P y` and the part `d` of it beyond the bounds, the equation is `w + A d(w) = w₀` with `A = T K_I K_P⁻¹` and
+//! `w₀ = K_I (σ + T y) + K_P y`: piecewise linear, a piece for each choice S of the channels that saturate. It has exactly one solution
+//! for every `w₀` when `det(I + A_SS) > 0` for all S, because then all pieces have the same orientation. A diagonal `K_I` always meets
+//! that: `det(I + A_SS) = det(I + T K_I,S (K_P⁻¹)_SS)` is a sum of products of entries of `T K_I ≥ 0` and of principal minors of `K_P⁻¹`,
+//! which are positive because `K_P` is positive definite. A `K_I` with couplings may not; [`ImplicitStep::has_one_solution`] looks.
 
-use crate::{Dof, Matrix13};
+use crate::{DOF, Dof, Matrix13};
 
-/// Rounds of the fixed point before it counts as not converged. One round shrinks the error by `T G / (1 + T G)`, 0.005 for the baseline.
+/// Rounds of the fixed point. One round shrinks the error by about `T G / (1 + T G)`, 0.005 for the baseline; where `K_I` and `K_P` do
+/// not commute and `T G` is large, it may grow instead.
 const ROUNDS_MAX: usize = 200;
+
+/// Pieces that pivoting may cross. Random gains with `T G` up to 1e6 need no more than 30.
+const PIECES_MAX: usize = 16 * DOF;
 
 /// What an implicit step found.
 pub(super) struct Solution {
@@ -83,25 +94,116 @@ impl ImplicitStep {
         solution
     }
 
-    /// Full gains: the same step as a fixed point.
-    pub(super) fn full(&self, sigma: &Dof, proportional: &Dof, bound: &Dof) -> Solution {
+    /// Whether the step of full gains has exactly one solution for every state and error: `det(I + A_SS) > 0` for all 2¹³ choices S of
+    /// saturated channels. A determinant is affine in the share of each channel, so the corners tell for all between them.
+    pub(super) fn has_one_solution(&self) -> bool {
+        let coupling = self.coupling();
+        (0..1_u32 << DOF).all(|set| {
+            let within = |channel: usize| set >> channel & 1 == 1;
+            saturated_rows(&coupling, within).determinant() > 0.0
+        })
+    }
+
+    /// `A = T K_I K_P⁻¹`.
+    fn coupling(&self) -> Matrix13 {
+        self.ki * self.kp_inverse * self.period_s
+    }
+
+    /// Full gains: a fixed point, and where that does not settle, pivoting.
+    pub(super) fn full(&self, sigma: &Dof, error: &Dof, proportional: &Dof, bound: &Dof) -> Solution {
         let carried = self.carry * sigma;
         let mut next = *sigma;
-        let mut converged = false;
         for _ in 0..ROUNDS_MAX {
             let wanted = self.ki * next + proportional;
             let force = wanted.zip_map(bound, |value, bound| value.clamp(-bound, bound));
             let candidate = carried + self.drive * force;
-            converged = (candidate - next).amax() <= 4.0 * f64::EPSILON * candidate.amax();
+            let settled = (candidate - next).amax() <= 4.0 * f64::EPSILON * candidate.amax();
             next = candidate;
-            if converged {
-                break;
+            if settled {
+                return Solution {
+                    sigma: next,
+                    wanted: self.ki * next + proportional,
+                    converged: true,
+                };
             }
         }
+        let unbounded = self.ki * (sigma + error * self.period_s) + proportional;
+        let force = self.pivoted(&unbounded, bound);
+        let next = carried + self.drive * force.unwrap_or(Dof::repeat(f64::NAN));
         Solution {
             sigma: next,
             wanted: self.ki * next + proportional,
-            converged,
+            converged: force.is_some(),
         }
     }
+
+    /// The bounded force `sat_F(w)` for the solution of `w + A d(w) = w₀`.
+    ///
+    /// The bounds start where nothing saturates, at `F + p`, and come down to `F`. On the way w moves on straight lines, one a piece; at
+    /// the end of a piece one channel enters or leaves its bound, and one solution for every bound means that the way never turns back.
+    /// `p` differs from channel to channel so that no two of them arrive at once, whatever symmetry there is in the gains. Stops at the
+    /// first piece that holds at `F` itself: what is returned comes from one linear solve and carries no error from the pieces before.
+    fn pivoted(&self, unbounded: &Dof, bound: &Dof) -> Option<Dof> {
+        let coupling = self.coupling();
+        let margin = Dof::from_fn(|channel, _| (unbounded[channel].abs() + bound[channel]) * spread(channel));
+        let mut side = [0.0_f64; DOF];
+        for _ in 0..PIECES_MAX {
+            let within = |channel: usize| side[channel] != 0.0;
+            let signs = Dof::from(side);
+            // d = at + λ along on this piece, with the bounds at F + λ p; zero in the channels that do not saturate
+            let piece = saturated_rows(&coupling, within).lu();
+            let only = |value: Dof| Dof::from_fn(|channel, _| if within(channel) { value[channel] } else { 0.0 });
+            let at = only(piece.solve(&only(unbounded - signs.component_mul(bound)))?);
+            let along = only(piece.solve(&-signs.component_mul(&margin))?);
+            let (pull, pull_along) = (coupling * at, coupling * along);
+            let sum = coupling.abs() * at.abs();
+            let mut next: Option<(f64, usize, f64)> = None;
+            for (channel, &towards) in side.iter().enumerate() {
+                let slack = 1e-13 * (unbounded[channel].abs() + bound[channel] + sum[channel]);
+                // how far the channel is from where the piece ends, at λ = 0 and per λ, and the side it is on beyond
+                let ends = if within(channel) {
+                    [(at[channel] * towards, along[channel] * towards, 0.0); 2]
+                } else {
+                    let wanted = unbounded[channel] - pull[channel];
+                    [1.0, -1.0].map(|to| {
+                        let gap = bound[channel] - to * wanted;
+                        (gap, margin[channel] + to * pull_along[channel], to)
+                    })
+                };
+                for (gap, slope, to) in ends {
+                    let reached = -gap / slope;
+                    if gap < -slack && next.is_none_or(|(best, ..)| reached > best) {
+                        next = Some((reached, channel, to));
+                    }
+                }
+            }
+            match next {
+                Some((_, channel, to)) => side[channel] = to,
+                None => {
+                    let force = signs.component_mul(bound);
+                    let free = unbounded - pull;
+                    let force = Dof::from_fn(|channel, _| if within(channel) { force[channel] } else { free[channel] });
+                    return force.iter().all(|value| value.is_finite()).then_some(force);
+                }
+            }
+        }
+        None
+    }
+}
+
+/// `I + A` in the rows of the channels that saturate, and the identity in the others.
+fn saturated_rows(coupling: &Matrix13, within: impl Fn(usize) -> bool) -> Matrix13 {
+    Matrix13::from_fn(|row, column| {
+        let own = if row == column { 1.0 } else { 0.0 };
+        if within(row) {
+            own + coupling[(row, column)]
+        } else {
+            own
+        }
+    })
+}
+
+/// Between 1 and 2, different for every channel: steps of the golden ratio.
+fn spread(channel: usize) -> f64 {
+    1.0 + (channel as f64 * 0.618_033_988_749_894_9).fract()
 }
