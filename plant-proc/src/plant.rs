@@ -108,6 +108,7 @@ impl Plant {
             target,
             forces: Forces {
                 wheel_torque: Vector3::zeros(),
+                compensated: [false; 3],
                 thruster_force: Vector3::zeros(),
                 thruster_torque: Vector3::zeros(),
                 thrust: [0.0; THRUSTERS],
@@ -121,10 +122,7 @@ impl Plant {
     }
 
     fn integrate(&mut self, period: f64) {
-        let mechanics = Mechanics {
-            model: &self.model,
-            gyroscopic: self.actuators.gyroscopic(),
-        };
+        let mechanics = Mechanics { model: &self.model };
         let h = period / f64::from(self.substeps);
         for _ in 0..self.substeps {
             self.motion = match self.method {
@@ -221,6 +219,7 @@ impl Participant for Plant {
             inputs.get::<Command>(COMMAND),
             inputs.get::<Couples>(COUPLES),
             &self.motion.wheel_momentum,
+            &self.motion.servicer.omega(),
         );
         if forces
             .braked

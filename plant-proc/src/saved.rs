@@ -159,6 +159,8 @@ impl Saved {
         let vector = |at: usize| Vector3::new(self.forces[at], self.forces[at + 1], self.forces[at + 2]);
         Forces {
             wheel_torque: vector(0),
+            // of the step that is over; the next one asks the actuators again
+            compensated: [false; 3],
             thruster_force: vector(3),
             thruster_torque: vector(6),
             joint_torque: std::array::from_fn(|joint| self.forces[9 + joint]),

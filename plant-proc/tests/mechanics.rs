@@ -100,6 +100,33 @@ fn wheels_conserve_momentum_with_and_without_their_gyroscopic_torque() {
     }
 }
 
+/// What compensates the gyroscopic torque is stored in the wheels like any other: without a command, 11 and 11 N m s on a base that turns
+/// at 1 deg/s would become 15.5 N m s about one axis.
+#[test]
+fn wheels_hold_their_momentum_limit_while_they_compensate() {
+    for (start_momentum, rate) in [
+        ("[11, 11, 0] N m s", "[0, 0, 1] deg/s"),
+        ("[-3, 11.5, 11.9] N m s", "[4, 1, -2] deg/s"),
+    ] {
+        let parameters = format!(
+            "actuators = {{ wheels = {{ torque = '0 N m', momentum = '12 N m s', start_momentum = '{start_momentum}' }}, \
+             thrusters = {{ force = '0 N' }}, joints = {{ torque = '0 N m' }} }}\nstart = {{ rate = '{rate}' }}"
+        );
+        let tape = short("60 s", &parameters);
+        let peak = tape.peak("plant.truth", "wheel_momentum_B");
+        assert!(peak > 12.0 - 1e-6, "the wheels fill: {peak}");
+        assert!(peak < 12.0 + 1e-6, "{peak}");
+        assert!(residuals(&tape) < 1e-8, "{:e}", residuals(&tape));
+        // while no wheel is full the base does not feel them; then it does
+        let rate = |t| [0, 1, 2].map(|axis| tape.at("plant.truth", "omega_NB_B", axis, t));
+        assert!(
+            rate(0.0).iter().zip(rate(60.0)).any(|(a, b)| (a - b).abs() > 1e-3),
+            "{:?}",
+            rate(60.0)
+        );
+    }
+}
+
 #[test]
 fn mistakes_are_refused_with_key_value_and_remedy() {
     let refuse = |plant: &str| {

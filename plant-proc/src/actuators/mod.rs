@@ -43,8 +43,11 @@ pub struct WheelParameters {
     pub momentum: Each<AngularMomentum, 3>,
     /// Momentum at the start.
     pub start_momentum: Each<AngularMomentum, 3>,
-    /// Whether the spinning wheels' gyroscopic torque reaches the base; if not, their own control compensates it.
+    /// Whether the spinning wheels' gyroscopic torque reaches the base; if not, their own control compensates it as far as the wheels can
+    /// take what that stores in them.
     pub gyroscopic: bool,
+    /// Largest torque of a motor with what it compensates; `torque` is then that of the command alone. None unless given.
+    pub motor_torque: Option<Each<Torque, 3>>,
     /// Time constant; none unless given.
     pub lag: Option<Quantity<Time>>,
     /// Commands smaller than this do nothing.
@@ -61,6 +64,7 @@ impl Default for WheelParameters {
             momentum: Each::of([12.0; 3]),
             start_momentum: Each::of([0.0; 3]),
             gyroscopic: false,
+            motor_torque: None,
             lag: None,
             dead_zone: Quantity::of(0.0),
             quantum: Quantity::of(0.0),
@@ -194,24 +198,29 @@ impl Actuators {
         }
     }
 
-    /// Whether the spinning wheels' gyroscopic torque reaches the base.
-    pub fn gyroscopic(&self) -> bool {
-        self.wheels.gyroscopic()
-    }
-
-    /// What the actuators do over the step that starts at `t`, s, with `momentum` in the wheels, N m s.
-    pub fn apply(&mut self, t: f64, command: &Command, couples: &Couples, momentum: &Vector3<f64>) -> Forces {
+    /// What the actuators do over the step that starts at `t`, s, with `momentum` in the wheels, N m s, on a base that turns at `omega`,
+    /// rad/s, both in base axes.
+    pub fn apply(
+        &mut self,
+        t: f64,
+        command: &Command,
+        couples: &Couples,
+        momentum: &Vector3<f64>,
+        omega: &Vector3<f64>,
+    ) -> Forces {
         let faults = &self.faults;
-        let wheel_torque = self
-            .wheels
-            .apply(&command.torque_B, momentum, |axis| faults.effect(t, Unit::Wheel(axis)));
+        let turned = omega.cross(momentum);
+        let wheels = self.wheels.apply(&command.torque_B, momentum, &turned, |axis| {
+            faults.effect(t, Unit::Wheel(axis))
+        });
         let (thruster_force, thruster_torque, thrust) =
             self.thrusters.apply(&command.force_B, &couples.torque_B, |n| {
                 faults.effect(t, Unit::Thruster(n))
             });
         let effects: [Option<Effect>; JOINTS] = std::array::from_fn(|joint| faults.effect(t, Unit::Joint(joint)));
         Forces {
-            wheel_torque,
+            wheel_torque: wheels.torque,
+            compensated: wheels.compensated,
             thruster_force,
             thruster_torque,
             thrust,

@@ -14,7 +14,19 @@ pub type WheelsState = [ChannelState; 3];
 pub struct Wheels {
     channels: [Channel; 3],
     momentum: [f64; 3],
+    motor_torque: [f64; 3],
     gyroscopic: bool,
+    period: f64,
+}
+
+/// What the wheels do over a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WheelTorque {
+    /// Where `compensated`: torque on the base, N m. Elsewhere: torque of the motor, of which the base feels what the gyroscopic torque
+    /// `ω × h` leaves.
+    pub torque: Vector3<f64>,
+    /// Axes on which the wheel's own control adds the gyroscopic torque to what its motor gives, so that the base does not feel it.
+    pub compensated: [bool; 3],
 }
 
 impl Wheels {
@@ -34,6 +46,9 @@ impl Wheels {
         for axis in 0..3 {
             let of = [" about x", " about y", " about z"][axis];
             not_negative::<Torque>("actuators.wheels.torque", of, parameters.torque.si()[axis])?;
+            if let Some(motor) = &parameters.motor_torque {
+                not_negative::<Torque>("actuators.wheels.motor_torque", of, motor.si()[axis])?;
+            }
             let full =
                 not_negative::<AngularMomentum>("actuators.wheels.momentum", of, parameters.momentum.si()[axis])?;
             let start = parameters.start_momentum.si()[axis];
@@ -45,12 +60,13 @@ impl Wheels {
         Ok(Self {
             channels: parameters.torque.si().map(|limit| Channel::new(shape, limit)),
             momentum: parameters.momentum.si(),
+            motor_torque: parameters
+                .motor_torque
+                .as_ref()
+                .map_or([f64::INFINITY; 3], |motor| motor.si()),
             gyroscopic: parameters.gyroscopic,
+            period,
         })
-    }
-
-    pub fn gyroscopic(&self) -> bool {
-        self.gyroscopic
     }
 
     pub fn state(&self) -> WheelsState {
@@ -63,25 +79,45 @@ impl Wheels {
         }
     }
 
-    /// Torque on the base, N m, with `momentum` stored, N m s.
+    /// What the wheels do with `momentum` stored, N m s, on a base on which the gyroscopic torque is `turned` = ω × h, N m.
+    ///
+    /// What a motor gives fills or empties its wheel, whatever the torque is for. A motor is held to what its wheel can take over the
+    /// step and, if it has a limit of its own, to that; then it cannot compensate all of the gyroscopic torque, and the base feels the
+    /// rest. A wheel that is stuck or off compensates nothing; a weak one is weak in its command alone.
     pub fn apply(
         &mut self,
         command: &[f64; 3],
         momentum: &Vector3<f64>,
+        turned: &Vector3<f64>,
         effect: impl Fn(usize) -> Option<Effect>,
-    ) -> Vector3<f64> {
-        Vector3::from_fn(|axis, _| {
+    ) -> WheelTorque {
+        let mut out = WheelTorque {
+            torque: Vector3::zeros(),
+            compensated: [false; 3],
+        };
+        for (axis, &command) in command.iter().enumerate() {
             // a wheel that turns the base forwards loses momentum, so a full one cannot turn it back
             let full = self.momentum[axis];
             let possible = if momentum[axis] >= full {
-                command[axis].max(0.0)
+                command.max(0.0)
             } else if momentum[axis] <= -full {
-                command[axis].min(0.0)
+                command.min(0.0)
             } else {
-                command[axis]
+                command
             };
-            self.channels[axis].apply(possible, effect(axis))
-        })
+            let effect = effect(axis);
+            let given = self.channels[axis].apply(possible, effect);
+            let compensates = !self.gyroscopic && matches!(effect, None | Some(Effect::Weak(_)));
+            let asked = if compensates { given + turned[axis] } else { given };
+            let room = |stored: f64| (full - stored).max(0.0) / self.period;
+            let limit = self.motor_torque[axis];
+            let motor = asked
+                .clamp(-limit, limit)
+                .clamp(-room(momentum[axis]), room(-momentum[axis]));
+            out.compensated[axis] = compensates && motor == asked;
+            out.torque[axis] = if out.compensated[axis] { given } else { motor };
+        }
+        out
     }
 }
 
@@ -94,7 +130,13 @@ mod tests {
         let mut wheels = Wheels::new(&WheelParameters::default(), 0.001).unwrap();
         let torque = |wheels: &mut Wheels, command: f64, stored: f64| {
             wheels
-                .apply(&[command, 0.0, 0.0], &Vector3::new(stored, 0.0, 0.0), |_| None)
+                .apply(
+                    &[command, 0.0, 0.0],
+                    &Vector3::new(stored, 0.0, 0.0),
+                    &Vector3::zeros(),
+                    |_| None,
+                )
+                .torque
                 .x
         };
         assert_eq!(torque(&mut wheels, 0.1, 11.9), 0.1);
@@ -102,5 +144,36 @@ mod tests {
         assert_eq!(torque(&mut wheels, 0.1, 12.0), 0.1);
         assert_eq!(torque(&mut wheels, 0.1, -12.1), 0.0);
         assert_eq!(torque(&mut wheels, -0.5, -12.1), -0.2);
+        // the last step fills it to the brim, and no further
+        assert!((torque(&mut wheels, -0.2, 11.9999) + 0.1).abs() < 1e-9);
+    }
+
+    #[test]
+    fn compensation_counts_in_what_a_wheel_can_take() {
+        let wheels = |motor_torque: Option<f64>, gyroscopic: bool| {
+            let parameters = WheelParameters {
+                motor_torque: motor_torque.map(|limit| lockstep::units::Each::of([limit; 3])),
+                gyroscopic,
+                ..WheelParameters::default()
+            };
+            Wheels::new(&parameters, 0.001).unwrap()
+        };
+        let apply = |mut wheels: Wheels, stored: f64, turned: f64, effect: Option<Effect>| {
+            let (momentum, turned) = (Vector3::new(0.0, stored, 0.0), Vector3::new(0.0, turned, 0.0));
+            let made = wheels.apply(&[0.0, 0.1, 0.0], &momentum, &turned, |_| effect);
+            (made.torque.y, made.compensated[1])
+        };
+        assert_eq!(apply(wheels(None, false), 11.0, -0.3, None), (0.1, true));
+        // the motor would fill a wheel that is full: it does nothing, and the base feels the gyroscopic torque
+        assert_eq!(apply(wheels(None, false), 12.0, -0.3, None), (0.0, false));
+        assert_eq!(apply(wheels(None, false), 12.0, 0.3, None), (0.1, true), "it empties");
+        assert_eq!(apply(wheels(Some(0.2), false), 0.0, 0.05, None), (0.1, true));
+        assert_eq!(apply(wheels(Some(0.2), false), 0.0, 0.3, None), (0.2, false));
+        assert_eq!(apply(wheels(None, true), 0.0, 0.3, None), (0.1, false));
+        assert_eq!(apply(wheels(None, false), 0.0, 0.3, Some(Effect::Off)), (0.0, false));
+        assert_eq!(
+            apply(wheels(None, false), 0.0, 0.3, Some(Effect::Weak(0.5))),
+            (0.05, true)
+        );
     }
 }

@@ -43,8 +43,11 @@ pub struct MotionRate {
 /// What the actuators do over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Forces {
-    /// Torque of the wheels' motors on the base, base axes, N m.
+    /// Torque of the wheels, base axes, N m: on the base where the gyroscopic torque is compensated, of the motors elsewhere.
     pub wheel_torque: Vector3<f64>,
+    /// Axes on which the wheels' own control compensates the gyroscopic torque `ω × h` over the step: the base feels `wheel_torque`
+    /// alone. On the others it feels `wheel_torque − ω × h`. Momentum is conserved either way.
+    pub compensated: [bool; 3],
     /// Force of the thrusters, base axes, N.
     pub thruster_force: Vector3<f64>,
     /// Torque of the thrusters, base axes, N m.
@@ -62,9 +65,6 @@ pub struct Forces {
 pub struct Mechanics<'a> {
     /// The mechanism.
     pub model: &'a Model,
-    /// Whether the spinning wheels' gyroscopic torque reaches the base. Without it the wheels' own control compensates it:
-    /// the base feels the commanded torque alone. Momentum is conserved either way.
-    pub gyroscopic: bool,
 }
 
 impl Flow for Mechanics<'_> {
@@ -77,11 +77,14 @@ impl Flow for Mechanics<'_> {
         let servicer = &motion.servicer;
         let omega = servicer.omega();
         let turned = omega.cross(&motion.wheel_momentum);
-        let (wheel_torque, wheel_rate) = if self.gyroscopic {
-            (forces.wheel_torque - turned, -forces.wheel_torque)
-        } else {
-            (forces.wheel_torque, -forces.wheel_torque - turned)
-        };
+        let (mut wheel_torque, mut wheel_rate) = (forces.wheel_torque, -forces.wheel_torque);
+        for (axis, compensated) in forces.compensated.iter().enumerate() {
+            if *compensated {
+                wheel_rate[axis] -= turned[axis];
+            } else {
+                wheel_torque[axis] -= turned[axis];
+            }
+        }
         let torque = wheel_torque + forces.thruster_torque;
         let mut generalised = Generalised::zeros();
         for axis in 0..3 {
