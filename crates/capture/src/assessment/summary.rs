@@ -49,10 +49,11 @@ pub struct Summary {
     pub net_force_impulse_n_s: f64,
     /// Integral of the squared jerk of the end effector, from its velocity at the controller's samples, m²/s⁵.
     pub jerk_squared_integral_m2_s5: f64,
-    /// Largest angle of the pendulum, the larger of its two, deg.
+    /// Largest swing of the pendulum: the angle between its bob's direction and the hanging one, at most 180 deg.
     pub slosh_max_deg: f64,
-    /// Largest angle of the pendulum from its hanging position, deg.
-    pub slosh_swing_max_deg: f64,
+    /// Largest of its two joint angles, unwrapped, deg: smaller than the swing where both are away from zero, larger where a hinge has
+    /// gone round.
+    pub slosh_joint_max_deg: f64,
     /// Largest momentum in a wheel, N m s.
     pub wheel_momentum_max_n_m_s: f64,
     /// Largest missing linear momentum, kg m/s.
@@ -133,7 +134,7 @@ impl fmt::Display for Summary {
             ("peak base force", self.peak_base_force_n, "N"),
             ("peak joint torque", self.peak_joint_torque_n_m, "N m"),
             ("time in saturation", 100.0 * self.saturated_fraction, "%"),
-            ("largest slosh angle", self.slosh_max_deg, "deg"),
+            ("largest slosh swing", self.slosh_max_deg, "deg"),
             ("wheel momentum", self.wheel_momentum_max_n_m_s, "N m s"),
             ("thruster impulse", self.thruster_impulse_n_s, "N s"),
             ("of the resulting force", self.net_force_impulse_n_s, "N s"),
