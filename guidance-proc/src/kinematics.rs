@@ -4,7 +4,7 @@ use guidance_laws::{Pose, so3};
 use interfaces::files::Servicer;
 use interfaces::{JOINTS, Measured};
 use lockstep::participant::ParameterError;
-use multibody::{Description, FrameId, Tree};
+use multibody::{FrameId, Tree};
 use nalgebra::{Rotation3, SVector, UnitQuaternion};
 
 /// The arm on its base, the propellant's hinges welded: only positions matter here.
@@ -21,7 +21,7 @@ impl Kinematics {
     /// Names what does not fit it.
     pub fn new(urdf: &str, servicer: &Servicer) -> Result<Self, ParameterError> {
         let refuse = |key: &str, error: &dyn std::fmt::Display| ParameterError::new(key, error);
-        let mut description = Description::from_urdf(urdf).map_err(|error| refuse("urdf", &error))?;
+        let mut description = servicer.description(urdf).map_err(|error| refuse("urdf", &error))?;
         for joint in &servicer.slosh.joints {
             description
                 .freeze(joint, 0.0)

@@ -281,4 +281,7 @@ pub struct ModelArgs {
     pub model: PathBuf,
     /// States in JSON; without them the tree is printed
     pub states: Option<PathBuf>,
+    /// Go on with links that no distribution of mass has; they are warned of
+    #[arg(long)]
+    pub allow_unphysical: bool,
 }

@@ -43,7 +43,7 @@ pub fn main() -> ExitCode {
         Command::Replay(args) => commands::replay::run(args),
         Command::Report(args) => commands::report::run(args),
         Command::Export(args) => commands::export::run(args),
-        Command::Model(args) => commands::model::run(&args.model, args.states.as_deref()).map(|()| 0),
+        Command::Model(args) => commands::model::run(args).map(|()| 0),
         Command::Tune(args) => commands::tune::run(args),
         Command::Margins(args) => commands::margins::run(args),
         Command::Sweep(args) => commands::sweep::run(args),

@@ -9,7 +9,7 @@ use interfaces::JOINTS;
 use interfaces::files::{Arm, Target};
 use lockstep::participant::ParameterError;
 use lockstep::units::{Angle, AngularMomentum, AngularRate, Each, Force, Length, PerTime, Quantity, Speed, Torque};
-use multibody::{Description, Inertia};
+use multibody::{Description, Inertia, UrdfOptions};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use serde::Deserialize;
 
@@ -49,7 +49,9 @@ impl Avoidance {
     /// # Errors
     /// When a joint has no ends there, or there is no such elbow.
     pub fn law(&self, urdf: &str, arm: &Arm) -> Result<AvoidanceParameters, ParameterError> {
-        let description = Description::from_urdf(urdf).map_err(|error| ParameterError::new("urdf", error))?;
+        let description = Description::read_urdf(urdf, UrdfOptions { allow_unphysical: true })
+            .map_err(|error| ParameterError::new("urdf", error))?
+            .description;
         let (mut lower_rad, mut upper_rad) = ([0.0; 7], [0.0; 7]);
         for (at, name) in arm.joints.iter().enumerate() {
             let limits = description.joints.iter().find(|joint| joint.name == *name);

@@ -6,7 +6,6 @@ use interfaces::JOINTS;
 use interfaces::files::Servicer;
 use lockstep::participant::ParameterError;
 use lockstep::units::{Each, Inertia};
-use multibody::Description;
 use serde::Deserialize;
 
 /// The control model against the plant.
@@ -73,7 +72,9 @@ pub fn build(
     model: &Model,
     payload: Option<Payload>,
 ) -> Result<ControlModel, ParameterError> {
-    let description = Description::from_urdf(urdf).map_err(|error| ParameterError::new("urdf", error))?;
+    let description = servicer
+        .description(urdf)
+        .map_err(|error| ParameterError::new("urdf", error))?;
     let options = ModelOptions {
         arm_joints: servicer.arm.joints.clone(),
         end_effector: servicer.arm.end_effector.clone(),

@@ -1,6 +1,6 @@
-//! Where tuned gains come from, and whether that is what they are used with.
+//! Robot descriptions against what the models make of them, and gains against the robot they were tuned for.
 
-use multibody::Description;
+use multibody::{Description, UrdfOptions, UrdfReading};
 use toml::{Table, Value};
 
 use engine::scenario::Scenario;
@@ -16,14 +16,30 @@ pub fn digest(text: &str) -> String {
 /// Digest of the physics of a robot description: masses, inertias, joints, frames and limits, not what it looks like. `None` when
 /// the text is no description.
 pub fn plant_digest(urdf: &str) -> Option<String> {
-    let description = Description::from_urdf(urdf).ok()?;
-    Some(format!("physics:{:016x}", description.digest()))
+    let reading = read(urdf)?;
+    Some(format!("physics:{:016x}", reading.description.digest()))
 }
 
-/// What does not match between the gains of a scenario's controllers and their provenance. Nothing of it keeps a run from
-/// starting: a changed robot may well fly with its old gains, but what was proved of them was proved of another one.
+/// What a description says, possible or not.
+fn read(urdf: &str) -> Option<UrdfReading> {
+    Description::read_urdf(urdf, UrdfOptions { allow_unphysical: true }).ok()
+}
+
+/// What of a scenario's robot descriptions the models leave out, and what does not match between the gains of its controllers and their
+/// provenance. Nothing of it keeps a run from starting: a changed robot may well fly with its old gains, but what was proved of them was
+/// proved of another one.
 pub fn remarks(scenario: &Scenario) -> Vec<String> {
     let mut out = Vec::new();
+    let mut seen = Vec::new();
+    for entry in &scenario.participants {
+        let Some(urdf) = text(&entry.setup.parameters, "urdf").filter(|urdf| !seen.contains(urdf)) else {
+            continue;
+        };
+        seen.push(urdf);
+        let warnings = read(urdf).map(|reading| reading.warnings).unwrap_or_default();
+        let key = format!("participants.{}.parameters.urdf", entry.setup.name);
+        out.extend(warnings.iter().map(|warning| format!("{key}: {warning}")));
+    }
     for entry in &scenario.participants {
         let parameters = &entry.setup.parameters;
         let key = format!("participants.{}.parameters.gains", entry.setup.name);

@@ -269,5 +269,6 @@ fn weld(description: &mut Description, end_effector: &str, payload: &Payload) {
         stiffness: 0.0,
         rest: 0.0,
         motor_inertia: 0.0,
+        mimic: None,
     });
 }

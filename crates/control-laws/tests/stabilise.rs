@@ -60,6 +60,7 @@ fn welded() -> Description {
         stiffness: 0.0,
         rest: 0.0,
         motor_inertia: 0.0,
+        mimic: None,
     });
     description
 }

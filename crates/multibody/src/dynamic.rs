@@ -1,20 +1,25 @@
 //! The same algorithms on a tree whose size is only known at run time: for tools that are handed any file.
 
-use crate::description::Description;
+use crate::description::{Description, Mimic};
 use crate::kernel::jacobian::{frame_at, jacobian};
 use crate::kernel::place::{Placed, Rates, place, rates};
 use crate::kernel::{BASE, Model, aba, inertia, momentum, newton_euler};
 use crate::num::{Dynamic, Real, V3, sin_cos};
 use crate::rotation::Quaternion;
+use crate::ties::Ties;
 use crate::tree::{Constants, FrameId, TreeError, UnknownFrame, matrix, vector};
 use crate::{Momentum, Placement};
 use core::ops::{Index, IndexMut};
 use nalgebra::Vector3;
 
 /// A tree of any number of joints. Same code and same bits as [`Tree`](crate::Tree), with scratch space on the heap.
+///
+/// Joints may follow others ([`Mimic`]): the coordinates are then those of the joints that follow none, and every matrix and vector is
+/// in them. Without such joints nothing is different.
 #[derive(Clone, Debug)]
 pub struct DynTree {
     constants: Constants,
+    mimics: Vec<Option<Mimic>>,
     floating: bool,
 }
 
@@ -25,7 +30,7 @@ pub struct DynState {
     pub p_nb: Vector3<f64>,
     /// Attitude of the base, `quat_NB`.
     pub quat_nb: Quaternion,
-    /// Joint positions.
+    /// Joint coordinates.
     pub q: Vec<f64>,
     /// Generalised velocity: joint rates, on a floating base after `[ω_NB; v_NB]`.
     pub nu: Vec<f64>,
@@ -48,6 +53,25 @@ impl Dense {
             cols,
             data: vec![0.0; rows * cols],
         }
+    }
+
+    /// Solution of a system whose matrix is this one, symmetric and positive definite: elimination without pivoting.
+    #[allow(clippy::needless_range_loop)] // the indices are those of the textbook
+    fn solve(mut self, mut x: Vec<f64>) -> Vec<f64> {
+        for k in 0..self.rows {
+            for i in k + 1..self.rows {
+                let factor = self[(i, k)] / self[(k, k)];
+                x[i] -= factor * x[k];
+                for j in k + 1..self.rows {
+                    self[(i, j)] -= factor * self[(k, j)];
+                }
+            }
+        }
+        for k in (0..self.rows).rev() {
+            let below: f64 = (k + 1..self.rows).map(|j| self[(k, j)] * x[j]).sum();
+            x[k] = (x[k] - below) / self[(k, k)];
+        }
+        x
     }
 
     /// The rows, for printing.
@@ -82,8 +106,10 @@ pub struct BodyInfo {
     pub prismatic: bool,
     /// Name of the parent body's link.
     pub parent: Option<String>,
-    /// Index of the joint coordinate.
+    /// Index of the joint coordinate; of the one it follows, for a joint that follows another.
     pub coordinate: Option<usize>,
+    /// How the joint follows another, if it does.
+    pub mimic: Option<Mimic>,
     /// Steps from the base.
     pub depth: usize,
     /// Mass with everything merged (kg).
@@ -99,7 +125,25 @@ impl DynTree {
     pub fn new(description: &Description, floating: bool) -> Result<Self, TreeError> {
         let constants = Constants::new(description)?;
         check_inertia(&constants, floating)?;
-        Ok(Self { constants, floating })
+        let joint = |name: &str| description.joints.iter().find(|joint| joint.name == name);
+        let mimic = |(name, _): &(String, String)| joint(name).and_then(|joint| joint.mimic.clone());
+        Ok(Self {
+            mimics: constants.body_names.iter().map(mimic).collect(),
+            constants,
+            floating,
+        })
+    }
+
+    fn ties(&self) -> Ties<'_> {
+        Ties {
+            ties: self.constants.ties.as_deref(),
+            offset: self.model().offset(),
+        }
+    }
+
+    /// All joints and velocities.
+    fn full_dim(&self) -> usize {
+        self.model().offset() + self.constants.bodies.len()
     }
 
     fn model(&self) -> Model<'_> {
@@ -112,8 +156,8 @@ impl DynTree {
 
     fn placed(&self, s: &DynState) -> (Vec<Placed<f64>>, Vec<Rates<f64>>) {
         self.check(s);
-        let placed = place::<Dynamic, f64>(self.model(), &s.q);
-        let rates = rates::<Dynamic, f64>(self.model(), &placed, &s.nu);
+        let placed = place::<Dynamic, f64>(self.model(), &self.ties().positions(&s.q));
+        let rates = rates::<Dynamic, f64>(self.model(), &placed, &self.ties().velocities(&s.nu));
         (placed, rates)
     }
 
@@ -128,7 +172,7 @@ impl DynTree {
 
     /// Number of joint coordinates.
     pub fn joints(&self) -> usize {
-        self.constants.bodies.len()
+        self.ties().coordinates(self.constants.bodies.len())
     }
 
     /// Number of velocity coordinates.
@@ -145,19 +189,22 @@ impl DynTree {
             prismatic: false,
             parent: None,
             coordinate: None,
+            mimic: None,
             depth: 0,
             mass: c.base.mass,
             damping: 0.0,
             motor_inertia: 0.0,
         }];
-        for (b, (joint, link)) in c.bodies.iter().zip(&c.body_names) {
+        for (at, (b, (joint, link))) in c.bodies.iter().zip(&c.body_names).enumerate() {
             let above = b.parent;
+            let tie = c.ties.as_ref().map(|ties| ties[b.coordinate].coordinate);
             out.push(BodyInfo {
                 link: link.clone(),
                 joint: Some(joint.clone()),
                 prismatic: b.prismatic,
                 parent: Some(out[above].link.clone()),
-                coordinate: Some(b.coordinate),
+                coordinate: Some(tie.unwrap_or(b.coordinate)),
+                mimic: self.mimics[at].clone(),
                 depth: out[above].depth + 1,
                 mass: b.rigid.mass,
                 damping: b.damping,
@@ -199,8 +246,8 @@ impl DynTree {
     /// Here and below: if the state has the wrong number of coordinates.
     pub fn mass_and_coriolis(&self, s: &DynState) -> (Dense, Dense) {
         let (placed, rates) = self.placed(s);
-        let dim = self.dim();
-        let (mut m, mut c) = (Dense::zeros(dim, dim), Dense::zeros(dim, dim));
+        let full = self.full_dim();
+        let (mut m, mut c) = (Dense::zeros(full, full), Dense::zeros(full, full));
         let omega = self.omega(s);
         inertia::mass_and_coriolis::<Dynamic, f64, true>(
             self.model(),
@@ -210,7 +257,12 @@ impl DynTree {
             &mut m.data,
             &mut c.data,
         );
-        (m, c)
+        let reduced = |full: Dense| Dense {
+            rows: self.dim(),
+            cols: self.dim(),
+            data: self.ties().both(full.data),
+        };
+        (reduced(m), reduced(c))
     }
 
     /// The bias force C ν.
@@ -222,10 +274,12 @@ impl DynTree {
     pub fn rnea(&self, s: &DynState, a: &[f64]) -> Vec<f64> {
         self.check(s);
         assert_eq!(a.len(), self.dim(), "the acceleration has the wrong length");
-        let mut out = vec![0.0; self.dim()];
+        let mut out = vec![0.0; self.full_dim()];
         let zero = V3::zero();
-        newton_euler::newton_euler::<Dynamic, f64, true>(self.model(), &s.q, &s.nu, a, &s.nu, zero, &mut out);
-        out
+        let ties = self.ties();
+        let (q, nu, a) = (ties.positions(&s.q), ties.velocities(&s.nu), ties.velocities(a));
+        newton_euler::newton_euler::<Dynamic, f64, true>(self.model(), &q, &nu, &a, &nu, zero, &mut out);
+        ties.rows(out)
     }
 
     /// `M a + C(ν) ν_r` in one pass.
@@ -236,36 +290,39 @@ impl DynTree {
             (self.dim(), self.dim()),
             "a and ν_r have the wrong length"
         );
-        let mut out = vec![0.0; self.dim()];
+        let mut out = vec![0.0; self.full_dim()];
         let zero = V3::zero();
-        newton_euler::newton_euler::<Dynamic, f64, false>(self.model(), &s.q, &s.nu, a, nu_r, zero, &mut out);
-        out
+        let ties = self.ties();
+        let (q, nu) = (ties.positions(&s.q), ties.velocities(&s.nu));
+        let (a, nu_r) = (ties.velocities(a), ties.velocities(nu_r));
+        newton_euler::newton_euler::<Dynamic, f64, false>(self.model(), &q, &nu, &a, &nu_r, zero, &mut out);
+        ties.rows(out)
     }
 
     /// Mass matrix over any scalar, column by column.
     pub fn mass_matrix_in<T: Real>(&self, q: &[T]) -> Vec<T> {
-        let placed = place::<Dynamic, T>(self.model(), q);
-        let mut m = vec![T::of(0.0); self.dim() * self.dim()];
+        let placed = place::<Dynamic, T>(self.model(), &self.ties().positions(q));
+        let mut m = vec![T::of(0.0); self.full_dim() * self.full_dim()];
         let (model, rest) = (self.model(), V3::zero());
         inertia::mass_and_coriolis::<Dynamic, T, false>(model, &placed, &[], rest, &mut m, &mut []);
-        m
+        self.ties().both(m)
     }
 
     /// Body Jacobian of a frame over any scalar, column by column; it depends on the joints alone.
     pub fn jacobian_in<T: Real>(&self, q: &[T], frame: FrameId) -> Vec<T> {
-        let placed = place::<Dynamic, T>(self.model(), q);
-        let rest = vec![T::of(0.0); self.dim()];
+        let placed = place::<Dynamic, T>(self.model(), &self.ties().positions(q));
+        let rest = vec![T::of(0.0); self.full_dim()];
         let rates = rates::<Dynamic, T>(self.model(), &placed, &rest);
-        let mut j = vec![T::of(0.0); 6 * self.dim()];
+        let mut j = vec![T::of(0.0); 6 * self.full_dim()];
         let frame = &self.constants.frames[frame.0];
         jacobian::<T, false>(self.model(), &placed, &rates, V3::zero(), frame, &mut j);
-        j
+        self.ties().columns(6, j)
     }
 
     /// Pose of a frame in the base over any scalar: (`p_BE`, columns of `R_BE`).
     pub fn placement_in<T: Real>(&self, q: &[T], frame: FrameId) -> ([T; 3], [[T; 3]; 3]) {
-        let placed = place::<Dynamic, T>(self.model(), q);
-        let rest = vec![T::of(0.0); self.dim()];
+        let placed = place::<Dynamic, T>(self.model(), &self.ties().positions(q));
+        let rest = vec![T::of(0.0); self.full_dim()];
         let rates = rates::<Dynamic, T>(self.model(), &placed, &rest);
         let (r, p) = frame_at(&self.constants.frames[frame.0], &placed, &rates);
         (p.to_array(), r.c.map(V3::to_array))
@@ -275,9 +332,26 @@ impl DynTree {
     pub fn forward_dynamics(&self, s: &DynState, tau: &[f64]) -> Vec<f64> {
         self.check(s);
         assert_eq!(tau.len(), self.dim(), "the generalised force has the wrong length");
+        if self.constants.ties.is_some() {
+            return self.tied_forward_dynamics(s, tau);
+        }
         let mut out = vec![0.0; self.dim()];
         aba::aba::<Dynamic, f64>(self.model(), &s.q, &s.nu, tau, V3::zero(), None, &mut out);
         out
+    }
+
+    /// `Gᵀ M G a = τ + Gᵀ (−D q̇ − K (q − q₀)) − Gᵀ C ν`.
+    fn tied_forward_dynamics(&self, s: &DynState, tau: &[f64]) -> Vec<f64> {
+        let ties = self.ties();
+        let (q, nu) = (ties.positions(&s.q), ties.velocities(&s.nu));
+        let mut passive = vec![0.0; self.full_dim()];
+        for link in &self.constants.bodies {
+            let row = ties.offset + link.coordinate;
+            passive[row] = -link.damping * nu[row] - link.stiffness * (q[link.coordinate] - link.rest);
+        }
+        let (mass, _) = self.mass_and_coriolis(s);
+        let force = ties.rows(passive).into_iter().zip(tau).zip(self.bias(s));
+        mass.solve(force.map(|((passive, tau), bias)| tau + passive - bias).collect())
     }
 
     /// Pose of a frame in the world.
@@ -297,12 +371,17 @@ impl DynTree {
     /// Body Jacobian of a frame (rows [ω; v] in its axes) and its time derivative.
     pub fn jacobian_and_rate(&self, s: &DynState, frame: FrameId) -> (Dense, Dense) {
         let (placed, rates) = self.placed(s);
-        let (mut j, mut rate) = (Dense::zeros(6, self.dim()), Dense::zeros(6, self.dim()));
+        let (mut j, mut rate) = (Dense::zeros(6, self.full_dim()), Dense::zeros(6, self.full_dim()));
         let frame = &self.constants.frames[frame.0];
         let omega = self.omega(s);
         jacobian::<f64, false>(self.model(), &placed, &rates, omega, frame, &mut j.data);
         jacobian::<f64, true>(self.model(), &placed, &rates, omega, frame, &mut rate.data);
-        (j, rate)
+        let reduced = |full: Dense| Dense {
+            rows: 6,
+            cols: self.dim(),
+            data: self.ties().columns(6, full.data),
+        };
+        (reduced(j), reduced(rate))
     }
 
     /// Mass, centre of mass and momentum in B axes.
@@ -336,7 +415,7 @@ impl DynTree {
 
     fn sums(&self, s: &DynState) -> momentum::Sums<f64> {
         let (placed, rates) = self.placed(s);
-        momentum::sums(self.model(), &placed, &rates, &s.nu)
+        momentum::sums(self.model(), &placed, &rates, &self.ties().velocities(&s.nu))
     }
 }
 
@@ -348,10 +427,16 @@ pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeErr
     const VANISHED: f64 = 1.0e-12;
     let tree = DynTree {
         constants: c.clone(),
+        mimics: Vec::new(),
         floating,
     };
     let (n, offset) = (tree.joints(), tree.model().offset());
     let mut best = vec![0.0_f64; tree.dim()];
+    // the coordinate of a joint that follows no other
+    let own = |joint: usize| match &c.ties {
+        None => Some(joint),
+        Some(ties) => ties[joint].own.then_some(ties[joint].coordinate),
+    };
     for trial in 0..3 {
         let q = (0..n)
             .map(|i| 3.0 * sin_cos(1.0 + 2.4 * i as f64 + 1.1 * f64::from(trial)).0)
@@ -365,7 +450,12 @@ pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeErr
         let (mut m, _) = tree.mass_and_coriolis(&state);
         let whole: Vec<f64> = (0..tree.dim()).map(|k| m[(k, k)]).collect();
         // leaves first, base last: the order in which the recursion eliminates
-        let joints = c.bodies.iter().rev().map(|b| offset + b.coordinate);
+        let joints = c
+            .bodies
+            .iter()
+            .rev()
+            .filter_map(|b| own(b.coordinate))
+            .map(|k| offset + k);
         let order: Vec<usize> = joints.chain((0..offset).rev()).collect();
         for (at, &k) in order.iter().enumerate() {
             let ratio = m[(k, k)] / whole[k];
@@ -382,7 +472,7 @@ pub(crate) fn check_inertia(c: &Constants, floating: bool) -> Result<(), TreeErr
         }
     }
     for (b, (joint, link)) in c.bodies.iter().zip(&c.body_names) {
-        if best[offset + b.coordinate] <= VANISHED {
+        if own(b.coordinate).is_some_and(|k| best[offset + k] <= VANISHED) {
             return Err(TreeError::NoInertia {
                 what: format!("joint `{joint}` (link `{link}`)"),
                 remedy: "give the link mass or inertia, give the joint motor inertia, or make the joint fixed",

@@ -65,10 +65,12 @@ mod num;
 pub mod rotation;
 mod slosh;
 mod state;
+mod ties;
 mod tree;
 
 pub use description::{
-    Description, DescriptionError, EditError, Inertia, Joint, JointKind, Limits, Link, Placement, UrdfError,
+    Description, DescriptionError, EditError, Inertia, Joint, JointKind, Limits, Link, Mimic, Placement, UrdfError,
+    UrdfErrors, UrdfFault, UrdfOptions, UrdfReading, UrdfWarning, read_xml,
 };
 pub use dynamic::{BodyInfo, Dense, DynState, DynTree};
 pub use integrate::{Flow, Method, Rate, UnknownMethod, dop853, rk4};

@@ -43,6 +43,7 @@ fn an_attached_body_is_part_of_the_mechanism() {
         stiffness: 0.0,
         rest: 0.0,
         motor_inertia: 0.0,
+        mimic: None,
     });
     let whole = Tree::<9, 15>::new(&description).unwrap();
 

@@ -11,7 +11,6 @@ use proptest::prelude::*;
 fn cases() -> ProptestConfig {
     ProptestConfig {
         cases: 1000,
-        failure_persistence: None,
         ..ProptestConfig::default()
     }
 }
@@ -41,6 +40,7 @@ fn fixed(name: &str, parent: usize, child: usize, origin: Placement) -> Joint {
         stiffness: 0.0,
         rest: 0.0,
         motor_inertia: 0.0,
+        mimic: None,
     }
 }
 

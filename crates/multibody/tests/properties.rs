@@ -39,7 +39,6 @@ fn case(seed: u64, n: usize) -> Case {
 fn cases() -> ProptestConfig {
     ProptestConfig {
         cases: 3000,
-        failure_persistence: None,
         ..ProptestConfig::default()
     }
 }

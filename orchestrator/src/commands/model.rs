@@ -1,5 +1,5 @@
-//! `orchestrator model MODEL.urdf [STATES.json]`: what a model is, or every quantity of its dynamics at given states, so
-//! that anyone can compare with another engine.
+//! `orchestrator model MODEL.urdf [STATES.json]`: what a model is, or every quantity of its dynamics at given states, for a comparison
+//! with another engine. What the file says and the dynamics leave out is warned of, with its line.
 //!
 //! STATES.json is one state, a list of states, or an object with a list `states` (then each entry may hold its state
 //! under `state`, beside results that are ignored: a file of reference values is a valid input). A state is
@@ -11,15 +11,16 @@
 
 use anyhow::{Context, Result, bail};
 use multibody::nalgebra::Vector3;
-use multibody::{Description, DynState, DynTree, FrameId, Quaternion};
+use multibody::{Description, DynState, DynTree, FrameId, Quaternion, UrdfOptions};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Prints the tree of `urdf` or, with `states`, evaluates it at those states and prints JSON.
-pub fn run(urdf: &Path, states: Option<&Path>) -> Result<()> {
-    let text = std::fs::read_to_string(urdf).with_context(|| format!("cannot read {}", urdf.display()))?;
-    let description = Description::from_urdf(&text).with_context(|| format!("in {}", urdf.display()))?;
-    match states {
+use crate::cli::ModelArgs;
+
+/// Prints the tree of a URDF file or, with states, evaluates it at those states and prints JSON.
+pub fn run(args: &ModelArgs) -> Result<()> {
+    let description = read(&args.model, args.allow_unphysical)?;
+    match args.states.as_deref() {
         None => {
             print!("{}", listing(&description)?);
             Ok(())
@@ -34,6 +35,38 @@ pub fn run(urdf: &Path, states: Option<&Path>) -> Result<()> {
     }
 }
 
+/// Reads a file; warnings go to the standard error.
+fn read(file: &Path, allow_unphysical: bool) -> Result<Description> {
+    let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let at = |line: Option<u32>| {
+        line.map_or_else(
+            || file.display().to_string(),
+            |line| format!("{}:{line}", file.display()),
+        )
+    };
+    match Description::read_urdf(&text, UrdfOptions { allow_unphysical }) {
+        Ok(reading) => {
+            for warning in &reading.warnings {
+                eprintln!("warning: {}: {}", at(warning.line), warning.text);
+            }
+            Ok(reading.description)
+        }
+        Err(errors) => {
+            let all: Vec<String> = errors
+                .iter()
+                .map(|error| format!("{}: {}", at(error.line), error.fault))
+                .collect();
+            let unphysical = errors.iter().any(|error| error.fault.is_unphysical());
+            let remedy = if unphysical {
+                "\n`--allow-unphysical` goes on with what no distribution of mass has"
+            } else {
+                ""
+            };
+            bail!("{}{remedy}", all.join("\n"))
+        }
+    }
+}
+
 /// The tree, one body a line, with what was merged into it.
 fn listing(description: &Description) -> Result<String> {
     // a root without inertia (often called `world`) can only be a fixed base
@@ -44,19 +77,27 @@ fn listing(description: &Description) -> Result<String> {
         "fixed base"
     };
     let tree = floating.or_else(|refusal| DynTree::new(description, false).map_err(|_| refusal))?;
+    let bodies = tree.bodies();
+    let followers = match bodies.iter().filter(|body| body.mimic.is_some()).count() {
+        0 => String::new(),
+        count => format!(" ({count} of them follow others)"),
+    };
     let mut out = format!(
-        "{}: {} moving joints, {} degrees of freedom with a {base}, {} kg\n",
+        "{}: {} moving joints{followers}, {} degrees of freedom with a {base}, {} kg\n",
         description.name,
-        tree.joints(),
+        bodies.len() - 1,
         tree.dim(),
         description.total_mass()
     );
-    let bodies = tree.bodies();
     for body in &bodies {
         let joint = match (&body.joint, body.coordinate) {
             (Some(joint), Some(k)) => {
                 let kind = if body.prismatic { "slides" } else { "turns" };
-                format!("  [{k}] {kind} on {joint}")
+                let follows = body.mimic.as_ref().map_or_else(String::new, |mimic| {
+                    let sign = if mimic.offset < 0.0 { '-' } else { '+' };
+                    format!(" = {} {} {sign} {}", mimic.multiplier, mimic.joint, mimic.offset.abs())
+                });
+                format!("  [{k}] {kind} on {joint}{follows}")
             }
             _ => format!("  {base}"),
         };
@@ -227,6 +268,23 @@ mod tests {
         );
         assert!(text.contains("[6] turns on A7, with tool, end_effector"), "{text}");
         assert!(text.contains("[8] turns on slosh_x, damping 0.0131"), "{text}");
+    }
+
+    #[test]
+    fn lists_which_joint_follows_which() {
+        let gripper = r#"<robot name="gripper"><link name="palm"><inertial><mass value="2"/>
+            <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+            <link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+            <link name="b"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+            <joint name="left" type="prismatic"><parent link="palm"/><child link="a"/></joint>
+            <joint name="right" type="prismatic"><parent link="palm"/><child link="b"/>
+              <mimic joint="left" multiplier="-2" offset="-0.5"/></joint></robot>"#;
+        let text = listing(&Description::from_urdf(gripper).unwrap()).unwrap();
+        assert!(
+            text.contains("2 moving joints (1 of them follow others), 7 degrees of freedom"),
+            "{text}"
+        );
+        assert!(text.contains("[0] slides on right = -2 left - 0.5"), "{text}");
     }
 
     #[test]

@@ -47,7 +47,7 @@ impl Model {
         slosh_model: SloshModel,
     ) -> Result<Self, ParameterError> {
         let refuse = |key: &str, error: &dyn std::fmt::Display| ParameterError::new(key, error);
-        let mut description = Description::from_urdf(urdf).map_err(|error| refuse("urdf", &error))?;
+        let mut description = servicer.description(urdf).map_err(|error| refuse("urdf", &error))?;
         for (name, inertia) in servicer.arm.joints.iter().zip(servicer.arm.motor_inertia.si()) {
             description
                 .add_motor_inertia(name, inertia)

@@ -4,6 +4,7 @@ use lockstep::units::{Each, Inertia, Quantity, RotationalDamping, RotationalStif
 use serde::Deserialize;
 
 use crate::{JOINTS, SLOSH};
+use multibody::{Description, UrdfErrors, UrdfOptions};
 
 /// The servicer beyond its URDF.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -15,6 +16,22 @@ pub struct Servicer {
     /// The pendulum that stands for the propellant.
     #[serde(default)]
     pub slosh: Slosh,
+    /// Whether to go on with links in the URDF that no distribution of mass has.
+    #[serde(default)]
+    pub allow_unphysical: bool,
+}
+
+impl Servicer {
+    /// The mechanism of a URDF.
+    ///
+    /// # Errors
+    /// All that is wrong with the text.
+    pub fn description(&self, urdf: &str) -> Result<Description, UrdfErrors> {
+        let options = UrdfOptions {
+            allow_unphysical: self.allow_unphysical,
+        };
+        Description::read_urdf(urdf, options).map(|reading| reading.description)
+    }
 }
 
 /// The arm.

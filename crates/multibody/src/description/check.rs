@@ -1,30 +1,107 @@
 //! What makes a description a mechanism.
 
-use super::{Description, DescriptionError as E, Inertia, JointKind};
+use super::merge::Merged;
+use super::{Description, DescriptionError as E, Inertia, JointKind, Link};
 use nalgebra::Matrix3;
 
 /// Published inertias are rounded to a few digits, so a flat body may miss the triangle inequality by that much.
 const TRIANGLE_SLACK: f64 = 1.0e-6;
 const ROTATION_SLACK: f64 = 1.0e-9;
 
+/// What is no inertia at all: a milligram in a millionth of a metre has more. Exporters leave products of inertia of that size behind.
+const INERTIA_SLACK: f64 = 1.0e-18;
+
 impl Description {
-    /// Checks that this is one tree of physically possible links and joints with unique names.
+    /// Checks that this is one tree of physically possible bodies with unique names.
+    ///
+    /// Links that are fixed to each other are one body, and only the body has to be possible: a placeholder of a microgram may say
+    /// anything about its inertia.
     pub fn validate(&self) -> Result<(), E> {
-        if self.links.is_empty() {
-            return Err(E::Empty);
+        match self.faults().into_iter().next() {
+            Some(fault) => Err(fault),
+            None => Ok(()),
         }
-        unique("link", self.links.iter().map(|l| &l.name))?;
-        unique("joint", self.joints.iter().map(|j| &j.name))?;
-        for link in &self.links {
-            if let Some(inertia) = &link.inertia {
-                check_inertia(&link.name, inertia)?;
+    }
+
+    /// All that is wrong.
+    pub(super) fn faults(&self) -> Vec<E> {
+        if self.links.is_empty() {
+            return vec![E::Empty];
+        }
+        let mut out = self.faults_of_parts();
+        let tree: Vec<E> = self.check_tree().err().into_iter().collect();
+        let whole = out.is_empty() && tree.is_empty();
+        out.extend(tree);
+        if whole {
+            out.extend(self.check_inertials());
+            let ties = (0..self.joints.len()).filter(|&j| self.joints[j].kind != JointKind::Fixed);
+            out.extend(ties.filter_map(|joint| self.tie(joint).err()));
+            if !self.allow_unphysical {
+                out.extend(
+                    self.impossible()
+                        .into_iter()
+                        .filter(|(_, merged)| !merged)
+                        .map(|(fault, _)| fault),
+                );
             }
         }
-        for joint in 0..self.joints.len() {
-            self.check_joint(joint)?;
+        out
+    }
+
+    /// What is wrong with single links and joints, whatever they are parts of.
+    pub(super) fn faults_of_parts(&self) -> Vec<E> {
+        let mut out = Vec::new();
+        unique("link", self.links.iter().map(|l| &l.name), &mut out);
+        unique("joint", self.joints.iter().map(|j| &j.name), &mut out);
+        for link in &self.links {
+            out.extend(
+                link.inertia
+                    .and_then(|inertia| check_numbers(&link.name, &inertia).err()),
+            );
         }
-        self.check_tree()?;
-        self.check_inertials()
+        out.extend((0..self.joints.len()).filter_map(|joint| self.check_joint(joint).err()));
+        out
+    }
+
+    /// What is odd about the inertias and taken all the same; with it, whether it vanishes in the body that the link is part of. Call
+    /// only on a checked tree.
+    pub(super) fn oddities(&self) -> Vec<(E, bool)> {
+        let odd = self.impossible();
+        odd.into_iter()
+            .filter(|(_, merged)| *merged || self.allow_unphysical)
+            .collect()
+    }
+
+    /// Links with an inertia that no distribution of mass has, and whether the body that each is part of is possible.
+    fn impossible(&self) -> Vec<(E, bool)> {
+        let fault = |link: &Link| {
+            link.inertia
+                .and_then(|inertia| check_physics(&link.name, &inertia).err())
+        };
+        if self.links.iter().all(|link| fault(link).is_none()) {
+            return Vec::new(); // sums of possible bodies are possible
+        }
+        let merged = Merged::of(self);
+        let body_of = |link: &Link| {
+            merged
+                .frames
+                .iter()
+                .find(|frame| frame.name == link.name)
+                .and_then(|frame| frame.body)
+        };
+        let possible = |link: &Link| {
+            let inertia = match body_of(link) {
+                Some(body) => &merged.bodies[body].inertia,
+                None => &merged.base,
+            };
+            // a negative mass is no placeholder
+            link.inertia.is_none_or(|own| own.mass >= 0.0) && check_physics(&link.name, inertia).is_ok()
+        };
+        let odd = self
+            .links
+            .iter()
+            .filter_map(|link| fault(link).map(|fault| (fault, possible(link))));
+        odd.collect()
     }
 
     fn check_joint(&self, index: usize) -> Result<(), E> {
@@ -52,6 +129,10 @@ impl Description {
             }
         }
         finite("joint", &j.name, "the rest position", j.rest)?;
+        if let Some(mimic) = &j.mimic {
+            finite("joint", &j.name, "the multiplier of <mimic>", mimic.multiplier)?;
+            finite("joint", &j.name, "the offset of <mimic>", mimic.offset)?;
+        }
         for (field, value) in [
             ("damping", j.damping),
             ("friction", j.friction),
@@ -115,7 +196,8 @@ impl Description {
     }
 
     /// Every group of links joined by fixed joints must have at least one `<inertial>`.
-    fn check_inertials(&self) -> Result<(), E> {
+    fn check_inertials(&self) -> Vec<E> {
+        let mut out = Vec::new();
         let moving = |link: usize| {
             self.joints
                 .iter()
@@ -126,13 +208,13 @@ impl Description {
             let by = moving(i);
             if (by.is_some() || i == root) && !self.group_has_inertial(i) {
                 let joint = by.map_or_else(|| "floating base".to_owned(), |j| j.name.clone());
-                return Err(E::MissingInertial {
+                out.push(E::MissingInertial {
                     link: link.name.clone(),
                     joint,
                 });
             }
         }
-        Ok(())
+        out
     }
 
     fn group_has_inertial(&self, head: usize) -> bool {
@@ -161,17 +243,16 @@ impl Description {
     }
 }
 
-fn unique<'a>(what: &'static str, names: impl Iterator<Item = &'a String>) -> Result<(), E> {
+fn unique<'a>(what: &'static str, names: impl Iterator<Item = &'a String>, out: &mut Vec<E>) {
     let mut seen = std::collections::BTreeSet::new();
     for name in names {
         if !seen.insert(name) {
-            return Err(E::DuplicateName {
+            out.push(E::DuplicateName {
                 what,
                 name: name.clone(),
             });
         }
     }
-    Ok(())
 }
 
 fn finite(what: &'static str, name: &str, field: &'static str, value: f64) -> Result<(), E> {
@@ -187,7 +268,7 @@ fn finite(what: &'static str, name: &str, field: &'static str, value: f64) -> Re
     }
 }
 
-fn check_inertia(link: &str, i: &Inertia) -> Result<(), E> {
+fn check_numbers(link: &str, i: &Inertia) -> Result<(), E> {
     finite("link", link, "the mass", i.mass)?;
     for x in i.com.iter() {
         finite("link", link, "the centre of mass", *x)?;
@@ -195,6 +276,10 @@ fn check_inertia(link: &str, i: &Inertia) -> Result<(), E> {
     for x in i.about_com.iter() {
         finite("link", link, "the inertia", *x)?;
     }
+    Ok(())
+}
+
+fn check_physics(link: &str, i: &Inertia) -> Result<(), E> {
     if i.mass < 0.0 {
         return Err(E::Negative {
             what: "link",
@@ -206,13 +291,13 @@ fn check_inertia(link: &str, i: &Inertia) -> Result<(), E> {
     let mut moments = i.about_com.symmetric_eigenvalues();
     moments.as_mut_slice().sort_by(f64::total_cmp);
     let [small, middle, large]: [f64; 3] = moments.into();
-    if small < -1.0e-12 * large.abs() || large < 0.0 {
+    if small < -1.0e-12 * large.abs() - INERTIA_SLACK {
         return Err(E::InertiaNotPositive {
             link: link.to_owned(),
             moment: small,
         });
     }
-    if large > (small + middle) + TRIANGLE_SLACK * large {
+    if large > (small + middle) + TRIANGLE_SLACK * large + INERTIA_SLACK {
         return Err(E::Triangle {
             link: link.to_owned(),
             small,

@@ -65,6 +65,10 @@ impl Description {
                 &joint.rest,
                 &joint.motor_inertia,
             ]);
+            if let Some(mimic) = &joint.mimic {
+                digest.name(&mimic.joint);
+                digest.numbers([&mimic.multiplier, &mimic.offset]);
+            }
         }
         digest.0
     }

@@ -37,8 +37,9 @@ pub enum EditError {
 }
 
 impl Description {
-    /// Welds the moving joint `name` at position `at` (rad or m). Whatever it carried becomes part of its parent;
-    /// freezing the slosh joints at zero gives the controller's model with the propellant as a lump on the base.
+    /// Welds the moving joint `name` at position `at` (rad or m), and those that follow it where they then are. Whatever it carried
+    /// becomes part of its parent; freezing the slosh joints at zero gives the controller's model with the propellant as a lump on the
+    /// base.
     pub fn freeze(&mut self, name: &str, at: f64) -> Result<&mut Self, EditError> {
         let j = self.moving_joint_mut(name)?;
         if !at.is_finite() {
@@ -57,6 +58,10 @@ impl Description {
         };
         j.origin = j.origin.then(&motion);
         j.kind = JointKind::Fixed;
+        j.mimic = None;
+        for (follower, at) in self.followers(name, at) {
+            self.freeze(&follower, at)?;
+        }
         Ok(self)
     }
 

@@ -1,5 +1,6 @@
 //! From links and joints to bodies: fixed joints merged, every moving axis turned to +z, parents before children.
 
+use super::mimic::Tie;
 use super::{Description, DescriptionError, Inertia, JointKind, Placement};
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,7 +12,7 @@ pub(crate) struct Body {
     pub joint: String,
     /// Index of the parent body, `None` for the base.
     pub parent: Option<usize>,
-    /// Index of the joint coordinate: the position of the joint among the moving joints of the file.
+    /// Position of the joint among the moving joints of the file. That is its joint coordinate, unless there are ties.
     pub coordinate: usize,
     pub prismatic: bool,
     /// Pose of L in the parent's L (or in the base frame) at joint position zero.
@@ -38,17 +39,27 @@ pub(crate) struct Merged {
     pub base: Inertia,
     pub bodies: Vec<Body>,
     pub frames: Vec<Frame>,
+    /// Where the joints' positions come from, by [`Body::coordinate`]; `None` when each has a coordinate of its own.
+    pub ties: Option<Vec<Tie>>,
 }
 
 impl Merged {
     pub(crate) fn new(d: &Description) -> Result<Self, DescriptionError> {
         d.validate()?;
+        let mut out = Self::of(d);
+        out.ties = d.ties()?;
+        Ok(out)
+    }
+
+    /// The bodies of one tree of links, without a look at what they weigh.
+    pub(super) fn of(d: &Description) -> Self {
         let root = d.root();
         let mut out = Self {
             base_name: d.links[root].name.clone(),
             base: Inertia::zero(),
             bodies: Vec::new(),
             frames: Vec::new(),
+            ties: None,
         };
         // Where each link is: on which body, and its pose in that body's L frame.
         let mut place: Vec<Option<(Option<usize>, Placement)>> = vec![None; d.links.len()];
@@ -96,7 +107,7 @@ impl Merged {
             place[j.child] = Some((body, of_link));
             out.take_link(d, j.child, body, of_link);
         }
-        Ok(out)
+        out
     }
 
     /// Adds link `link`, posed at `placement` on `body`, to that body's inertia and to the frames.

@@ -8,12 +8,17 @@
 mod check;
 mod digest;
 mod edit;
+mod fault;
 mod merge;
+mod mimic;
 mod urdf;
 
 pub use edit::EditError;
+pub use fault::DescriptionError;
 pub(crate) use merge::{Body, Merged, steiner as merge_steiner};
-pub use urdf::UrdfError;
+pub use mimic::Mimic;
+pub(crate) use mimic::Tie;
+pub use urdf::{UrdfError, UrdfErrors, UrdfFault, UrdfOptions, UrdfReading, UrdfWarning, read_xml};
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -129,6 +134,8 @@ pub struct Joint {
     pub rest: f64,
     /// Reflected rotor inertia (kg m² or kg), added to the joint's diagonal element of the mass matrix.
     pub motor_inertia: f64,
+    /// The joint that this one follows, if it has no coordinate of its own.
+    pub mimic: Option<Mimic>,
 }
 
 /// A mechanism: one tree of links. The root link is the base.
@@ -138,8 +145,17 @@ pub struct Description {
     pub name: String,
     /// The links, in the order of the file.
     pub links: Vec<Link>,
-    /// The joints, in the order of the file. The moving ones, in this order, are the joint coordinates.
+    /// The joints, in the order of the file. The moving ones that follow no other are, in this order, the joint coordinates.
     pub joints: Vec<Joint>,
+    /// Takes bodies that no distribution of mass has: a negative mass or moment, or principal moments beyond the triangle inequality.
+    pub allow_unphysical: bool,
+}
+
+impl Joint {
+    /// Whether it moves and follows no other joint.
+    pub fn has_coordinate(&self) -> bool {
+        self.kind != JointKind::Fixed && self.mimic.is_none()
+    }
 }
 
 impl Description {
@@ -153,14 +169,15 @@ impl Description {
             name: name.to_owned(),
             links: vec![link],
             joints: Vec::new(),
+            allow_unphysical: false,
         };
         it.validate()?;
         Ok(it)
     }
 
-    /// The moving joints, in coordinate order.
+    /// The moving joints with a coordinate of their own, in coordinate order: not those that follow another.
     pub fn moving_joints(&self) -> impl Iterator<Item = &Joint> {
-        self.joints.iter().filter(|j| j.kind != JointKind::Fixed)
+        self.joints.iter().filter(|j| j.has_coordinate())
     }
 
     /// Number of joint coordinates.
@@ -172,126 +189,4 @@ impl Description {
     pub fn total_mass(&self) -> f64 {
         self.links.iter().filter_map(|l| l.inertia).map(|i| i.mass).sum()
     }
-}
-
-/// Why a description is not a mechanism. Every variant names the link or joint at fault.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum DescriptionError {
-    /// There is no link.
-    #[error("the description has no link; a mechanism needs at least a base")]
-    Empty,
-    /// Two links or two joints share a name.
-    #[error("two {what}s are called `{name}`; names must be unique")]
-    DuplicateName {
-        /// `link` or `joint`.
-        what: &'static str,
-        /// The shared name.
-        name: String,
-    },
-    /// A link is the child of two joints.
-    #[error("not a tree: link `{link}` is the child of both joint `{first}` and joint `{second}`; remove one of them")]
-    TwoParents {
-        /// The link.
-        link: String,
-        /// One joint.
-        first: String,
-        /// The other joint.
-        second: String,
-    },
-    /// There is more than one root.
-    #[error("not a tree: links `{first}` and `{second}` both have no parent joint; connect one below the other")]
-    TwoRoots {
-        /// One root.
-        first: String,
-        /// The other root.
-        second: String,
-    },
-    /// Links form a loop.
-    #[error("not a tree: link `{link}` is its own ancestor (through joint `{joint}`); cut the loop")]
-    Loop {
-        /// A link of the loop.
-        link: String,
-        /// The joint that leads to it.
-        joint: String,
-    },
-    /// An axis has no direction.
-    #[error("joint `{joint}`: the axis [{x} {y} {z}] has no direction; give a vector of finite, non-zero length")]
-    Axis {
-        /// The joint.
-        joint: String,
-        /// The axis as given.
-        x: f64,
-        /// The axis as given.
-        y: f64,
-        /// The axis as given.
-        z: f64,
-    },
-    /// A rotation is not one.
-    #[error(
-        "joint `{joint}`: the origin's rotation is not orthonormal (off by {off:e}); pass a proper rotation matrix"
-    )]
-    Rotation {
-        /// The joint.
-        joint: String,
-        /// Largest element of `RᵀR − 1`, or 1 if the determinant is negative.
-        off: f64,
-    },
-    /// A number is not finite.
-    #[error("{what} `{name}`: {field} is {value}; it must be a finite number")]
-    NotFinite {
-        /// `link` or `joint`.
-        what: &'static str,
-        /// Which.
-        name: String,
-        /// Which number.
-        field: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// A number that cannot be negative is.
-    #[error("{what} `{name}`: {field} is {value}; it cannot be negative")]
-    Negative {
-        /// `link` or `joint`.
-        what: &'static str,
-        /// Which.
-        name: String,
-        /// Which number.
-        field: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// An inertia has a negative principal moment.
-    #[error("link `{link}`: the inertia is not positive: its smallest principal moment is {moment:e} kg m²")]
-    InertiaNotPositive {
-        /// The link.
-        link: String,
-        /// The smallest principal moment.
-        moment: f64,
-    },
-    /// An inertia violates the triangle inequality.
-    #[error(
-        "link `{link}`: no distribution of mass has these principal moments: {large:e} > {small:e} + {middle:e} kg m² \
-         (triangle inequality); check units and axes"
-    )]
-    Triangle {
-        /// The link.
-        link: String,
-        /// Smallest principal moment.
-        small: f64,
-        /// Middle principal moment.
-        middle: f64,
-        /// Largest principal moment.
-        large: f64,
-    },
-    /// A body that moves on its own has no inertia given for any of its links.
-    #[error(
-        "link `{link}` moves on its own (by joint `{joint}`) but neither it nor anything fixed to it has an <inertial>; \
-         add one (mass 0 is allowed for an intermediate body) or make the joint fixed"
-    )]
-    MissingInertial {
-        /// The link.
-        link: String,
-        /// The joint that moves it, or `floating base`.
-        joint: String,
-    },
 }

@@ -1,6 +1,6 @@
 //! A description boiled down to what the recursions read, for a tree of any size.
 
-use crate::description::{Body, Description, DescriptionError, Merged};
+use crate::description::{Body, Description, DescriptionError, Merged, Tie};
 use crate::kernel::jacobian::FrameConsts;
 use crate::kernel::{BASE, Link, Rigid};
 use nalgebra::Matrix3;
@@ -28,6 +28,16 @@ pub enum TreeError {
         expected: usize,
         /// Their names.
         joints: String,
+    },
+    /// The type's algorithms have no joints that follow others.
+    #[error(
+        "joint `{joint}` mimics `{leader}`: a tree of static size has no joints that follow others; freeze one of the two, or use DynTree"
+    )]
+    Mimic {
+        /// The joint.
+        joint: String,
+        /// The joint it follows.
+        leader: String,
     },
     /// Forward dynamics has no solution: something moves without inertia.
     #[error("{what} moves no inertia, so its acceleration is not determined; {remedy}")]
@@ -58,6 +68,8 @@ pub(crate) struct Constants {
     pub body_names: Vec<(String, String)>,
     pub frames: Vec<FrameConsts>,
     pub frame_names: Vec<String>,
+    /// Where the joints' positions come from, when some follow others.
+    pub ties: Option<Vec<Tie>>,
 }
 
 impl Constants {
@@ -90,6 +102,7 @@ impl Constants {
                 .collect(),
             frame_names: m.frames.into_iter().map(|f| f.name).collect(),
             base_name: m.base_name,
+            ties: m.ties,
         })
     }
 

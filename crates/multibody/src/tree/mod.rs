@@ -78,6 +78,14 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// no inertia in every configuration.
     pub fn new(description: &Description) -> Result<Self, TreeError> {
         let constants = Constants::new(description)?;
+        if constants.ties.is_some()
+            && let Some((joint, mimic)) = description.joints.iter().find_map(|j| Some((j, j.mimic.as_ref()?)))
+        {
+            return Err(TreeError::Mimic {
+                joint: joint.name.clone(),
+                leader: mimic.joint.clone(),
+            });
+        }
         let found = constants.bodies.len();
         let joints = || {
             constants

@@ -79,6 +79,7 @@ pub(crate) fn mechanism(rng: &mut Rng, n: usize) -> Description {
         name: "random".into(),
         links: vec![link("base", Some(base))],
         joints: Vec::new(),
+        allow_unphysical: false,
     };
     for i in 0..n {
         // mostly chains, so that depth is tested too
@@ -112,6 +113,7 @@ pub(crate) fn mechanism(rng: &mut Rng, n: usize) -> Description {
             } else {
                 0.0
             },
+            mimic: None,
         });
     }
     fix(&mut d, rng, n, "tip");
@@ -140,6 +142,7 @@ pub(crate) fn fix(d: &mut Description, rng: &mut Rng, parent: usize, name: &str)
         stiffness: 0.0,
         rest: 0.0,
         motor_inertia: 0.0,
+        mimic: None,
     });
 }
 

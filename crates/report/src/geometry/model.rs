@@ -1,6 +1,7 @@
 //! The geometry of the 3-D playback, from a URDF: its visuals where it has any, else shapes that follow from its
 //! kinematics and inertias.
 
+use multibody::nalgebra::{Quaternion, UnitQuaternion};
 use roxmltree::{Document, Node};
 use serde::Serialize;
 
@@ -93,12 +94,27 @@ fn origin(node: Node<'_, '_>) -> ([f64; 3], [f64; 3]) {
         let text = node.children().find(|n| n.has_tag_name("origin"))?.attribute(name)?;
         numbers(text)
     };
-    (part("xyz").unwrap_or_default(), part("rpy").unwrap_or_default())
+    let turned = node
+        .children()
+        .find(|n| n.has_tag_name("origin"))
+        .and_then(|n| n.attribute("quat_xyzw"));
+    let rpy = match turned.and_then(numbers) {
+        Some([x, y, z, w]) => {
+            let quaternion = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+            let (roll, pitch, yaw) = quaternion.euler_angles();
+            Some([roll, pitch, yaw])
+        }
+        None => part("rpy"),
+    };
+    (part("xyz").unwrap_or_default(), rpy.unwrap_or_default())
 }
 
 /// Reads a URDF. The first `arm` moving joints follow channel `q`, the next `slosh` ones channel `q_slosh`.
 pub(crate) fn read(text: &str, arm: usize, slosh: usize) -> Result<Model, ModelError> {
-    let document = Document::parse(text)?;
+    multibody::read_xml(text, |document| of_document(document, arm, slosh))?
+}
+
+fn of_document(document: &Document<'_>, arm: usize, slosh: usize) -> Result<Model, ModelError> {
     let robot = document.root_element();
     let links: Vec<Node<'_, '_>> = robot.children().filter(|n| n.has_tag_name("link")).collect();
     let joints: Vec<Node<'_, '_>> = robot.children().filter(|n| n.has_tag_name("joint")).collect();

@@ -3,7 +3,7 @@
 use lockstep::port::Field;
 use lockstep::units::{Each, Inertia, Mass, Quantity, read};
 use multibody::nalgebra::Vector3;
-use multibody::{BodyInfo, Description, DynState, DynTree, Quaternion};
+use multibody::{BodyInfo, Description, DynState, DynTree, Quaternion, UrdfOptions};
 use serde::Deserialize;
 
 use super::formula::find;
@@ -103,7 +103,12 @@ impl Momenta {
         };
         let participant = plan.get("participants")?.get(&spec.participant)?;
         let parameters = participant.get("parameters")?.as_table()?;
-        let description = Description::from_urdf(parameters.get("urdf")?.as_str()?).ok()?;
+        let description = Description::read_urdf(
+            parameters.get("urdf")?.as_str()?,
+            UrdfOptions { allow_unphysical: true },
+        )
+        .ok()?
+        .description;
         let tree = DynTree::new(&description, true).ok()?;
         let coordinates = fields.q.len() + fields.slosh.len();
         if tree.joints() != coordinates

@@ -1,0 +1,90 @@
+//! Joints that follow another: `<mimic>`, a rigid gear or linkage.
+
+use super::{Description, DescriptionError as E, Joint, JointKind};
+
+/// How a joint follows another: its position is `multiplier · q + offset` of the other's position q.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mimic {
+    /// Name of the joint it follows; that one may follow a third.
+    pub joint: String,
+    /// Ratio of the rates (rad or m for each rad or m of the other joint).
+    pub multiplier: f64,
+    /// Position while the other is at zero (rad or m).
+    pub offset: f64,
+}
+
+/// Where a moving joint gets its position from: `multiplier · q + offset` of the joint coordinate with that index.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Tie {
+    /// Whether the coordinate is the joint's own.
+    pub own: bool,
+    pub coordinate: usize,
+    pub multiplier: f64,
+    pub offset: f64,
+}
+
+impl Description {
+    /// For every moving joint, in the order of the file, where its position comes from; `None` when all have a coordinate of their own.
+    pub(super) fn ties(&self) -> Result<Option<Vec<Tie>>, E> {
+        if self
+            .joints
+            .iter()
+            .all(|joint| joint.kind == JointKind::Fixed || joint.mimic.is_none())
+        {
+            return Ok(None);
+        }
+        let moving = (0..self.joints.len()).filter(|&joint| self.joints[joint].kind != JointKind::Fixed);
+        moving.map(|joint| self.tie(joint)).collect::<Result<_, _>>().map(Some)
+    }
+
+    /// Follows a joint to the one with a coordinate.
+    pub(super) fn tie(&self, joint: usize) -> Result<Tie, E> {
+        let own = &self.joints[joint];
+        let (mut at, mut multiplier, mut offset) = (joint, 1.0, 0.0);
+        for _ in 0..self.joints.len() {
+            let Some(mimic) = &self.joints[at].mimic else {
+                let before = self.joints[..at].iter().filter(|j| j.has_coordinate());
+                return Ok(Tie {
+                    own: at == joint,
+                    coordinate: before.count(),
+                    multiplier,
+                    offset,
+                });
+            };
+            // own = multiplier (mimic.multiplier q + mimic.offset) + offset
+            offset += multiplier * mimic.offset;
+            multiplier *= mimic.multiplier;
+            let refuse = |reason| {
+                Err(E::Mimic {
+                    joint: own.name.clone(),
+                    leader: mimic.joint.clone(),
+                    reason,
+                })
+            };
+            at = match self.joints.iter().position(|j| j.name == mimic.joint) {
+                Some(leader) if self.joints[leader].kind == JointKind::Fixed => {
+                    return refuse("which does not move; make it fixed as well");
+                }
+                Some(leader) => leader,
+                None => return refuse("which is not there; name a moving joint, or remove <mimic>"),
+            };
+        }
+        Err(E::Mimic {
+            joint: own.name.clone(),
+            leader: own.mimic.as_ref().map_or_else(String::new, |mimic| mimic.joint.clone()),
+            reason: "which follows it in turn; let one of them follow no other",
+        })
+    }
+
+    /// Names and frozen positions of the joints that follow `joint` directly, when that is frozen `at` a position.
+    pub(super) fn followers(&self, joint: &str, at: f64) -> Vec<(String, f64)> {
+        let follows = |j: &Joint| {
+            let mimic = j
+                .mimic
+                .as_ref()
+                .filter(|mimic| mimic.joint == joint && j.kind != JointKind::Fixed)?;
+            Some((j.name.clone(), mimic.multiplier * at + mimic.offset))
+        };
+        self.joints.iter().filter_map(follows).collect()
+    }
+}

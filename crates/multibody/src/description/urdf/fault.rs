@@ -1,0 +1,148 @@
+//! What can be wrong with a URDF, and where.
+
+use super::super::DescriptionError;
+use core::fmt;
+
+/// Everything that is wrong with a text, in the order of its lines. Shown one mistake a line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UrdfErrors(pub(super) Vec<UrdfError>);
+
+impl UrdfErrors {
+    /// The mistakes; at least one.
+    pub fn iter(&self) -> impl Iterator<Item = &UrdfError> {
+        self.0.iter()
+    }
+}
+
+impl fmt::Display for UrdfErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (at, error) in self.0.iter().enumerate() {
+            let end = if at + 1 < self.0.len() { "\n" } else { "" };
+            write!(f, "{error}{end}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for UrdfErrors {}
+
+/// One thing that is wrong with a text.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}{fault}", shown(*.line))]
+pub struct UrdfError {
+    /// The line, from 1; `None` for what is wrong with the whole.
+    pub line: Option<u32>,
+    /// What is wrong.
+    pub fault: UrdfFault,
+}
+
+/// Something a text says that the dynamics leave out, or that is odd and can be read all the same.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UrdfWarning {
+    /// The line, from 1; `None` for the whole.
+    pub line: Option<u32>,
+    /// What it is, and what becomes of it.
+    pub text: String,
+}
+
+impl fmt::Display for UrdfWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", shown(self.line), self.text)
+    }
+}
+
+fn shown(line: Option<u32>) -> String {
+    line.map_or_else(String::new, |line| format!("line {line}: "))
+}
+
+/// What is wrong.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum UrdfFault {
+    /// Not XML.
+    #[error("not well-formed XML: {0}")]
+    Xml(String),
+    /// The root element is not `<robot>`.
+    #[error("the root element is {found}; a URDF starts with <robot name=\"…\">")]
+    NotARobot {
+        /// What it is.
+        found: String,
+    },
+    /// An element or attribute is missing.
+    #[error("{owner}: {missing} is missing")]
+    Missing {
+        /// Which link or joint.
+        owner: String,
+        /// What is missing.
+        missing: String,
+    },
+    /// An element that can only be there once.
+    #[error("{owner}: a second {element}; give one")]
+    Twice {
+        /// Which link or joint.
+        owner: String,
+        /// The element.
+        element: String,
+    },
+    /// An attribute is not the number or numbers it must be.
+    #[error("{owner}: {attribute}=\"{text}\" must be {expected}")]
+    Number {
+        /// Which link or joint.
+        owner: String,
+        /// The attribute.
+        attribute: String,
+        /// Its text.
+        text: String,
+        /// What it must be.
+        expected: &'static str,
+    },
+    /// An attitude given in two ways.
+    #[error("{owner}: <origin> has both rpy and quat_xyzw; give one")]
+    TwoAttitudes {
+        /// Which link or joint.
+        owner: String,
+    },
+    /// The text has to be expanded first.
+    #[error(
+        "{what} is not expanded, so what it stands for is missing; expand the file with `xacro FILE.xacro > FILE.urdf`"
+    )]
+    NotExpanded {
+        /// The element or text.
+        what: String,
+    },
+    /// A joint names a link that does not exist.
+    #[error("joint `{joint}`: its {role} link `{link}` is not defined in this file")]
+    UnknownLink {
+        /// The joint.
+        joint: String,
+        /// `parent` or `child`.
+        role: &'static str,
+        /// The name.
+        link: String,
+    },
+    /// A joint type the kernels have no equations for.
+    #[error(
+        "joint `{joint}`: type `{kind}` is not supported; use revolute, continuous, prismatic or fixed (the base floats by itself, and \
+         a planar joint is two prismatic and one revolute joint)"
+    )]
+    JointType {
+        /// The joint.
+        joint: String,
+        /// The type.
+        kind: String,
+    },
+    /// The text is a URDF but not of a mechanism.
+    #[error(transparent)]
+    Description(#[from] DescriptionError),
+}
+
+impl UrdfFault {
+    /// Whether it is about a body that no distribution of mass has: [`UrdfOptions::allow_unphysical`](super::UrdfOptions) passes it.
+    pub fn is_unphysical(&self) -> bool {
+        use DescriptionError::{InertiaNotPositive, Negative, Triangle};
+        match self {
+            Self::Description(InertiaNotPositive { .. } | Triangle { .. }) => true,
+            Self::Description(Negative { what, .. }) => *what == "link",
+            _ => false,
+        }
+    }
+}

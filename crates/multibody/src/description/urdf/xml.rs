@@ -1,0 +1,122 @@
+//! XML as the readers of URDF take it.
+//!
+//! Published files hold prefixes that are declared nowhere, mostly inside `<gazebo>`, and a document type. Both are read. A document
+//! type is never followed: no other file is opened, and entities that expand without end are refused by the parser.
+
+use roxmltree::{Document, Error, Node, ParsingOptions};
+use std::borrow::Cow;
+
+/// Nodes a document may have: far beyond any robot, and little memory.
+const NODES_MAX: u32 = 4_000_000;
+
+/// The name of the namespace of a prefix that is declared nowhere is this and the prefix.
+const UNDECLARED: &str = "undeclared:";
+
+/// Parses `text` and hands the document to `read`. A prefix without a declaration gets one on the root element: that adds no line, so
+/// lines stay those of the text.
+///
+/// # Errors
+/// The text is not well-formed in another way.
+pub fn read_xml<T>(text: &str, read: impl FnOnce(&Document) -> T) -> Result<T, Error> {
+    let mut text = Cow::Borrowed(text);
+    loop {
+        let options = ParsingOptions {
+            allow_dtd: true,
+            nodes_limit: NODES_MAX,
+            ..ParsingOptions::default()
+        };
+        let (prefix, end) = match Document::parse_with_options(&text, options) {
+            Ok(document) => return Ok(read(&document)),
+            Err(Error::UnknownNamespace(prefix, at)) => match root_name_end(&text) {
+                Some(end) => (prefix, end),
+                None => return Err(Error::UnknownNamespace(prefix, at)),
+            },
+            Err(error) => return Err(error),
+        };
+        // each round declares one prefix more, and a text has no more prefixes than characters
+        text = Cow::Owned(format!(
+            "{} xmlns:{prefix}=\"{UNDECLARED}{prefix}\"{}",
+            &text[..end],
+            &text[end..]
+        ));
+    }
+}
+
+/// Where the name of the root element ends.
+fn root_name_end(text: &str) -> Option<usize> {
+    let mut at = 0;
+    loop {
+        at += text[at..].find('<')?;
+        let rest = &text[at..];
+        at += if rest.starts_with("<!--") {
+            rest.find("-->")? + 3
+        } else if rest.starts_with("<?") {
+            rest.find("?>")? + 2
+        } else if rest.starts_with("<!") {
+            document_type_end(rest)?
+        } else {
+            let name = rest[1..].find(|c: char| c.is_whitespace() || matches!(c, '/' | '>'))?;
+            return Some(at + 1 + name);
+        };
+    }
+}
+
+/// The length of `<!DOCTYPE … [ … ]>`: up to the first `>` outside brackets, quotes and comments.
+fn document_type_end(text: &str) -> Option<usize> {
+    let (mut depth, mut quote) = (0_u32, None);
+    let mut characters = text.char_indices();
+    while let Some((at, c)) = characters.next() {
+        match (quote, c) {
+            (Some(open), _) if c == open => quote = None,
+            (Some(_), _) => {}
+            (None, '-') if text[..at].ends_with("<!-") => {
+                let end = at + text[at..].find("-->")? + 2;
+                characters.by_ref().find(|(next, _)| *next == end)?;
+            }
+            (None, '"' | '\'') => quote = Some(c),
+            (None, '[') => depth += 1,
+            (None, ']') => depth = depth.saturating_sub(1),
+            (None, '>') if depth == 0 => return Some(at + 1),
+            _ => {}
+        }
+    }
+    None
+}
+
+/// Whether an element belongs to URDF: it is in the namespace of the root, which usually is none.
+pub(super) fn is_own(node: Node) -> bool {
+    node.tag_name().namespace() == node.document().root_element().tag_name().namespace()
+}
+
+/// Whether an element is a macro language's, which has to be expanded before.
+pub(super) fn is_macro(node: Node) -> bool {
+    node.tag_name()
+        .namespace()
+        .is_some_and(|name| name.rsplit(['/', ':', '#']).next() == Some("xacro"))
+}
+
+/// The name of an element as the file has it, as far as that can be told.
+pub(super) fn shown(node: Node) -> String {
+    let name = node.tag_name();
+    let prefix = name
+        .namespace()
+        .and_then(|namespace| match namespace.strip_prefix(UNDECLARED) {
+            Some(prefix) => Some(prefix),
+            None => node.lookup_prefix(namespace),
+        });
+    match prefix {
+        Some(prefix) if !prefix.is_empty() => format!("<{prefix}:{}>", name.name()),
+        _ => format!("<{}>", name.name()),
+    }
+}
+
+/// The line an element starts on, from 1.
+pub(super) fn line_of(node: Node) -> u32 {
+    node.document().text_pos_at(node.range().start).row
+}
+
+/// The first child of that name.
+pub(super) fn element<'a, 'i>(node: Node<'a, 'i>, tag: &str) -> Option<Node<'a, 'i>> {
+    node.children()
+        .find(|child| child.is_element() && is_own(*child) && child.tag_name().name() == tag)
+}

@@ -1,0 +1,96 @@
+//! Joints that follow others: an exact reduction.
+//!
+//! All positions are `q = G q_r + g` of the joint coordinates `q_r`, with a constant matrix G of multipliers, and all velocities
+//! `ν = G ν_r`. Virtual work then gives the equations of motion in `q_r` from those of the tree in which every joint is free:
+//! `Gᵀ M G`, `Gᵀ C G`, `Gᵀ τ`, and `J G` for a Jacobian. G is constant, so nothing of it is differentiated: `Gᵀ C ν` is the bias
+//! force, and `Ṁ − 2C` stays skew.
+
+use crate::description::Tie;
+use crate::num::Real;
+use std::borrow::Cow;
+
+/// The columns that G adds up, for velocities with `offset` numbers of the base in front.
+#[derive(Clone, Copy)]
+pub(crate) struct Ties<'a> {
+    pub ties: Option<&'a [Tie]>,
+    pub offset: usize,
+}
+
+impl Ties<'_> {
+    /// Number of joint coordinates of `joints` joints.
+    pub(crate) fn coordinates(&self, joints: usize) -> usize {
+        self.ties.map_or(joints, |ties| {
+            ties.iter().map(|tie| tie.coordinate + 1).max().unwrap_or(0)
+        })
+    }
+
+    /// Row of the reduced velocity and factor, for a row of the full one.
+    fn of(&self, row: usize) -> (usize, f64) {
+        match self.ties {
+            Some(ties) if row >= self.offset => {
+                let tie = &ties[row - self.offset];
+                (self.offset + tie.coordinate, tie.multiplier)
+            }
+            _ => (row, 1.0),
+        }
+    }
+
+    /// All joint positions.
+    pub(crate) fn positions<'q, T: Real>(&self, q: &'q [T]) -> Cow<'q, [T]> {
+        match self.ties {
+            None => Cow::Borrowed(q),
+            Some(ties) => {
+                let one = |tie: &Tie| q[tie.coordinate] * T::of(tie.multiplier) + T::of(tie.offset);
+                Cow::Owned(ties.iter().map(one).collect())
+            }
+        }
+    }
+
+    /// All velocities, or accelerations.
+    pub(crate) fn velocities<'v>(&self, nu: &'v [f64]) -> Cow<'v, [f64]> {
+        match self.ties {
+            None => Cow::Borrowed(nu),
+            Some(ties) => {
+                let rows = 0..self.offset + ties.len();
+                Cow::Owned(
+                    rows.map(|row| self.of(row))
+                        .map(|(at, factor)| factor * nu[at])
+                        .collect(),
+                )
+            }
+        }
+    }
+
+    /// `x G` of a matrix with `rows` rows, column by column.
+    pub(crate) fn columns<T: Real>(&self, rows: usize, x: Vec<T>) -> Vec<T> {
+        let Some(ties) = self.ties else { return x };
+        let mut out = vec![T::of(0.0); rows * (self.offset + self.coordinates(ties.len()))];
+        for (column, values) in x.chunks(rows).enumerate() {
+            let (at, factor) = self.of(column);
+            for (slot, value) in out[at * rows..(at + 1) * rows].iter_mut().zip(values) {
+                *slot = *slot + *value * T::of(factor);
+            }
+        }
+        out
+    }
+
+    /// `Gᵀ x` of a vector, or of every column of a matrix with as many rows as there are velocities.
+    pub(crate) fn rows<T: Real>(&self, x: Vec<T>) -> Vec<T> {
+        let Some(ties) = self.ties else { return x };
+        let (full, reduced) = (self.offset + ties.len(), self.offset + self.coordinates(ties.len()));
+        let mut out = vec![T::of(0.0); x.len() / full * reduced];
+        for (values, slots) in x.chunks(full).zip(out.chunks_mut(reduced)) {
+            for (row, value) in values.iter().enumerate() {
+                let (at, factor) = self.of(row);
+                slots[at] = slots[at] + *value * T::of(factor);
+            }
+        }
+        out
+    }
+
+    /// `Gᵀ x G`.
+    pub(crate) fn both<T: Real>(&self, x: Vec<T>) -> Vec<T> {
+        let Some(ties) = self.ties else { return x };
+        self.rows(self.columns(self.offset + ties.len(), x))
+    }
+}

@@ -1,0 +1,97 @@
+//! Robot descriptions of others, through the program: warnings and mistakes have file and line.
+
+use escapement_tests::program::{Folder, orchestrate, root, text};
+
+const HULL: &str = r#"<link name="hull"><inertial><mass value="10"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>"#;
+
+fn robot(more: &str) -> String {
+    format!("<robot name=\"bench\">\n{HULL}\n{more}\n</robot>\n")
+}
+
+fn arm(moments: &str, more: &str) -> String {
+    format!(
+        "<link name=\"arm\"><inertial><mass value=\"1\"/><inertia {moments} ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>\n\
+         <joint name=\"hinge\" type=\"continuous\"><parent link=\"hull\"/><child link=\"arm\"/>{more}</joint>"
+    )
+}
+
+#[test]
+fn model_warns_of_friction_with_file_and_line() {
+    let folder = Folder::new("models");
+    let body = arm(
+        "ixx=\"1\" iyy=\"1\" izz=\"1\"",
+        "<dynamics damping=\"1\" friction=\"0.5\"/>",
+    );
+    let file = folder.write("bench.urdf", &robot(&body));
+    let said = orchestrate(&["model", text(&file)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(
+        said.err
+            .contains("bench.urdf:4: joint `hinge`: friction=\"0.5\" is not modelled"),
+        "{}",
+        said.err
+    );
+    assert!(said.out.contains("1 moving joints"), "{}", said.out);
+}
+
+#[test]
+fn model_tells_all_mistakes_and_takes_them_when_told_to() {
+    let folder = Folder::new("models");
+    let body = arm("ixx=\"1\" iyy=\"1\" izz=\"3\"", "")
+        + "\n"
+        + &arm("ixx=\"-1\" iyy=\"1\" izz=\"1\"", "")
+            .replace("arm", "leg")
+            .replace("hinge", "hip");
+    let file = folder.write("bench.urdf", &robot(&body));
+    let said = orchestrate(&["model", text(&file)]);
+    assert_ne!(said.code, Some(0));
+    assert!(
+        said.err.contains("bench.urdf:3: link `arm`") && said.err.contains("bench.urdf:5: link `leg`"),
+        "{}",
+        said.err
+    );
+    assert!(said.err.contains("--allow-unphysical"), "{}", said.err);
+    let only = folder.write("flat.urdf", &robot(&arm("ixx=\"1\" iyy=\"1\" izz=\"3\"", "")));
+    let said = orchestrate(&["model", text(&only), "--allow-unphysical"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(
+        said.err.contains("warning: ") && said.err.contains("flat.urdf:3: link `arm`"),
+        "{}",
+        said.err
+    );
+}
+
+#[test]
+fn unexpanded_macro_is_refused_and_not_a_robot_without_arm() {
+    let folder = Folder::new("models");
+    let file = folder.write("bench.urdf", &robot("<xacro:arm prefix=\"left\"/>"));
+    let said = orchestrate(&["model", text(&file)]);
+    assert_ne!(said.code, Some(0));
+    assert!(
+        said.err.contains("bench.urdf:3: <xacro:arm> is not expanded"),
+        "{}",
+        said.err
+    );
+}
+
+#[test]
+fn scenario_check_warns_of_what_its_robot_leaves_out() {
+    let folder = Folder::new("models");
+    let stock = std::fs::read_to_string(root().join("models/servicer.urdf")).unwrap();
+    let rough = stock.replacen("friction=\"0\"", "friction=\"0.5\"", 1);
+    assert_ne!(rough, stock);
+    let file = folder.write("rough.urdf", &rough);
+    let scenario = std::fs::read_to_string(root().join("scenarios/close.toml")).unwrap();
+    let scenario = scenario
+        .replace("../models/servicer.urdf", text(&file))
+        .replace("\"../", &format!("\"{}/", root().display()));
+    let scenario = folder.write("rough.toml", &scenario);
+    let said = orchestrate(&["check", text(&scenario)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let warned = said.err.matches("friction=\"0.5\" is not modelled").count();
+    assert_eq!(
+        warned, 1,
+        "once for the file, not for each participant that reads it: {}",
+        said.err
+    );
+}
