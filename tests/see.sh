@@ -8,7 +8,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 . tests/steps.sh
-orchestrator=${1:-target/release/orchestrator}
+orchestrator=${1:-target/release/escapement}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 

@@ -9,10 +9,12 @@ use lockstep::time::Rational;
 use crate::commands::compare::CompareArgs;
 use crate::commands::export::ExportArgs;
 use crate::commands::faults::FaultsArgs;
+#[cfg(feature = "capture")]
 use crate::commands::margins::MarginsArgs;
 use crate::commands::replay::ReplayArgs;
 use crate::commands::report::ReportArgs;
 use crate::commands::sweep::SweepArgs;
+#[cfg(feature = "capture")]
 use crate::commands::tune::TuneArgs;
 use engine::run::Wait;
 
@@ -21,7 +23,7 @@ use engine::run::Wait;
 /// Exit codes: 0 success criteria met; 1 the run failed or was stopped; 2 the scenario or the command line is wrong; 3 the run
 /// ended but a criterion was not met.
 #[derive(Debug, Parser)]
-#[command(name = "orchestrator", version, max_term_width = 110)]
+#[command(version, max_term_width = 110)]
 pub struct Cli {
     /// What to do
     #[command(subcommand)]
@@ -54,10 +56,13 @@ pub enum Command {
     /// Look at this machine, and at what dead runs left behind
     Doctor(DoctorArgs),
     /// Print a model's tree, or everything about given states, to compare with another engine
+    #[cfg(feature = "capture")]
     Model(ModelArgs),
     /// Tune gains by structured H-infinity
+    #[cfg(feature = "capture")]
     Tune(TuneArgs),
     /// Verify gains: norms, mu, margins, the sampled loop
+    #[cfg(feature = "capture")]
     Margins(MarginsArgs),
     /// Measure what lockstep costs on this machine
     Bench(BenchArgs),
@@ -275,6 +280,7 @@ pub struct BenchArgs {
 }
 
 /// Arguments of `model`.
+#[cfg(feature = "capture")]
 #[derive(Debug, Args)]
 pub struct ModelArgs {
     /// The model, a URDF file

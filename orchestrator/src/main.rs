@@ -1,7 +1,7 @@
-//! Escapement's program. All of it stands in the library of the same name, so that its decoders can be tried from outside.
+//! Escapement's program. All of it stands in the library, so that other programs can have the same command line.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    orchestrator::main()
+    orchestrator::stock::program().main()
 }

@@ -28,7 +28,7 @@ fn programs() -> PathBuf {
 /// The program.
 pub fn orchestrator() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-    PROGRAM.get_or_init(|| built().join("orchestrator"))
+    PROGRAM.get_or_init(|| built().join("escapement"))
 }
 
 /// A participant of the folder `tests/participants`, healthy or not.
@@ -49,13 +49,15 @@ pub fn all_built() {
 }
 
 /// The folder with everything that a test may start. Cargo builds only the programs of the package that is tested, so the others are
-/// built here: once, and by one command, because other packages beside them would mean other features of what they share.
-fn built() -> &'static Path {
+/// built here: once, and by one command, of the whole workspace, because a part of it would mean
+/// other features of what is shared.
+pub fn built() -> &'static Path {
     BUILT.get_or_init(|| {
         let folder = programs();
         let mut cargo = Command::new(env!("CARGO"));
-        cargo.current_dir(root()).args(["build", "--quiet", "--bins"]);
-        cargo.args(["-p", "orchestrator", "-p", "escapement-tests", "-p", "spring"]);
+        cargo
+            .current_dir(root())
+            .args(["build", "--quiet", "--workspace", "--bins"]);
         if folder.ends_with("release") {
             cargo.arg("--release");
         }

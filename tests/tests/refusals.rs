@@ -315,9 +315,7 @@ fn gains_of_another_robot_are_warned_of() {
     assert_eq!(another.code, Some(0), "{another:?}");
     assert!(another.err.contains("tuned for another robot"), "{another:?}");
     assert!(
-        another
-            .err
-            .contains("orchestrator tune gains/pi-diagonal-five.spec.toml"),
+        another.err.contains("escapement tune gains/pi-diagonal-five.spec.toml"),
         "{another:?}"
     );
 }

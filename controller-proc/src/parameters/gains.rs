@@ -13,7 +13,7 @@ use super::channels;
 /// Channels of the inner loop: 3 rotations, 3 translations, the joints.
 const CHANNELS: usize = 6 + JOINTS;
 
-/// K_P and K_I in one of three forms: as `orchestrator tune` writes them; diagonals, channel by channel with units; or full
+/// K_P and K_I in one of three forms: as `escapement tune` writes them; diagonals, channel by channel with units; or full
 /// matrices.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -28,7 +28,7 @@ pub struct GainsFile {
     pub kp_matrix: Option<[[f64; 13]; 13]>,
     /// Full K_I, row by row, SI units: columns take rad, m and rad.
     pub ki_matrix: Option<[[f64; 13]; 13]>,
-    // What else a file of tuned gains has: read by `orchestrator margins` and `orchestrator check`.
+    // What else a file of tuned gains has: read by `escapement margins` and `escapement check`.
     #[serde(rename = "provenance")]
     _provenance: Option<IgnoredAny>,
     #[serde(rename = "channels")]
@@ -49,7 +49,7 @@ pub struct GainsFile {
     _adversary: Option<IgnoredAny>,
 }
 
-/// The table `gains` of a file that `orchestrator tune` wrote, SI units.
+/// The table `gains` of a file that `escapement tune` wrote, SI units.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tuned {
@@ -127,7 +127,7 @@ impl GainsFile {
             }
             _ => Err(ParameterError::new(
                 "gains",
-                "give one of: a file of `orchestrator tune` (its table `gains`), the tables kp and ki (diagonals with units), \
+                "give one of: a file of `escapement tune` (its table `gains`), the tables kp and ki (diagonals with units), \
                  or kp_matrix and ki_matrix (13 rows of 13 numbers in SI units)",
             )),
         }

@@ -53,7 +53,7 @@ pub fn remarks(scenario: &Scenario) -> Vec<String> {
         {
             out.push(format!(
                 "{key}: these gains were tuned for another robot ({then}, here {now}): their margins are not those of this \
-                 robot; tune again with `orchestrator tune {specification}`"
+                 robot; tune again with `escapement tune {specification}`"
             ));
         }
         let (then, now) = (

@@ -1,18 +1,28 @@
 //! The catalogue: the participants and the assessments that a program contains.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use lockstep::participant::{Factory, ParameterError, Participant, Setup};
+use lockstep::time::Rational;
 use tape::StreamSpec;
 use toml::{Table, Value};
 
 use crate::assessment::Assessment;
+use crate::campaign::{Cases, CasesError};
 use crate::replay::player;
+use crate::scenario::Scenario;
 
 /// Makes an assessment from the table `assessment` of a scenario and the streams of the run.
 pub type AssessmentFactory =
     Arc<dyn Fn(&Table, &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync>;
+
+/// What is to be said of a scenario before it runs, as warnings: nothing of it keeps the scenario from running.
+type Remarks = Arc<dyn Fn(&Scenario) -> Vec<String> + Send + Sync>;
+
+/// Makes the cases of a campaign of failures.
+type Failures = Arc<dyn Fn(&Scenario, &Path, &[Rational], bool) -> Result<Cases, CasesError> + Send + Sync>;
 
 /// What a scenario can name without a program of its own.
 ///
@@ -31,6 +41,8 @@ pub struct Catalogue {
     /// Participants that the program itself names in scenarios that it makes; an error message does not offer them.
     internal: BTreeMap<String, Factory>,
     assessments: BTreeMap<String, AssessmentFactory>,
+    remarks: Vec<Remarks>,
+    failures: Option<Failures>,
 }
 
 impl Catalogue {
@@ -41,6 +53,8 @@ impl Catalogue {
             participants: BTreeMap::new(),
             internal: BTreeMap::new(),
             assessments: BTreeMap::new(),
+            remarks: Vec::new(),
+            failures: None,
         };
         catalogue.internal(player::NAME, player::factory)
     }
@@ -76,6 +90,57 @@ impl Catalogue {
     ) -> Catalogue {
         self.assessments.insert(kind.to_owned(), Arc::new(make));
         self
+    }
+
+    /// With warnings about scenarios, which `run` and `check` print.
+    #[must_use]
+    pub fn remark(mut self, remarks: impl Fn(&Scenario) -> Vec<String> + Send + Sync + 'static) -> Catalogue {
+        self.remarks.push(Arc::new(remarks));
+        self
+    }
+
+    /// With the list of failures that a campaign of failures takes when it is given none: of the scenario, which was read from the
+    /// file, from the start and from each of the instants; and also with a control law that is informed.
+    #[must_use]
+    pub fn failures(
+        mut self,
+        list: impl Fn(&Scenario, &Path, &[Rational], bool) -> Result<Cases, CasesError> + Send + Sync + 'static,
+    ) -> Catalogue {
+        self.failures = Some(Arc::new(list));
+        self
+    }
+
+    /// With another version.
+    #[must_use]
+    pub fn with_version(mut self, version: &str) -> Catalogue {
+        self.version = version.to_owned();
+        self
+    }
+
+    /// The warnings about `scenario`.
+    pub fn remarks(&self, scenario: &Scenario) -> Vec<String> {
+        self.remarks.iter().flat_map(|remarks| remarks(scenario)).collect()
+    }
+
+    /// Every failure that this program knows of, as the cases of a campaign.
+    ///
+    /// # Errors
+    /// When it knows of none, or none fits the scenario.
+    pub fn every_failure(
+        &self,
+        scenario: &Scenario,
+        file: &Path,
+        at: &[Rational],
+        informed: bool,
+    ) -> Result<Cases, CasesError> {
+        match &self.failures {
+            Some(list) => list(scenario, file, at, informed),
+            None => Err(CasesError {
+                path: file.to_owned(),
+                reason: "this program has no list of failures: list the cases in a file and give it with --cases"
+                    .into(),
+            }),
+        }
     }
 
     /// What the program calls itself.

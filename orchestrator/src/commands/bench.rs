@@ -1,6 +1,6 @@
-//! `orchestrator bench`: what lockstep costs on this machine.
+//! `escapement bench`: what lockstep costs on this machine.
 
-use crate::builtin::catalogue;
+use crate::program::catalogue;
 use std::path::Path;
 
 use crate::bench::{self, Figures};

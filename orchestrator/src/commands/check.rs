@@ -1,11 +1,10 @@
-//! `orchestrator check SCENARIO`: everything but the launch.
+//! `escapement check SCENARIO`: everything but the launch.
 
-use crate::builtin::catalogue;
+use crate::program::catalogue;
 use lockstep::plan::Plan;
 use serde_json::json;
 
 use crate::cli::CheckArgs;
-use capture::provenance;
 use engine::run::{Options, check, faults, placement};
 use engine::scenario::{Program, Scenario};
 
@@ -20,7 +19,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
             return Ok(2);
         }
     };
-    for remark in provenance::remarks(&scenario) {
+    for remark in catalogue().remarks(&scenario) {
         eprintln!("warning: {remark}");
     }
     let placement = placement(&known.plan, &Options::default());

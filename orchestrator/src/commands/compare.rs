@@ -1,4 +1,4 @@
-//! `orchestrator compare A B`: are two tapes the same bits?
+//! `escapement compare A B`: are two tapes the same bits?
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! `orchestrator doctor`: this machine, and what dead runs left behind.
+//! `escapement doctor`: this machine, and what dead runs left behind.
 
 use serde_json::json;
 
@@ -44,7 +44,7 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
         match (leftovers.is_empty(), args.remove) {
             (true, _) => println!("no dead run left anything behind"),
             (false, true) => println!("all of it is removed"),
-            (false, false) => println!("`orchestrator doctor --remove` removes it, and so does the next run"),
+            (false, false) => println!("`escapement doctor --remove` removes it, and so does the next run"),
         }
     }
     if args.remove {

@@ -1,4 +1,4 @@
-//! `orchestrator export RUN --to FORMAT`: a tape as files that other tools open.
+//! `escapement export RUN --to FORMAT`: a tape as files that other tools open.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -1,6 +1,6 @@
-//! `orchestrator faults SCENARIO`
+//! `escapement faults SCENARIO`
 
-use crate::builtin::catalogue;
+use crate::program::catalogue;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -59,7 +59,7 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
     let scenario = Scenario::read(catalogue(), file, &overrides)?;
     let cases = match &args.cases {
         Some(list) => campaign::cases_from_file(list, &scenario)?,
-        None => capture::actuators::every_actuator(&scenario, file, &args.at, args.informed)?,
+        None => catalogue().every_failure(&scenario, file, &args.at, args.informed)?,
     };
     let campaign = Campaign {
         kind: Kind::Faults,

@@ -1,6 +1,6 @@
-//! `orchestrator graph SCENARIO`: a drawing of who tells whom what, how often and how late.
+//! `escapement graph SCENARIO`: a drawing of who tells whom what, how often and how late.
 
-use crate::builtin::catalogue;
+use crate::program::catalogue;
 use lockstep::fault::Place;
 use lockstep::participant::Kind;
 use lockstep::plan::{Link, Plan};

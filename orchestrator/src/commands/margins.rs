@@ -1,6 +1,6 @@
-//! `orchestrator margins GAINS`: what gains tolerate, recomputed from their file and the specification it names.
+//! `escapement margins GAINS`: what gains tolerate, recomputed from their file and the specification it names.
 
-use crate::builtin::catalogue;
+use crate::program::catalogue;
 use std::io::Write;
 use std::path::PathBuf;
 

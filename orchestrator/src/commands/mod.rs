@@ -7,7 +7,9 @@ pub mod doctor;
 pub mod export;
 pub mod faults;
 pub mod graph;
+#[cfg(feature = "capture")]
 pub mod margins;
+#[cfg(feature = "capture")]
 pub mod model;
 pub mod participant;
 pub mod replay;
@@ -16,4 +18,5 @@ pub mod resume;
 pub mod run;
 pub mod sweep;
 mod trust;
+#[cfg(feature = "capture")]
 pub mod tune;

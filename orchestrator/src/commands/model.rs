@@ -1,4 +1,4 @@
-//! `orchestrator model MODEL.urdf [STATES.json]`: what a model is, or every quantity of its dynamics at given states, for a comparison
+//! `escapement model MODEL.urdf [STATES.json]`: what a model is, or every quantity of its dynamics at given states, for a comparison
 //! with another engine. What the file says and the dynamics leave out is warned of, with its line.
 //!
 //! STATES.json is one state, a list of states, or an object with a list `states` (then each entry may hold its state

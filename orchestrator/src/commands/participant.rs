@@ -1,9 +1,9 @@
-//! `orchestrator participant NAME`: a participant that this program contains, in a process of its own.
+//! `escapement participant NAME`: a participant that this program contains, in a process of its own.
 
 use std::process::ExitCode;
 
-use crate::builtin::catalogue;
 use crate::cli::ParticipantArgs;
+use crate::program::catalogue;
 
 /// Takes its place in the run that the environment names.
 pub fn run(args: &ParticipantArgs) -> ExitCode {

@@ -1,4 +1,4 @@
-//! `orchestrator replay RUN --participant NAME`: one participant again, with the inputs it had.
+//! `escapement replay RUN --participant NAME`: one participant again, with the inputs it had.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -9,9 +9,9 @@ use serde_json::json;
 
 use super::compare::{DIFFERENT, print};
 use super::trust::{Trust, told};
-use crate::builtin::catalogue;
 use crate::cli::CommonArgs;
 use crate::output;
+use crate::program::catalogue;
 use crate::{signals, terminal};
 use engine::replay::{Found, Replay, ReplayError, Request};
 use engine::run::{Ending, Options, Wait};

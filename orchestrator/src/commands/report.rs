@@ -1,4 +1,4 @@
-//! `orchestrator report RUN [RUN…]`: one page about one run or several.
+//! `escapement report RUN [RUN…]`: one page about one run or several.
 
 use std::fs;
 use std::path::PathBuf;

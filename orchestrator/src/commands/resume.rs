@@ -1,6 +1,6 @@
-//! `orchestrator resume RUN`
+//! `escapement resume RUN`
 
-use crate::builtin::catalogue;
+use crate::program::catalogue;
 use tape::Reader;
 use tape::folder::RunFolder;
 

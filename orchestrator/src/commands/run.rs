@@ -1,6 +1,6 @@
-//! `orchestrator run SCENARIO`
+//! `escapement run SCENARIO`
 
-use crate::builtin::catalogue;
+use crate::program::catalogue;
 use std::io::Write;
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,7 +10,6 @@ use tape::folder::RunFolder;
 
 use crate::cli::{HowArgs, RunArgs};
 use crate::{signals, terminal};
-use capture::provenance;
 use engine::live::{self, Server, Steering};
 use engine::run::{Ending, Options, Origin, Outcome, run as run_scenario};
 use engine::scenario::Scenario;
@@ -26,7 +25,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
         }
     };
     if !args.how.common.quiet {
-        for remark in provenance::remarks(&scenario) {
+        for remark in catalogue().remarks(&scenario) {
             eprintln!("warning: {remark}");
         }
     }

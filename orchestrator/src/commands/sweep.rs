@@ -1,6 +1,6 @@
-//! `orchestrator sweep SCENARIO --vary KEY=VALUES`
+//! `escapement sweep SCENARIO --vary KEY=VALUES`
 
-use crate::builtin::catalogue;
+use crate::program::catalogue;
 use crate::{signals, terminal};
 use std::path::PathBuf;
 

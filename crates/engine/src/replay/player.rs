@@ -54,7 +54,7 @@ pub(super) fn parameters(tape: &Path, participant: &str, ports: &[String], role:
 pub fn factory(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let text = |key: &str| {
         let value = setup.parameters.get(key).and_then(Value::as_str);
-        value.ok_or_else(|| ParameterError::new(key, "missing: a recording is played by `orchestrator replay`"))
+        value.ok_or_else(|| ParameterError::new(key, "missing: a recording is played by `escapement replay`"))
     };
     let participant = text("participant")?;
     let reader = Reader::open(Path::new(text("tape")?)).map_err(|error| ParameterError::new("tape", error))?;

@@ -1,4 +1,4 @@
-//! `orchestrator tune SPEC`: gains by structured H-infinity, verified before they are written.
+//! `escapement tune SPEC`: gains by structured H-infinity, verified before they are written.
 
 mod matrices;
 mod print;

@@ -1,6 +1,6 @@
 //! Everything that a file of gains claims, computed: norms, margins, sampled loops, flights, and what contradicts what.
 
-use crate::builtin::catalogue;
+use crate::program::catalogue;
 use synthesis::mu::MarginOptions;
 use synthesis::robot::{
     ChannelEntry, Design, GainTable, Gains, GainsFile, MarginEntry, ModelSpec, OptimumEntry, Provenance, Robot,

@@ -1,0 +1,164 @@
+//! A program: the whole command line over a catalogue.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::{Arc, OnceLock};
+
+use clap::{CommandFactory, FromArgMatches};
+use engine::Catalogue;
+use engine::assessment::Assessment;
+use engine::campaign::{Cases, CasesError};
+use engine::scenario::Scenario;
+use lockstep::participant::{ParameterError, Participant, Setup};
+use lockstep::time::Rational;
+use tape::StreamSpec;
+use toml::Table;
+
+use crate::cli::{Cli, Command};
+use crate::{bench, commands, limits};
+
+/// The catalogue of the program that runs.
+static CATALOGUE: OnceLock<Arc<Catalogue>> = OnceLock::new();
+
+/// What the program that runs contains; nothing when no program runs, as in a test.
+pub(crate) fn catalogue() -> &'static Arc<Catalogue> {
+    CATALOGUE.get_or_init(|| Arc::new(Catalogue::new(env!("CARGO_PKG_VERSION"))))
+}
+
+/// A program with the whole command line, and with participants and assessments of its own inside.
+///
+/// ```no_run
+/// use std::process::ExitCode;
+///
+/// use lockstep::participant::{ParameterError, Participant, Setup};
+/// use orchestrator::Program;
+///
+/// # fn lander(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> { Err(ParameterError::new("", "an example")) }
+/// fn main() -> ExitCode {
+///     Program::new("lander").participant("lander", lander).main()
+/// }
+/// ```
+///
+/// A scenario names such a participant as `run = { builtin = "lander" }`. It runs in a process of its own, which is this program
+/// started once more, or with `--in-process` and in campaigns in this one.
+pub struct Program {
+    name: String,
+    version: String,
+    catalogue: Catalogue,
+}
+
+impl Program {
+    /// A program without participants, called `name` on its help page.
+    pub fn new(name: impl Into<String>) -> Program {
+        Program {
+            name: name.into(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            catalogue: Catalogue::new(env!("CARGO_PKG_VERSION")),
+        }
+    }
+
+    /// With a version of its own, as `--version` prints it and `run.json` keeps it: `env!("CARGO_PKG_VERSION")` mostly.
+    #[must_use]
+    pub fn version(mut self, version: impl Into<String>) -> Program {
+        self.version = version.into();
+        self.catalogue = self.catalogue.with_version(&self.version);
+        self
+    }
+
+    /// With a participant that scenarios name as `run = { builtin = "NAME" }`.
+    #[must_use]
+    pub fn participant(
+        mut self,
+        name: &str,
+        make: impl Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync + 'static,
+    ) -> Program {
+        self.catalogue = self.catalogue.participant(name, make);
+        self
+    }
+
+    /// With an assessment that scenarios name as `kind = "KIND"` in the table `assessment`.
+    #[must_use]
+    pub fn assessment(
+        mut self,
+        kind: &str,
+        make: impl Fn(&Table, &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync + 'static,
+    ) -> Program {
+        self.catalogue = self.catalogue.assessment(kind, make);
+        self
+    }
+
+    /// With warnings about scenarios, which `run` and `check` print.
+    #[must_use]
+    pub fn remark(mut self, remarks: impl Fn(&Scenario) -> Vec<String> + Send + Sync + 'static) -> Program {
+        self.catalogue = self.catalogue.remark(remarks);
+        self
+    }
+
+    /// With the list of failures that `faults` takes when it is given no list; [`Catalogue::failures`] says what it gets.
+    #[must_use]
+    pub fn failures(
+        mut self,
+        list: impl Fn(&Scenario, &Path, &[Rational], bool) -> Result<Cases, CasesError> + Send + Sync + 'static,
+    ) -> Program {
+        self.catalogue = self.catalogue.failures(list);
+        self
+    }
+
+    /// Reads the command line and does what it asks for.
+    pub fn main(self) -> ExitCode {
+        #[cfg(target_arch = "x86_64")]
+        if let Err(missing) = crate::processor::check() {
+            eprintln!("error: {missing}");
+            return ExitCode::from(1);
+        }
+        // The command line's texts live as long as the program.
+        let name: &'static str = self.name.leak();
+        let command = Cli::command().name(name).version(&*self.version.leak());
+        let cli = match Cli::from_arg_matches(&command.get_matches()) {
+            Ok(cli) => cli,
+            Err(error) => error.exit(),
+        };
+        let known = CATALOGUE.set(Arc::new(bench::register(self.catalogue)));
+        assert!(known.is_ok(), "a process is one program");
+        execute(&cli.command)
+    }
+}
+
+fn execute(command: &Command) -> ExitCode {
+    // A participant is a program of its own that happens to live in this file: it reports as one.
+    if let Command::Participant(args) = command {
+        return commands::participant::run(args);
+    }
+    limits::raise_open_files();
+    let result = match command {
+        Command::Run(args) => commands::run::run(args),
+        Command::Resume(args) => commands::resume::run(args),
+        Command::Check(args) => commands::check::run(args),
+        Command::Graph(args) => commands::graph::run(args),
+        Command::Compare(args) => commands::compare::run(args),
+        Command::Replay(args) => commands::replay::run(args),
+        Command::Report(args) => commands::report::run(args),
+        Command::Export(args) => commands::export::run(args),
+        #[cfg(feature = "capture")]
+        Command::Model(args) => commands::model::run(args).map(|()| 0),
+        #[cfg(feature = "capture")]
+        Command::Tune(args) => commands::tune::run(args),
+        #[cfg(feature = "capture")]
+        Command::Margins(args) => commands::margins::run(args),
+        Command::Sweep(args) => commands::sweep::run(args),
+        Command::Faults(args) => commands::faults::run(args),
+        Command::Bench(args) => commands::bench::run(args),
+        Command::Doctor(args) => commands::doctor::run(args),
+        Command::CampaignWorker => engine::campaign::serve(catalogue(), std::io::stdin().lock(), std::io::stdout())
+            .map(|()| 0)
+            .map_err(Into::into),
+        Command::Participant(_) => Ok(0),
+    };
+    match result {
+        Ok(code) => ExitCode::from(code as u8),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(1)
+        }
+    }
+}
