@@ -30,7 +30,9 @@ pub(super) fn run(seed: u64, number: u64, references: &mut References, tally: &m
         none_left(&token, Duration::ZERO)?;
         nothing_left(&folder.path().join("scratch"), false)?;
         equal("the exit code", &ended.code, &Some(case.code))?;
-        demand(ended.err.is_empty(), || "it has something to say".into())?;
+        // A notice that nothing has moved for a while is only right on a machine that is as busy as that.
+        let wrong = |line: &str| line.starts_with("error") || line.starts_with("warning") || line.contains("panicked");
+        demand(!ended.err.lines().any(wrong), || "it reports an error".into())?;
         equal("the tape", &reference.part(&out, false)?, &Part::Whole)?;
         reference.account(&out, case.code, case.code, Part::Whole)?;
         Ok(())
