@@ -428,30 +428,6 @@ fn files_are_short() {
 }
 
 #[test]
-fn property_tests_have_a_fixed_seed_and_leave_no_file() {
-    let value = |name: &str| std::env::var(name).unwrap_or_default();
-    assert!(
-        value("PROPTEST_RNG_SEED").parse::<u64>().is_ok(),
-        "`.cargo/config.toml` sets the seed"
-    );
-    assert_ne!(value("PROPTEST_DISABLE_FAILURE_PERSISTENCE"), "");
-    let own = sources().into_iter().flat_map(|path| lines(&path));
-    let words = [concat!("rng_", "seed"), concat!("failure_", "persistence")];
-    let said = own.filter_map(|line| {
-        let word = words.iter().find(|word| line.code.contains(**word))?;
-        Some((line, (*word).to_owned()))
-    });
-    none(
-        "`.cargo/config.toml` sets the seed and the files of property tests",
-        said,
-    );
-    let folder = Path::new("proptest-regressions");
-    let mut kept = files(&root(), "").into_iter();
-    let kept = kept.find(|path| path.ends_with(folder) || path.parent().is_some_and(|parent| parent.ends_with(folder)));
-    assert!(kept.is_none(), "a case that failed is a test of its own: {kept:?}");
-}
-
-#[test]
 fn nothing_is_left_for_later() {
     // Put together here, so that this file does not find itself.
     let words = [
