@@ -1,7 +1,9 @@
 //! What a run must not leave on the machine.
 
 use std::fs;
+use std::io::Read;
 use std::path::Path;
+use std::process::Child;
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -48,30 +50,45 @@ pub fn signal(pid: u32, signal: Signal) -> bool {
     kill_process(pid, signal).is_ok()
 }
 
-/// Waits until there is a file at `path`.
-pub fn wait_for(path: &Path) {
+/// Waits until `done`. A run that ends before ends the wait, with its own words.
+pub fn wait_until(run: &mut Child, what: &str, done: impl Fn() -> bool) {
     let started = Instant::now();
-    while !path.exists() {
-        assert!(
-            started.elapsed() < Duration::from_secs(60),
-            "{} does not appear",
-            path.display()
-        );
+    loop {
+        // The end first: what was done just before it counts.
+        let ended = run.try_wait().expect("a child can be waited for");
+        if done() {
+            return;
+        }
+        let late = started.elapsed() > Duration::from_secs(120);
+        if ended.is_some() || late {
+            let _ = run.kill();
+            let _ = run.wait();
+            let how = ended.map_or("hangs".to_owned(), |status| format!("has ended ({status})"));
+            panic!("{what}: the run {how}: {}", words(run));
+        }
         std::thread::sleep(Duration::from_millis(2));
     }
 }
 
-/// Waits until the file at `path` has at least `bytes`.
-pub fn wait_for_bytes(path: &Path, bytes: u64) {
-    let started = Instant::now();
-    while fs::metadata(path).map_or(0, |about| about.len()) < bytes {
-        assert!(
-            started.elapsed() < Duration::from_secs(60),
-            "{} does not grow",
-            path.display()
-        );
-        std::thread::sleep(Duration::from_millis(2));
-    }
+/// What a run that has ended has written.
+fn words(run: &mut Child) -> String {
+    let mut all = Vec::new();
+    let _ = run.stderr.take().map(|mut pipe| pipe.read_to_end(&mut all));
+    let _ = run.stdout.take().map(|mut pipe| pipe.read_to_end(&mut all));
+    String::from_utf8_lossy(&all).into_owned()
+}
+
+/// Waits until `run` has made a file at `path`.
+pub fn wait_for(run: &mut Child, path: &Path) {
+    wait_until(run, &format!("{} does not appear", path.display()), || path.exists());
+}
+
+/// Waits until the file at `path`, which `run` writes, has at least `bytes`.
+pub fn wait_for_bytes(run: &mut Child, path: &Path, bytes: u64) {
+    let what = format!("{} does not grow to {bytes} bytes", path.display());
+    wait_until(run, &what, || {
+        fs::metadata(path).map_or(0, |about| about.len()) >= bytes
+    });
 }
 
 /// The process that writes `log`, the first one of a participant in a run folder.
@@ -93,4 +110,24 @@ pub fn writer_of(log: &Path) -> Option<u32> {
         let parent = parent.and_then(|parent| parent.trim().parse().ok()).unwrap_or(0);
         read(parent, "cmdline").split(|byte| *byte == 0).any(|part| part == run)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::process::{Command, Stdio};
+
+    use super::*;
+
+    #[test]
+    #[should_panic(expected = "the licence is gone")]
+    fn a_wait_ends_with_the_words_of_a_run_that_has_ended() {
+        let mut shell = Command::new("sh");
+        shell.args(["-c", "echo the licence is gone >&2; exit 1"]);
+        let mut run = shell
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("a shell");
+        wait_for(&mut run, Path::new("/nowhere/file"));
+    }
 }

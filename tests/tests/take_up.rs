@@ -92,7 +92,7 @@ fn who_cannot_be_saved_is_named() {
 /// Kills `who` once in a paced run with the policy to restart.
 fn killed(world: &World, name: &str, who: &str, how: Signal) -> Said {
     let out = world.path(name);
-    let child = start(&[
+    let mut child = start(&[
         "run",
         text(&world.scenario),
         "--out",
@@ -106,7 +106,7 @@ fn killed(world: &World, name: &str, who: &str, how: Signal) -> Said {
         &format!("participants.{who}.on-failure=restart-from-checkpoint"),
     ]);
     // At 4.5 s of 10: some time behind a checkpoint and, where there is one, behind the substitution.
-    wait_for_bytes(&out.join("tape/damper.push.bin"), 24 * 450);
+    wait_for_bytes(&mut child, &out.join("tape/damper.push.bin"), 24 * 450);
     let pid = writer_of(&out.join("log").join(format!("{who}.stderr"))).expect("the participant runs");
     assert!(signal(pid, how));
     let said = finish(child);
