@@ -16,7 +16,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("guidance-laws", &[]),
     ("control-laws", &["guidance-laws", "multibody"]),
     ("synthesis", &["multibody"]),
-    ("interfaces", &["lockstep"]),
+    ("interfaces", &["lockstep", "multibody"]),
     ("tape", &["lockstep"]),
     ("report", &["lockstep", "multibody", "tape"]),
     ("engine", &["lockstep", "report", "tape"]),
