@@ -12,10 +12,10 @@ import tomllib
 
 import iceoryx2 as iox2
 
-PROTOCOL = 3
+PROTOCOL = 4
 SAMPLED, CONTINUOUS = 0, 1
 NOTE = 2**64 - 1
-LINE, RECORD = 64, 512 * 1024
+LINE = 64
 ELEMENTS = "dfqiQIB"  # struct's letters for the elements f64, f32, i64, i32, u64, u32, u8
 U64 = 2**64 - 1
 
@@ -300,8 +300,8 @@ class Receiver:
 class Record:
     """The way to the recorder."""
 
-    def __init__(self, services, activation):
-        self.size = max(RECORD, (4 * activation + LINE - 1) // LINE * LINE)
+    def __init__(self, services, room):
+        self.size = room
         lines = 1 + self.size // LINE
         self.memory = Memory(services, lines, lines)
         if not self.memory.there():
@@ -386,11 +386,12 @@ class Session:
             except Refused as error:
                 return struct.pack("<I", 4) + text("") + text(str(error))
             cores, _waiting = request.list(lambda: request.take("I")), (request.take("I"), request.take("I"))
+            room = request.take("I")
             if request.take("B"):
                 return struct.pack("<I", 4) + text("") + text("it cannot take up a run on the way")
             if cores:
                 os.sched_setaffinity(0, cores)
-            self.connect(*assignment)
+            self.connect(room, *assignment)
             return struct.pack("<I", 2)
         if variant == 3:
             return struct.pack("<IB", 3, 0)
@@ -399,7 +400,7 @@ class Session:
             return struct.pack("<I", 2)
         return struct.pack("<I", 4) + text("") + text("it cannot move to another place")
 
-    def connect(self, name, tick, sample_time, activations, inputs, outputs):
+    def connect(self, room, name, tick, sample_time, activations, inputs, outputs):
         number, unit = tick.split()
         numerator, _, denominator = number.partition("/")
         self.tick = int(numerator), int(denominator or 1) * {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
@@ -417,8 +418,7 @@ class Session:
             for to in consumers:
                 to.sender = Sender(self.ring(f"link/{to.link}"), to.capacity, message.size)
                 self.meet(to.to)
-        activation = sum(32 + message.size + -message.size % 8 for _, message in self.model.outputs)
-        self.record = Record(self.ring(f"record/{name}"), activation)
+        self.record = Record(self.ring(f"record/{name}"), room)
         self.payloads = [bytes(message.size) for _, message, _ in self.model.inputs]
         self.values = [(0,) * len(struct.unpack(m.format, bytes(m.size))) for _, m in self.model.outputs]
         self.next, self.initialised, self.rests_at, self.recalled = 0, False, -(2**63), False

@@ -1,6 +1,7 @@
 //! The command line.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
@@ -111,6 +112,14 @@ fn substitute(text: &str) -> Result<String, String> {
     Ok(format!("participants.{participant}.run={run}"))
 }
 
+impl CommonArgs {
+    /// `--start-within` as far as a duration goes.
+    pub fn start_within(&self) -> Option<Duration> {
+        let time = self.start_within?;
+        Some(Duration::try_from_secs_f64(time.seconds()).unwrap_or(Duration::ZERO))
+    }
+}
+
 impl ScenarioArgs {
     /// All changes in the form that [`engine::scenario::Scenario::read`] takes.
     pub fn overrides(&self) -> Vec<String> {
@@ -208,9 +217,13 @@ pub struct CommonArgs {
     /// No progress line, and no result but the exit code
     #[arg(long)]
     pub quiet: bool,
-    /// Give up when nothing has moved for this long; not used while a replay waits for a debugger
+    /// Give up when nothing has moved for this long, without the time in which the orchestrator itself was stopped; not used while a replay waits for a debugger
     #[arg(long, value_name = "TIME", default_value = "60 s")]
     pub patience: Rational,
+    /// How long each program may take to enter the run and to answer a request, in place of what the scenario says (20 s
+    /// where it says nothing)
+    #[arg(long, value_name = "TIME")]
+    pub start_within: Option<Rational>,
 }
 
 /// Arguments of `check`.

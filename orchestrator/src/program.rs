@@ -125,6 +125,7 @@ impl Program {
 }
 
 fn execute(command: &Command) -> ExitCode {
+    limits::refuse_large_files();
     // A participant is a program of its own that happens to live in this file: it reports as one.
     if let Command::Participant(args) = command {
         return commands::participant::run(args);

@@ -110,7 +110,7 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
 }
 
 fn record(domain: &Domain, name: &str, stream: u32) -> SharedRecord {
-    let sender = RecordSender::open(domain, name, stream, &[size_of::<Push>()]).expect("a record");
+    let sender = RecordSender::open(domain, name, stream, &[size_of::<Push>()], 1 << 20).expect("a record");
     SharedRecord(Rc::new(RefCell::new(sender)))
 }
 
@@ -177,7 +177,7 @@ impl Liar {
 
     /// Opens the way to the recorder that belongs to `another`, beside its own.
     pub fn intrude(&self, another: &str) -> RecordSender {
-        RecordSender::open(&self.domain, another, 0, &[size_of::<Push>()]).expect("a record")
+        RecordSender::open(&self.domain, another, 0, &[size_of::<Push>()], 1 << 20).expect("a record")
     }
 
     /// Puts a sample onto the tape: of its own stream, unless another is named.

@@ -135,9 +135,9 @@ fn who_ignores_the_end_is_ended() {
     let folder = Folder::new("ignores_terminate");
     let scenario = oscillator(&folder, "ignores_terminate");
     let out = folder.path().join("run");
-    let child = start(&["run", text(&scenario), "--out", text(&out)]);
+    let mut child = start(&["run", text(&scenario), "--out", text(&out)]);
     // The plant can go no further without what the damper owes it.
-    wait_for_bytes(&out.join("tape/plant.motion.bin"), 24 * 501);
+    wait_for_bytes(&mut child, &out.join("tape/plant.motion.bin"), 24 * 501);
     signal(child.id(), rustix::process::Signal::TERM);
     let said = finish(child);
     assert_eq!(said.code, Some(1), "{said:?}");
@@ -203,8 +203,8 @@ fn death_during_a_pause_ends_the_run() {
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
-    let child = command.spawn().unwrap();
-    wait_for_bytes(&out.join("tape/plant.motion.bin"), 24 * 1001);
+    let mut child = command.spawn().unwrap();
+    wait_for_bytes(&mut child, &out.join("tape/plant.motion.bin"), 24 * 1001);
     signal(pid_of(&folder, "damper"), rustix::process::Signal::KILL);
     let said = finish(child);
     assert_eq!(said.code, Some(1), "{said:?}");
@@ -239,10 +239,10 @@ fn disturbed(name: &str) -> (Folder, std::process::Child) {
     let folder = Folder::new(name);
     let scenario = oscillator(&folder, "damper");
     let out = folder.path().join("run");
-    let child = start(&["run", text(&scenario), "--out", text(&out), "--real-time=2"]);
+    let mut child = start(&["run", text(&scenario), "--out", text(&out), "--real-time=2"]);
     // Under way: both have said something.
     for stream in ["plant.motion.bin", "damper.push.bin"] {
-        wait_for_bytes(&out.join("tape").join(stream), 24 * 20);
+        wait_for_bytes(&mut child, &out.join("tape").join(stream), 24 * 20);
     }
     (folder, child)
 }
@@ -274,7 +274,7 @@ fn a_second_interrupt_ends_a_run_at_once_and_leaves_nothing_for_good() {
     let folder = Folder::new("impatient");
     let scenario = oscillator(&folder, "ignores_terminate");
     let out = folder.path().join("run");
-    let child = start(&[
+    let mut child = start(&[
         "run",
         text(&scenario),
         "--out",
@@ -283,7 +283,7 @@ fn a_second_interrupt_ends_a_run_at_once_and_leaves_nothing_for_good() {
         "--duration",
         "1 h",
     ]);
-    wait_for_bytes(&out.join("tape/plant.motion.bin"), 24);
+    wait_for_bytes(&mut child, &out.join("tape/plant.motion.bin"), 24);
     // An end in order takes half a second for the one that ignores it: the second signal comes in between. Two of a kind might be
     // taken for one.
     signal(child.id(), rustix::process::Signal::INT);
@@ -375,7 +375,7 @@ fn limited(limit: &str, duration: &str) -> (Folder, Said) {
     let folder = Folder::new("limited");
     let scenario = oscillator(&folder, "damper");
     let shell = format!(
-        "ulimit {limit}; trap '' XFSZ; exec '{}' run '{}' --out '{}' --duration '{duration}'",
+        "ulimit {limit}; exec '{}' run '{}' --out '{}' --duration '{duration}'",
         orchestrator().display(),
         scenario.display(),
         folder.path().join("run").display()
@@ -398,18 +398,51 @@ fn a_full_disk_ends_the_run_and_names_the_file() {
     let (folder, said) = limited("-f 65536", "3600 s");
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.err.contains("plant.motion.bin"), "{said:?}");
+    assert!(folder.path().join("run/summary.json").exists(), "{said:?}");
     let sound = tape::Reader::open(&folder.path().join("run/tape"));
     assert!(sound.is_ok(), "{:?}", sound.err());
 }
 
 #[test]
-fn memory_that_cannot_be_had_is_named_by_its_service() {
-    // 400 KiB are too little for a record's 1 MiB.
-    let (_folder, said) = limited("-f 400", "10 s");
+fn memory_that_a_limit_forbids_is_named_before_the_start() {
+    // 400 KiB are less than the largest object in shared memory.
+    let (folder, said) = limited("-f 400", "10 s");
     assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("shared memory of the run"), "{said:?}");
-    assert!(said.err.contains("failed: UnableToCreateDataSegment"), "{said:?}");
+    for part in [
+        "shared memory: the run needs an object of",
+        "files may have 400 KiB",
+        "ulimit -f",
+    ] {
+        assert!(said.err.contains(part), "`{part}` is not in: {said:?}");
+    }
+    assert!(!folder.path().join("run").exists(), "nothing was to start");
     assert_eq!(leftovers(), Vec::<String>::new());
+}
+
+#[test]
+fn too_few_open_files_are_named_before_the_start() {
+    let (folder, said) = limited("-n 60", "10 s");
+    assert_eq!(said.code, Some(1), "{said:?}");
+    for part in ["open files: the run needs about", "a process may open 60", "ulimit -n"] {
+        assert!(said.err.contains(part), "`{part}` is not in: {said:?}");
+    }
+    assert!(!folder.path().join("run").exists(), "nothing was to start");
+}
+
+#[test]
+fn a_file_that_gets_too_large_is_named_by_export_and_report() {
+    let (folder, said) = ended("damper", &["--quiet"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let run = folder.path().join("run");
+    for command in ["export --to csv", "export --to mcap", "report"] {
+        let program = orchestrator().display();
+        let shell = format!("ulimit -f 8; exec '{program}' {command} '{}'", run.display());
+        let mut command = Command::new("bash");
+        command.args(["-c", &shell]).current_dir(root());
+        let said: Said = command.output().expect("a shell can be started").into();
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(said.err.contains(text(folder.path())), "{said:?}");
+    }
 }
 
 #[test]

@@ -20,7 +20,8 @@ fn caught_with(lie: &str, more: &[&str], words: &[&str]) -> (Folder, Said) {
     );
     let scenario = scenario.to_str().expect("paths of tests are text");
     let out = out.to_str().expect("paths of tests are text");
-    let said = orchestrate(&[&["run", scenario, "--set", &run, "--out", out], more].concat());
+    let base = ["run", scenario, "--set", &run, "--out", out, "--start-within", "3 s"];
+    let said = orchestrate(&[&base, more].concat());
     assert_eq!(said.code, Some(1), "{said:?}");
     for word in words {
         assert!(said.err.contains(word), "`{word}` is missing: {said:?}");
@@ -204,5 +205,5 @@ fn ports_that_cannot_be_are_refused() {
 
 #[test]
 fn who_never_answers_is_named() {
-    caught("silence", &["`damper`", "did not answer within 20 s"]);
+    caught("silence", &["`damper`", "did not answer within 3 s"]);
 }

@@ -33,11 +33,11 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
     let note = |note: Note| encode("a note", &note).unwrap();
     vec![
         (
-            "Request Hello, protocol 3",
+            "Request Hello, protocol 4",
             request(Request::Hello { protocol: PROTOCOL }),
         ),
         (
-            "Reply Hello, protocol 3, program `toy 1`",
+            "Reply Hello, protocol 4, program `toy 1`",
             reply(Reply::Hello {
                 protocol: PROTOCOL,
                 program: "toy 1".into(),
@@ -176,6 +176,7 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
         assignment: plan.assignment(1),
         cores: vec![3],
         waiting: lockstep::control::Waiting { spins: 5, yields: 6 },
+        record: 1 << 16,
         position: Some(Box::new(Position {
             next: 7,
             inputs: vec![vec![Backlog {
@@ -235,7 +236,7 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     assert_eq!(u64::from(plain.u32()), plan.links[1].capacity as u64);
     assert_eq!((plain.i64(), plain.u64()), (1000, 0));
     assert_eq!(plain.list(Plain::u32), [3]);
-    assert_eq!((plain.u32(), plain.u32()), (5, 6));
+    assert_eq!((plain.u32(), plain.u32(), plain.u32()), (5, 6, 1 << 16));
     // A position: activation 7, one sample on its way, what the outputs hold, the state.
     assert_eq!((plain.u8(), plain.u64()), (1, 7));
     assert_eq!(

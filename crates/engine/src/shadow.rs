@@ -10,10 +10,10 @@ use std::sync::Arc;
 use serde::Serialize;
 use tape::compare::Comparison;
 
+use crate::Catalogue;
 use crate::replay::{Replay, Request};
 use crate::run::{Ending, Options, RunFailure, describe};
 use crate::scenario::Scenario;
-use crate::{Catalogue, Interrupt};
 
 /// What `--shadow NAME=PROGRAM` asks for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -113,7 +113,7 @@ impl Shadow {
         catalogue: &Arc<Catalogue>,
         file: &Path,
         overrides: &[String],
-        interrupt: &Interrupt,
+        options: &Options,
     ) -> Result<(), RunFailure> {
         let ports = |overrides: &[String]| -> Result<_, RunFailure> {
             let scenario = Scenario::read(catalogue, file, overrides)?;
@@ -124,7 +124,7 @@ impl Shadow {
                 .iter()
                 .find(|entry| entry.setup.name == self.participant);
             let ports = entry
-                .map(|entry| describe::ports(&scenario, entry, interrupt))
+                .map(|entry| describe::ports(&scenario, entry, options))
                 .transpose();
             Ok((scenario, ports))
         };
@@ -175,6 +175,7 @@ impl Shadow {
                 wait: options.wait,
                 no_placement: options.no_placement,
                 patience_s: options.patience_s,
+                start_within: options.start_within,
                 ..Options::default()
             })
         });

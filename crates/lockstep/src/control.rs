@@ -6,7 +6,7 @@ use crate::participant::Interface;
 use crate::plan::{Assignment, Position};
 
 /// The version of the protocol. Both sides must have the same.
-pub const PROTOCOL: u32 = 3;
+pub const PROTOCOL: u32 = 4;
 
 /// From the orchestrator to a participant; each is answered by one [`Reply`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,6 +37,8 @@ pub enum Request {
         cores: Vec<u32>,
         /// How to wait.
         waiting: Waiting,
+        /// The size of the record's ring, bytes: a multiple of 64.
+        record: u32,
         /// Where to take up the work; nothing at the start of a run.
         position: Option<Box<Position>>,
     },

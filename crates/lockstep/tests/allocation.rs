@@ -168,7 +168,7 @@ fn a_recorded_sample_takes_nothing() {
     const SAMPLES: u64 = 20_000;
     let place = Place::new();
     let mut receiver = RecordReceiver::create(&place.domain, "plant").expect("room");
-    let sender = RecordSender::open(&place.domain, "plant", 0, &[size_of::<Word>()]).expect("the only one");
+    let sender = RecordSender::open(&place.domain, "plant", 0, &[size_of::<Word>()], 1 << 20).expect("the only one");
     let mut sender = SharedRecord(std::rc::Rc::new(std::cell::RefCell::new(sender)));
     assert_eq!(receiver.take_memory(), Ok(true));
     let mut seen = 0;

@@ -149,7 +149,7 @@ fn a_record_brings_every_entry_whole_and_in_order_however_the_recorder_lags() {
     proptest!(ProptestConfig::with_cases(12), |((sizes, lags) in plans)| {
         let place = Place::new();
         let mut receiver = RecordReceiver::create(&place.domain, "plant").expect("room");
-        let sender = RecordSender::open(&place.domain, "plant", 0, &sizes).expect("the recorder is there");
+        let sender = RecordSender::open(&place.domain, "plant", 0, &sizes, 1 << 14).expect("the recorder is there");
         let mut sender = SharedRecord(std::rc::Rc::new(std::cell::RefCell::new(sender)));
         let due: Vec<(u32, usize)> = (0..).zip(sizes).collect();
         let (mut expected, mut next, mut notes) = (VecDeque::new(), 0, 0);

@@ -144,7 +144,8 @@ pub enum AppendError {
     },
     /// No space on the device or in the quota. The tape stays readable up to the last complete record on the disk.
     #[error(
-        "{}: the disk is full after {written} bytes of this file: free some space, or record to another disk; what is on the tape can be read",
+        "{}: no more than {written} bytes of this file can be written ({source}): free some space, raise the limit on the size of files \
+         (ulimit -f), or record to another disk; what is on the tape can be read",
         path.display()
     )]
     DiskFull {

@@ -1,7 +1,7 @@
 //! One exchange between two processes against the shortest that the transport, and the machine, can do.
 
 use std::io::Read;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -65,7 +65,7 @@ fn bare_round() -> anyhow::Result<f64> {
     let scope = Scope::create()?;
     let table = scope.address().to_string();
     let seat = |end: &str| -> std::io::Result<End> {
-        let mut command = Command::new(std::env::current_exe()?);
+        let mut command = engine::run::own_program();
         command
             .args(["participant", end])
             .env(TABLE, &table)

@@ -5,7 +5,7 @@ use lockstep::plan::Plan;
 use serde_json::json;
 
 use crate::cli::CheckArgs;
-use engine::run::{Options, check, faults, placement};
+use engine::run::{Options, check, faults, placement, room};
 use engine::scenario::{Program, Scenario};
 
 /// Plans and says what would run.
@@ -27,7 +27,11 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
         let plan = serde_json::to_value(&known.plan)?;
         println!(
             "{}",
-            serde_json::to_string_pretty(&json!({ "plan": plan, "placement": placement.reason }))?
+            serde_json::to_string_pretty(&json!({
+                "plan": plan,
+                "placement": placement.reason,
+                "shared_memory": room::figures(&known.plan),
+            }))?
         );
         return Ok(0);
     }
@@ -41,6 +45,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
         }
     }
     println!("placement: {}", placement.reason);
+    println!("{}", room::describe(&known.plan));
     Ok(0)
 }
 

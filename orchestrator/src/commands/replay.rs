@@ -96,6 +96,7 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
             Some(_) => f64::INFINITY,
             None => args.common.patience.seconds(),
         },
+        start_within: args.common.start_within(),
         ..Options::default()
     })
 }

@@ -48,6 +48,10 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
         eprintln!("error: --checkpoint-every takes a time above zero");
         return Ok(2);
     }
+    if how.common.start_within.is_some_and(|time| !time.is_positive()) {
+        eprintln!("error: --start-within takes a time above zero");
+        return Ok(2);
+    }
     let server = match live(how) {
         Ok(server) => server,
         Err(reason) => {
@@ -68,6 +72,7 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
         wait: how.wait,
         no_placement: how.no_placement,
         patience_s: how.common.patience.seconds(),
+        start_within: how.common.start_within(),
         steering: server.as_ref().map(|(_, steering)| steering.clone()),
     };
     let outcome = match run_scenario(scenario, &options) {
@@ -90,8 +95,9 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
         summary["shadows"] = json!(accounts);
     }
     let folder = RunFolder::open(&outcome.folder);
-    folder.write_json(&folder.summary(), &summary)?;
+    let written = folder.write_json(&folder.summary(), &summary);
     tell(&outcome.ending);
+    written?;
     if how.common.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
     } else if !how.common.quiet {
@@ -134,13 +140,18 @@ fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result
 
 /// The shadows that were asked for, as far as they can be looked at before anything runs.
 fn shadows(args: &RunArgs) -> Result<Vec<Shadow>, String> {
+    let options = Options {
+        interrupt: signals::interrupt(),
+        start_within: args.how.common.start_within(),
+        ..Options::default()
+    };
     let read = |text: &String| {
         let shadow = Shadow::read(text, &args.shadow_set)?;
         let checked = shadow.check(
             catalogue(),
             &args.scenario.scenario,
             &args.scenario.overrides(),
-            &signals::interrupt(),
+            &options,
         );
         checked.map(|()| shadow).map_err(|error| error.to_string())
     };
@@ -161,6 +172,9 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
         outcome.real_time_factor(),
         outcome.placement
     );
+    for what in &outcome.recovered {
+        println!("recovered: {what}");
+    }
     println!("run folder: {}", outcome.folder.display());
 }
 

@@ -229,7 +229,10 @@ fn with_tape(scenario: &Scenario, in_process: bool, keep: Option<&Path>, scratch
         Ok(outcome) => {
             let folder = RunFolder::open(&outcome.folder);
             match folder.write_json(&folder.summary(), &outcome.summary()) {
-                Ok(()) => Result::of(&outcome.ending, outcome.figures, outcome.digest.to_string()),
+                Ok(()) => {
+                    let digest = outcome.digest.map(|digest| digest.to_string());
+                    Result::of(&outcome.ending, outcome.figures, digest.unwrap_or_default())
+                }
                 Err(error) => Result::without(Outcome::Crashed, error.to_string()),
             }
         }

@@ -2,7 +2,7 @@
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::path::PathBuf;
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, Stdio};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -92,7 +92,7 @@ impl Worker {
     ///
     /// The kernel kills it when the thread that starts it dies, so this must be called from the main thread.
     pub fn start(number: usize, words: &Sender<(usize, Word)>) -> io::Result<Worker> {
-        let mut command = Command::new(std::env::current_exe()?);
+        let mut command = crate::run::own_program();
         command
             .arg("campaign-worker")
             .stdin(Stdio::piped())

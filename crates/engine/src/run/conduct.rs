@@ -9,8 +9,8 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use tape::folder::RunFolder;
 use tape::{Event, EventKind};
 
-use super::Options;
 use super::agenda::Agenda;
+use super::awake::Patience;
 use super::checkpoint::Checkpoint;
 use super::crew::{self, Member, Taken};
 use super::explain;
@@ -23,6 +23,7 @@ use super::recording::Recorder;
 use super::set_up::{self, Ready};
 use super::slices::Slices;
 use super::survive::{Fallen, Restarts};
+use super::{Options, bus, room};
 use crate::observer::{Event as Report, Progress};
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::{self, Scope};
@@ -47,6 +48,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     let entries = prepare::entries(scenario, options)?;
     scope::leftovers().iter().for_each(scope::Leftover::remove);
     let monitor = Monitor::new(options.interrupt.clone());
+    room::check(&known.plan, scenario.moves())?;
     let folder = prepare::folder(scenario, options)?;
     let Ready {
         entries,
@@ -58,7 +60,16 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         place,
         placement,
         crew,
-    } = set_up::set_up(scenario, options, &known.interfaces, entries, &folder, &monitor)?;
+        recovered,
+    } = set_up::set_up(
+        scenario,
+        options,
+        &known.interfaces,
+        &known.plan,
+        entries,
+        &folder,
+        &monitor,
+    )?;
     let agenda = Agenda::new(scenario, &plan, options, start.from, start.substituted)?;
     options.begin(&plan, &folder);
     let mut conductor = Conductor {
@@ -81,8 +92,9 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         crew,
         place,
         recorder,
+        recovered,
         started: Instant::now(),
-        last_moved: Instant::now(),
+        patience: Patience::new(options.patience()),
         last_flush: Instant::now(),
         last_look: Instant::now(),
         warned: false,
@@ -97,8 +109,9 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         place,
         scope,
         folder,
+        recovered,
         ..
-    } = conductor.bring_down(&ending)?;
+    } = conductor.bring_down(&ending);
     let timing = crew
         .iter()
         .filter_map(|member| Some((member.process.name.clone(), member.timing.clone()?)));
@@ -109,7 +122,8 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         .collect();
     let simulated_s = plan.timebase.seconds(recorder.newest.clamp(0, plan.end));
     let ending = recorder.with_active_faults(ending);
-    let (digest, figures) = recorder.finish()?;
+    let (sealed, figures) = recorder.finish();
+    let (ending, digest) = Outcome::sealed(ending, sealed);
     // Ports before the place, the place before its files.
     drop(crew);
     drop(place);
@@ -121,6 +135,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         wall_s,
         known,
         digest,
+        recovered,
         figures,
         timing,
         sources,
@@ -152,8 +167,11 @@ pub(super) struct Conductor<'a> {
     pub(super) progress: Progress,
     /// How far everybody may go.
     pub(super) guide: Guide,
+    /// What became of participants that failed.
+    pub(super) recovered: Vec<String>,
     started: Instant,
-    pub(super) last_moved: Instant,
+    /// How long nothing may move.
+    pub(super) patience: Patience,
     last_flush: Instant,
     last_look: Instant,
     slices: Slices,
@@ -181,7 +199,7 @@ impl Conductor<'_> {
     /// One look around. `Some` when the run is over; the error is a failure that the run may survive.
     fn turn(&mut self) -> Result<Option<Ending>, Ending> {
         if self.drain()? {
-            self.last_moved = Instant::now();
+            self.patience.renew();
             self.warned = false;
             self.look_for_lies()?;
             // However much the others have to say, a death is seen in time.
@@ -196,6 +214,9 @@ impl Conductor<'_> {
             }
             self.nap();
         }
+        if bus::missed() {
+            return Err(self.over(room::full()));
+        }
         let t = self.plan.timebase.seconds(self.recorder.newest.max(0));
         self.progress.report(Report::Time { t_s: t });
         if self.monitor.asked() {
@@ -204,10 +225,7 @@ impl Conductor<'_> {
         }
         if self.last_flush.elapsed() > FLUSH {
             self.last_flush = Instant::now();
-            self.recorder.flush().map_err(|error| Ending::Failed {
-                participant: ORCHESTRATOR.into(),
-                reason: error.to_string(),
-            })?;
+            self.recorder.flush().map_err(|error| Ending::own(error.to_string()))?;
             self.slices.look(self.crew.iter().map(|member| member.process.pid()));
         }
         if let Some(now) = self.guide.stop()
@@ -355,34 +373,32 @@ impl Conductor<'_> {
             .all(|member| member.rests_at(self.place.clock.horizon()));
         self.guide.tell(self.recorder.newest, resting);
         if resting {
-            self.last_moved = Instant::now();
+            self.patience.renew();
         }
-        let still = self.last_moved.elapsed().as_secs_f64();
-        if still > self.options.patience_s {
-            let (culprit, text) = explain::standstill(&self.plan, &self.crew, self.place.clock.horizon(), still);
-            return Err(Ending::Failed {
-                participant: culprit,
-                reason: text,
-            });
+        let over = self.patience.is_over();
+        let still = self.patience.used_s();
+        if !over && (still <= 2.0 || self.warned) {
+            return Ok(());
         }
-        if still > 2.0 && !self.warned {
-            self.warned = true;
-            let (_, text) = explain::standstill(&self.plan, &self.crew, self.place.clock.horizon(), still);
-            self.progress.say(&text);
+        let horizon = self.place.clock.horizon();
+        let recorded = |stream| self.recorder.count(stream);
+        let (participant, reason) = explain::standstill(&self.plan, &self.crew, horizon, still, recorded);
+        if over {
+            return Err(Ending::Failed { participant, reason });
         }
+        self.warned = true;
+        self.progress.say(&reason);
         Ok(())
     }
 
     /// Tells everybody to leave, sees that they do, and takes what they still had to say.
-    fn bring_down(mut self, ending: &Ending) -> Result<Self, RunFailure> {
+    fn bring_down(mut self, ending: &Ending) -> Self {
         self.progress.report(Report::Over);
         self.place.clock.stop();
         self.crew.iter().for_each(Member::ring);
-        let started = Instant::now();
-        for number in 0..self.crew.len() {
-            self.crew[number]
-                .process
-                .bring_down(GRACE.saturating_sub(started.elapsed()));
+        let mut grace = Patience::new(GRACE);
+        for member in &mut self.crew {
+            member.process.end_within(&mut grace);
         }
         // What the others had handed over counts, whoever failed.
         for number in 0..self.crew.len() {
@@ -400,6 +416,6 @@ impl Conductor<'_> {
                 text,
             });
         }
-        Ok(self)
+        self
     }
 }

@@ -12,17 +12,27 @@ use lockstep::transport::iceoryx::{
     WakeService,
 };
 
-use super::Options;
+use super::awake::{Awake, Patience};
 use super::child::Participant;
 use super::explain;
 use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::recording::Recorder;
+use super::{Options, room};
 use crate::scenario::{Entry, Scenario};
 use crate::text::quoted;
 
-/// How long a program may take to enter the run, and to answer a request.
-pub(super) const PATIENCE: Duration = Duration::from_secs(20);
+/// How long a program may take to enter the run, and to answer a request, if nothing else is said.
+const START_WITHIN: Duration = Duration::from_secs(20);
+
+/// How long the program of `entry` may take to enter the run, and to answer a request.
+pub(super) fn start_within(entry: &Entry, options: &Options) -> Duration {
+    let own = entry
+        .start_within
+        .map(|time| Duration::try_from_secs_f64(time.seconds()));
+    let own = own.map(|own| own.unwrap_or(Duration::MAX));
+    options.start_within.or(own).unwrap_or(START_WITHIN)
+}
 
 /// The orchestrator's ends of what belongs to one participant in one place in shared memory. They are there before anybody
 /// who opens them.
@@ -66,6 +76,8 @@ pub(super) enum Taken {
 pub(super) struct Member {
     pub(super) process: Participant,
     ports: Ports,
+    /// How long it may take to enter the run, and to answer a request.
+    within: Duration,
     /// Where its time went; known when it is done.
     pub(super) timing: Option<Timing>,
     /// Its own account of why it failed.
@@ -76,10 +88,11 @@ pub(super) struct Member {
 }
 
 impl Member {
-    pub(super) fn new(process: Participant, ports: Ports) -> Member {
+    pub(super) fn new(process: Participant, ports: Ports, within: Duration) -> Member {
         Member {
             process,
             ports,
+            within,
             timing: None,
             failed: None,
             at_rest: None,
@@ -193,8 +206,10 @@ impl Member {
         let Member { ports, process, .. } = self;
         ports.bell.ring();
         let control = &ports.control;
-        let reply = control.ask(request, PATIENCE, || {
-            process.ended().is_some() || process.floods() || monitor.failure().is_some()
+        let mut patience = Patience::new(self.within);
+        let reply = control.ask(request, || {
+            let failed = process.ended().is_some() || process.floods() || monitor.failure().is_some();
+            failed || patience.is_over()
         });
         let when = match request {
             Request::Hello { .. } => "when it was greeted",
@@ -206,7 +221,7 @@ impl Member {
         };
         match reply {
             Ok(Some(reply)) => Ok(reply),
-            Ok(None) => Err(silent(&mut self.process, monitor, "answer", when)),
+            Ok(None) => Err(silent(&mut self.process, self.within, monitor, "answer", when)),
             Err(broken) => Err(self.odd(format!("gave no answer that can be used {when}: {broken}"))),
         }
     }
@@ -238,22 +253,28 @@ pub(super) fn foreign_writer_reason(victim: &str, process: u32, broken: &str) ->
 }
 
 /// Why a participant did not do `what`: it ended or is late, or the monitor reports another failure.
-fn silent(process: &mut Participant, monitor: &Monitor, what: &str, when: &str) -> RunFailure {
+fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, what: &str, when: &str) -> RunFailure {
     let elsewhere = monitor.failure();
     let reason = match (process.ended(), elsewhere) {
         (_, Some(RunFailure::Interrupted)) => return RunFailure::Interrupted,
         (Some(status), _) => format!(
-            "{} {when}{}",
+            "{} {when}{}{}",
             Participant::ending(status),
+            room::of_bus_error(status),
             explain::words(process.log())
         ),
         (None, _) if process.floods() => format!("{} {when}", explain::flood()),
         (None, Some(failure)) => return failure,
-        (None, None) => format!(
-            "did not {what} within {} s {when} (pid {})",
-            PATIENCE.as_secs(),
-            process.pid()
-        ),
+        (None, None) => {
+            let pid = process.pid();
+            format!(
+                "did not {what} within {} s {when} (pid {pid}, {}); a program that needs longer is given it by `start-within` in the \
+                 scenario or --start-within{}",
+                within.as_secs_f64(),
+                explain::life(pid).words(),
+                explain::words(process.log())
+            )
+        }
     };
     RunFailure::Participant {
         participant: process.name.clone(),
@@ -269,17 +290,13 @@ pub(super) fn start(entry: &Entry, domain: &Domain, log: &std::path::Path) -> Re
     })
 }
 
-/// Waits until it has entered the run, which everybody was asked to do at `asked`.
-pub(super) fn arrive(member: &mut Member, asked: Instant, monitor: &Monitor) -> Result<(), RunFailure> {
+/// Waits until it has entered the run; `waited` counts since all were started.
+pub(super) fn arrive(member: &mut Member, waited: &mut Awake, monitor: &Monitor) -> Result<(), RunFailure> {
     while !member.ports.control.present() {
         let process = &mut member.process;
-        if process.ended().is_some() || monitor.failure().is_some() || asked.elapsed() > PATIENCE {
-            return Err(silent(
-                process,
-                monitor,
-                "enter the run",
-                "before it had entered the run",
-            ));
+        let late = waited.at(Instant::now()) > member.within;
+        if process.ended().is_some() || monitor.failure().is_some() || late {
+            return Err(silent(process, member.within, monitor, "enter the run", "of its start"));
         }
         std::thread::sleep(Duration::from_micros(300));
     }
@@ -349,13 +366,18 @@ fn control_text(interface: &Interface) -> Option<&str> {
 }
 
 /// Gives participant number `number` its part of the plan, its cores, and where to take up the work; nothing for the start of
-/// a run.
+/// a run. `ring` is the size of its record's ring, bytes.
+#[allow(
+    clippy::too_many_arguments,
+    reason = "what a participant is connected with comes from all parts of a run"
+)]
 pub(super) fn connect(
     plan: &Plan,
     number: usize,
     member: &mut Member,
     position: Option<Position>,
     placement: &Placement,
+    ring: u32,
     options: &Options,
     monitor: &Monitor,
 ) -> Result<(), RunFailure> {
@@ -363,13 +385,14 @@ pub(super) fn connect(
         assignment: plan.assignment(number),
         cores: placement.cores[number].iter().map(|&core| core as u32).collect(),
         waiting: options.wait.strategy(placement.sharing[number]),
+        record: ring,
         position: position.map(Box::new),
     };
     let reply = member.ask(&request, monitor)?;
     let failure = match reply {
         // Whatever it records from now on is there for the recorder, even if it leaves at once.
         Reply::Done => match member.ports.record.take_memory() {
-            Ok(true) => return Ok(()),
+            Ok(true) => return super::place::all_there(),
             Ok(false) => "has connected without sending the memory of its record".to_owned(),
             Err(broken) => format!("its record cannot be received: {broken}"),
         },

@@ -1,16 +1,17 @@
 //! What a program says of its ports, asked before the run in which it may have a part.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use lockstep::control::Request;
 use lockstep::participant::Interface;
 
+use super::Options;
+use super::awake::Awake;
 use super::conduct::GRACE;
 use super::crew::{self, Member};
 use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::place::Place;
-use crate::observer::Interrupt;
 use crate::scenario::{Entry, OnFailure, Program, Scenario, ScenarioError};
 use crate::scope::Scope;
 
@@ -18,11 +19,16 @@ use crate::scope::Scope;
 ///
 /// # Errors
 /// A program that does not enter, describes no ports, or refuses its parameters.
-pub fn ports(scenario: &Scenario, entry: &Entry, interrupt: &Interrupt) -> Result<Interface, RunFailure> {
-    ask_for_ports(scenario, entry, &Monitor::new(interrupt.clone()))
+pub fn ports(scenario: &Scenario, entry: &Entry, options: &Options) -> Result<Interface, RunFailure> {
+    ask_for_ports(scenario, entry, options, &Monitor::new(options.interrupt.clone()))
 }
 
-fn ask_for_ports(scenario: &Scenario, entry: &Entry, monitor: &Monitor) -> Result<Interface, RunFailure> {
+fn ask_for_ports(
+    scenario: &Scenario,
+    entry: &Entry,
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<Interface, RunFailure> {
     if let Program::Builtin(name) = &entry.program
         && let Some(factory) = scenario.catalogue().factory(name)
     {
@@ -34,14 +40,15 @@ fn ask_for_ports(scenario: &Scenario, entry: &Entry, monitor: &Monitor) -> Resul
     let address = scope.address();
     let log = address.folder.join("words");
     let name = entry.setup.name.as_str();
+    let within: Duration = crew::start_within(entry, options);
     let (domain, ports) = Place::enter(address, std::iter::once(name))?;
     let process = crew::start(entry, &domain, &log)?;
     let mut members: Vec<Member> = std::iter::once(process)
         .zip(ports)
-        .map(|(process, ports)| Member::new(process, ports))
+        .map(|(process, ports)| Member::new(process, ports, within))
         .collect();
     let member = &mut members[0];
-    crew::arrive(member, Instant::now(), monitor)?;
+    crew::arrive(member, &mut Awake::since(Instant::now()), monitor)?;
     let interface = crew::introduce(scenario, entry, None, member, monitor)?;
     let _ = member.ask(&Request::Terminate, monitor);
     member.process.bring_down(GRACE);
@@ -52,9 +59,14 @@ fn ask_for_ports(scenario: &Scenario, entry: &Entry, monitor: &Monitor) -> Resul
 ///
 /// # Errors
 /// The first one that has not, with the difference, or what is wrong with its program.
-pub(super) fn check_substitutes(scenario: &Scenario, known: &[Interface], monitor: &Monitor) -> Result<(), RunFailure> {
+pub(super) fn check_substitutes(
+    scenario: &Scenario,
+    known: &[Interface],
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<(), RunFailure> {
     let compare = |entry: &Entry, seat: usize, refuse: &dyn Fn(&str) -> ScenarioError| {
-        let ports = match ask_for_ports(scenario, entry, monitor) {
+        let ports = match ask_for_ports(scenario, entry, options, monitor) {
             Ok(ports) => ports,
             // Somebody of the run itself has failed meanwhile.
             Err(RunFailure::Participant { reason, .. }) => {

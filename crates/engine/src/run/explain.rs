@@ -10,6 +10,7 @@ use super::child::Participant;
 use super::crew::Member;
 use super::log::{LOG_MAX, Log};
 use super::outcome::ORCHESTRATOR;
+use super::room;
 use crate::text::quoted;
 
 /// The last lines of a log, ready to be put behind a message.
@@ -67,9 +68,10 @@ fn instant(plan: &Plan, number: usize, status: Status) -> f64 {
 pub(super) fn death(plan: &Plan, number: usize, member: &Member, status: ExitStatus) -> String {
     let last = member.status();
     format!(
-        "process {} {} at t = {} s (activation {}) while {}{}",
+        "process {} {}{} at t = {} s (activation {}) while {}{}",
         member.process.pid(),
         Participant::ending(status),
+        room::of_bus_error(status),
         instant(plan, number, last),
         last.next,
         doing(plan, number, last),
@@ -77,43 +79,82 @@ pub(super) fn death(plan: &Plan, number: usize, member: &Member, status: ExitSta
     )
 }
 
-/// Nothing moves: the participant to blame, and what everybody does.
-pub(super) fn standstill(plan: &Plan, crew: &[Member], horizon: Ticks, seconds: f64) -> (String, String) {
+/// Why the run stands still because of a participant: the lower, the more certain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Blame {
+    /// The kernel says that it is stopped, and there is something for it to do.
+    StoppedWithWork,
+    /// It computes, has not started, or rests though it may go on.
+    Working,
+    /// The kernel says that it is stopped; what it was about to do does not show.
+    Stopped,
+    /// It waits for something that has come.
+    Blind,
+}
+
+/// Nothing moves: the participant to blame, and what everybody does. `recorded` is how many samples of a stream are on the tape.
+pub(super) fn standstill(
+    plan: &Plan,
+    crew: &[Member],
+    horizon: Ticks,
+    seconds: f64,
+    recorded: impl Fn(usize) -> u64,
+) -> (String, String) {
     let mut lines = Vec::new();
-    let (mut culprit, mut statuses) = (None, Vec::new());
-    for (number, member) in crew.iter().enumerate() {
-        let status = member.status();
+    let statuses: Vec<Status> = crew.iter().map(Member::status).collect();
+    let mut blamed = Vec::new();
+    for (number, (member, &status)) in crew.iter().zip(&statuses).enumerate() {
+        let pid = member.process.pid();
         lines.push(format!(
-            "  {} (pid {}) at t = {} s: {}",
+            "  {} (pid {pid}) at t = {} s: {}",
             member.process.name,
-            member.process.pid(),
             instant(plan, number, status),
             doing(plan, number, status)
         ));
-        // Whoever computes, has not even started, or rests though the horizon has moved owes something; those who wait do not.
+        if member.timing.is_some() {
+            continue;
+        }
         let own = &plan.participants[number];
         let may = status.next < own.activations && own.sample_time.instant(status.next) < horizon;
-        let indebted = match status.activity {
-            Activity::Computing | Activity::Starting => true,
-            Activity::Rest => may,
+        let working = match status.activity {
+            Activity::Computing | Activity::Starting | Activity::Finished => true,
+            Activity::Rest => may || !member.rests_at(horizon),
             _ => false,
         };
-        if indebted && culprit.is_none() {
-            culprit = Some(number);
-        }
-        statuses.push(status);
+        let blind = match status.activity {
+            Activity::Input { .. } => awaited(plan, number, status).is_some_and(|(from, output, index)| {
+                let stream = plan.participants[from].first_stream as usize + output;
+                // A producer that waits for room elsewhere has recorded more than it has sent.
+                let sent = !matches!(statuses[from].activity, Activity::Room { .. });
+                sent && recorded(stream) > index
+            }),
+            // The recorder has taken everything, else something would move.
+            Activity::Recorder => true,
+            _ => false,
+        };
+        let blame = match (life(pid), working, blind) {
+            (Life::Stopped, true, _) | (Life::Stopped, _, true) => Blame::StoppedWithWork,
+            (_, true, _) => Blame::Working,
+            (Life::Stopped, ..) => Blame::Stopped,
+            (_, _, true) => Blame::Blind,
+            _ => continue,
+        };
+        blamed.push((blame, number));
     }
-    let (name, debt) = match culprit {
-        Some(number) => {
+    let (name, debt) = match blamed.into_iter().min() {
+        Some((_, number)) => {
             let pid = crew[number].process.pid();
             let (name, does) = (
                 crew[number].process.name.clone(),
                 state(pid, &statuses[number], seconds),
             );
-            let debt = format!("{name} (pid {pid}, {does}) {}", owes(plan, number, &statuses));
+            let debt = format!(
+                "{name} (pid {pid}, {does}) {}",
+                owes(plan, number, &statuses, &recorded)
+            );
             (name, debt)
         }
-        None => (ORCHESTRATOR.to_owned(), "nobody owes anything".to_owned()),
+        None => (ORCHESTRATOR.to_owned(), "no participant owes anything".to_owned()),
     };
     let text = format!(
         "nothing has moved for {seconds:.1} s: {debt}; recorder idle\n{}",
@@ -122,38 +163,77 @@ pub(super) fn standstill(plan: &Plan, crew: &[Member], horizon: Ticks, seconds: 
     (name, text)
 }
 
-/// `alive, computing for 4.1 s`: what the kernel and the participant itself say.
-fn state(pid: u32, status: &Status, seconds: f64) -> String {
+/// The producer, its output and the index of the sample for which participant number `number` waits.
+fn awaited(plan: &Plan, number: usize, status: Status) -> Option<(usize, usize, u64)> {
+    let Activity::Input { input, index } = status.activity else {
+        return None;
+    };
+    let link = plan.participants[number]
+        .inputs
+        .get(input as usize)
+        .copied()
+        .flatten()?;
+    let (from, output) = plan.links[link].from;
+    Some((from, output, index))
+}
+
+/// What the kernel says of a process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Life {
+    Alive,
+    InKernel,
+    Stopped,
+    Ended,
+}
+
+impl Life {
+    pub(super) fn words(self) -> &'static str {
+        match self {
+            Life::Alive => "alive",
+            Life::InKernel => "alive, in the kernel",
+            Life::Stopped => "stopped by a signal or a debugger",
+            Life::Ended => "ended",
+        }
+    }
+}
+
+/// What the kernel says of the process `pid`.
+pub(super) fn life(pid: u32) -> Life {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     // The state is the first letter behind the name, which stands in parentheses and may hold anything.
-    let letter = stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next());
-    let life = match letter {
-        Some('T' | 't') => "stopped by a signal or a debugger",
-        Some('D') => "alive, in the kernel",
-        Some('Z') | None => "ended",
-        Some(_) => "alive",
-    };
+    match stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next()) {
+        Some('T' | 't') => Life::Stopped,
+        Some('D') => Life::InKernel,
+        Some('Z') | None => Life::Ended,
+        Some(_) => Life::Alive,
+    }
+}
+
+/// `alive, computing for 4.1 s`: what the kernel and the participant itself say.
+fn state(pid: u32, status: &Status, seconds: f64) -> String {
     let work = match status.activity {
         Activity::Starting => "getting ready",
+        Activity::Computing => "computing",
         Activity::Rest => "not seeing that it may go on",
-        _ => "computing",
+        Activity::Finished => "done, but without a word of it,",
+        Activity::Input { .. } | Activity::Room { .. } | Activity::Recorder => "waiting",
     };
-    format!("{life}, {work} for {seconds:.1} s")
+    format!("{}, {work} for {seconds:.1} s", life(pid).words())
 }
 
 /// `has not published push #200; plant waits for it at t = 2 s`
-fn owes(plan: &Plan, culprit: usize, statuses: &[Status]) -> String {
-    let waiting = statuses.iter().enumerate().find_map(|(number, status)| {
-        let Activity::Input { input, index } = status.activity else {
-            return None;
+fn owes(plan: &Plan, culprit: usize, statuses: &[Status], recorded: impl Fn(usize) -> u64) -> String {
+    if let Some((from, output, index)) = awaited(plan, culprit, statuses[culprit]) {
+        let name = plan.output_name((from, output));
+        let stream = plan.participants[from].first_stream as usize + output;
+        return match recorded(stream) > index {
+            true => format!("has not taken sample #{index} of {name}, which is on the tape"),
+            false => format!("has not gone on with activation {}", statuses[culprit].next),
         };
-        let link = plan.participants[number]
-            .inputs
-            .get(input as usize)
-            .copied()
-            .flatten()?;
-        let from = plan.links[link].from;
-        (from.0 == culprit).then_some((number, from.1, index))
+    }
+    let waiting = statuses.iter().enumerate().find_map(|(number, &status)| {
+        let (from, output, index) = awaited(plan, number, status)?;
+        (from == culprit).then_some((number, output, index))
     });
     match waiting {
         Some((number, output, index)) => format!(

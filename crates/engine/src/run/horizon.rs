@@ -8,6 +8,7 @@ use lockstep::time::Ticks;
 
 use super::Options;
 use super::agenda::{Agenda, Business};
+use super::awake::Awake;
 use crate::live::Steering;
 use crate::scenario::Scenario;
 
@@ -107,10 +108,10 @@ impl Guide {
     }
 }
 
-/// Keeps simulated time behind a multiple of the wall time that was not spent at rest.
+/// Keeps simulated time behind a multiple of the wall time in which this process ran and the run was not at rest.
 struct Pace {
     ticks_per_s: f64,
-    since: Instant,
+    awake: Awake,
     at: Ticks,
 }
 
@@ -118,18 +119,18 @@ impl Pace {
     fn new(ticks_per_s: f64, at: Ticks) -> Pace {
         Pace {
             ticks_per_s,
-            since: Instant::now(),
+            awake: Awake::since(Instant::now()),
             at,
         }
     }
 
     fn start_over(&mut self, at: Ticks, now: Instant) {
-        (self.since, self.at) = (now, at);
+        (self.awake, self.at) = (Awake::since(now), at);
     }
 
-    /// The instant that has come, `most` at the latest: who is held there does not hurry afterwards.
+    /// The instant that has come, `most` at the latest: a run that was held there, or suspended, does not hurry afterwards.
     fn reached(&mut self, most: Ticks, now: Instant) -> Ticks {
-        let passed = now.saturating_duration_since(self.since).as_secs_f64() * self.ticks_per_s;
+        let passed = self.awake.at(now).as_secs_f64() * self.ticks_per_s;
         let reached = self.at.saturating_add(passed as Ticks);
         if reached >= most {
             self.start_over(most, now);
@@ -183,7 +184,7 @@ mod tests {
     fn guide(stops: Vec<Ticks>, pace: Option<f64>, steering: Option<Arc<Steering>>, start: Instant) -> Guide {
         let pace = pace.map(|ticks_per_s| Pace {
             ticks_per_s,
-            since: start,
+            awake: Awake::since(start),
             at: 0,
         });
         Guide {
@@ -194,6 +195,25 @@ mod tests {
             lead: Lead::new(1),
             granted: 0,
         }
+    }
+
+    /// The last answer of looks every 100 ms, from `from` to `to`.
+    fn looked(guide: &mut Guide, newest: Ticks, start: Instant, from: u64, to: u64) -> Ticks {
+        let looks = (from..to).step_by(100).chain([to]);
+        looks
+            .map(|at| guide.horizon_at(newest, start + ms(at)))
+            .last()
+            .unwrap_or(0)
+    }
+
+    #[test]
+    fn a_paced_run_does_not_hurry_after_a_suspension() {
+        let start = Instant::now();
+        let mut guide = guide(vec![], Some(1000.0), None, start);
+        assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
+        let after = guide.horizon_at(101, start + ms(3_600_100));
+        assert!(after <= 101 + 250, "an hour of suspension counts as a moment: {after}");
+        assert_eq!(guide.horizon_at(101, start + ms(3_600_150)), after + 50);
     }
 
     fn ms(count: u64) -> Duration {
@@ -213,8 +233,8 @@ mod tests {
         let mut guide = guide(vec![500], Some(1000.0), None, start);
         assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
         // The stop is reached after 500 ms of wall time; ten seconds later the user goes on.
-        assert_eq!(guide.horizon_at(500, start + ms(600)), 500);
-        assert_eq!(guide.horizon_at(500, start + ms(10_600)), 500);
+        assert_eq!(looked(&mut guide, 500, start, 200, 600), 500);
+        assert_eq!(looked(&mut guide, 500, start, 700, 10_600), 500);
         guide.take(500);
         assert_eq!(guide.horizon_at(500, start + ms(10_700)), 601);
     }

@@ -84,22 +84,26 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     drop(looped);
     let recorder = Arc::into_inner(recorder).expect("the participants are gone");
     let mut recorder = recorder.into_inner().unwrap_or_else(PoisonError::into_inner);
-    if let Some(error) = recorder.take_error() {
-        return Err(error.into());
-    }
+    // A tape that cannot be written is the fault of no participant.
+    let ending = match recorder.take_error() {
+        Some(error) => Ending::own(error.to_string()),
+        None => ending,
+    };
     let simulated_s = plan.timebase.seconds(recorder.newest.clamp(0, plan.end));
     if let Ending::Failed { participant, reason } = &ending {
         let time = plan.timebase.time(recorder.newest.max(0)).unwrap_or_default();
         let (participant, text) = (Some(participant.clone()), reason.clone());
-        recorder.event(&Event {
+        // A full disk has no room for the event either; the reason is printed all the same.
+        let _ = recorder.event(&Event {
             time,
             kind: EventKind::Failure,
             participant,
             text,
-        })?;
+        });
     }
     let ending = recorder.with_active_faults(ending);
-    let (digest, figures) = recorder.finish()?;
+    let (sealed, figures) = recorder.finish();
+    let (ending, digest) = Outcome::sealed(ending, sealed);
     Ok(Outcome {
         folder: folder.root().to_owned(),
         ending,
@@ -107,6 +111,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
         wall_s,
         known,
         digest,
+        recovered: Vec::new(),
         figures,
         timing: BTreeMap::new(),
         sources: BTreeMap::new(),

@@ -1,6 +1,8 @@
 //! One run, from a scenario to a verdict.
 
 mod agenda;
+mod awake;
+mod bus;
 pub mod checkpoint;
 mod child;
 mod conduct;
@@ -18,6 +20,7 @@ mod place;
 mod played;
 pub(crate) mod prepare;
 mod recording;
+pub mod room;
 mod set_up;
 mod slices;
 mod survive;
@@ -25,13 +28,14 @@ mod take_up;
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 use lockstep::control::Waiting;
 use lockstep::plan::Plan;
 use lockstep::time::Rational;
 use tape::folder::RunFolder;
 
-pub use child::tie;
+pub use child::{own_program, tie};
 pub use crew::placement;
 pub(crate) use guard::Watch;
 pub use outcome::{Ending, Outcome, RunFailure};
@@ -121,11 +125,18 @@ pub struct Options {
     pub no_placement: bool,
     /// How long a participant may compute without progress before the run is given up, s.
     pub patience_s: f64,
+    /// How long each program may take to enter the run and to answer a request, whatever the scenario says of it.
+    pub start_within: Option<Duration>,
     /// Whoever moves the horizon from outside.
     pub steering: Option<Arc<Steering>>,
 }
 
 impl Options {
+    /// [`Options::patience_s`] as far as a duration goes.
+    fn patience(&self) -> Duration {
+        Duration::try_from_secs_f64(self.patience_s).unwrap_or(Duration::MAX)
+    }
+
     /// Tells whoever watches that there is a run.
     fn begin(&self, plan: &Plan, folder: &RunFolder) {
         let duration_s = plan.timebase.seconds(plan.end);

@@ -10,6 +10,7 @@ use super::child::Participant;
 use super::explain;
 use super::log::Log;
 use super::outcome::RunFailure;
+use super::room;
 use crate::observer::Interrupt;
 
 /// The reasons to end a wait early: a signal of the user, or the failure of a participant.
@@ -74,7 +75,8 @@ impl Monitor {
                 (Some(status), _) => {
                     one.log.settle();
                     let ending = Participant::ending(status);
-                    format!("{ending} before the run began{}", explain::words(&one.log))
+                    let memory = room::of_bus_error(status);
+                    format!("{ending} before the run began{memory}{}", explain::words(&one.log))
                 }
                 (None, true) => explain::flood(),
                 (None, false) => return None,

@@ -49,6 +49,9 @@ pub enum RunFailure {
         /// Why.
         reason: String,
     },
+    /// The machine has too little of what the run takes.
+    #[error("{0}")]
+    Room(String),
     /// Somebody asked for an end before the run began.
     #[error("interrupted before the run began")]
     Interrupted,
@@ -93,6 +96,12 @@ pub enum Ending {
 }
 
 impl Ending {
+    /// The orchestrator itself failed.
+    pub(super) fn own(reason: String) -> Ending {
+        let participant = ORCHESTRATOR.into();
+        Ending::Failed { participant, reason }
+    }
+
     /// For people: who failed, and why; nothing where all went well.
     pub fn words(&self) -> Option<String> {
         match self {
@@ -116,8 +125,11 @@ pub struct Outcome {
     pub wall_s: f64,
     /// When the orchestrator knew how the run ends.
     pub known: Instant,
-    /// The tape.
-    pub digest: Digest,
+    /// The tape; nothing when it could not be finished.
+    pub digest: Option<Digest>,
+    /// What became of participants that failed, in the words of the tape's events: where the run went back to or who took over
+    /// depends on wall time.
+    pub recovered: Vec<String>,
     /// The figures of merit.
     pub figures: Option<crate::assessment::Figures>,
     /// Where everybody's wall time went.
@@ -129,6 +141,16 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// The ending and the tape's digest, when the tape was finished like this: a tape that cannot be written ends a run that
+    /// nothing else has ended.
+    pub(super) fn sealed(ending: Ending, digest: Result<Digest, AppendError>) -> (Ending, Option<Digest>) {
+        match (digest, ending) {
+            (Ok(digest), ending) => (ending, Some(digest)),
+            (Err(error), Ending::Complete) => (Ending::own(error.to_string()), None),
+            (Err(_), ending) => (ending, None),
+        }
+    }
+
     /// Simulated time over wall time.
     pub fn real_time_factor(&self) -> f64 {
         if self.wall_s > 0.0 {
@@ -158,8 +180,14 @@ impl Outcome {
         all.insert("simulated_time_s".into(), json!(self.simulated_s));
         all.insert("wall_time_s".into(), json!(self.wall_s));
         all.insert("real_time_factor".into(), json!(self.real_time_factor()));
-        all.insert("tape_digest".into(), json!(self.digest.to_string()));
+        all.insert(
+            "tape_digest".into(),
+            json!(self.digest.map(|digest| digest.to_string())),
+        );
         all.insert("run_folder".into(), json!(self.folder.display().to_string()));
+        if !self.recovered.is_empty() {
+            all.insert("recovered".into(), json!(self.recovered));
+        }
         all.insert("placement".into(), json!(self.placement));
         all.insert("timing".into(), self.timing());
         Value::Object(all)

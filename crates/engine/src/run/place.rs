@@ -2,9 +2,11 @@
 //! up, so that nothing of a dead process can be opened by mistake.
 
 use lockstep::plan::Plan;
-use lockstep::transport::iceoryx::{Address, ClockWriter, Domain, DomainError, LinkService};
+use lockstep::transport::iceoryx::{Address, ClockWriter, Domain, LinkService};
 
 use super::crew::Ports;
+use super::outcome::RunFailure;
+use super::{bus, room};
 
 /// A place in shared memory. Services go before the domain.
 pub(super) struct Place {
@@ -18,24 +20,28 @@ impl Place {
     pub(super) fn enter<'a>(
         address: Address,
         names: impl ExactSizeIterator<Item = &'a str>,
-    ) -> Result<(Domain, Vec<Ports>), DomainError> {
+    ) -> Result<(Domain, Vec<Ports>), RunFailure> {
+        bus::guard().map_err(|error| RunFailure::Other(error.to_string()))?;
         let domain = Domain::enter(address, "orchestrator")?;
         let count = names.len();
         let ports = names.map(|name| Ports::create(&domain, name, count));
         let ports = ports.collect::<Result<_, _>>()?;
+        all_there()?;
         Ok((domain, ports))
     }
 
     /// Makes the links and the clock of `plan` in `domain`.
-    pub(super) fn furnish(domain: Domain, plan: &Plan) -> Result<Place, DomainError> {
+    pub(super) fn furnish(domain: Domain, plan: &Plan) -> Result<Place, RunFailure> {
         let mut links = Vec::new();
         for (number, link) in plan.links.iter().enumerate() {
             let output = &plan.participants[link.from.0].interface.outputs[link.from.1];
             let size = output.descriptor.size as usize;
             links.push(LinkService::create(&domain, number as u32, size, link.capacity)?);
         }
+        let clock = ClockWriter::create(&domain, plan.participants.len())?;
+        all_there()?;
         Ok(Place {
-            clock: ClockWriter::create(&domain, plan.participants.len())?,
+            clock,
             _links: links,
             domain,
         })
@@ -45,4 +51,9 @@ impl Place {
     pub(super) fn address(&self) -> &Address {
         self.domain.address()
     }
+}
+
+/// Whether every page of shared memory that was touched could be had.
+pub(super) fn all_there() -> Result<(), RunFailure> {
+    if bus::missed() { Err(room::full()) } else { Ok(()) }
 }

@@ -425,10 +425,15 @@ impl Recorder {
         self.error.take()
     }
 
-    /// Closes the tape.
-    pub fn finish(self) -> Result<(Digest, Option<Figures>), AppendError> {
-        let digest = self.writer.finish()?;
-        Ok((digest, self.assessment.map(|mut assessment| assessment.finish())))
+    /// How many samples of stream number `stream` have come.
+    pub fn count(&self, stream: usize) -> u64 {
+        self.writer.count(stream).unwrap_or(0)
+    }
+
+    /// Closes the tape. What is on it can be read even if that fails.
+    pub fn finish(self) -> (Result<Digest, AppendError>, Option<Figures>) {
+        let digest = self.writer.finish();
+        (digest, self.assessment.map(|mut assessment| assessment.finish()))
     }
 }
 

@@ -11,7 +11,7 @@ use lockstep::time::Rational;
 use tape::folder::RunFolder;
 use tape::{Event, EventKind};
 
-use super::Options;
+use super::awake::Awake;
 use super::crew::{self, Member};
 use super::describe;
 use super::monitor::Monitor;
@@ -20,6 +20,7 @@ use super::place::Place;
 use super::prepare::{self, Start};
 use super::recording::Recorder;
 use super::survive::RESTARTS_MAX;
+use super::{Options, room};
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
 
@@ -36,6 +37,8 @@ pub(super) struct Ready {
     pub(super) place: Place,
     pub(super) placement: Placement,
     pub(super) crew: Vec<Member>,
+    /// What became of participants that failed.
+    pub(super) recovered: Vec<String>,
 }
 
 /// What follows from the ports, and stays the same in every attempt.
@@ -52,6 +55,8 @@ struct SetUp<'a> {
     options: &'a Options,
     /// The ports of each builtin participant.
     known: &'a [Option<Interface>],
+    /// The plan as far as it is known before programs have described their ports.
+    sketch: &'a Plan,
     folder: &'a RunFolder,
     monitor: &'a Monitor,
 }
@@ -64,6 +69,7 @@ pub(super) fn set_up(
     scenario: &Scenario,
     options: &Options,
     known: &[Option<Interface>],
+    sketch: &Plan,
     mut entries: Vec<Entry>,
     folder: &RunFolder,
     monitor: &Monitor,
@@ -72,12 +78,13 @@ pub(super) fn set_up(
         scenario,
         options,
         known,
+        sketch,
         folder,
         monitor,
     };
     let (mut basis, mut programs) = (None, 0);
     let mut failures = vec![0; entries.len()];
-    let mut events = Vec::new();
+    let mut events: Vec<Event> = Vec::new();
     loop {
         let attempt = all.attempt(&entries, &mut basis, &mut programs);
         let (participant, reason) = match (attempt, basis.take()) {
@@ -89,6 +96,14 @@ pub(super) fn set_up(
                     ..
                 } = made;
                 let time = plan.timebase.time(start.from).unwrap_or_default();
+                let words = |event: &Event| {
+                    format!(
+                        "participant `{}`: {}",
+                        event.participant.as_deref().unwrap_or_default(),
+                        event.text
+                    )
+                };
+                let recovered = events.iter().map(words).collect();
                 for event in events {
                     recorder.event(&Event { time, ..event })?;
                 }
@@ -102,6 +117,7 @@ pub(super) fn set_up(
                     place,
                     placement,
                     crew,
+                    recovered,
                 });
             }
             (Err(RunFailure::Participant { participant, reason }), made) => {
@@ -168,6 +184,8 @@ impl SetUp<'_> {
     ) -> Result<(Scope, Place, Placement, Vec<Member>), RunFailure> {
         let (scenario, options) = (self.scenario, self.options);
         let scope = Scope::create()?;
+        let reserved = room::reserve(self.sketch, &scope.address().folder, scenario.moves())?;
+        reserved.give_services();
         let names = entries.iter().map(|entry| entry.setup.name.as_str());
         let (domain, ports) = Place::enter(scope.address(), names)?;
         let mut crew = Vec::new();
@@ -179,14 +197,14 @@ impl SetUp<'_> {
                 log = self.folder.stderr(&format!("{name}.{programs}"));
             }
             let process = crew::start(entry, &domain, &log)?;
-            crew.push(Member::new(process, ports));
+            crew.push(Member::new(process, ports, crew::start_within(entry, options)));
         }
         // Every wait below ends when any of the participants fails.
         let monitor = self.monitor.over(crew.iter().map(|member| &member.process));
         let monitor = monitor.map_err(|error| RunFailure::Other(error.to_string()))?;
-        let asked = Instant::now();
+        let mut waited = Awake::since(Instant::now());
         for member in &mut crew {
-            crew::arrive(member, asked, &monitor)?;
+            crew::arrive(member, &mut waited, &monitor)?;
         }
         let mut interfaces = Vec::new();
         let before = basis.as_ref().map(|basis| basis.interfaces.as_slice());
@@ -198,7 +216,7 @@ impl SetUp<'_> {
             Some(basis) => basis,
             None => {
                 let plan = scenario.plan(&interfaces)?;
-                describe::check_substitutes(scenario, &interfaces, &monitor)?;
+                describe::check_substitutes(scenario, &interfaces, options, &monitor)?;
                 let mut recorder = prepare::recorder(scenario, &plan, self.folder)?;
                 let start = prepare::start(&plan, options, &mut recorder)?;
                 basis.insert(Basis {
@@ -211,9 +229,11 @@ impl SetUp<'_> {
         };
         let place = Place::furnish(domain, plan)?;
         let placement = crew::placement(plan, options);
+        let rings = reserved.give_rings(plan);
         for (number, member) in crew.iter_mut().enumerate() {
+            let ring = rings[number];
             let position = start.positions.as_ref().map(|positions| positions[number].clone());
-            crew::connect(plan, number, member, position, &placement, options, &monitor)?;
+            crew::connect(plan, number, member, position, &placement, ring, options, &monitor)?;
         }
         Ok((scope, place, placement, crew))
     }

@@ -1,11 +1,12 @@
 //! What becomes of a run when participants fail: who is restarted, who is replaced, and when it is enough.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use lockstep::plan::Cut;
 use lockstep::time::Ticks;
 use tape::{Event, EventKind};
 
+use super::awake::Patience;
 use super::conduct::{BATCHES, Conductor};
 use super::crew::Taken;
 use super::explain;
@@ -128,7 +129,7 @@ impl Conductor<'_> {
             while let Ok(Taken::Old | Taken::News) = member.take(one.number, &mut self.recorder) {}
         }
         self.place.clock.recall();
-        let started = Instant::now();
+        let mut patience = Patience::new(self.options.patience());
         loop {
             let mut left = None;
             for number in 0..self.crew.len() {
@@ -148,10 +149,10 @@ impl Conductor<'_> {
             if self.monitor.asked() {
                 return Err(RunFailure::Interrupted);
             }
-            let patience = self.options.patience_s;
-            if started.elapsed().as_secs_f64() > patience {
+            if patience.is_over() {
                 let process = &mut self.crew[number].process;
-                let reason = format!("process {} did not come to rest within {patience} s", process.pid());
+                let limit = patience.limit_s();
+                let reason = format!("process {} did not come to rest within {limit} s", process.pid());
                 process.bring_down(Duration::ZERO);
                 fallen.push(Fallen { number, reason });
             }
@@ -293,7 +294,9 @@ impl Conductor<'_> {
     /// Puts `text` about participant number `number` onto the tape and before the user.
     fn note(&mut self, kind: EventKind, at: Ticks, number: usize, text: String) -> Result<(), RunFailure> {
         let name = self.plan.participants[number].name.clone();
-        self.progress.say(&format!("participant `{name}`: {text}"));
+        let said = format!("participant `{name}`: {text}");
+        self.progress.say(&said);
+        self.recovered.push(said);
         let event = Event {
             time: self.time(at),
             kind,

@@ -10,12 +10,14 @@ use lockstep::plan::Cut;
 use lockstep::time::{Rational, Ticks};
 
 use super::agenda::Business;
+use super::awake::Awake;
 use super::checkpoint::Checkpoint;
 use super::conduct::{Conductor, GRACE};
 use super::crew::{self, Member};
 use super::outcome::{Ending, ORCHESTRATOR, RunFailure};
 use super::place::Place;
 use super::prepare;
+use super::room;
 use super::survive::Fallen;
 use crate::scenario::{Entry, State};
 
@@ -48,7 +50,7 @@ impl Conductor<'_> {
                 self.guide.put_back(now, business);
                 self.over(failure)
             })?;
-            self.last_moved = Instant::now();
+            self.patience.renew();
             if let Some(first) = fallen.first() {
                 let ending = Ending::Failed {
                     participant: self.plan.participants[first.number].name.clone(),
@@ -162,6 +164,7 @@ impl Conductor<'_> {
     /// # Errors
     /// What has nothing to do with a participant; then nobody is left.
     pub(super) fn take_up(&mut self, cut: &Cut, seats: Vec<Seat>) -> Result<Vec<Fallen>, RunFailure> {
+        room::enough_to_move(&self.plan)?;
         let left = self.place.address().clone();
         self.scope.move_on()?;
         let names = self.plan.participants.iter().map(|own| own.name.as_str());
@@ -193,14 +196,15 @@ impl Conductor<'_> {
                     (Some(entry), state)
                 }
             };
-            crew.push(Member::new(member.process, ports));
+            let within = crew::start_within(newcomer.as_deref().unwrap_or(&self.entries[number]), self.options);
+            crew.push(Member::new(member.process, ports, within));
             newcomers.push(newcomer);
             states.push(state);
         }
-        let asked = Instant::now();
+        let mut waited = Awake::since(Instant::now());
         for (number, (member, newcomer)) in crew.iter_mut().zip(&newcomers).enumerate() {
             missing.unless(number, member, |member| {
-                crew::arrive(member, asked, &self.monitor)?;
+                crew::arrive(member, &mut waited, &self.monitor)?;
                 match newcomer {
                     None => crew::greet(member, &self.monitor),
                     Some(entry) => {
@@ -214,11 +218,13 @@ impl Conductor<'_> {
         self.scope.clear(&left);
         let positions = prepare::positions(&self.plan, cut, &self.recorder.played()?, states)?;
         let placement = crew::placement(&self.plan, self.options);
+        let rings = room::rings_now(&self.plan)?;
         for (number, (member, position)) in crew.iter_mut().zip(positions).enumerate() {
             missing.unless(number, member, |member| {
                 let position = Some(position);
                 let (plan, options) = (&self.plan, self.options);
-                crew::connect(plan, number, member, position, &placement, options, &self.monitor)
+                let ring = rings[number];
+                crew::connect(plan, number, member, position, &placement, ring, options, &self.monitor)
             })?;
         }
         self.crew = crew;
@@ -228,7 +234,7 @@ impl Conductor<'_> {
                 *entry = *newcomer;
             }
         }
-        self.last_moved = Instant::now();
+        self.patience.renew();
         Ok(missing.0)
     }
 }

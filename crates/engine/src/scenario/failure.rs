@@ -91,6 +91,12 @@ impl Entry {
 }
 
 impl Scenario {
+    /// Whether the run may have to move: for a substitution, or when a participant fails.
+    pub fn moves(&self) -> bool {
+        let mut policies = self.participants.iter().map(|entry| &entry.on_failure);
+        !self.substitutions.is_empty() || policies.any(|policy| *policy != OnFailure::Stop)
+    }
+
     /// Whether anybody is to be restarted when it fails.
     pub fn restarts(&self) -> bool {
         let mut policies = self.participants.iter().map(|entry| &entry.on_failure);

@@ -33,6 +33,8 @@ pub struct Entry {
     pub setup: Setup,
     /// What happens when it fails.
     pub on_failure: OnFailure,
+    /// How long its program may take to enter the run and to answer a request, where the scenario says so.
+    pub start_within: Option<Rational>,
     /// Whether the program is there because another one failed.
     pub replaced: bool,
 }
@@ -479,6 +481,10 @@ fn resolve(source: &Source, folder: &Path, name: &str, entry: ParticipantEntry, 
         let reason = format!("the period is {}; it must be positive", entry.period);
         return Err(source.mistake(&format!("participants.{name}.period"), reason));
     }
+    if let Some(time) = entry.start_within.filter(|time| !time.is_positive()) {
+        let reason = format!("the time is {time}; it must be positive, such as \"120 s\"");
+        return Err(source.mistake(&format!("participants.{name}.start-within"), reason));
+    }
     let setup = Setup {
         name: name.to_owned(),
         parameters: entry.parameters,
@@ -492,6 +498,7 @@ fn resolve(source: &Source, folder: &Path, name: &str, entry: ParticipantEntry, 
         offset: entry.offset,
         setup,
         on_failure,
+        start_within: entry.start_within,
         replaced: false,
     })
 }

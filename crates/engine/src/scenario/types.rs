@@ -21,6 +21,8 @@ pub(super) struct ParticipantEntry {
     pub(super) parameters: Table,
     #[serde(default, rename = "on-failure")]
     pub(super) on_failure: OnFailureEntry,
+    #[serde(default, rename = "start-within", skip_serializing_if = "Option::is_none")]
+    pub(super) start_within: Option<Rational>,
 }
 
 /// `run = { builtin = "plant" }` or `run = { exe = "…", args = […] }`

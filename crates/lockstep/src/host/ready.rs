@@ -64,7 +64,11 @@ pub(super) enum Pause {
     Ordered,
 }
 
-/// Opens all links of `participant`.
+/// Opens all links of `participant`; `room` is what its record's ring takes, bytes.
+#[allow(
+    clippy::too_many_arguments,
+    reason = "each is a part of one request, which is taken apart once, by the caller"
+)]
 pub(super) fn connect(
     domain: &Domain,
     name: &str,
@@ -72,6 +76,7 @@ pub(super) fn connect(
     assignment: Assignment,
     cores: &[u32],
     waiting: Waiting,
+    room: u32,
     position: Option<Position>,
 ) -> Result<Ready, ConnectError> {
     if !cores.is_empty() {
@@ -107,7 +112,7 @@ pub(super) fn connect(
     }
     let (streams, sizes): (Vec<u32>, Vec<usize>) = assignment.streams().unzip();
     let first = streams.first().copied().unwrap_or(0);
-    let record = RecordSender::open(domain, name, first, &sizes)?;
+    let record = RecordSender::open(domain, name, first, &sizes, room)?;
     let record = SharedRecord(Rc::new(RefCell::new(record)));
     ends.recording = Box::new(record.clone());
     let timing = Timing {

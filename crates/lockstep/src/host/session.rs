@@ -165,8 +165,16 @@ impl Session {
                 assignment,
                 cores,
                 waiting,
+                record,
                 position,
-            } => seat.connect(domain, assignment, &cores, waiting, position.map(|boxed| *boxed)),
+            } => seat.connect(
+                domain,
+                assignment,
+                &cores,
+                waiting,
+                record,
+                position.map(|boxed| *boxed),
+            ),
             Request::Save => match &seat.stage {
                 Stage::Ready(ready) => saved(ready.stepper.participant()),
                 _ => refused("it has no state yet: connect first"),
@@ -215,6 +223,7 @@ impl Seat {
         assignment: Assignment,
         cores: &[u32],
         waiting: Waiting,
+        record: u32,
         mut position: Option<Position>,
     ) -> Reply {
         let Stage::Described { participant, worked } = &mut self.stage else {
@@ -236,7 +245,16 @@ impl Seat {
             unreachable!("looked at above");
         };
         let inputs = assignment.inputs.len();
-        match connect(domain, &self.name, participant, assignment, cores, waiting, position) {
+        match connect(
+            domain,
+            &self.name,
+            participant,
+            assignment,
+            cores,
+            waiting,
+            record,
+            position,
+        ) {
             Ok(mut ready) => {
                 if self.timing.inputs_ns.len() == inputs {
                     ready.timing = std::mem::take(&mut self.timing);

@@ -319,7 +319,7 @@ pub struct Assignment {
 impl Assignment {
     /// The streams that the participant puts on the tape, in the order in which an activation does, with the bytes of a
     /// payload.
-    pub(crate) fn streams(&self) -> impl Iterator<Item = (u32, usize)> + '_ {
+    pub fn streams(&self) -> impl Iterator<Item = (u32, usize)> + '_ {
         let outputs = self.outputs.iter().zip(&self.interface.outputs);
         let outputs = outputs.map(|(output, port)| (output.stream, port.descriptor.size as usize));
         let inputs = self.inputs.iter().zip(&self.interface.inputs);

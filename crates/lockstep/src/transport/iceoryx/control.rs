@@ -1,7 +1,8 @@
 //! Requests to a participant and their replies.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use iceoryx2::port::DegradationAction;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::*;
@@ -18,6 +19,8 @@ type Factory = PortFactory<Ipc, [u8], (), [u8], ()>;
 
 /// What is reserved for a request or a reply at first; larger ones make room for themselves.
 const USUAL: usize = 64 * 1024;
+/// The pause between two looks for a reply.
+const LOOK: Duration = Duration::from_micros(200);
 
 fn name(participant: &str) -> String {
     format!("control/{participant}")
@@ -50,6 +53,9 @@ impl ControlClient {
             .client_builder()
             .initial_max_slice_len(USUAL)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            // A connection that cannot be made is an error, not a request that reaches no server.
+            .set_request_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
+            .set_response_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
             .map_err(|error| failed(&error))?;
         Ok(ControlClient { client, service })
@@ -60,24 +66,26 @@ impl ControlClient {
         self.service.dynamic_config().number_of_servers() > 0
     }
 
-    /// Sends `request` and looks for the reply until `limit` has passed or `abandon` says that it is of no use any more.
-    /// `Ok(None)` when no reply came.
-    pub fn ask(
-        &self,
-        request: &Request,
-        limit: Duration,
-        mut abandon: impl FnMut() -> bool,
-    ) -> Result<Option<Reply>, Broken> {
+    /// Sends `request` and looks for the reply until `abandon`, which is called before each pause, returns true. `Ok(None)`
+    /// when no reply came.
+    pub fn ask(&self, request: &Request, mut abandon: impl FnMut() -> bool) -> Result<Option<Reply>, Broken> {
         let bytes = wire::encode("a request", request).map_err(|error| Broken(error.to_string()))?;
-        let message = self
-            .client
-            .loan_slice_uninit(bytes.len())
-            .map_err(|error| broken("no memory", error))?;
-        let pending = message
-            .write_from_slice(&bytes)
-            .send()
-            .map_err(|error| broken("asking", error))?;
-        let started = Instant::now();
+        let pending = loop {
+            let message = self
+                .client
+                .loan_slice_uninit(bytes.len())
+                .map_err(|error| broken("no memory", error))?;
+            let sent = message.write_from_slice(&bytes).send();
+            let pending = sent.map_err(|error| broken("asking", error))?;
+            // A server is counted before a client can reach it. What reached no server has not been sent.
+            if pending.number_of_server_connections() > 0 {
+                break pending;
+            }
+            if abandon() {
+                return Ok(None);
+            }
+            std::thread::sleep(LOOK);
+        };
         loop {
             if let Some(reply) = pending.receive().map_err(|error| broken("receiving a reply", error))? {
                 // A copy, so that what is decoded does not change meanwhile.
@@ -85,10 +93,10 @@ impl ControlClient {
                 let reply = wire::decode("a reply", &bytes).map_err(|error| Broken(error.to_string()))?;
                 return Ok(Some(reply));
             }
-            if started.elapsed() > limit || abandon() {
+            if abandon() {
                 return Ok(None);
             }
-            std::thread::sleep(Duration::from_micros(200));
+            std::thread::sleep(LOOK);
         }
     }
 }
@@ -113,6 +121,8 @@ impl ControlServer {
             .server_builder()
             .initial_max_slice_len(USUAL)
             .allocation_strategy(AllocationStrategy::PowerOfTwo)
+            .set_request_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
+            .set_response_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
             .map_err(|error| failed(&error))?;
         Ok(ControlServer {
@@ -161,4 +171,32 @@ impl ControlServer {
 fn refused(reason: String) -> Reply {
     let key = String::new();
     Reply::Refused { key, reason }
+}
+
+#[cfg(test)]
+#[path = "../../../tests/place/mod.rs"]
+mod place;
+
+#[cfg(test)]
+mod tests {
+    use super::place::Place;
+    use super::*;
+
+    #[test]
+    fn a_request_that_reached_no_server_is_sent_again() {
+        let place = Place::new();
+        let client = ControlClient::create(&place.domain, "late").expect("a new domain has room");
+        let (mut looks, mut server) = (0, None);
+        let reply = client.ask(&Request::Terminate, || {
+            looks += 1;
+            if looks == 3 {
+                server = Some(ControlServer::open(&place.domain, "late").expect("the client is there"));
+            }
+            if let Some(server) = &server {
+                server.serve(|_| Reply::Done).expect("a control service");
+            }
+            looks == 1000
+        });
+        assert_eq!(reply, Ok(Some(Reply::Done)));
+    }
 }

@@ -86,6 +86,30 @@ fn shut(prefix: &str) -> std::io::Result<()> {
     Ok(())
 }
 
+/// Which of the machine's means is used up, where one is: iceoryx2 reports that as a corrupted service or an internal failure.
+fn exhausted() -> String {
+    use rustix::io::Errno;
+    match std::fs::File::open("/dev/null")
+        .err()
+        .and_then(|error| Errno::from_io_error(&error))
+    {
+        Some(Errno::MFILE) => {
+            let most = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+            let most = most.map_or("no more".to_owned(), |most| most.to_string());
+            return format!("; this process may open {most} files at a time, and has: raise the limit (ulimit -n)");
+        }
+        Some(Errno::NFILE) => {
+            return "; the system has as many open files as it allows: raise fs.file-max".into();
+        }
+        _ => {}
+    }
+    let full = rustix::fs::statvfs("/dev/shm").is_ok_and(|about| about.f_bavail == 0 || about.f_favail == 0);
+    if full {
+        return "; /dev/shm is full: make it larger, such as with docker run --shm-size".into();
+    }
+    String::new()
+}
+
 impl Domain {
     /// Enters the domain at `address` under the name `process`.
     pub fn enter(address: Address, process: &str) -> Result<Domain, DomainError> {
@@ -103,7 +127,7 @@ impl Domain {
         let failed = |what: &str, reason: String| DomainError::Service {
             folder: address.folder.clone(),
             what: what.to_owned(),
-            reason,
+            reason: reason + &exhausted(),
         };
         let name = NodeName::new(process).map_err(|error| failed("naming the process", format!("{error:?}")))?;
         let node = NodeBuilder::new()
@@ -130,7 +154,7 @@ impl Domain {
         DomainError::Service {
             folder: self.address.folder.clone(),
             what: what.to_string(),
-            reason: format!("{error:?}"),
+            reason: format!("{error:?}{}", exhausted()),
         }
     }
 }

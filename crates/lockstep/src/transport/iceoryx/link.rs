@@ -44,6 +44,11 @@ impl Slots {
     }
 }
 
+/// The bytes of the ring of a link for `capacity` samples of `size` bytes.
+pub(super) fn ring_bytes(size: usize, capacity: usize) -> u64 {
+    8 * Slots { size, capacity }.words() as u64
+}
+
 /// The service of one link. Whoever holds it keeps the service alive.
 pub struct LinkService {
     ring: RingService,

@@ -13,6 +13,7 @@ pub mod bare;
 mod clock;
 mod control;
 mod domain;
+mod footprint;
 mod link;
 mod record;
 mod ring;
@@ -23,8 +24,9 @@ mod words;
 pub use clock::{ClockReader, ClockWriter, Order};
 pub use control::{ControlClient, ControlServer};
 pub use domain::{Address, Domain, DomainError};
+pub use footprint::{Footprint, footprint};
 pub use link::{LinkReceiver, LinkSender, LinkService};
-pub use record::{RecordReceiver, RecordSender, Recorded, SharedRecord, unpack};
+pub use record::{RecordReceiver, RecordSender, Recorded, SharedRecord, record_room, unpack};
 pub use status::{Activity, Sleeping, Status, StatusReader, StatusService, StatusWriter};
 pub use wake::{Bell, Sleeper, WakeService, Waker};
 

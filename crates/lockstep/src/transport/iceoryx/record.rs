@@ -8,6 +8,7 @@
 //! multiple of 8. Where the ring ends, it goes on at the ring's beginning.
 
 use std::cell::RefCell;
+use std::ops::RangeInclusive;
 use std::rc::Rc;
 
 use super::domain::{Domain, DomainError};
@@ -21,11 +22,13 @@ use crate::wire;
 const NOTE: u64 = u64::MAX;
 /// Words of an entry's header.
 const HEAD: usize = 4;
-/// The least room of a ring, words: enough for participants that exchange samples every microsecond while the recorder naps, and
-/// little enough to stay in a core's own cache.
+/// The room of a ring where there is enough memory, words: enough for participants that exchange samples every microsecond while the
+/// recorder naps, and little enough to stay in a core's own cache.
 const ROOM: usize = 1 << 17;
-/// Lines of a page of memory.
-const PAGE: usize = 64;
+/// The least room of a ring, words: a longest note and those that may come with it.
+const ROOM_MIN: usize = 1 << 11;
+/// Activations for which there is room in any ring.
+const ACTIVATIONS: usize = 4;
 /// Words that are taken at a time, if there is a whole entry in them.
 const BATCH: usize = 1 << 12;
 /// The longest reason that a failing participant may give, bytes: a note fits into a ring.
@@ -38,6 +41,23 @@ fn name(participant: &str) -> String {
 /// The words of an entry with a payload of `size` bytes.
 fn words_of(size: usize) -> usize {
     HEAD + size.div_ceil(8)
+}
+
+/// The words of the entries of one activation with payloads of these sizes.
+fn activation_words(sizes: &[usize]) -> usize {
+    sizes.iter().map(|&size| words_of(size)).sum()
+}
+
+/// How large a record's ring may be, bytes, for a participant that appends payloads of `sizes` bytes in each of its `activations`: from
+/// what its work takes to what serves it best. More than it ever records is of no use.
+pub fn record_room(sizes: &[usize], activations: u64) -> RangeInclusive<u64> {
+    let activation = activation_words(sizes);
+    let least = ROOM_MIN.max(ACTIVATIONS * activation).next_multiple_of(LINE);
+    // A continuous participant has one sample more than activations.
+    let all = (activations.saturating_add(1)).saturating_mul(activation as u64);
+    let all = usize::try_from(all.saturating_add(ROOM_MIN as u64)).unwrap_or(usize::MAX);
+    let best = all.min(ROOM).next_multiple_of(LINE).max(least);
+    8 * least as u64..=8 * best as u64
 }
 
 /// The participant's end.
@@ -57,12 +77,22 @@ pub struct RecordSender {
 
 impl RecordSender {
     /// Opens the way to the recorder for a participant whose activations append payloads of `sizes` bytes, that of stream
-    /// `first` at first.
-    pub fn open(domain: &Domain, participant: &str, first: u32, sizes: &[usize]) -> Result<RecordSender, DomainError> {
+    /// `first` at first, with a ring of `room` bytes, or of what four activations take if that is more.
+    pub fn open(
+        domain: &Domain,
+        participant: &str,
+        first: u32,
+        sizes: &[usize],
+        room: u32,
+    ) -> Result<RecordSender, DomainError> {
         let service = RingService::open(domain, &name(participant))?;
-        let activation = sizes.iter().map(|&size| words_of(size)).sum();
-        let size = ROOM.max(4 * activation).next_multiple_of(LINE);
-        let mut ring = service.writer(domain, 1 + size / LINE, PAGE)?;
+        let activation = activation_words(sizes);
+        let size = (room as usize / 8)
+            .max(ROOM_MIN)
+            .max(ACTIVATIONS * activation)
+            .next_multiple_of(LINE);
+        let lines = 1 + size / LINE;
+        let mut ring = service.writer(domain, lines, lines)?;
         // The recorder is there. Its memory is touched now, which takes time, rather than in the run.
         let what = || format!("handing over the record of `{participant}`");
         match ring.words() {
@@ -385,7 +415,7 @@ mod tests {
         for round in 0..20 {
             let place = Place::new();
             let mut receiver = RecordReceiver::create(&place.domain, "a").expect("a new domain has room");
-            let mut sender = RecordSender::open(&place.domain, "a", 0, &[64]).expect("the only writer");
+            let mut sender = RecordSender::open(&place.domain, "a", 0, &[64], 1 << 20).expect("the only writer");
             assert_eq!(receiver.writers(), [std::process::id()]);
             let mut index = 0;
             while index < 2000 && sender.sample(0, Header { index, stamp: 0 }, &[7; 64]) == Ok(true) {

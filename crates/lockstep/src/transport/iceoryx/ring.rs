@@ -21,6 +21,8 @@ use super::words::{LINE, Line, Word};
 use super::{Ipc, broken};
 use crate::transport::Broken;
 
+/// Lines of a page of memory.
+const PAGE: usize = 64;
 /// The key of the reader's count.
 const TAKEN: u64 = 0;
 
@@ -166,7 +168,9 @@ impl RingWriter {
             .map_err(|error| broken("no memory", error))?;
         let lines = NonNull::from(sample.payload_mut());
         let words = NonNull::slice_from_raw_parts(lines.cast::<Word>(), LINE * self.lines);
-        for first in (0..words.len()).step_by(LINE * self.cleared) {
+        // Every page of it is touched now: memory that cannot be had is missed here, not in a step.
+        let pages = (0..words.len()).step_by(LINE * PAGE);
+        for first in (0..words.len()).step_by(LINE * self.cleared).chain(pages) {
             // SAFETY: within the loan, which is this process's alone until it is sent.
             unsafe { words.cast::<Word>().add(first).write(Word::new(0)) };
         }

@@ -1,0 +1,110 @@
+//! Shared memory that cannot be had.
+//!
+//! A page of shared memory is taken when it is first touched, and where there is none left the kernel sends SIGBUS. What a run needs is
+//! looked at and reserved before its start; but other programs share the memory. So the orchestrator puts a page of its own where one is
+//! missing and notes that. Nothing that is written there reaches a participant: the run ends at the next look.
+
+use std::io;
+use std::sync::Once;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use libc::{MAP_ANONYMOUS, MAP_FAILED, MAP_FIXED, MAP_PRIVATE, PROT_READ, PROT_WRITE, SIG_DFL, SIGBUS};
+
+static MISSED: AtomicBool = AtomicBool::new(false);
+static PAGE: AtomicUsize = AtomicUsize::new(4096);
+
+/// Whether a page could not be had since the last call.
+pub(super) fn missed() -> bool {
+    MISSED.swap(false, Ordering::Relaxed)
+}
+
+/// Takes over SIGBUS, once for the whole program.
+pub(super) fn guard() -> io::Result<()> {
+    static INSTALLED: Once = Once::new();
+    let mut installed = Ok(());
+    INSTALLED.call_once(|| {
+        PAGE.store(rustix::param::page_size(), Ordering::Relaxed);
+        // SAFETY: all zeros is a value of this plain structure.
+        let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
+        action.sa_sigaction = at_missing_page as *const () as usize;
+        action.sa_flags = libc::SA_SIGINFO;
+        // SAFETY: the handler makes two system calls and stores to atomics; it takes no lock and no memory.
+        if unsafe { libc::sigaction(SIGBUS, &raw const action, std::ptr::null_mut()) } != 0 {
+            installed = Err(io::Error::last_os_error());
+        }
+    });
+    installed
+}
+
+extern "C" fn at_missing_page(_: libc::c_int, about: *mut libc::siginfo_t, _: *mut libc::c_void) {
+    let size = PAGE.load(Ordering::Relaxed);
+    // SAFETY: the kernel hands a valid structure to a handler with SA_SIGINFO.
+    let (code, address) = unsafe { ((*about).si_code, (*about).si_addr() as usize) };
+    if code == libc::BUS_ADRERR {
+        let page = (address & !(size - 1)) as *mut libc::c_void;
+        // SAFETY: the address belongs to a mapping of this process, else the signal were SIGSEGV; a page of zeros takes the place of
+        // one that is not there.
+        let there = unsafe {
+            libc::mmap(
+                page,
+                size,
+                PROT_READ | PROT_WRITE,
+                MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED,
+                -1,
+                0,
+            )
+        };
+        if there != MAP_FAILED {
+            MISSED.store(true, Ordering::Relaxed);
+            return;
+        }
+    }
+    // Any other bus error ends the program as ever, when the instruction is tried again.
+    // SAFETY: the default action is a valid one.
+    unsafe { libc::signal(SIGBUS, SIG_DFL) };
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::fd::AsRawFd;
+
+    use super::*;
+
+    #[test]
+    fn touching_a_page_that_cannot_be_had_is_survived() {
+        guard().expect("a handler");
+        let size = rustix::param::page_size();
+        let path = std::env::temp_dir().join(format!("escapement-bus-{}", std::process::id()));
+        let file = std::fs::File::options()
+            .read(true)
+            .write(true)
+            .create_new(true)
+            .open(&path)
+            .expect("a file");
+        std::fs::remove_file(&path).expect("the file is there");
+        file.set_len(1).expect("a page");
+        // The second page lies behind the end of the file: the kernel has none for it.
+        // SAFETY: a mapping of two pages at an address of the kernel's choice.
+        let base = unsafe {
+            libc::mmap(
+                std::ptr::null_mut(),
+                2 * size,
+                PROT_READ | PROT_WRITE,
+                libc::MAP_SHARED,
+                file.as_raw_fd(),
+                0,
+            )
+        };
+        assert_ne!(base, MAP_FAILED);
+        let byte = |at: usize| base.cast::<u8>().wrapping_add(at);
+        // SAFETY: within the mapping, which nothing else knows of.
+        unsafe {
+            byte(1).write_volatile(7);
+            assert!(!missed());
+            byte(size + 1).write_volatile(8);
+            assert_eq!((byte(1).read_volatile(), byte(size + 1).read_volatile()), (7, 8));
+            libc::munmap(base, 2 * size);
+        }
+        assert!(missed() && !missed());
+    }
+}

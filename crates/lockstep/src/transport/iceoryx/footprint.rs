@@ -1,0 +1,104 @@
+//! What a run takes of the machine: bytes of shared memory and open files.
+//!
+//! Nearly every object of iceoryx2 in shared memory fits into one page, so what services take is counted in pages. The counts were
+//! measured with iceoryx2 0.10.0; `tests/tests/scarcity.rs::rings_shrink_where_shared_memory_is_small` holds them.
+
+use std::ops::RangeInclusive;
+
+use super::link::ring_bytes;
+use super::record::record_room;
+use crate::plan::Plan;
+
+/// What shared memory is given out in.
+const PAGE: u64 = 4096;
+/// Pages of a run: its folder, the orchestrator's node, the clock.
+const RUN: u64 = 10;
+/// Pages of a participant: its services with the orchestrator's and its own ends, and its node.
+const PARTICIPANT: u64 = 46;
+/// Bytes more for each other participant: its places in the services.
+const PLACE: u64 = 512;
+/// Pages of a link beside its ring.
+const LINK: u64 = 8;
+/// The largest object of a participant beside its record, bytes. Only what is used of it takes memory.
+const CONTROL: u64 = 516 * 1024;
+
+/// Open files of the orchestrator: for itself, a participant, a link, a stream of the tape.
+const FILES: [u64; 4] = [24, 32, 11, 1];
+/// Open files of a participant: for itself, and for each end of a link.
+const FILES_OF_PARTICIPANT: [u64; 2] = [50, 20];
+
+/// What a run takes of the machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Footprint {
+    /// Shared memory of all services beside the rings of records, bytes.
+    pub services: u64,
+    /// The size of each participant's record, bytes: from what the participant needs to what serves it best.
+    pub records: Vec<RangeInclusive<u64>>,
+    /// The largest object in shared memory beside records, bytes.
+    pub largest: u64,
+    /// Files that the orchestrator has open at a time.
+    pub files: u64,
+    /// Files that the participant with the most links has open at a time.
+    pub participant_files: u64,
+}
+
+/// What a run of `plan` takes.
+pub fn footprint(plan: &Plan) -> Footprint {
+    let (participants, links) = (plan.participants.len(), plan.links.len());
+    let count = participants as u64;
+    let rings: Vec<u64> = (plan.links.iter())
+        .map(|link| {
+            let output = &plan.participants[link.from.0].interface.outputs[link.from.1];
+            ring_bytes(output.descriptor.size as usize, link.capacity)
+        })
+        .collect();
+    let own = |number: usize| {
+        let ends = plan.links.iter().flat_map(|link| [link.from.0, link.to.0]);
+        ends.filter(|&end| end == number).count() as u64
+    };
+    let [base, participant, link, stream] = FILES;
+    let [own_base, end] = FILES_OF_PARTICIPANT;
+    Footprint {
+        services: PAGE * (RUN + PARTICIPANT * count + LINK * links as u64)
+            + PLACE * count * count
+            + rings.iter().map(|ring| ring.next_multiple_of(PAGE)).sum::<u64>(),
+        records: (0..participants)
+            .map(|number| {
+                let assignment = plan.assignment(number);
+                let sizes: Vec<usize> = assignment.streams().map(|(_, size)| size).collect();
+                record_room(&sizes, assignment.activations)
+            })
+            .collect(),
+        largest: rings.iter().copied().max().unwrap_or(0).max(CONTROL),
+        files: base + participant * count + link * links as u64 + stream * plan.stream_count() as u64,
+        participant_files: own_base + end * (0..participants).map(own).max().unwrap_or(0),
+    }
+}
+
+impl Footprint {
+    /// Shared memory of a record with a ring of `ring` bytes.
+    pub fn record(ring: u64) -> u64 {
+        // One line for the count, and what iceoryx2 keeps of a segment.
+        (ring + 1024).next_multiple_of(PAGE)
+    }
+
+    /// The least shared memory of the run, bytes.
+    pub fn least(&self) -> u64 {
+        self.services
+            + self
+                .records
+                .iter()
+                .map(|room| Footprint::record(*room.start()))
+                .sum::<u64>()
+    }
+
+    /// The shared memory of the run with the rings that serve it best, bytes.
+    pub fn best(&self) -> u64 {
+        self.services
+            + self
+                .records
+                .iter()
+                .map(|room| Footprint::record(*room.end()))
+                .sum::<u64>()
+    }
+}

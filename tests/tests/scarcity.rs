@@ -1,0 +1,206 @@
+//! Machines with too little of something: said before anything starts where it can be known, and an ordinary end elsewhere.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use escapement_tests::machine::{signal, wait_for_bytes, writer_of};
+use escapement_tests::program::{Folder, Said, finish, orchestrator, participant, root, text};
+use escapement_tests::world::{World, oscillator};
+use rustix::process::Signal;
+
+/// Runs `script` with a shared memory of `size` of its own; `$1` is the program, `$2` the folder. `None` where the system does not
+/// allow that.
+fn in_little_memory(size: &str, folder: &Folder, script: &str) -> Option<Said> {
+    // Without privileges a namespace of users comes first.
+    let flags = ["-m", "-rm"].into_iter().find(|flags| {
+        let mount = "mount -t tmpfs none /dev/shm";
+        let tried = Command::new("unshare")
+            .args([flags, "sh", "-c", mount])
+            .stderr(Stdio::null())
+            .status();
+        tried.is_ok_and(|status| status.success())
+    });
+    let Some(flags) = flags else {
+        eprintln!("skipped: this system gives no shared memory to a test alone (unshare -m)");
+        return None;
+    };
+    let script = format!("mount -t tmpfs -o size={size} none /dev/shm || exit 99\n{script}");
+    let mut command = Command::new("unshare");
+    command.args([
+        flags,
+        "bash",
+        "-c",
+        &script,
+        "script",
+        text(orchestrator()),
+        text(folder.path()),
+    ]);
+    command
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let said = finish(command.spawn().expect("unshare can be started"));
+    assert_ne!(said.code, Some(99), "{said:?}");
+    Some(said)
+}
+
+/// A ring of `count` relays for a moment.
+fn ring(folder: &Folder, count: usize) {
+    let mut text = String::from("duration = \"50 ms\"\n");
+    for number in 0..count {
+        let kind = if number == 0 { "continuous" } else { "sampled" };
+        let before = (number + count - 1) % count;
+        text += &format!(
+            "[participants.r{number:03}]\nrun = {{ builtin = \"bench-{kind}\" }}\nperiod = \"1 ms\"\n\
+             [connections.c{number:03}]\nfrom = \"r{before:03}.to\"\nto = \"r{number:03}.from\"\n"
+        );
+    }
+    folder.write("s.toml", &text);
+}
+
+#[test]
+fn too_little_shared_memory_is_refused_with_the_remedy() {
+    let folder = Folder::new("little");
+    ring(&folder, 40);
+    let script = "\"$1\" run \"$2/s.toml\" --out \"$2/run\"; code=$?; ls -A /dev/shm >\"$2/left\"; exit $code";
+    let Some(said) = in_little_memory("4m", &folder, script) else {
+        return;
+    };
+    assert_eq!(said.code, Some(1), "{said:?}");
+    for part in [
+        "40 participants with 40 links need",
+        "in /dev/shm",
+        "are free",
+        "docker run --shm-size=",
+    ] {
+        assert!(said.err.contains(part), "`{part}` is not in: {said:?}");
+    }
+    assert!(!folder.path().join("run").exists(), "nothing was to start");
+    assert_eq!(
+        std::fs::read_to_string(folder.path().join("left")).ok().as_deref(),
+        Some("")
+    );
+}
+
+#[test]
+fn rings_shrink_where_shared_memory_is_small() {
+    let folder = Folder::new("shrunk");
+    ring(&folder, 24);
+    // A longer run, of which each participant would keep a mebibyte.
+    let script = "\"$1\" run \"$2/s.toml\" --duration \"300 ms\" --quiet --out \"$2/run\"; code=$?; \
+                  ls -A /dev/shm >\"$2/left\"; exit $code";
+    let Some(said) = in_little_memory("8m", &folder, script) else {
+        return;
+    };
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(
+        std::fs::read_to_string(folder.path().join("left")).ok().as_deref(),
+        Some("")
+    );
+}
+
+#[test]
+fn shared_memory_that_is_filled_in_mid_run_ends_it_in_order() {
+    let folder = Folder::new("filled");
+    oscillator(&folder, "damper");
+    // The damper is the first of the two in the order of their names, and is to be restarted.
+    let script = r#"
+        "$1" run "$2/oscillator.toml" --out "$2/run" --real-time=5 --checkpoint-every "500 ms" --quiet \
+            --set participants.damper.on-failure=restart-from-checkpoint &
+        run=$!
+        until [ "$(stat -c %s "$2/run/tape/damper.push.bin" 2>/dev/null || echo 0)" -ge 3000 ]; do
+            kill -0 $run || exit 98
+            sleep 0.01
+        done
+        head -c 1G /dev/zero >/dev/shm/filled 2>/dev/null
+        read -r damper _ <"/proc/$run/task/$run/children"
+        kill -9 "$damper"
+        wait $run
+        code=$?
+        rm /dev/shm/filled
+        ls -A /dev/shm >"$2/left"
+        exit $code
+    "#;
+    let Some(said) = in_little_memory("16m", &folder, script) else {
+        return;
+    };
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("shared memory") && said.err.contains("/dev/shm"),
+        "{said:?}"
+    );
+    assert!(folder.path().join("run/summary.json").exists(), "{said:?}");
+    let sound = tape::Reader::open(&folder.path().join("run/tape"));
+    assert!(sound.is_ok(), "{:?}", sound.err());
+    assert_eq!(
+        std::fs::read_to_string(folder.path().join("left")).ok().as_deref(),
+        Some("")
+    );
+}
+
+#[test]
+fn a_program_that_takes_long_to_start_is_given_its_time() {
+    let world = World::new("tardy", "damper");
+    let exe = participant("tardy").display().to_string();
+    let tardy = format!("participants.damper.run={{ exe = '{exe}', args = ['2'] }}");
+    let within = "participants.damper.start-within=1s";
+    let said = world.run("late", &["--set", &tardy, "--set", within]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    for part in [
+        "`damper`",
+        "did not enter the run within 1 s of its start",
+        "start-within",
+    ] {
+        assert!(said.err.contains(part), "`{part}` is not in: {said:?}");
+    }
+    // The command line has the last word.
+    let said = world.run("run", &["--set", &tardy, "--set", within, "--start-within", "60 s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    world.same_as_undisturbed("run");
+    let said = world.run("never", &["--set", "participants.damper.start-within=0s"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("participants.damper.start-within"), "{said:?}");
+}
+
+/// A copy of the program in `folder`, so that another one can take its name.
+fn copy(folder: &Path) -> std::path::PathBuf {
+    let copy = folder.join("orchestrator");
+    std::fs::copy(orchestrator(), &copy).expect("the folder can be written");
+    copy
+}
+
+#[test]
+fn a_builtin_is_restarted_after_its_program_was_built_anew() {
+    let folder = Folder::new("rebuilt");
+    let (program, out) = (copy(folder.path()), folder.path().join("run"));
+    let mut command = Command::new(&program);
+    command.args([
+        "run",
+        "scenarios/close.toml",
+        "--out",
+        text(&out),
+        "--real-time=2",
+        "--duration",
+        "3 s",
+    ]);
+    command.args(["--set", "participants.controller.on-failure=restart-from-checkpoint"]);
+    command.args(["--checkpoint-every", "500 ms"]);
+    command
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let mut run = command.spawn().expect("the copy can be started");
+    wait_for_bytes(&mut run, &out.join("tape/plant.measured.bin"), 1000 * 224);
+    // What a build does: the old file loses its name, and a new one gets it.
+    std::fs::remove_file(&program).expect("the copy is there");
+    std::fs::write(&program, "not a program").expect("the folder can be written");
+    let controller = writer_of(&out.join("log/controller.stderr")).expect("the controller runs");
+    assert!(signal(controller, Signal::KILL));
+    let said = finish(run);
+    // Too short to capture anything.
+    assert_eq!(said.code, Some(3), "{said:?}");
+    let events = std::fs::read_to_string(out.join("tape/events.jsonl")).expect("a tape has events");
+    assert!(events.contains("\"restart\""), "{events}");
+}
