@@ -1,5 +1,7 @@
 //! The ports of a participant.
 
+use std::collections::HashSet;
+
 use serde::{Deserialize, Serialize};
 
 use crate::port::{Descriptor, DescriptorError, Message};
@@ -96,12 +98,13 @@ impl Interface {
             if ports.len() > PORTS_MAX {
                 return Err(InterfaceError::TooMany(ports.len()));
             }
-            for (at, (name, descriptor)) in ports.iter().enumerate() {
+            let mut names = HashSet::new();
+            for (name, descriptor) in &ports {
                 let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
                 if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
                     return Err(InterfaceError::Name((*name).clone()));
                 }
-                if ports[..at].iter().any(|(earlier, _)| earlier == name) {
+                if !names.insert(*name) {
                     return Err(InterfaceError::Twice((*name).clone()));
                 }
                 descriptor.validate().map_err(|source| InterfaceError::Descriptor {

@@ -1,5 +1,7 @@
 //! From what the user wrote to a plan, with every mistake found before anything starts.
 
+use std::collections::{HashMap, HashSet};
+
 use serde::{Deserialize, Serialize};
 
 use super::{Initial, Link, PARTICIPANTS_MAX, Participant, Plan, PlanError, capacity, order};
@@ -90,11 +92,13 @@ impl Plan {
             });
             first_stream += outputs;
         }
-        for (at, spec) in links.iter().enumerate() {
-            if links[..at].iter().any(|earlier| earlier.name == spec.name) {
+        let index = Index::of(&plan.participants);
+        let mut names = HashSet::new();
+        for spec in links {
+            if !names.insert(spec.name.as_str()) {
                 errors.push(PlanError::NameTwice(spec.name.clone()));
             }
-            match plan.link(spec) {
+            match plan.link(spec, &index) {
                 Ok(link) => plan.add(link, &mut errors),
                 Err(error) => errors.push(error),
             }
@@ -106,9 +110,9 @@ impl Plan {
         if errors.is_empty() { Ok(plan) } else { Err(errors) }
     }
 
-    fn link(&self, spec: &LinkSpec) -> Result<Link, PlanError> {
+    fn link(&self, spec: &LinkSpec, index: &Index) -> Result<Link, PlanError> {
         let participant = |name: &str| {
-            self.participant(name).ok_or_else(|| PlanError::Unknown {
+            index.participants.get(name).copied().ok_or_else(|| PlanError::Unknown {
                 link: spec.name.clone(),
                 what: "participant".into(),
                 name: name.to_owned(),
@@ -124,19 +128,16 @@ impl Plan {
             known: listed(known),
         };
         let outputs = &from.interface.outputs;
-        let output = outputs
-            .iter()
-            .position(|port| port.name == spec.from.1)
-            .ok_or_else(|| {
-                unknown(
-                    "output",
-                    &from.name,
-                    &spec.from.1,
-                    outputs.iter().map(|p| p.name.as_str()).collect(),
-                )
-            })?;
+        let output = index.outputs[producer].get(&spec.from.1).copied().ok_or_else(|| {
+            unknown(
+                "output",
+                &from.name,
+                &spec.from.1,
+                outputs.iter().map(|p| p.name.as_str()).collect(),
+            )
+        })?;
         let inputs = &to.interface.inputs;
-        let input = inputs.iter().position(|port| port.name == spec.to.1).ok_or_else(|| {
+        let input = index.inputs[consumer].get(&spec.to.1).copied().ok_or_else(|| {
             unknown(
                 "input",
                 &to.name,
@@ -225,13 +226,15 @@ impl Plan {
 
     fn unconnected(&self) -> Vec<PlanError> {
         let mut errors = Vec::new();
+        let mut outputs = None;
         for (number, participant) in self.participants.iter().enumerate() {
             for (input, port) in participant.interface.inputs.iter().enumerate() {
                 if port.required && participant.inputs[input].is_none() {
+                    let outputs = outputs.get_or_insert_with(|| self.outputs_by_payload());
                     errors.push(PlanError::NotConnected {
                         input: self.input_name((number, input)),
                         message: port.descriptor.name.clone(),
-                        candidates: self.outputs_like(&port.descriptor),
+                        candidates: outputs.get(&port.descriptor).cloned().unwrap_or_default(),
                     });
                 }
             }
@@ -239,22 +242,56 @@ impl Plan {
         errors
     }
 
-    fn outputs_like(&self, descriptor: &Descriptor) -> Vec<String> {
-        let all = self.participants.iter().enumerate().flat_map(|(number, participant)| {
-            (0..participant.interface.outputs.len()).map(move |output| (number, output))
-        });
-        all.filter(|&(number, output)| self.participants[number].interface.outputs[output].descriptor == *descriptor)
-            .map(|port| self.output_name(port))
-            .collect()
+    /// The names of the outputs with each payload: the first ones of many.
+    fn outputs_by_payload(&self) -> HashMap<&Descriptor, Vec<String>> {
+        let mut outputs: HashMap<&Descriptor, Vec<String>> = HashMap::new();
+        for (number, participant) in self.participants.iter().enumerate() {
+            for (output, port) in participant.interface.outputs.iter().enumerate() {
+                let named = outputs.entry(&port.descriptor).or_default();
+                if named.len() < SHOWN_MAX {
+                    named.push(self.output_name((number, output)));
+                }
+            }
+        }
+        outputs
     }
 }
 
+/// So many names that would fit stand in a message.
+const SHOWN_MAX: usize = 24;
+
 fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
-    if names.is_empty() {
-        "none".into()
-    } else {
-        names.join(", ")
+    let mut names = names.into_iter();
+    let shown: Vec<String> = names.by_ref().take(SHOWN_MAX).map(|name| format!("`{name}`")).collect();
+    match (shown.is_empty(), names.count()) {
+        (true, _) => "none".into(),
+        (false, 0) => shown.join(", "),
+        (false, more) => format!("{} and {more} more", shown.join(", ")),
+    }
+}
+
+/// The numbers of participants and ports by their names: a link needs no search.
+struct Index {
+    participants: HashMap<String, usize>,
+    inputs: Vec<HashMap<String, usize>>,
+    outputs: Vec<HashMap<String, usize>>,
+}
+
+impl Index {
+    fn of(participants: &[Participant]) -> Index {
+        fn numbers<'a>(names: impl Iterator<Item = &'a String>) -> HashMap<String, usize> {
+            names.enumerate().map(|(number, name)| (name.clone(), number)).collect()
+        }
+        let interfaces = || participants.iter().map(|participant| &participant.interface);
+        Index {
+            participants: numbers(participants.iter().map(|participant| &participant.name)),
+            inputs: interfaces()
+                .map(|interface| numbers(interface.inputs.iter().map(|port| &port.name)))
+                .collect(),
+            outputs: interfaces()
+                .map(|interface| numbers(interface.outputs.iter().map(|port| &port.name)))
+                .collect(),
+        }
     }
 }
 
@@ -266,13 +303,14 @@ fn check_participants(specs: &[ParticipantSpec]) -> Vec<PlanError> {
     if specs.len() > PARTICIPANTS_MAX {
         errors.push(PlanError::TooMany(specs.len()));
     }
-    for (at, spec) in specs.iter().enumerate() {
+    let mut names = HashSet::new();
+    for spec in specs {
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
         let named = spec.name.starts_with(|c: char| c.is_ascii_alphabetic()) && spec.name.chars().all(plain);
         if !named || spec.name.len() > 64 {
             errors.push(PlanError::Name(spec.name.clone()));
         }
-        if specs[..at].iter().any(|earlier| earlier.name == spec.name) {
+        if !names.insert(spec.name.as_str()) {
             errors.push(PlanError::NameTwice(spec.name.clone()));
         }
         if !spec.period.is_positive() {
@@ -409,12 +447,14 @@ impl Plan {
                 }
             })
         });
-        let outputs = (0..own.interface.outputs.len()).map(|output| {
-            let consumers = self
-                .links
-                .iter()
-                .enumerate()
-                .filter(|(_, link)| link.from == (participant, output));
+        let mut readers: Vec<Vec<usize>> = vec![Vec::new(); own.interface.outputs.len()];
+        for (number, link) in self.links.iter().enumerate() {
+            if link.from.0 == participant {
+                readers[link.from.1].push(number);
+            }
+        }
+        let outputs = readers.iter().enumerate().map(|(output, readers)| {
+            let consumers = readers.iter().map(|&number| (number, &self.links[number]));
             let consumers = consumers.map(|(number, link)| Consumer {
                 link: number as u32,
                 to: self.input_name(link.to),

@@ -5,6 +5,8 @@
 //! when there is an instant at which all of its members are activated; otherwise one of them reads an older sample and the
 //! circle is open.
 
+use std::collections::{BTreeSet, HashMap, HashSet};
+
 use super::components::strongly_connected;
 use super::{Plan, PlanError};
 use crate::participant::Kind;
@@ -43,16 +45,17 @@ pub(super) fn rank(plan: &mut Plan) -> Vec<PlanError> {
     let edges = instant_edges(plan);
     let arrows: Vec<_> = edges.iter().map(|edge| (edge.from, edge.to)).collect();
     let components = strongly_connected(plan.participants.len(), &arrows);
+    let circles = circles(plan, &components, &edges);
     let mut errors = Vec::new();
-    for component in &components {
-        errors.extend(loops_in(plan, component, &edges));
+    for (component, edges) in components.iter().zip(&circles) {
+        errors.extend(loops_in(plan, component, edges));
     }
     if errors.is_empty() {
         // Components come out of Tarjan's algorithm in reverse topological order. Inside an open circle, an activation
         // never shares an instant with all the others, but some may meet: order those by a local search.
         let mut rank = 0;
-        for component in components.iter().rev() {
-            for &member in &ordered(plan, component, &edges) {
+        for (component, edges) in components.iter().zip(&circles).rev() {
+            for member in ordered(plan, component, edges) {
                 plan.participants[member].rank = rank;
                 rank += 1;
             }
@@ -61,35 +64,65 @@ pub(super) fn rank(plan: &mut Plan) -> Vec<PlanError> {
     errors
 }
 
-/// The members of a component in an order that serves every pair that ever meets at one instant, where one exists.
-fn ordered(plan: &Plan, component: &[usize], edges: &[Edge]) -> Vec<usize> {
-    let mut rest: Vec<usize> = component.to_vec();
-    rest.sort_unstable();
+/// The edges inside each component, by where they begin, each list in the order of the links.
+fn circles(plan: &Plan, components: &[Vec<usize>], edges: &[Edge]) -> Vec<HashMap<usize, Vec<Edge>>> {
+    let mut component_of = vec![0; plan.participants.len()];
+    for (number, component) in components.iter().enumerate() {
+        component.iter().for_each(|&member| component_of[member] = number);
+    }
+    let mut circles = vec![HashMap::new(); components.len()];
+    for edge in edges
+        .iter()
+        .filter(|edge| component_of[edge.from] == component_of[edge.to])
+    {
+        let inside: &mut HashMap<usize, Vec<Edge>> = &mut circles[component_of[edge.from]];
+        inside.entry(edge.from).or_default().push(*edge);
+    }
+    circles
+}
+
+/// The members of a component in an order that serves every pair that ever meets at one instant, where one exists: of those
+/// that wait for no other one, the first.
+fn ordered(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) -> Vec<usize> {
+    let binds = |edge: &&Edge| {
+        let (a, b) = (&plan.participants[edge.from], &plan.participants[edge.to]);
+        let both = a.sample_time.meet(&b.sample_time);
+        edge.from != edge.to && both.is_some_and(|both| both.offset < plan.end)
+    };
+    let mut bound: HashMap<usize, Vec<usize>> = HashMap::new();
+    let mut waits_for: HashMap<usize, usize> = HashMap::new();
+    for edge in edges.values().flatten().filter(binds) {
+        bound.entry(edge.from).or_default().push(edge.to);
+        *waits_for.entry(edge.to).or_default() += 1;
+    }
+    let mut rest: BTreeSet<usize> = component.iter().copied().collect();
+    let mut free: BTreeSet<usize> = rest
+        .iter()
+        .filter(|member| !waits_for.contains_key(*member))
+        .copied()
+        .collect();
     let mut order = Vec::with_capacity(rest.len());
-    while !rest.is_empty() {
-        let free = rest.iter().position(|&member| {
-            !edges.iter().any(|edge| {
-                edge.to == member && edge.from != member && rest.contains(&edge.from) && {
-                    let (a, b) = (&plan.participants[edge.from], &plan.participants[member]);
-                    a.sample_time
-                        .meet(&b.sample_time)
-                        .is_some_and(|both| both.offset < plan.end)
-                }
-            })
-        });
-        order.push(rest.remove(free.unwrap_or(0)));
+    while let Some(member) = free.pop_first().or_else(|| rest.first().copied()) {
+        rest.remove(&member);
+        order.push(member);
+        for next in bound.remove(&member).into_iter().flatten() {
+            let left = waits_for.entry(next).or_default();
+            *left -= 1;
+            if *left == 0 && rest.contains(&next) {
+                free.insert(next);
+            }
+        }
     }
     order
 }
 
 /// Every circle in a component whose members have an instant in common.
-fn loops_in(plan: &Plan, component: &[usize], edges: &[Edge]) -> Option<PlanError> {
-    let inside = |edge: &&Edge| component.contains(&edge.from) && component.contains(&edge.to);
-    let edges: Vec<Edge> = edges.iter().filter(inside).copied().collect();
+fn loops_in(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) -> Option<PlanError> {
     let mut search = Search {
         plan,
-        edges: &edges,
+        edges,
         path: Vec::new(),
+        passed: HashSet::new(),
         steps: 0,
     };
     for &start in component {
@@ -104,8 +137,10 @@ fn loops_in(plan: &Plan, component: &[usize], edges: &[Edge]) -> Option<PlanErro
 
 struct Search<'a> {
     plan: &'a Plan,
-    edges: &'a [Edge],
+    edges: &'a HashMap<usize, Vec<Edge>>,
     path: Vec<Edge>,
+    /// Where the edges of the path lead.
+    passed: HashSet<usize>,
     steps: usize,
 }
 
@@ -113,7 +148,13 @@ impl Search<'_> {
     /// Follows edges from `at`, carrying the instants that the path's members share; members below `start` have been
     /// starting points already.
     fn from(&mut self, start: usize, at: usize, shared: SampleTime) -> Result<(), PlanError> {
-        for edge in self.edges.iter().filter(|edge| edge.from == at && edge.to >= start) {
+        for edge in self
+            .edges
+            .get(&at)
+            .into_iter()
+            .flatten()
+            .filter(|edge| edge.to >= start)
+        {
             self.steps += 1;
             if self.steps > CIRCLES_MAX {
                 return Err(PlanError::TooManyCircles);
@@ -122,7 +163,7 @@ impl Search<'_> {
                 self.path.push(*edge);
                 return Err(self.describe(shared));
             }
-            if self.path.iter().any(|passed| passed.to == edge.to) {
+            if self.passed.contains(&edge.to) {
                 continue;
             }
             let Some(shared) = shared.meet(&self.plan.participants[edge.to].sample_time) else {
@@ -130,8 +171,10 @@ impl Search<'_> {
             };
             if shared.offset < self.plan.end {
                 self.path.push(*edge);
+                self.passed.insert(edge.to);
                 self.from(start, edge.to, shared)?;
                 self.path.pop();
+                self.passed.remove(&edge.to);
             }
         }
         Ok(())

@@ -41,6 +41,21 @@ mod tests {
         inner: Inner,
     }
 
+    #[test]
+    fn whole_number_is_read_where_a_decimal_one_is_meant() {
+        #[derive(Debug, serde::Deserialize)]
+        struct Plain {
+            factor: f64,
+            factors: [f64; 2],
+            maybe: Option<f64>,
+        }
+        let plain = read::<Plain>(&toml::from_str("factor = 2\nfactors = [0, 0.5]\nmaybe = -3").unwrap()).unwrap();
+        assert_eq!(
+            (plain.factor, plain.factors, plain.maybe),
+            (2.0, [0.0, 0.5], Some(-3.0))
+        );
+    }
+
     fn refused(text: &str) -> (String, String) {
         let error = read::<Outer>(&toml::from_str(text).unwrap()).unwrap_err();
         (error.key, error.reason)

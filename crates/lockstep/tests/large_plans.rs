@@ -1,0 +1,95 @@
+//! The largest runs that there may be: 512 participants with 256 inputs each. Looking through all links for each link would be ten
+//! thousand million comparisons; none of this does.
+
+use lockstep::link::Timing;
+use lockstep::participant::{Interface, Kind};
+use lockstep::plan::{LinkSpec, ParticipantSpec, Plan, PlanError};
+use lockstep::time::Rational;
+
+const PARTICIPANTS: usize = 512;
+const INPUTS: usize = 256;
+
+lockstep::message! {
+    /// A number.
+    pub struct Number {
+        /// It.
+        pub x: f64 = "1",
+    }
+}
+
+fn plan(kind: Kind, offset: impl Fn(usize) -> i64, links: Vec<(usize, usize, usize)>) -> Result<Plan, Vec<PlanError>> {
+    let mut interface = Interface::new(kind).output::<Number>("out");
+    for input in 0..INPUTS {
+        interface = interface.optional_input::<Number>(&format!("in{input}"));
+    }
+    let participants = (0..PARTICIPANTS).map(|number| ParticipantSpec {
+        name: format!("p{number:03}"),
+        period: Rational::from_millis(2),
+        offset: Rational::from_millis(offset(number)),
+        interface: interface.clone(),
+    });
+    let link = |(from, to, input): (usize, usize, usize)| LinkSpec {
+        name: format!("p{from:03}-p{to:03}-{input}"),
+        from: (format!("p{from:03}"), "out".into()),
+        to: (format!("p{to:03}"), format!("in{input}")),
+        timing: Timing::default(),
+        initial: None,
+        faults: Vec::new(),
+    };
+    let links: Vec<LinkSpec> = links.into_iter().map(link).collect();
+    Plan::build(participants.collect(), &links, Rational::from_millis(20), 1)
+}
+
+/// `from` of input number `input` of participant `to`, for all of them.
+fn links(from: impl Fn(usize, usize) -> Option<usize>) -> Vec<(usize, usize, usize)> {
+    let all = (0..PARTICIPANTS).flat_map(|to| (0..INPUTS).map(move |input| (to, input)));
+    all.filter_map(|(to, input)| Some((from(to, input)?, to, input)))
+        .collect()
+}
+
+#[test]
+fn every_input_of_the_largest_plan_has_its_link() {
+    let all = links(|to, input| Some((to * 7 + input) % PARTICIPANTS));
+    let plan = plan(Kind::Continuous, |_| 0, all).unwrap();
+    assert_eq!(plan.links.len(), PARTICIPANTS * INPUTS);
+    for (to, participant) in plan.participants.iter().enumerate() {
+        for (input, link) in participant.inputs.iter().enumerate() {
+            let link = &plan.links[link.unwrap()];
+            assert_eq!((link.from.0, link.to), ((to * 7 + input) % PARTICIPANTS, (to, input)));
+        }
+    }
+    let consumers: usize = (0..PARTICIPANTS)
+        .map(|number| plan.assignment(number).outputs[0].consumers.len())
+        .sum();
+    assert_eq!(consumers, plan.links.len());
+}
+
+#[test]
+fn producers_come_before_consumers_in_the_largest_plan() {
+    // Each reads from the 256 after it, so the last one comes first.
+    let all = links(|to, input| Some(to + 1 + input).filter(|from| *from < PARTICIPANTS));
+    let plan = plan(Kind::Sampled, |_| 0, all).unwrap();
+    for (number, participant) in plan.participants.iter().enumerate() {
+        assert_eq!(participant.rank as usize, PARTICIPANTS - 1 - number);
+    }
+}
+
+#[test]
+fn open_circles_of_the_largest_plan_are_ordered() {
+    // Odd ones read even ones and the other way round, and the two never meet at an instant.
+    let all = links(|to, input| Some((to + 1 + 2 * input) % PARTICIPANTS));
+    let plan = plan(Kind::Sampled, |number| (number % 2) as i64, all).unwrap();
+    let mut ranks: Vec<u32> = plan.participants.iter().map(|participant| participant.rank).collect();
+    ranks.sort_unstable();
+    assert!(ranks.into_iter().eq(0..PARTICIPANTS as u32));
+}
+
+#[test]
+fn every_mistake_of_the_largest_plan_is_named() {
+    let all = links(|to, input| Some((to + input) % PARTICIPANTS));
+    let twice: Vec<_> = all.iter().flat_map(|link| [*link, *link]).collect();
+    let errors = plan(Kind::Continuous, |_| 0, twice).unwrap_err();
+    let count = |is: fn(&PlanError) -> bool| errors.iter().filter(|error| is(error)).count();
+    assert_eq!(count(|error| matches!(error, PlanError::NameTwice(_))), all.len());
+    assert_eq!(count(|error| matches!(error, PlanError::FedTwice { .. })), all.len());
+}
