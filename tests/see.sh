@@ -41,7 +41,7 @@ foreign_participant() {
         "$python" -m pip install --quiet -r examples/python/requirements.txt
     fi
     "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust"
-    in_python="participants.right.run={ exe = \"$(command -v "$python")\", args = [\"examples/python/spring.py\"] }"
+    in_python="participants.right.run={ exe = \"$(command -v "$python")\", args = [\"../python/spring.py\"] }"
     "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python" --set "$in_python"
     "$orchestrator" compare "$work/rust" "$work/python"
     # Draws and gaps too.

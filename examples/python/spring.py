@@ -11,7 +11,7 @@ class Spring:
     outputs = [("motion", MOTION)]
 
     def __init__(self, setup):
-        self.position, self.velocity = setup["parameters"]["position"], 0.0
+        self.position, self.velocity = float(setup["parameters"]["position"]), 0.0
 
     def initialise(self, t, outputs):
         outputs[0] = (self.position, self.velocity)

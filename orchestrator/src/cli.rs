@@ -1,11 +1,11 @@
 //! The command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
-use lockstep::time::Rational;
+use lockstep::time::{Rational, TimeError};
 
 use crate::commands::compare::CompareArgs;
 use crate::commands::export::ExportArgs;
@@ -17,7 +17,8 @@ use crate::commands::report::ReportArgs;
 use crate::commands::sweep::SweepArgs;
 #[cfg(feature = "capture")]
 use crate::commands::tune::TuneArgs;
-use engine::run::Wait;
+use engine::run::{self, Known, RunFailure, Wait};
+use engine::scenario::{Program, Scenario};
 
 /// Co-simulation in lockstep over shared memory.
 ///
@@ -94,7 +95,7 @@ pub struct ScenarioArgs {
     #[arg(long)]
     pub seed: Option<u64>,
     /// How long to simulate, in place of the scenario's, such as 5s
-    #[arg(long)]
+    #[arg(long, value_parser = span)]
     pub duration: Option<Rational>,
 }
 
@@ -112,11 +113,63 @@ fn substitute(text: &str) -> Result<String, String> {
     Ok(format!("participants.{participant}.run={run}"))
 }
 
+/// An instant of a run, for an option.
+pub fn instant(text: &str) -> Result<Rational, String> {
+    let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
+    if time.is_negative() {
+        return Err(format!(
+            "{time} lies before the start; write 0 s or a later time, such as 5s"
+        ));
+    }
+    Ok(time)
+}
+
+/// A stretch of time, for an option.
+pub fn span(text: &str) -> Result<Rational, String> {
+    let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
+    if !time.is_positive() {
+        return Err(format!("{time} is not above zero; write a time such as 5s"));
+    }
+    Ok(time)
+}
+
+/// Slower or faster is not meant: a run would stand still, or its clock would have no effect.
+const PACES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+
+/// A multiple of the wall clock's pace, for an option.
+fn pace(text: &str) -> Result<f64, String> {
+    let factor: f64 = text.trim().parse().map_err(|_| format!("`{text}` is not a number"))?;
+    if !PACES.contains(&factor) {
+        return Err(format!(
+            "{factor} is not a pace; write a factor from {} to {}, such as 2",
+            PACES.start(),
+            PACES.end()
+        ));
+    }
+    Ok(factor)
+}
+
 impl CommonArgs {
     /// `--start-within` as far as a duration goes.
     pub fn start_within(&self) -> Option<Duration> {
         let time = self.start_within?;
         Some(Duration::try_from_secs_f64(time.seconds()).unwrap_or(Duration::ZERO))
+    }
+
+    /// Refuses to replace the run in `source`, from which this one is made.
+    ///
+    /// # Errors
+    /// Names the folder and the remedy.
+    pub fn spares(&self, source: &Path) -> Result<(), String> {
+        let real = |path: &Path| std::fs::canonicalize(path).ok();
+        let out = self.out.as_deref().filter(|_| self.force).and_then(real);
+        match (out, real(source)) {
+            (Some(out), Some(source)) if source.starts_with(&out) => Err(format!(
+                "--out {}: it has the run that is read, which --force would take away; name another folder",
+                out.display()
+            )),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -156,13 +209,13 @@ pub struct ResumeArgs {
     /// The folder of the run to go on from
     pub run: PathBuf,
     /// Go on from the newest checkpoint at or before this simulated time; from the newest of all when not given
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", value_parser = instant)]
     pub from: Option<Rational>,
     /// Change a key of the scenario from here on, to ask what if (may be given more than once)
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
     /// How long to simulate in all, in place of what the run had
-    #[arg(long)]
+    #[arg(long, value_parser = span)]
     pub duration: Option<Rational>,
     /// How to run it
     #[command(flatten)]
@@ -179,10 +232,10 @@ pub struct HowArgs {
     #[command(flatten)]
     pub common: CommonArgs,
     /// Keep pace with the wall clock, or with a multiple of it
-    #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", require_equals = true)]
+    #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", require_equals = true, value_parser = pace)]
     pub real_time: Option<f64>,
     /// Come to rest at this simulated time and wait for Enter (may be given more than once)
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", value_parser = instant)]
     pub pause_at: Vec<Rational>,
     /// Show the run on a page while it goes on, with pause, step and resume; the address is printed. Takes a port, else any
     /// that is free
@@ -192,10 +245,10 @@ pub struct HowArgs {
     #[arg(long)]
     pub live_stay: bool,
     /// Keep the state of the run in a file this often (simulated time), for `resume`
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", value_parser = span)]
     pub checkpoint_every: Option<Rational>,
     /// Keep the state of the run in a file at this simulated time (may be given more than once)
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", value_parser = instant)]
     pub checkpoint_at: Vec<Rational>,
     /// How participants wait for each other; the result does not depend on it
     #[arg(long, default_value = "auto", value_parser = wait())]
@@ -211,18 +264,22 @@ pub struct CommonArgs {
     /// The run folder; a new one under runs/ when not given, and none for a replay
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
+    /// Replace the run in the run folder, if there is one: only ever a run, once the new one has begun
+    #[arg(long, requires = "out")]
+    pub force: bool,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
     /// No progress line, and no result but the exit code
     #[arg(long)]
     pub quiet: bool,
-    /// Give up when nothing has moved for this long, without the time in which the orchestrator itself was stopped; not used while a replay waits for a debugger
-    #[arg(long, value_name = "TIME", default_value = "60 s")]
+    /// Give up when nothing has moved for this long, without the time in which the orchestrator itself was stopped; not used
+    /// while a replay waits for a debugger
+    #[arg(long, value_name = "TIME", default_value = "60 s", value_parser = span)]
     pub patience: Rational,
     /// How long each program may take to enter the run and to answer a request, in place of what the scenario says (20 s
     /// where it says nothing)
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", value_parser = span)]
     pub start_within: Option<Rational>,
 }
 
@@ -232,9 +289,62 @@ pub struct CheckArgs {
     /// The scenario
     #[command(flatten)]
     pub scenario: ScenarioArgs,
+    /// Which programs to ask
+    #[command(flatten)]
+    pub start: StartArgs,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Whether programs are started to be asked for their ports.
+#[derive(Debug, Args)]
+pub struct StartArgs {
+    /// Start participants that are programs of their own, to ask for their ports: what is not asked is unknown
+    #[arg(
+        long,
+        value_enum,
+        value_name = "WHEN",
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "auto",
+        default_missing_value = "always"
+    )]
+    pub start: Start,
+}
+
+/// When programs are started to be asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Start {
+    /// Up to sixteen of them: that is done in a moment.
+    Auto,
+    /// However many there are.
+    Always,
+    /// None.
+    Never,
+}
+
+impl StartArgs {
+    /// What is known of `scenario` without a run of it.
+    ///
+    /// # Errors
+    /// What a run of it would be refused for.
+    pub fn check(&self, scenario: &Scenario) -> Result<Known, RunFailure> {
+        const CHEAP: usize = 16;
+        let external = |program: &&Program| matches!(program, Program::External { .. });
+        let programs = scenario.programs().filter(external).count();
+        match self.start {
+            Start::Auto if programs > CHEAP => Ok(run::check(scenario)?),
+            Start::Never => Ok(run::check(scenario)?),
+            Start::Auto | Start::Always => {
+                let options = run::Options {
+                    interrupt: crate::signals::interrupt(),
+                    ..run::Options::default()
+                };
+                run::check_with_programs(scenario, &options)
+            }
+        }
+    }
 }
 
 /// Arguments of `graph`.
@@ -243,6 +353,9 @@ pub struct GraphArgs {
     /// The scenario
     #[command(flatten)]
     pub scenario: ScenarioArgs,
+    /// Which programs to ask
+    #[command(flatten)]
+    pub start: StartArgs,
     /// The language of the drawing
     #[arg(long, value_enum, default_value_t)]
     pub format: GraphFormat,

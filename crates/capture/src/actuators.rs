@@ -13,6 +13,7 @@ fn column(name: &str, texts: Vec<String>) -> Column {
         unit: String::new(),
         texts,
         numbers: None,
+        whole: None,
     }
 }
 

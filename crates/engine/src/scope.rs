@@ -30,8 +30,10 @@ const LOCK: &str = "lock";
 const SCRATCH: &str = "scratch";
 /// Letters in the name of a run, five random bits each.
 const ID: usize = 16;
-/// The last letter of a prefix: one for each place in shared memory that a run uses one after the other.
-const PLACES: &[u8] = b"_0123456789abcdefghijklmnopqrstuvwxyz";
+/// The last two letters of a prefix are these: two others for each place in shared memory that a run uses one after the other.
+const LETTERS: &[u8] = b"_0123456789abcdefghijklmnopqrstuvwxyz";
+/// The places of a run.
+const PLACES: usize = LETTERS.len() * LETTERS.len();
 
 /// Why a run's place cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -47,7 +49,7 @@ pub enum ScopeError {
         source: io::Error,
     },
     /// Everybody was moved too often.
-    #[error("the run was taken up {} times: it has no place left in shared memory; what fails again and again is not mended by a restart", PLACES.len() - 1)]
+    #[error("the run was taken up {} times: it has no place left in shared memory; what fails again and again is not mended by a restart", PLACES - 1)]
     Exhausted,
 }
 
@@ -111,7 +113,12 @@ impl Scope {
     /// Where participants find the run.
     pub fn address(&self) -> Address {
         Address {
-            prefix: format!("{MARK}{}{}", self.id, char::from(PLACES[self.place])),
+            prefix: format!(
+                "{MARK}{}{}{}",
+                self.id,
+                letter(self.place / LETTERS.len()),
+                letter(self.place % LETTERS.len())
+            ),
             folder: self.folder.clone(),
         }
     }
@@ -132,7 +139,7 @@ impl Scope {
 
     /// Makes room for everybody to move to, so that nothing of a dead process can be met there.
     pub fn move_on(&mut self) -> Result<(), ScopeError> {
-        if self.place + 1 == PLACES.len() {
+        if self.place + 1 == PLACES {
             return Err(ScopeError::Exhausted);
         }
         self.place += 1;
@@ -145,6 +152,10 @@ impl Scope {
             let _ = fs::remove_file(object);
         }
     }
+}
+
+fn letter(number: usize) -> char {
+    char::from(LETTERS[number])
 }
 
 impl Drop for Scope {

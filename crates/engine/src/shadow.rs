@@ -65,7 +65,10 @@ pub fn in_place(text: &str, option: &str) -> Result<(String, String), String> {
             let file = if program.contains('/') {
                 let absolute =
                     std::path::absolute(program).map_err(|error| format!("{option}: `{program}`: {error}"))?;
-                absolute.to_string_lossy().into_owned()
+                absolute
+                    .into_os_string()
+                    .into_string()
+                    .map_err(|path| format!("{option}: `{}` is not UTF-8: name a program that is", path.display()))?
             } else {
                 program.to_owned()
             };
@@ -123,26 +126,30 @@ impl Shadow {
                 .participants
                 .iter()
                 .find(|entry| entry.setup.name == self.participant);
-            let ports = entry
-                .map(|entry| describe::ports(&scenario, entry, options))
-                .transpose();
+            let ports = entry.map(|entry| Ok((entry.clone(), describe::ports(&scenario, entry, options)?)));
+            let ports = ports.transpose();
             Ok((scenario, ports))
         };
         let (_, original) = ports(overrides)?;
         let (scenario, shadow) = ports(&[overrides, &self.overrides].concat())?;
-        let reason = match (original, shadow) {
-            (Ok(Some(original)), Ok(Some(shadow))) => shadow.difference(&original),
-            (_, Err(RunFailure::Participant { reason, .. })) => Some(format!("it {reason}")),
-            (_, Err(other)) => return Err(other),
+        let (Ok(Some((_, original))), shadow) = (original, shadow) else {
             // What is wrong with the run itself is said when it starts.
-            _ => None,
+            return Ok(());
         };
-        match reason {
-            Some(reason) => {
-                let reason = format!("`{}` cannot be its shadow: {reason}", self.program);
-                Err(scenario.program_refusal(&self.participant, &reason).into())
-            }
-            None => Ok(()),
+        match shadow {
+            Ok(Some((entry, shadow))) => match shadow.difference(&original) {
+                Some(difference) => {
+                    let reason = format!("`{}` cannot be its shadow: {difference}", self.program);
+                    Err(scenario.program_refusal(&entry, &reason).into())
+                }
+                None => Ok(()),
+            },
+            Ok(None) => Ok(()),
+            Err(RunFailure::Participant { participant, reason }) => Err(RunFailure::Participant {
+                participant,
+                reason: format!("`{}` cannot be its shadow: it {reason}", self.program),
+            }),
+            Err(other) => Err(other),
         }
     }
 

@@ -8,6 +8,8 @@
 //! tape/                      see `tape`
 //! ```
 
+mod claim;
+
 use std::fs::{self, DirBuilder};
 use std::io;
 use std::os::unix::fs::DirBuilderExt;
@@ -15,6 +17,9 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
+
+pub use claim::Claim;
+use claim::outermost_missing;
 
 /// A run folder that exists.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,10 +31,18 @@ pub struct RunFolder {
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
     /// The folder has something in it.
-    #[error("{} is not empty: name a new folder with `--out`, or remove this one", path.display())]
+    #[error("{} is not empty: name a new folder with `--out`; `--force` replaces what is in it, if that is a run", path.display())]
     NotEmpty {
         /// The folder.
         path: PathBuf,
+    },
+    /// What is in the folder is no run, or not a run alone.
+    #[error("{} is not replaced: {reason}; name a new folder with `--out`", path.display())]
+    NotARun {
+        /// The folder.
+        path: PathBuf,
+        /// What is there, or is not.
+        reason: String,
     },
     /// There is something of that name which is not a folder.
     #[error("{} is not a folder: name a new one with `--out`", path.display())]
@@ -66,23 +79,13 @@ impl RunFolder {
     /// Makes the folder `root` with its parents, for the user alone, or takes an empty one as it is; refuses one that has anything
     /// in it.
     pub fn create(root: &Path) -> Result<RunFolder, FolderError> {
-        private()
-            .recursive(true)
-            .create(root)
-            .map_err(|error| match fs::metadata(root) {
-                Ok(metadata) if !metadata.is_dir() => FolderError::NotAFolder { path: root.to_owned() },
-                _ => io_error(root, "create the folder")(error),
-            })?;
-        let mut entries = fs::read_dir(root).map_err(io_error(root, "list the folder"))?;
-        if entries.next().is_some() {
-            return Err(FolderError::NotEmpty { path: root.to_owned() });
-        }
-        RunFolder::furnish(root.to_owned())
+        Claim::of(root, false).map(Claim::keep)
     }
 
     /// Makes `<runs>/<scenario>-<UTC time>-<n>` with the first n from 1 that is free. Runs that start in the same instant
     /// get different folders: whoever creates it has it.
-    pub fn create_default(runs: &Path, scenario: &str) -> Result<RunFolder, FolderError> {
+    pub fn create_default(runs: &Path, scenario: &str) -> Result<Claim, FolderError> {
+        let outermost = outermost_missing(runs);
         private()
             .recursive(true)
             .create(runs)
@@ -97,7 +100,7 @@ impl RunFolder {
         loop {
             let root = runs.join(format!("{plain}-{time}-{n}"));
             match private().create(&root) {
-                Ok(()) => return RunFolder::furnish(root),
+                Ok(()) => return Claim::made(&root, Some(outermost.unwrap_or_else(|| root.clone()))),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => n += 1,
                 Err(error) => return Err(io_error(&root, "create the folder")(error)),
             }
@@ -107,13 +110,6 @@ impl RunFolder {
     /// Takes a folder as it is; nothing needs to be in it.
     pub fn open(root: &Path) -> RunFolder {
         RunFolder { root: root.to_owned() }
-    }
-
-    fn furnish(root: PathBuf) -> Result<RunFolder, FolderError> {
-        let folder = RunFolder { root };
-        let log = folder.root.join("log");
-        fs::create_dir(&log).map_err(io_error(&log, "create the folder"))?;
-        Ok(folder)
     }
 
     /// The folder itself.
@@ -249,7 +245,7 @@ mod tests {
                     scope.spawn(|| {
                         (0..20)
                             .map(|_| RunFolder::create_default(&runs, "a/b é").unwrap())
-                            .map(|folder| folder.root().to_owned())
+                            .map(|claim| claim.keep().root().to_owned())
                             .collect::<Vec<_>>()
                     })
                 })

@@ -14,11 +14,18 @@ lockstep::message! {
 
 struct Spring(Motion);
 
+/// What the scenario may say below `parameters`.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parameters {
+    /// Where the mass starts, m.
+    position: f64,
+}
+
 fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
-    let start = setup.parameters.get("position").and_then(|value| value.as_float());
-    let position = start.ok_or_else(|| ParameterError::new("position", "missing: write a length in m, such as 0.1"))?;
+    let parameters: Parameters = lockstep::units::read(&setup.parameters)?;
     Ok(Box::new(Spring(Motion {
-        position,
+        position: parameters.position,
         velocity: 0.0,
     })))
 }

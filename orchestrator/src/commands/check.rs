@@ -1,52 +1,69 @@
-//! `escapement check SCENARIO`: everything but the launch.
+//! `escapement check SCENARIO`: everything but the run.
 
-use crate::program::catalogue;
-use lockstep::plan::Plan;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::cli::CheckArgs;
-use engine::run::{Options, check, faults, placement, room};
+use crate::program::catalogue;
+use engine::run::{Known, Options, RunFailure, faults, placement, room};
 use engine::scenario::{Program, Scenario};
 
 /// Plans and says what would run.
 pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
     let read = Scenario::read(catalogue(), &args.scenario.scenario, &args.scenario.overrides());
-    let checked = read.and_then(|scenario| check(&scenario).map(|known| (scenario, known)));
+    let checked = read.map_err(RunFailure::from);
+    let checked = checked.and_then(|scenario| args.start.check(&scenario).map(|known| (scenario, known)));
     let (scenario, known) = match checked {
         Ok(checked) => checked,
         Err(error) => {
             eprintln!("error: {error}");
-            return Ok(2);
+            return Ok(error.exit_code());
         }
     };
-    for remark in catalogue().remarks(&scenario) {
+    for remark in scenario.remarks().into_iter().chain(catalogue().remarks(&scenario)) {
         eprintln!("warning: {remark}");
     }
     let placement = placement(&known.plan, &Options::default());
     if args.json {
-        let plan = serde_json::to_value(&known.plan)?;
-        println!(
-            "{}",
-            serde_json::to_string_pretty(&json!({
-                "plan": plan,
-                "placement": placement.reason,
-                "shared_memory": room::figures(&known.plan),
-            }))?
-        );
+        let (plan, unknown) = (json_of(&known)?, known.unknown());
+        let said = json!({
+            "plan": plan,
+            "unknown": unknown,
+            "placement": placement.reason,
+            "shared_memory": room::figures(&known.plan),
+        });
+        println!("{}", serde_json::to_string_pretty(&said)?);
         return Ok(0);
     }
-    describe(&scenario, &known.plan);
-    for (entry, interface) in scenario.participants.iter().zip(&known.interfaces) {
-        if interface.is_none() {
-            println!(
-                "the ports of {} are known when its program runs; here they are assumed to fit",
-                entry.setup.name
-            );
-        }
-    }
+    describe(&scenario, &known);
     println!("placement: {}", placement.reason);
     println!("{}", room::describe(&known.plan));
     Ok(0)
+}
+
+/// The plan, without what is only assumed of participants that were not asked.
+fn json_of(known: &Known) -> serde_json::Result<Value> {
+    let mut plan = serde_json::to_value(&known.plan)?;
+    if known.unknown().is_empty() {
+        return Ok(plan);
+    }
+    let assumed: Vec<bool> = known.interfaces.iter().map(Option::is_none).collect();
+    for (participant, assumed) in plan["participants"].as_array_mut().into_iter().flatten().zip(&assumed) {
+        participant["rank"] = Value::Null;
+        if *assumed {
+            participant["interface"] = Value::Null;
+        }
+    }
+    for (link, about) in plan["links"]
+        .as_array_mut()
+        .into_iter()
+        .flatten()
+        .zip(&known.plan.links)
+    {
+        if assumed[about.from.0] {
+            link["initial"] = Value::Null;
+        }
+    }
+    Ok(plan)
 }
 
 fn program(program: &Program) -> String {
@@ -56,7 +73,8 @@ fn program(program: &Program) -> String {
     }
 }
 
-fn describe(scenario: &Scenario, plan: &Plan) {
+fn describe(scenario: &Scenario, known: &Known) {
+    let (plan, unknown) = (&known.plan, known.unknown());
     println!("{}: {}", scenario.name, scenario.title);
     println!(
         "duration {}, tick {}, seed {}",
@@ -65,14 +83,29 @@ fn describe(scenario: &Scenario, plan: &Plan) {
         plan.seed
     );
     let mut order: Vec<usize> = (0..plan.participants.len()).collect();
-    order.sort_by_key(|&number| plan.participants[number].rank);
-    println!("participants, in the order of activations at one instant:");
+    if unknown.is_empty() {
+        order.sort_by_key(|&number| plan.participants[number].rank);
+        println!("participants, in the order of activations at one instant:");
+    } else {
+        println!("participants, by name; the order of activations at one instant is unknown:");
+    }
     for number in order {
         let own = &plan.participants[number];
         let program = program(&scenario.participants[number].program);
+        let kind = match &known.interfaces[number] {
+            Some(interface) => format!("{:?}", interface.kind),
+            None => "of unknown kind,".to_owned(),
+        };
         println!(
-            "  {:<16} {:?} every {} from {}, {} activations ({program})",
-            own.name, own.interface.kind, own.period, own.offset, own.activations
+            "  {:<16} {kind} every {} from {}, {} activations ({program})",
+            own.name, own.period, own.offset, own.activations
+        );
+    }
+    if !unknown.is_empty() {
+        println!(
+            "not asked: {}. Kind and ports are unknown, and so is whether they fit, whether all inputs are fed, and whether there \
+             is an algebraic loop: --start asks",
+            unknown.join(", ")
         );
     }
     println!("connections:");
@@ -109,11 +142,11 @@ fn describe(scenario: &Scenario, plan: &Plan) {
         println!(
             "  {:<24} {} takes the place of {} at {}, {} state, {} parameters",
             substitution.name,
-            program(&substitution.program),
+            program(&substitution.entry.program),
             scenario.participants[substitution.participant].setup.name,
             substitution.at,
             substitution.state.name(),
-            if substitution.parameters.is_some() {
+            if substitution.own_parameters {
                 "its own"
             } else {
                 "the same"

@@ -7,8 +7,9 @@ use clap::Args;
 use lockstep::time::Rational;
 
 use super::sweep::{CampaignArgs, code, json, known_figures, told, write};
-use crate::cli::ScenarioArgs;
+use crate::cli::{self, ScenarioArgs};
 use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
+use engine::run::RunFailure;
 use engine::scenario::Scenario;
 
 /// Run a scenario with one failure after the other, and say which still capture.
@@ -28,7 +29,7 @@ pub struct FaultsArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "informed"])]
     pub cases: Option<PathBuf>,
     /// Let every failure begin at this time as well as at the start, such as 12s (may be given more than once)
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", value_parser = cli::instant)]
     pub at: Vec<Rational>,
     /// Run wheel and joint failures once more with a control law that knows of them: thruster couples help the wheels, a joint
     /// that has failed gets no weight
@@ -57,6 +58,14 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
     let overrides = args.scenario.overrides();
     let file = &args.scenario.scenario;
     let scenario = Scenario::read(catalogue(), file, &overrides)?;
+    if let Some(at) = args.at.iter().find(|at| **at >= scenario.duration) {
+        return Err(RunFailure::Option {
+            option: "--at",
+            value: at.to_string(),
+            reason: format!("is not before the end at {}: give an earlier time", scenario.duration),
+        }
+        .into());
+    }
     let cases = match &args.cases {
         Some(list) => campaign::cases_from_file(list, &scenario)?,
         None => catalogue().every_failure(&scenario, file, &args.at, args.informed)?,

@@ -6,30 +6,47 @@ use lockstep::participant::Kind;
 use lockstep::plan::{Link, Plan};
 
 use crate::cli::{GraphArgs, GraphFormat};
-use engine::run::check;
 use engine::run::faults::notices;
+use engine::run::{Known, RunFailure};
 use engine::scenario::Scenario;
 
 /// Prints the drawing.
 pub fn run(args: &GraphArgs) -> anyhow::Result<i32> {
     let read = Scenario::read(catalogue(), &args.scenario.scenario, &args.scenario.overrides());
-    match read.and_then(|scenario| check(&scenario)) {
+    let known = read.map_err(RunFailure::from);
+    match known.and_then(|scenario| args.start.check(&scenario)) {
         Ok(known) => {
-            print!("{}", draw(&known.plan, args.format));
+            print!("{}", draw(&known, args.format));
+            let unknown = known.unknown();
+            if !unknown.is_empty() {
+                let unknown = unknown.join(", ");
+                eprintln!("note: not asked: {unknown}. Kind and order are unknown: --start asks");
+            }
             Ok(0)
         }
         Err(error) => {
             eprintln!("error: {error}");
-            Ok(2)
+            Ok(error.exit_code())
         }
     }
 }
 
-fn draw(plan: &Plan, format: GraphFormat) -> String {
+fn draw(known: &Known, format: GraphFormat) -> String {
     match format {
-        GraphFormat::Mermaid => mermaid(plan),
-        GraphFormat::Dot => dot(plan),
+        GraphFormat::Mermaid => mermaid(known),
+        GraphFormat::Dot => dot(known),
     }
+}
+
+/// What stands below a participant's name: its order only where that of all is known.
+fn about(known: &Known, number: usize) -> String {
+    let own = &known.plan.participants[number];
+    let order = match (known.unknown().is_empty(), &known.interfaces[number]) {
+        (true, _) => format!(", order {}", own.rank + 1),
+        (false, Some(_)) => String::new(),
+        (false, None) => ", kind unknown".to_owned(),
+    };
+    format!("every {}{order}", own.period)
 }
 
 fn label(link: &Link, plan: &Plan) -> String {
@@ -70,20 +87,20 @@ fn faults(plan: &Plan, link: &Link) -> Vec<String> {
         .collect()
 }
 
-fn mermaid(plan: &Plan) -> String {
+fn mermaid(known: &Known) -> String {
+    let plan = &known.plan;
     let mut text = String::from("flowchart LR\n");
     for (number, own) in plan.participants.iter().enumerate() {
         // A continuous participant has no feedthrough: it breaks every circle, and looks different.
-        let (open, close) = if own.interface.kind == Kind::Continuous {
-            ("([", "])")
-        } else {
-            ("[", "]")
+        let (open, close) = match known.interfaces[number].as_ref().map(|interface| interface.kind) {
+            Some(Kind::Continuous) => ("([", "])"),
+            Some(Kind::Sampled) => ("[", "]"),
+            None => ("{{", "}}"),
         };
         text += &format!(
-            "    p{number}{open}\"{}<br/>every {}, order {}\"{close}\n",
+            "    p{number}{open}\"{}<br/>{}\"{close}\n",
             own.name,
-            own.period,
-            own.rank + 1
+            about(known, number)
         );
     }
     for link in &plan.links {
@@ -97,21 +114,21 @@ fn mermaid(plan: &Plan) -> String {
     text
 }
 
-fn dot(plan: &Plan) -> String {
+fn dot(known: &Known) -> String {
+    let plan = &known.plan;
     let mut text = String::from(
         "digraph run {\n    rankdir=LR;\n    node [fontname=\"sans-serif\"];\n    edge [fontname=\"sans-serif\"];\n",
     );
     for (number, own) in plan.participants.iter().enumerate() {
-        let shape = if own.interface.kind == Kind::Continuous {
-            "ellipse"
-        } else {
-            "box"
+        let shape = match known.interfaces[number].as_ref().map(|interface| interface.kind) {
+            Some(Kind::Continuous) => "ellipse",
+            Some(Kind::Sampled) => "box",
+            None => "hexagon",
         };
         text += &format!(
-            "    p{number} [shape={shape}, label=\"{}\\nevery {}, order {}\"];\n",
+            "    p{number} [shape={shape}, label=\"{}\\n{}\"];\n",
             own.name,
-            own.period,
-            own.rank + 1
+            about(known, number)
         );
     }
     for link in &plan.links {

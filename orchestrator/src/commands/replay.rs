@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::compare::{DIFFERENT, print};
 use super::trust::{Trust, told};
-use crate::cli::CommonArgs;
+use crate::cli::{self, CommonArgs};
 use crate::output;
 use crate::program::catalogue;
 use crate::{signals, terminal};
@@ -38,10 +38,10 @@ pub struct ReplayArgs {
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
     /// Replay only what happens before this simulated time
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", value_parser = cli::span)]
     pub to: Option<Rational>,
     /// Come to rest before the first step, or at this simulated time, say the process number, and wait for Enter
-    #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true)]
+    #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true, value_parser = cli::instant)]
     pub wait_for_debugger: Option<Rational>,
     /// What every run takes
     #[command(flatten)]
@@ -69,9 +69,7 @@ pub fn run(args: &ReplayArgs) -> anyhow::Result<i32> {
 }
 
 fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
-    if let Some(to) = args.to.filter(|to| !to.is_positive()) {
-        return Err(ReplayError::Misfit(format!("--to takes a time above zero, not {to}")));
-    }
+    args.common.spares(&args.run).map_err(ReplayError::Misfit)?;
     let exe = args.exe.as_ref().map(std::path::absolute).transpose();
     let exe = exe.map_err(|error| ReplayError::Misfit(format!("--exe: {error}")))?;
     let replay = Replay::plan(&Request {
@@ -83,10 +81,17 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         to: args.to,
         unverified: args.trust.unverified,
     })?;
+    if let Some(at) = args.wait_for_debugger.filter(|at| *at >= replay.end()) {
+        return Err(ReplayError::Misfit(format!(
+            "--wait-for-debugger {at}: the replay ends at t = {}: give an earlier time",
+            replay.end()
+        )));
+    }
     let in_process = !args.process && !replay.external();
     replay.run(&Options {
         in_process,
         out: args.common.out.clone(),
+        force: args.common.force,
         progress: terminal::progress(args.common.quiet),
         interrupt: signals::interrupt(),
         pause_at: args.wait_for_debugger.into_iter().collect(),

@@ -27,6 +27,10 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
             return Ok(2);
         }
     };
+    if let Err(reason) = args.how.common.spares(&args.run) {
+        eprintln!("error: {reason}");
+        return Ok(2);
+    }
     let mut overrides = args.set.clone();
     overrides.extend(args.duration.map(|duration| format!("duration={duration}")));
     let mut scenario = match Scenario::read(catalogue(), &folder.plan(), &overrides) {

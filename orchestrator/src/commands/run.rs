@@ -11,7 +11,7 @@ use tape::folder::RunFolder;
 use crate::cli::{HowArgs, RunArgs};
 use crate::{signals, terminal};
 use engine::live::{self, Server, Steering};
-use engine::run::{Ending, Options, Origin, Outcome, run as run_scenario};
+use engine::run::{Ending, Options, Origin, Outcome, RunFailure, run as run_scenario};
 use engine::scenario::Scenario;
 use engine::shadow::{Account, Shadow};
 
@@ -25,33 +25,21 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
         }
     };
     if !args.how.common.quiet {
-        for remark in catalogue().remarks(&scenario) {
+        for remark in scenario.remarks().into_iter().chain(catalogue().remarks(&scenario)) {
             eprintln!("warning: {remark}");
         }
     }
     match shadows(args) {
         Ok(shadows) => execute(&scenario, &args.how, None, &shadows),
-        Err(reason) => {
+        Err((reason, code)) => {
             eprintln!("error: {reason}");
-            Ok(2)
+            Ok(code)
         }
     }
 }
 
 /// Runs `scenario`, from `origin` if there is one, with `shadows`, and reports.
 pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shadows: &[Shadow]) -> anyhow::Result<i32> {
-    if how.real_time.is_some_and(|pace| !(pace.is_finite() && pace > 0.0)) {
-        eprintln!("error: --real-time takes a factor above zero");
-        return Ok(2);
-    }
-    if how.checkpoint_every.is_some_and(|every| !every.is_positive()) {
-        eprintln!("error: --checkpoint-every takes a time above zero");
-        return Ok(2);
-    }
-    if how.common.start_within.is_some_and(|time| !time.is_positive()) {
-        eprintln!("error: --start-within takes a time above zero");
-        return Ok(2);
-    }
     let server = match live(how) {
         Ok(server) => server,
         Err(reason) => {
@@ -62,6 +50,7 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     let options = Options {
         in_process: how.in_process,
         out: how.common.out.clone(),
+        force: how.common.force,
         progress: terminal::progress(how.common.quiet),
         interrupt: signals::interrupt(),
         pace: how.real_time,
@@ -139,21 +128,25 @@ fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result
 }
 
 /// The shadows that were asked for, as far as they can be looked at before anything runs.
-fn shadows(args: &RunArgs) -> Result<Vec<Shadow>, String> {
+///
+/// # Errors
+/// What is wrong with one of them, and the exit code.
+fn shadows(args: &RunArgs) -> Result<Vec<Shadow>, (String, i32)> {
     let options = Options {
         interrupt: signals::interrupt(),
         start_within: args.how.common.start_within(),
         ..Options::default()
     };
     let read = |text: &String| {
-        let shadow = Shadow::read(text, &args.shadow_set)?;
+        let shadow = Shadow::read(text, &args.shadow_set).map_err(|reason| (reason, 2))?;
         let checked = shadow.check(
             catalogue(),
             &args.scenario.scenario,
             &args.scenario.overrides(),
             &options,
         );
-        checked.map(|()| shadow).map_err(|error| error.to_string())
+        let failed = |failure: RunFailure| (failure.to_string(), failure.exit_code());
+        checked.map(|()| shadow).map_err(failed)
     };
     args.shadow.iter().map(read).collect()
 }

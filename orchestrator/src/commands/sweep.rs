@@ -203,13 +203,10 @@ pub fn write(
 /// The campaign as JSON: counts, files, and every row.
 pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serde_json::Value {
     let rows = finished.results.iter().enumerate().map(|(at, result)| {
-        let values = campaign.columns.iter().map(|column| {
-            let value = match &column.numbers {
-                Some(numbers) => serde_json::json!(numbers[at]),
-                None => serde_json::json!(column.texts[at]),
-            };
-            (column.name.clone(), value)
-        });
+        let values = campaign
+            .columns
+            .iter()
+            .map(|column| (column.name.clone(), column.json(at)));
         let figures = result.as_ref().and_then(|result| result.figures.as_ref());
         let figures = figures.map(|figures| {
             figures
@@ -228,8 +225,10 @@ pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serd
         })
     });
     let count = |outcome| finished.count(outcome);
+    // JSON is text; a path need not be.
+    let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
     serde_json::json!({
-        "folder": finished.folder.root(),
+        "folder": finished.folder.root().display().to_string(),
         "files": files,
         "points": finished.results.len(),
         "captured": count(campaign::Outcome::Captured),

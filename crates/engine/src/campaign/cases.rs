@@ -64,6 +64,7 @@ fn column(name: &str, texts: Vec<String>) -> Column {
         unit: String::new(),
         texts,
         numbers: None,
+        whole: None,
     }
 }
 

@@ -81,11 +81,10 @@ fn digest(campaign: &Campaign, scenario: &Scenario) -> std::result::Result<Diges
     };
     // Results of two builds of the program must not stand in one table; nor those of somebody's program before and after.
     let mut programs = vec![PathBuf::from("/proc/self/exe")];
-    for entry in &scenario.participants {
-        if let Program::External { exe, .. } = &entry.program {
-            programs.push(exe.clone());
-        }
-    }
+    programs.extend(scenario.programs().filter_map(|program| match program {
+        Program::External { exe, .. } => Some(exe.clone()),
+        Program::Builtin(_) => None,
+    }));
     for program in programs {
         let bytes = fs::read(&program).map_err(failed(&program, "read the program"))?;
         part(blake3::hash(&bytes).as_bytes());

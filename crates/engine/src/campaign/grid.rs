@@ -1,5 +1,7 @@
 //! What is varied: `KEY=VALUES`, with lists and ranges of exact quantities.
 
+use std::collections::HashSet;
+
 use super::{Column, POINTS_MAX};
 
 /// What is wrong with a `--vary`.
@@ -30,6 +32,8 @@ pub struct Axis {
     pub numbers: Option<Vec<f64>>,
     /// That unit; empty for pure numbers and texts.
     pub unit: String,
+    /// The values where all of them are whole numbers without a unit.
+    pub whole: Option<Vec<i64>>,
 }
 
 impl std::str::FromStr for Axis {
@@ -60,17 +64,27 @@ impl std::str::FromStr for Axis {
                 return Err(refuse(text, format!("has more than {POINTS_MAX} values")));
             }
         }
-        for (at, value) in values.iter().enumerate() {
-            if values[..at].contains(value) {
-                return Err(refuse(text, format!("has the value `{value}` twice")));
+        // Where one of the numbers is a decimal one, all are meant so: 0, 0.1, 0.2.
+        if values.iter().any(|value| is_plain(value) && value.contains('.')) {
+            for value in values
+                .iter_mut()
+                .filter(|value| is_plain(value) && !value.contains('.'))
+            {
+                value.push_str(".0");
             }
         }
+        let mut known = HashSet::new();
+        if let Some(twice) = values.iter().find(|value| !known.insert(value.as_str())) {
+            return Err(refuse(text, format!("has the value `{twice}` twice")));
+        }
         let (numbers, unit) = common_unit(&values);
+        let whole = values.iter().map(|value| value.parse().ok()).collect();
         Ok(Axis {
             key: key.to_owned(),
             values,
             numbers,
             unit,
+            whole,
         })
     }
 }
@@ -121,6 +135,10 @@ pub fn grid(axes: &[Axis]) -> Result<(Vec<Column>, Vec<Vec<String>>), GridError>
                 .numbers
                 .as_ref()
                 .map(|numbers| (0..count).map(|point| numbers[at(point)]).collect()),
+            whole: axis
+                .whole
+                .as_ref()
+                .map(|whole| (0..count).map(|point| whole[at(point)]).collect()),
         });
     }
     Ok((columns, points))
@@ -172,6 +190,7 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
             digits: 1,
             places: 0,
             unit: first.unit.clone(),
+            point: false,
         },
         None => {
             return Err(format!(
@@ -193,6 +212,7 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
             .and_then(|factor| number.digits.checked_mul(factor))
             .ok_or_else(|| format!("`{item}` has too many digits"))
     };
+    let point = first.point || last.point || step.point;
     let (first, last, step) = (scaled(&first)?, scaled(&last)?, scaled(&step)?);
     if step == 0 || (last - first).signum() * step.signum() < 0 {
         return Err(format!("`{item}` never gets to its end with this step"));
@@ -206,6 +226,7 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
             digits: first + k * step,
             places: finest,
             unit: unit.clone(),
+            point,
         }
         .text()
     });
@@ -218,6 +239,11 @@ fn tidy(item: &str) -> String {
         Some(number) if number.unit.chars().next().is_none_or(char::is_alphabetic) => number.text(),
         _ => item.to_owned(),
     }
+}
+
+/// Whether it is a number without a unit.
+fn is_plain(value: &str) -> bool {
+    Number::read(value).is_some_and(|number| number.unit.is_empty())
 }
 
 fn common_unit(values: &[String]) -> (Option<Vec<f64>>, String) {
@@ -247,6 +273,8 @@ struct Number {
     digits: i128,
     places: u32,
     unit: String,
+    /// Whether it was written with a point or an exponent.
+    point: bool,
 }
 
 impl Number {
@@ -285,6 +313,7 @@ impl Number {
             digits: if negative { -digits } else { digits },
             places,
             unit: unit.to_owned(),
+            point: number.contains('.') || text[end..].starts_with(['e', 'E']),
         })
     }
 
@@ -317,6 +346,7 @@ impl Number {
             digits,
             places,
             unit: unit.to_owned(),
+            point: self.point,
         })
     }
 
@@ -339,7 +369,11 @@ impl Number {
 
     fn text(&self) -> String {
         if self.unit.is_empty() {
-            self.decimal()
+            let mut text = self.decimal();
+            if self.point && !text.contains('.') {
+                text += ".0";
+            }
+            text
         } else {
             format!("{} {}", self.decimal(), self.unit)
         }
@@ -363,7 +397,7 @@ mod tests {
         assert_eq!(values("d=0ms..30ms:10ms"), ["0 ms", "10 ms", "20 ms", "30 ms"]);
         assert_eq!(values("d=0..0.3 s:100ms"), ["0 ms", "100 ms", "200 ms", "300 ms"]);
         assert_eq!(values("f=0.1 N..0.3 N:0.1 N"), ["0.1 N", "0.2 N", "0.3 N"]);
-        assert_eq!(values("f=1..0.4:-0.3"), ["1", "0.7", "0.4"]);
+        assert_eq!(values("f=1..0.4:-0.3"), ["1.0", "0.7", "0.4"]);
         assert_eq!(values("f=0ms..25ms:10ms"), ["0 ms", "10 ms", "20 ms"]);
         assert_eq!(values("seed=3..6"), ["3", "4", "5", "6"]);
         assert_eq!(values("d=1ms,5ms..15ms:5ms"), ["1 ms", "5 ms", "10 ms", "15 ms"]);
@@ -411,6 +445,34 @@ mod tests {
         let axes = ["a=1", "a=2"].map(|text| text.parse().unwrap());
         assert!(grid(&axes).unwrap_err().to_string().contains("varied twice"));
         assert!(range_of_seeds(1, 0).is_err());
+    }
+
+    #[test]
+    fn decimal_axis_stays_decimal_at_its_whole_numbers() {
+        assert_eq!(values("x=0..0.2:0.1"), ["0.0", "0.1", "0.2"]);
+        assert_eq!(values("x=-0.5,0,3"), ["-0.5", "0.0", "3.0"]);
+        assert_eq!(values("x=1.0,2.0"), ["1.0", "2.0"]);
+        assert_eq!(values("x=1.0..3.0:1.0"), ["1.0", "2.0", "3.0"]);
+        assert_eq!(values("x=1e20,2"), ["100000000000000000000.0", "2.0"]);
+        assert_eq!(values("x=0..2:1"), ["0", "1", "2"]);
+        assert_eq!(values("x=0.0 m,1 m"), ["0 m", "1 m"]);
+        assert!("x=1,1.0".parse::<Axis>().unwrap_err().reason.contains("twice"));
+    }
+
+    #[test]
+    fn whole_numbers_keep_all_of_their_digits() {
+        let axis = "seed=9007199254740993..9007199254740995".parse::<Axis>().unwrap();
+        assert_eq!(
+            axis.whole,
+            Some(vec![
+                9_007_199_254_740_993,
+                9_007_199_254_740_994,
+                9_007_199_254_740_995
+            ])
+        );
+        let axis = range_of_seeds(u64::MAX - 1, 2).unwrap();
+        assert_eq!(axis.values, ["18446744073709551614", "18446744073709551615"]);
+        assert_eq!((axis.whole, axis.unit.as_str()), (None, ""));
     }
 
     #[test]

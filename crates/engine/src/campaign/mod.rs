@@ -58,6 +58,30 @@ pub struct Column {
     pub texts: Vec<String>,
     /// The same as numbers, where all of them are numbers of that unit.
     pub numbers: Option<Vec<f64>>,
+    /// The same where all of them are whole numbers without a unit, such as seeds, which a double cannot always hold.
+    pub whole: Option<Vec<i64>>,
+}
+
+impl Column {
+    /// Whether all are whole numbers, of which some are too large for 64 bits with a sign.
+    fn beyond_whole(&self) -> bool {
+        let digits = |text: &String| {
+            text.strip_prefix('-')
+                .unwrap_or(text)
+                .bytes()
+                .all(|letter| letter.is_ascii_digit())
+        };
+        self.whole.is_none() && self.numbers.is_some() && self.unit.is_empty() && self.texts.iter().all(digits)
+    }
+
+    /// The value of a point as JSON: a number where it is one that a reader gets exactly.
+    pub fn json(&self, point: usize) -> serde_json::Value {
+        match (&self.whole, &self.numbers) {
+            (Some(whole), _) => serde_json::json!(whole[point]),
+            (None, Some(numbers)) if !self.beyond_whole() => serde_json::json!(numbers[point]),
+            (None, _) => serde_json::json!(self.texts[point]),
+        }
+    }
 }
 
 /// Why there is no campaign, or no more of it.

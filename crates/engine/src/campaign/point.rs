@@ -16,7 +16,7 @@ use tape::{DigestSink, Sink};
 use crate::Catalogue;
 use crate::assessment::{self, Assessment, Criterion};
 use crate::run::{self, Ending};
-use crate::scenario::Scenario;
+use crate::scenario::{Program, Scenario};
 
 /// What became of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -156,7 +156,12 @@ fn judged(catalogue: &Arc<Catalogue>, file: &Path, changes: &[String], keep: Opt
             Ok(result) => result,
             Err(reason) => refused(&reason),
         },
-        (here, keep) => with_tape(&scenario, here.is_some(), keep, scratch),
+        (_, keep) => {
+            let in_process = scenario
+                .programs()
+                .all(|program| matches!(program, Program::Builtin(_)));
+            with_tape(&scenario, in_process, keep, scratch)
+        }
     }
 }
 

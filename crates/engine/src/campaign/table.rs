@@ -14,9 +14,13 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
         cells: Cells::Whole((1..=results.len() as i64).collect()),
     }];
     for column in &campaign.columns {
-        let cells = match &column.numbers {
-            Some(numbers) => Cells::Number(numbers.iter().copied().map(Some).collect()),
-            None => Cells::Text(column.texts.iter().cloned().map(Some).collect()),
+        let cells = match (&column.whole, &column.numbers) {
+            (Some(whole), _) => Cells::Whole(whole.clone()),
+            // Whole numbers beyond 63 bits stay what was written.
+            (None, Some(numbers)) if !column.beyond_whole() => {
+                Cells::Number(numbers.iter().copied().map(Some).collect())
+            }
+            (None, _) => Cells::Text(column.texts.iter().cloned().map(Some).collect()),
         };
         columns.push(SheetColumn {
             name: column.name.clone(),

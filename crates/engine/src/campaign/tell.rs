@@ -144,6 +144,7 @@ mod tests {
             unit: String::new(),
             texts: texts.iter().map(|text| (*text).to_owned()).collect(),
             numbers: None,
+            whole: None,
         }
     }
 

@@ -1,13 +1,14 @@
 //! Running the points: workers, progress, the journal.
 
 use std::collections::VecDeque;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use super::folder::{Folder, digest_of_scenario};
 use super::point::{Outcome, Result as PointResult};
-use super::worker::{Answer, Task, Word, Worker};
+use super::worker::{Answer, AnyPath, Task, Word, Worker};
 use super::{Campaign, CampaignError};
 use crate::observer::{Event, Interrupt, Progress};
 use crate::scenario::Scenario;
@@ -186,18 +187,24 @@ impl Crew<'_> {
             return Ok(());
         };
         let task = Task {
-            scenario: self.campaign.scenario.clone(),
+            scenario: AnyPath(self.campaign.scenario.clone()),
             digest: self.digest.clone(),
             common: self.campaign.overrides.clone(),
             changes: self.campaign.points[point].clone(),
-            keep: self.keep.then(|| self.folder.run(point + 1)),
-            scratch: self.folder.scratch(number),
+            keep: self.keep.then(|| AnyPath(self.folder.run(point + 1))),
+            scratch: AnyPath(self.folder.scratch(number)),
         };
         let seat = &mut self.seats[number];
         seat.busy = Some(point);
-        // One that cannot take an order is gone, and its end is about to be heard.
-        let _ = seat.worker.order(&task);
-        Ok(())
+        match seat.worker.order(&task) {
+            // It is gone, and its end is about to be heard.
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+            ordered => ordered.map_err(|source| CampaignError::Io {
+                path: self.campaign.scenario.clone(),
+                action: "give a worker its point",
+                source,
+            }),
+        }
     }
 
     fn progress(&self) -> Event<'static> {

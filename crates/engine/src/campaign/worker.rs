@@ -1,13 +1,15 @@
 //! The processes that run the points: each takes one point at a time as a line of JSON and answers with one.
 
+use std::ffi::OsString;
 use std::io::{self, BufRead, BufReader, Write};
+use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Stdio};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rustix::process::{Pid, Signal, kill_process};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::point::{Result as PointResult, run_point};
 use crate::Catalogue;
@@ -16,7 +18,7 @@ use crate::Catalogue;
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Task {
     /// The scenario file.
-    pub scenario: PathBuf,
+    pub scenario: AnyPath,
     /// What it must still be, with the changes that all points share.
     pub digest: String,
     /// Those changes.
@@ -24,9 +26,26 @@ pub struct Task {
     /// The changes of this point.
     pub changes: Vec<String>,
     /// The run folder, if it is kept.
-    pub keep: Option<PathBuf>,
+    pub keep: Option<AnyPath>,
     /// Where a run folder may be made for a while.
-    pub scratch: PathBuf,
+    pub scratch: AnyPath,
+}
+
+/// A path on its way to a worker, as its bytes: not every path is text.
+#[derive(Debug)]
+pub struct AnyPath(pub PathBuf);
+
+impl Serialize for AnyPath {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.0.as_os_str().as_bytes().serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for AnyPath {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<AnyPath, D::Error> {
+        let bytes = Vec::deserialize(deserializer)?;
+        Ok(AnyPath(OsString::from_vec(bytes).into()))
+    }
 }
 
 /// A worker's answer.
@@ -49,10 +68,10 @@ pub fn serve(catalogue: &Arc<Catalogue>, tasks: impl BufRead, mut answers: impl 
             let changes = [task.common.as_slice(), &task.changes].concat();
             Answer::Done(Box::new(run_point(
                 catalogue,
-                &task.scenario,
+                &task.scenario.0,
                 &changes,
-                task.keep.as_deref(),
-                &task.scratch,
+                task.keep.as_ref().map(|path| path.0.as_path()),
+                &task.scratch.0,
             )))
         } else {
             Answer::Changed
@@ -65,7 +84,7 @@ pub fn serve(catalogue: &Arc<Catalogue>, tasks: impl BufRead, mut answers: impl 
 
 impl Task {
     fn is_current(&self, catalogue: &Arc<Catalogue>) -> bool {
-        crate::scenario::Scenario::read(catalogue, &self.scenario, &self.common)
+        crate::scenario::Scenario::read(catalogue, &self.scenario.0, &self.common)
             .is_ok_and(|scenario| super::folder::digest_of_scenario(&scenario).to_string() == self.digest)
     }
 }
@@ -134,6 +153,9 @@ impl Worker {
     }
 
     /// Gives it a point.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::BrokenPipe`] when it is gone; any other error is one of the task.
     pub fn order(&mut self, task: &Task) -> io::Result<()> {
         let orders = self.orders.as_mut().ok_or(io::ErrorKind::BrokenPipe)?;
         let line = serde_json::to_string(task)? + "\n";

@@ -5,8 +5,8 @@
 //! transport, and how a run ends.
 
 pub(crate) mod player;
+mod reduce;
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -16,13 +16,13 @@ use lockstep::time::Rational;
 use tape::compare::{Comparison, compare};
 use tape::folder::RunFolder;
 use tape::{ReadError, Reader, Selection, Source};
-use toml::{Table, Value};
+use toml::Value;
 
 use crate::Catalogue;
 use crate::run::{self, Ending, Options, RunFailure};
-use crate::scenario::{Program, Scenario, ScenarioError, fault_name};
+use crate::scenario::{Program, Scenario, ScenarioError};
 use crate::scope::{Scope, ScopeError};
-use player::Role;
+use reduce::{Cast, reduce};
 
 /// Why there is no replay, or no comparison.
 #[derive(Debug, thiserror::Error)]
@@ -112,15 +112,13 @@ impl Replay {
             Err(error) if request.unverified => notes.push(error.to_string()),
             verified => verified?,
         }
-        let mut misfit = Ok(());
+        let mut reduced = Ok(Cast::default());
         let mut scenario = Scenario::read_with(request.catalogue, &file, request.overrides, |table| {
-            misfit = reduce(table, request, &reader);
+            reduced = reduce(table, request, &reader);
         });
-        if let Err(reason) = misfit {
-            return Err(ReplayError::Misfit(reason));
-        }
+        let cast = reduced.map_err(ReplayError::Misfit)?;
         let scenario_now = scenario.as_ref().map_err(Clone::clone)?;
-        check_sample_times(scenario_now, &reader, request.participant)?;
+        check_sample_times(scenario_now, &reader, request.participant, &cast)?;
         let made = scenario_now.make()?;
         let all = &scenario_now.participants;
         let at = all.iter().position(|entry| entry.setup.name == request.participant);
@@ -132,7 +130,7 @@ impl Replay {
         if let Some(interface) = &interfaces[at] {
             check_outputs(interface, &reader, request.participant)?;
         }
-        let reach = reach(scenario_now, &interfaces, &reader, at)?;
+        let reach = reach(scenario_now, &interfaces, &reader, at, &cast)?;
         let end = reach
             .end
             .min(request.to.unwrap_or(reach.end))
@@ -154,14 +152,15 @@ impl Replay {
         })
     }
 
-    /// Whether the participant is a program of its own.
+    /// Whether the participant, or what is substituted for it, is a program of its own.
     pub fn external(&self) -> bool {
-        let entry = self
-            .scenario
-            .participants
-            .iter()
-            .find(|entry| entry.setup.name == self.participant);
-        entry.is_some_and(|entry| matches!(entry.program, Program::External { .. }))
+        let mut programs = self.scenario.programs();
+        programs.any(|program| matches!(program, Program::External { .. }))
+    }
+
+    /// No activation at or after this instant is replayed.
+    pub fn end(&self) -> Rational {
+        self.scenario.duration
     }
 
     /// Runs the participant and compares what it says with the tape.
@@ -222,168 +221,13 @@ impl Replay {
     }
 }
 
-/// Leaves of a plan's table the one participant, the connections into it, and players in place of those who feed it.
-fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) -> Result<(), String> {
-    let subject = request.participant;
-    let missing = |what: &str| format!("the plan of {} has no table `{what}`", request.folder.display());
-    let participants = table.get("participants").and_then(Value::as_table);
-    let participants = participants.ok_or_else(|| missing("participants"))?.clone();
-    let Some(Value::Table(own)) = participants.get(subject) else {
-        let known: Vec<String> = participants.keys().map(|name| format!("`{name}`")).collect();
-        let run = request.folder.display();
-        return Err(format!(
-            "{run} has no participant `{subject}`; it has {}",
-            known.join(", ")
-        ));
-    };
-    let mut own = own.clone();
-    if let Some((exe, args)) = request.program {
-        let mut run = Table::new();
-        run.insert("exe".into(), Value::String(exe.to_string_lossy().into_owned()));
-        run.insert(
-            "args".into(),
-            Value::Array(args.iter().cloned().map(Value::String).collect()),
-        );
-        own.insert("run".into(), Value::Table(run));
-    }
-    let mut kept = Table::new();
-    kept.insert(subject.to_owned(), Value::Table(own));
-    let mut connections = Table::new();
-    let mut played: BTreeMap<String, (Vec<String>, Role)> = BTreeMap::new();
-    for (name, connection) in table.get("connections").and_then(Value::as_table).into_iter().flatten() {
-        let Value::Table(mut connection) = connection.clone() else {
-            continue;
-        };
-        let inputs: Vec<Value> = match connection.get("to") {
-            Some(Value::Array(all)) => all.clone(),
-            Some(one) => vec![one.clone()],
-            None => Vec::new(),
-        };
-        let into_own = |input: &Value| {
-            let port = input.as_str().and_then(|input| input.split_once('.'));
-            port.is_some_and(|(participant, _)| participant == subject)
-        };
-        let inputs: Vec<Value> = inputs.into_iter().filter(into_own).collect();
-        if inputs.is_empty() {
-            continue;
-        }
-        let from = connection.get("from").and_then(Value::as_str).unwrap_or_default();
-        let Some((producer, port)) = from.split_once('.').map(|(a, b)| (a.to_owned(), b.to_owned())) else {
-            return Err(format!("connections.{name}.from: `{from}` is not a port"));
-        };
-        // Only a continuous participant has a sample before the run starts.
-        let first_sample = connection.get("initial").and_then(Value::as_str) == Some("first-sample");
-        let (ports, role) = played.entry(producer.clone()).or_insert((Vec::new(), Role::Sampled));
-        if first_sample {
-            *role = Role::Continuous;
-        }
-        if !ports.contains(&port) {
-            ports.push(port.clone());
-        }
-        connection.insert(
-            "from".into(),
-            Value::String(format!("{}.{port}", stand_in(&producer, subject))),
-        );
-        connection.insert("to".into(), Value::Array(inputs));
-        connections.insert(name.clone(), Value::Table(connection));
-    }
-    let mut stand = |name: String, producer: &str, ports: &[String], role: Role| -> Result<(), String> {
-        for port in ports {
-            let stream = reader.stream(&format!("{producer}.{port}"));
-            stream.map_err(|error| error.to_string())?;
-        }
-        let original = participants.get(producer).and_then(Value::as_table);
-        let original = original.ok_or_else(|| missing(&format!("participants.{producer}")))?;
-        let mut run = Table::new();
-        run.insert("builtin".into(), Value::String(player::NAME.into()));
-        let mut entry = Table::new();
-        entry.insert("run".into(), Value::Table(run));
-        for key in ["period", "offset"] {
-            entry.extend(original.get(key).map(|value| (key.to_owned(), value.clone())));
-        }
-        let parameters = player::parameters(reader.dir(), producer, ports, role);
-        entry.insert("parameters".into(), Value::Table(parameters));
-        kept.insert(name, Value::Table(entry));
-        Ok(())
-    };
-    for (producer, (ports, role)) in played {
-        stand(stand_in(&producer, subject), &producer, &ports, role)?;
-    }
-    let said = reader.streams().iter();
-    let said = said.filter(|spec| spec.participant == subject && !spec.is_seen());
-    let said: Vec<String> = said.map(|spec| spec.port.clone()).collect();
-    stand(listener(subject), subject, &said, Role::Listener)?;
-    for port in said {
-        let mut connection = Table::new();
-        connection.insert("from".into(), Value::String(format!("{subject}.{port}")));
-        connection.insert("to".into(), Value::String(format!("{}.{port}", listener(subject))));
-        connections.insert(format!("{}-{port}", listener(subject)), Value::Table(connection));
-    }
-    keep_faults(table, subject, &kept, &connections);
-    table.insert("participants".into(), Value::Table(kept));
-    table.insert("connections".into(), Value::Table(connections));
-    // What the run was judged by, and what ended it, is no matter of one participant.
-    table.remove("assessment");
-    table.remove("guards");
-    Ok(())
-}
-
-/// Leaves of a plan's faults those that disturb what the participant sees, under the names that their draws go by.
-fn keep_faults(table: &mut Table, subject: &str, participants: &Table, connections: &Table) {
-    let Some(Value::Array(faults)) = table.get_mut("faults") else {
-        return;
-    };
-    for (position, fault) in faults.iter_mut().enumerate() {
-        if let Value::Table(fault) = fault {
-            let name = fault_name(fault.get("name").and_then(Value::as_str), position);
-            fault.insert("name".into(), Value::String(name));
-        }
-    }
-    faults.retain_mut(|fault| {
-        let text = |key: &str| fault.get(key).and_then(Value::as_str).map(str::to_owned);
-        if let Some(connection) = text("connection") {
-            return connections.contains_key(&connection);
-        }
-        if let Some(input) = text("input") {
-            return input
-                .split_once('.')
-                .is_some_and(|(participant, _)| participant == subject);
-        }
-        let output = text("output");
-        let Some((producer, port)) = output.as_deref().and_then(|output| output.split_once('.')) else {
-            return false;
-        };
-        let player = stand_in(producer, subject);
-        let played = participants
-            .get(&player)
-            .and_then(|player| player.get("parameters")?.get("ports")?.as_array())
-            .is_some_and(|ports| ports.iter().any(|played| played.as_str() == Some(port)));
-        if let Value::Table(fault) = fault {
-            fault.insert("output".into(), Value::String(format!("{player}.{port}")));
-        }
-        played
-    });
-}
-
-/// The name of a player: the one it stands for, except where a participant feeds itself.
-fn stand_in(producer: &str, subject: &str) -> String {
-    if producer == subject {
-        format!("{producer}-recorded")
-    } else {
-        producer.to_owned()
-    }
-}
-
-/// The name of whoever listens to the participant that is run again.
-fn listener(subject: &str) -> String {
-    format!("{subject}-heard")
-}
-
 /// The samples on the tape must be those that the plan speaks of.
-fn check_sample_times(scenario: &Scenario, reader: &Reader, subject: &str) -> Result<(), ReplayError> {
+fn check_sample_times(scenario: &Scenario, reader: &Reader, subject: &str, cast: &Cast) -> Result<(), ReplayError> {
     for spec in reader.streams() {
         let entry = |name: &str| scenario.participants.iter().find(|entry| entry.setup.name == name);
-        let Some(entry) = entry(&spec.participant) else {
+        // Names that the replay has given are none of the tape.
+        let own = [&cast.recorded, &cast.heard].contains(&&spec.participant);
+        let Some(entry) = entry(&spec.participant).filter(|_| !own) else {
             continue;
         };
         if spec.first_index > 0 {
@@ -445,6 +289,7 @@ fn reach(
     interfaces: &[Option<Interface>],
     reader: &Reader,
     subject: usize,
+    cast: &Cast,
 ) -> Result<Reach, ReplayError> {
     let plan = scenario.sketch(interfaces)?;
     let own = &plan.participants[subject];
@@ -466,7 +311,7 @@ fn reach(
     for link in own.inputs.iter().flatten() {
         let from = plan.links[*link].from;
         let producer = &plan.participants[from.0];
-        let itself = producer.name == stand_in(&own.name, &own.name);
+        let itself = producer.name == cast.recorded;
         let played = if itself { &own.name } else { &producer.name };
         let name = format!("{played}.{}", producer.interface.outputs[from.1].name);
         let count = reader.count(reader.stream(&name)?);

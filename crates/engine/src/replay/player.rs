@@ -3,7 +3,9 @@
 //! Somebody has to listen: a participant hands over its samples for the tape before it shows one to another. So what it said
 //! is on the replay's tape up to the activation in which it fails, as in the run.
 
-use std::path::Path;
+use std::ffi::OsString;
+use std::os::unix::ffi::{OsStrExt, OsStringExt};
+use std::path::{Path, PathBuf};
 
 use lockstep::participant::{
     Failure, Input, Inputs, Interface, Kind, Output, Outputs, ParameterError, Participant, Setup, Step,
@@ -38,7 +40,7 @@ impl Role {
 /// The parameters are made by [`super::Replay`], never by a user.
 pub(super) fn parameters(tape: &Path, participant: &str, ports: &[String], role: Role) -> toml::Table {
     let mut table = toml::Table::new();
-    table.insert("tape".into(), Value::String(tape.to_string_lossy().into_owned()));
+    table.insert("tape".into(), path_value(tape));
     table.insert("participant".into(), Value::String(participant.into()));
     let ports = ports.iter().cloned().map(Value::String).collect();
     table.insert("ports".into(), Value::Array(ports));
@@ -50,14 +52,45 @@ pub(super) fn parameters(tape: &Path, participant: &str, ports: &[String], role:
     table
 }
 
+/// A path as a parameter: text, or its bytes where it is none.
+fn path_value(path: &Path) -> Value {
+    match path.to_str() {
+        Some(text) => Value::String(text.to_owned()),
+        None => Value::Array(
+            path.as_os_str()
+                .as_bytes()
+                .iter()
+                .map(|&byte| i64::from(byte).into())
+                .collect(),
+        ),
+    }
+}
+
+fn path_of(value: &Value) -> Option<PathBuf> {
+    match value {
+        Value::String(text) => Some(text.into()),
+        Value::Array(bytes) => {
+            let bytes = bytes.iter().map(|byte| u8::try_from(byte.as_integer()?).ok());
+            Some(OsString::from_vec(bytes.collect::<Option<_>>()?).into())
+        }
+        _ => None,
+    }
+}
+
 /// Makes the participant.
 pub fn factory(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+    let missing = |key: &str| ParameterError::new(key, "missing: a recording is played by `escapement replay`");
     let text = |key: &str| {
         let value = setup.parameters.get(key).and_then(Value::as_str);
-        value.ok_or_else(|| ParameterError::new(key, "missing: a recording is played by `escapement replay`"))
+        value.ok_or_else(|| missing(key))
     };
+    let tape = setup
+        .parameters
+        .get("tape")
+        .and_then(path_of)
+        .ok_or_else(|| missing("tape"))?;
     let participant = text("participant")?;
-    let reader = Reader::open(Path::new(text("tape")?)).map_err(|error| ParameterError::new("tape", error))?;
+    let reader = Reader::open(&tape).map_err(|error| ParameterError::new("tape", error))?;
     let ports = setup.parameters.get("ports").and_then(Value::as_array);
     let mut tracks = Vec::new();
     for port in ports.into_iter().flatten().filter_map(Value::as_str) {

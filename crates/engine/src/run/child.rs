@@ -66,9 +66,9 @@ impl Participant {
                 command.arg("participant").arg(builtin);
                 command
             }
-            Program::External { exe, args } => {
+            Program::External { exe, args, folder } => {
                 let mut command = Command::new(exe);
-                command.args(args);
+                command.args(args).current_dir(folder);
                 command
             }
         };

@@ -18,7 +18,7 @@ use super::horizon::Guide;
 use super::monitor::Monitor;
 use super::outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
 use super::place::Place;
-use super::prepare;
+use super::prepare::{self, Known};
 use super::recording::Recorder;
 use super::set_up::{self, Ready};
 use super::slices::Slices;
@@ -49,7 +49,20 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     scope::leftovers().iter().for_each(scope::Leftover::remove);
     let monitor = Monitor::new(options.interrupt.clone());
     room::check(&known.plan, scenario.moves())?;
-    let folder = prepare::folder(scenario, options)?;
+    let claim = prepare::folder(scenario, options)?;
+    let folder = claim.folder().clone();
+    let ran = run_in(folder, scenario, options, &known, entries, monitor);
+    prepare::settled(ran, claim)
+}
+
+fn run_in(
+    folder: RunFolder,
+    scenario: &Scenario,
+    options: &Options,
+    known: &Known,
+    entries: Vec<Entry>,
+    monitor: Monitor,
+) -> Result<Outcome, RunFailure> {
     let Ready {
         entries,
         programs,

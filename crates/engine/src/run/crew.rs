@@ -283,10 +283,25 @@ fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, what: 
 }
 
 /// Starts the program of `entry`; what it writes goes to `log`.
-pub(super) fn start(entry: &Entry, domain: &Domain, log: &std::path::Path) -> Result<Participant, RunFailure> {
-    Participant::start(entry, &domain.address().to_string(), log).map_err(|error| RunFailure::Participant {
-        participant: entry.setup.name.clone(),
-        reason: format!("cannot be started: {error}"),
+///
+/// # Errors
+/// A file that is no program that could run here is a mistake in the scenario, whatever else goes wrong is not.
+pub(super) fn start(
+    scenario: &Scenario,
+    entry: &Entry,
+    domain: &Domain,
+    log: &std::path::Path,
+) -> Result<Participant, RunFailure> {
+    use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied};
+    Participant::start(entry, &domain.address().to_string(), log).map_err(|error| {
+        if matches!(error.kind(), NotFound | NotADirectory | PermissionDenied) {
+            let reason = format!("{} cannot be started: {error}", entry.program);
+            return scenario.program_refusal(entry, &reason).into();
+        }
+        RunFailure::Participant {
+            participant: entry.setup.name.clone(),
+            reason: format!("cannot be started: {error}"),
+        }
     })
 }
 
@@ -334,7 +349,7 @@ pub(super) fn introduce(
     let interface = match member.ask(&request, monitor)? {
         Reply::Described { interface } => interface,
         Reply::Refused { key, reason } => {
-            let refusal = scenario.refusal(&setup.name, &quoted(&key), &quoted(&reason));
+            let refusal = scenario.refusal(entry, &quoted(&key), &quoted(&reason));
             return Err(refusal.into());
         }
         other => return Err(member.odd(format!("answered its parameters with {other:?}"))),

@@ -1,6 +1,6 @@
 //! What a program says of its ports, asked before the run in which it may have a part.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use lockstep::control::Request;
 use lockstep::participant::Interface;
@@ -12,13 +12,13 @@ use super::crew::{self, Member};
 use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::place::Place;
-use crate::scenario::{Entry, OnFailure, Program, Scenario, ScenarioError};
+use crate::scenario::{Entry, OnFailure, Program, Scenario};
 use crate::scope::Scope;
 
-/// The ports of `entry`. A program of its own is started for that alone, in a place of its own, and ended again.
+/// The ports of `entry`, as [`ask`] gives them.
 ///
 /// # Errors
-/// A program that does not enter, describes no ports, or refuses its parameters.
+/// Those of [`ask`].
 pub fn ports(scenario: &Scenario, entry: &Entry, options: &Options) -> Result<Interface, RunFailure> {
     ask_for_ports(scenario, entry, options, &Monitor::new(options.interrupt.clone()))
 }
@@ -33,26 +33,58 @@ fn ask_for_ports(
         && let Some(factory) = scenario.catalogue().factory(name)
     {
         let made = factory(&entry.setup);
-        let made = made.map_err(|error| scenario.refusal(&entry.setup.name, &error.key, &error.reason))?;
+        let made = made.map_err(|error| scenario.refusal(entry, &error.key, &error.reason))?;
         return Ok(made.interface());
+    }
+    let mut told = ask_monitored(scenario, &[entry], options, monitor)?;
+    Ok(told.remove(0))
+}
+
+/// The ports of `entries`, which have programs of their own and different names. The programs are started for that alone, side by
+/// side in a place of their own, and ended again.
+///
+/// # Errors
+/// A program that does not enter, describes no ports, or refuses its parameters.
+pub fn ask(scenario: &Scenario, entries: &[&Entry], options: &Options) -> Result<Vec<Interface>, RunFailure> {
+    ask_monitored(scenario, entries, options, &Monitor::new(options.interrupt.clone()))
+}
+
+fn ask_monitored(
+    scenario: &Scenario,
+    entries: &[&Entry],
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<Vec<Interface>, RunFailure> {
+    if entries.is_empty() {
+        return Ok(Vec::new());
     }
     let scope = Scope::create()?;
     let address = scope.address();
-    let log = address.folder.join("words");
-    let name = entry.setup.name.as_str();
-    let within: Duration = crew::start_within(entry, options);
-    let (domain, ports) = Place::enter(address, std::iter::once(name))?;
-    let process = crew::start(entry, &domain, &log)?;
-    let mut members: Vec<Member> = std::iter::once(process)
-        .zip(ports)
-        .map(|(process, ports)| Member::new(process, ports, within))
-        .collect();
-    let member = &mut members[0];
-    crew::arrive(member, &mut Awake::since(Instant::now()), monitor)?;
-    let interface = crew::introduce(scenario, entry, None, member, monitor)?;
-    let _ = member.ask(&Request::Terminate, monitor);
-    member.process.bring_down(GRACE);
-    Ok(interface)
+    let words = address.folder.clone();
+    let names = entries.iter().map(|entry| entry.setup.name.as_str());
+    let (domain, ports) = Place::enter(address, names)?;
+    let mut members = Vec::new();
+    for (entry, ports) in entries.iter().zip(ports) {
+        let log = words.join(format!("words.{}", entry.setup.name));
+        let process = crew::start(scenario, entry, &domain, &log)?;
+        members.push(Member::new(process, ports, crew::start_within(entry, options)));
+    }
+    let mut waited = Awake::since(Instant::now());
+    for member in &mut members {
+        crew::arrive(member, &mut waited, monitor)?;
+    }
+    let mut interfaces = Vec::new();
+    for (member, entry) in members.iter_mut().zip(entries) {
+        interfaces.push(crew::introduce(scenario, entry, None, member, monitor)?);
+    }
+    for member in &mut members {
+        let _ = member.ask(&Request::Terminate, monitor);
+    }
+    let started = Instant::now();
+    for member in &mut members {
+        member.process.bring_down(GRACE.saturating_sub(started.elapsed()));
+    }
+    Ok(interfaces)
 }
 
 /// Whether everybody who may take over in mid-run has the ports of who is there before, which are `known`.
@@ -65,40 +97,33 @@ pub(super) fn check_substitutes(
     options: &Options,
     monitor: &Monitor,
 ) -> Result<(), RunFailure> {
-    let compare = |entry: &Entry, seat: usize, refuse: &dyn Fn(&str) -> ScenarioError| {
-        let ports = match ask_for_ports(scenario, entry, options, monitor) {
-            Ok(ports) => ports,
-            // Somebody of the run itself has failed meanwhile.
-            Err(RunFailure::Participant { reason, .. }) => {
-                let refusal = || refuse(&format!("{} {reason}", entry.program)).into();
-                return Err(monitor.failure().unwrap_or_else(refusal));
+    let compare = |entry: &Entry, seat: usize| -> Result<(), RunFailure> {
+        let ports = ask_for_ports(scenario, entry, options, monitor).map_err(|failure| match failure {
+            RunFailure::Participant { participant, reason } => {
+                let reason = format!("{}, which may take its place, {reason}", entry.program);
+                let substitute = || RunFailure::Substitute { participant, reason };
+                // A participant of the run itself may have failed meanwhile.
+                monitor.failure().unwrap_or_else(substitute)
             }
-            Err(other) => return Err(other),
-        };
+            other => other,
+        })?;
         match ports.difference(&known[seat]) {
             Some(difference) => {
                 let reason = format!(
                     "{} has other ports than `{}`: {difference}",
                     entry.program, entry.setup.name
                 );
-                Err(refuse(&reason).into())
+                Err(scenario.program_refusal(entry, &reason).into())
             }
             None => Ok(()),
         }
     };
     for substitution in &scenario.substitutions {
-        let seat = substitution.participant;
-        let entry = substitution.entry(&scenario.participants[seat]);
-        compare(&entry, seat, &|reason| {
-            scenario.substitution_refusal(substitution, reason)
-        })?;
+        compare(&substitution.entry, substitution.participant)?;
     }
     for (seat, before) in scenario.participants.iter().enumerate() {
         if let OnFailure::Substitute(program) = &before.on_failure {
-            let entry = before.replaced_by(program);
-            compare(&entry, seat, &|reason| {
-                scenario.policy_refusal(&entry.setup.name, reason)
-            })?;
+            compare(&before.replaced_by(program), seat)?;
         }
     }
     Ok(())

@@ -10,6 +10,7 @@ use lockstep::participant::Participant;
 use lockstep::plan::Plan;
 use lockstep::stepper::settle;
 use lockstep::time::Ticks;
+use tape::folder::RunFolder;
 use tape::{Event, EventKind};
 
 use super::agenda::{Agenda, Business};
@@ -32,14 +33,27 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
     let plan = prepare::check(scenario)?.plan;
     let entries = prepare::entries(scenario, options)?;
     let participants = entries.iter().map(|entry| make(scenario, entry));
-    let mut participants = participants.collect::<Result<Vec<_>, _>>()?;
+    let participants = participants.collect::<Result<Vec<_>, _>>()?;
     // A program that cannot run here is refused now, not at its time.
     for substitution in &scenario.substitutions {
-        make(scenario, &substitution.entry(&entries[substitution.participant]))?;
+        make(scenario, &substitution.entry)?;
     }
-    let folder = prepare::folder(scenario, options)?;
-    let mut recorder = prepare::recorder(scenario, &plan, &folder)?;
-    let start = prepare::start(&plan, options, &mut recorder)?;
+    let claim = prepare::folder(scenario, options)?;
+    let folder = claim.folder().clone();
+    let ran = run_in(&folder, scenario, options, plan, entries, participants);
+    prepare::settled(ran, claim)
+}
+
+fn run_in(
+    folder: &RunFolder,
+    scenario: &Scenario,
+    options: &Options,
+    plan: Plan,
+    entries: Vec<Entry>,
+    mut participants: Vec<Box<dyn Participant>>,
+) -> Result<Outcome, RunFailure> {
+    let mut recorder = prepare::recorder(scenario, &plan, folder)?;
+    let start = prepare::start(scenario, &plan, options, &mut recorder)?;
     let agenda = Agenda::new(scenario, &plan, options, start.from, start.substituted)?;
     let recorder = Arc::new(Mutex::new(recorder));
     let looped = match start.positions {
@@ -55,7 +69,7 @@ pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, Run
             InLoop::resume(&plan, parts, positions).map_err(|error| RunFailure::Other(error.to_string()))?
         }
     };
-    options.begin(&plan, &folder);
+    options.begin(&plan, folder);
     let mut run = Run {
         looped: Some(looped),
         scenario,
@@ -149,7 +163,7 @@ fn make(scenario: &Scenario, entry: &Entry) -> Result<Box<dyn Participant>, RunF
             reason: "it is a program of its own, which cannot run in this process: leave out --in-process".into(),
         });
     };
-    factory(&entry.setup).map_err(|error| scenario.refusal(&entry.setup.name, &error.key, &error.reason).into())
+    factory(&entry.setup).map_err(|error| scenario.refusal(entry, &error.key, &error.reason).into())
 }
 
 fn parts(plan: &Plan, participants: Vec<Box<dyn Participant>>, recorder: &Arc<Mutex<Recorder>>) -> Vec<Part> {
@@ -256,7 +270,7 @@ impl Run<'_> {
             State::Cold => None,
             State::Keep => Some(self.save(seat)?),
         };
-        let entry = substitution.entry(&self.entries[seat]);
+        let entry = substitution.entry.clone();
         let mut newcomer = make(self.scenario, &entry)?;
         if let Some(difference) = newcomer.interface().difference(&self.plan.participants[seat].interface) {
             return Err(odd(

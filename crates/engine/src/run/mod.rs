@@ -13,6 +13,7 @@ pub mod faults;
 mod guard;
 mod horizon;
 mod in_process;
+mod instants;
 mod log;
 mod monitor;
 mod outcome;
@@ -38,8 +39,8 @@ use tape::folder::RunFolder;
 pub use child::{own_program, tie};
 pub use crew::placement;
 pub(crate) use guard::Watch;
-pub use outcome::{Ending, Outcome, RunFailure};
-pub use prepare::check;
+pub use outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
+pub use prepare::{Known, check, check_with_programs};
 pub use recording::streams;
 
 use crate::live::Steering;
@@ -105,6 +106,8 @@ pub struct Options {
     pub in_process: bool,
     /// The run folder; chosen under `runs` when not given.
     pub out: Option<PathBuf>,
+    /// Replace the run in that folder, if there is one.
+    pub force: bool,
     /// Receives what happens.
     pub progress: Progress,
     /// Asks for an end in order.
@@ -152,6 +155,7 @@ impl Options {
 /// # Errors
 /// What stopped the run before there was anything to record; what went wrong later is in the [`Outcome`].
 pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
+    instants::check(scenario.duration, options)?;
     if options.in_process {
         in_process::run(scenario, options)
     } else {

@@ -52,6 +52,24 @@ pub enum RunFailure {
     /// The machine has too little of what the run takes.
     #[error("{0}")]
     Room(String),
+    /// The program of a substitute cannot be started or does not answer, when it is asked before the run.
+    #[error("participant `{participant}`: {reason}")]
+    Substitute {
+        /// Whose place it may take.
+        participant: String,
+        /// Why.
+        reason: String,
+    },
+    /// An option does not fit the run.
+    #[error("{option} {value}: {reason}")]
+    Option {
+        /// The option.
+        option: &'static str,
+        /// Its value.
+        value: String,
+        /// What is wrong with it, and the remedy.
+        reason: String,
+    },
     /// Somebody asked for an end before the run began.
     #[error("interrupted before the run began")]
     Interrupted,
@@ -65,8 +83,11 @@ impl RunFailure {
     pub fn exit_code(&self) -> i32 {
         match self {
             RunFailure::Scenario(_)
+            | RunFailure::Option { .. }
             | RunFailure::Checkpoint(CheckpointError::None { .. })
-            | RunFailure::Folder(FolderError::NotEmpty { .. } | FolderError::NotAFolder { .. }) => 2,
+            | RunFailure::Folder(
+                FolderError::NotEmpty { .. } | FolderError::NotAFolder { .. } | FolderError::NotARun { .. },
+            ) => 2,
             _ => 1,
         }
     }

@@ -6,11 +6,13 @@ use lockstep::participant::Interface;
 use lockstep::plan::{Cut, Plan, Position};
 use lockstep::time::Ticks;
 use serde::Serialize;
-use tape::folder::{RunFolder, utc_text};
+use tape::folder::{Claim, RunFolder, utc_text};
 use tape::{Event, EventKind, StreamSpec, Writer};
 
 use super::checkpoint::Checkpoint;
-use super::outcome::RunFailure;
+use super::describe;
+use super::monitor::Monitor;
+use super::outcome::{Outcome, RunFailure};
 use super::played::Played;
 use super::recording::{Recorder, streams};
 use super::{Options, Origin};
@@ -38,19 +40,18 @@ pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
         .map(|participant| participant.as_ref().map(|participant| participant.interface()))
         .collect();
     for substitution in &scenario.substitutions {
-        let entry = substitution.entry(&scenario.participants[substitution.participant]);
+        let entry = &substitution.entry;
         let Program::Builtin(name) = &entry.program else {
             continue;
         };
         let Some(factory) = scenario.catalogue().factory(name) else {
             continue;
         };
-        let substitute =
-            factory(&entry.setup).map_err(|error| scenario.substitution_refusal(substitution, &error.to_string()))?;
+        let substitute = factory(&entry.setup).map_err(|error| scenario.refusal(entry, &error.key, &error.reason))?;
         let known = interfaces[substitution.participant].as_ref();
         if let Some(difference) = known.and_then(|known| substitute.interface().difference(known)) {
             let reason = format!("`{name}` has other ports than `{}`: {difference}", entry.setup.name);
-            return Err(scenario.substitution_refusal(substitution, &reason));
+            return Err(scenario.program_refusal(entry, &reason));
         }
     }
     let plan = scenario.sketch(&interfaces)?;
@@ -59,6 +60,40 @@ pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
         assess(scenario, &streams(&plan))?;
     }
     Ok(Known { interfaces, plan })
+}
+
+impl Known {
+    /// The names of the participants that were not asked for their ports.
+    pub fn unknown(&self) -> Vec<&str> {
+        let all = self.plan.participants.iter().zip(&self.interfaces);
+        all.filter_map(|(own, interface)| interface.is_none().then_some(own.name.as_str()))
+            .collect()
+    }
+}
+
+/// The same, and what the programs of the other participants and of all substitutes say of their ports: each is started for
+/// that and ended again. Nothing is assumed then.
+///
+/// # Errors
+/// What a run of the scenario would be refused for, and a program that does not answer.
+pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Known, RunFailure> {
+    let known = check(scenario)?;
+    let unknown = scenario.participants.iter().zip(&known.interfaces);
+    let unknown: Vec<&Entry> = unknown
+        .filter_map(|(entry, interface)| interface.is_none().then_some(entry))
+        .collect();
+    let mut told = describe::ask(scenario, &unknown, options)?.into_iter();
+    let interfaces: Vec<Interface> = (known.interfaces.into_iter())
+        .filter_map(|interface| interface.or_else(|| told.next()))
+        .collect();
+    let plan = scenario.plan(&interfaces)?;
+    describe::check_substitutes(scenario, &interfaces, options, &Monitor::new(options.interrupt.clone()))?;
+    assess(scenario, &streams(&plan))?;
+    scenario.watches(&plan, |_| true)?;
+    Ok(Known {
+        interfaces: interfaces.into_iter().map(Some).collect(),
+        plan,
+    })
 }
 
 fn assess(scenario: &Scenario, streams: &[StreamSpec]) -> Result<Option<Box<dyn Assessment>>, ScenarioError> {
@@ -110,11 +145,12 @@ impl Host {
 }
 
 /// Makes the run folder, with the resolved scenario and what made it.
-pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<RunFolder, RunFailure> {
-    let folder = match &options.out {
-        Some(out) => RunFolder::create(out)?,
+pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, RunFailure> {
+    let claim = match &options.out {
+        Some(out) => Claim::of(out, options.force)?,
         None => RunFolder::create_default(std::path::Path::new("runs"), &scenario.name)?,
     };
+    let folder = claim.folder();
     let resolved =
         toml::to_string_pretty(&scenario.portable()).map_err(|error| RunFailure::Other(error.to_string()))?;
     folder.write(&folder.plan(), &resolved)?;
@@ -131,7 +167,15 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<RunFolder
         files: scenario.files().iter().map(|file| file.display().to_string()).collect(),
     };
     folder.write_json(&folder.run(), &provenance)?;
-    Ok(folder)
+    Ok(claim)
+}
+
+/// What has become of a run that has the folder of `claim`: one that was refused leaves nothing there.
+pub(super) fn settled(ran: Result<Outcome, RunFailure>, mut claim: Claim) -> Result<Outcome, RunFailure> {
+    if ran.as_ref().err().is_none_or(|failure| failure.exit_code() != 2) {
+        claim.settle();
+    }
+    ran
 }
 
 /// Opens the tape.
@@ -180,8 +224,7 @@ pub(super) fn entries_at(scenario: &Scenario, checkpoint: &Checkpoint) -> Vec<En
     let mut entries = scenario.participants.clone();
     let done = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
     for substitution in scenario.substitutions.iter().take(done) {
-        let seat = &mut entries[substitution.participant];
-        *seat = substitution.entry(seat);
+        entries[substitution.participant] = substitution.entry.clone();
     }
     for (seat, replaced) in entries.iter_mut().zip(&checkpoint.replaced) {
         if let (true, OnFailure::Substitute(program)) = (replaced, seat.on_failure.clone()) {
@@ -192,7 +235,12 @@ pub(super) fn entries_at(scenario: &Scenario, checkpoint: &Checkpoint) -> Vec<En
 }
 
 /// Where the run begins; what was before it is put on the tape.
-pub(super) fn start(plan: &Plan, options: &Options, recorder: &mut Recorder) -> Result<Start, RunFailure> {
+pub(super) fn start(
+    scenario: &Scenario,
+    plan: &Plan,
+    options: &Options,
+    recorder: &mut Recorder,
+) -> Result<Start, RunFailure> {
     let Some(Origin { run, checkpoint }) = &options.origin else {
         return Ok(Start {
             from: 0,
@@ -206,6 +254,16 @@ pub(super) fn start(plan: &Plan, options: &Options, recorder: &mut Recorder) -> 
         return Err(RunFailure::Other(format!(
             "the run cannot be taken up at t = {}: the scenario ends before, or has other sample times than the run that was saved",
             checkpoint.time
+        )));
+    }
+    // A substitution at the instant of a checkpoint comes after it.
+    let instants = scenario.substitutions.iter().map(|one| plan.timebase.ceil(one.at));
+    let before = instants.filter(|at| at.as_ref().is_ok_and(|at| *at < from)).count();
+    if before as u64 != checkpoint.substitutions {
+        return Err(RunFailure::Other(format!(
+            "the run cannot be taken up at t = {}: {} of its substitutions had happened, the scenario has {before} before then; \
+             leave those in it",
+            checkpoint.time, checkpoint.substitutions
         )));
     }
     let played = Played::open(&RunFolder::open(run).tape(), plan)?;

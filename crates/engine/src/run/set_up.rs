@@ -196,7 +196,7 @@ impl SetUp<'_> {
                 *programs += 1;
                 log = self.folder.stderr(&format!("{name}.{programs}"));
             }
-            let process = crew::start(entry, &domain, &log)?;
+            let process = crew::start(self.scenario, entry, &domain, &log)?;
             crew.push(Member::new(process, ports, crew::start_within(entry, options)));
         }
         // Every wait below ends when any of the participants fails.
@@ -218,7 +218,7 @@ impl SetUp<'_> {
                 let plan = scenario.plan(&interfaces)?;
                 describe::check_substitutes(scenario, &interfaces, options, &monitor)?;
                 let mut recorder = prepare::recorder(scenario, &plan, self.folder)?;
-                let start = prepare::start(&plan, options, &mut recorder)?;
+                let start = prepare::start(self.scenario, &plan, options, &mut recorder)?;
                 basis.insert(Basis {
                     interfaces,
                     plan,

@@ -121,7 +121,7 @@ impl Conductor<'_> {
             State::Cold => None,
             State::Keep => Some(crew::save(&mut self.crew[seat], &self.monitor)?),
         };
-        let entry = substitution.entry(&self.scenario.participants[seat]);
+        let entry = substitution.entry.clone();
         let cut = self.recorder.cut_at(now);
         let event = prepare::substitution_event(&self.plan, now, &cut, seat, &entry, substitution.state);
         let mut new = Some((entry, state));
@@ -190,7 +190,7 @@ impl Conductor<'_> {
                     self.programs += 1;
                     let log = self.folder.stderr(&format!("{}.{}", entry.setup.name, self.programs));
                     missing.unless(number, &mut member, |member| {
-                        member.process = crew::start(&entry, &domain, &log)?;
+                        member.process = crew::start(self.scenario, &entry, &domain, &log)?;
                         Ok(())
                     })?;
                     (Some(entry), state)

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::types::RunEntry;
-use super::{Entry, Program, Scenario, Substitution};
+use super::{Program, Scenario};
 
 /// What happens when a participant dies, hangs, or breaks the protocol.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -57,35 +57,6 @@ impl fmt::Display for Program {
             Program::External { exe, .. } => {
                 write!(f, "`{}`", exe.file_name().unwrap_or_default().to_string_lossy())
             }
-        }
-    }
-}
-
-impl Substitution {
-    /// What sits in the seat of `before` from then on.
-    pub fn entry(&self, before: &Entry) -> Entry {
-        let mut entry = before.clone();
-        entry.program = self.program.clone();
-        if let Some(parameters) = &self.parameters {
-            entry.setup.parameters = parameters.clone();
-        }
-        entry
-    }
-}
-
-impl Entry {
-    /// Whether it is the same program with the same parameters.
-    pub fn runs_as(&self, other: &Entry) -> bool {
-        (&self.program, &self.setup.parameters) == (&other.program, &other.setup.parameters)
-    }
-
-    /// What sits in this seat once `program` has taken over from whoever failed in it.
-    pub fn replaced_by(&self, program: &Program) -> Entry {
-        Entry {
-            program: program.clone(),
-            on_failure: OnFailure::Stop,
-            replaced: true,
-            ..self.clone()
         }
     }
 }

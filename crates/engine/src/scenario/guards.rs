@@ -9,9 +9,11 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use super::error::{Mistake, ScenarioError};
-use super::faults::{unknown, values};
-use super::resolve::{Scenario, not_a_port, port, typed};
-use super::source::Source;
+use super::faults::values;
+use super::names::{Names, unknown};
+use super::plan::{not_a_port, port};
+use super::resolve::Scenario;
+use super::source::{Source, typed};
 use crate::run::Watch;
 
 /// One section as it is written.
@@ -41,7 +43,7 @@ type Refusal = (&'static str, String);
 /// Reads all sections, as far as that goes without the ports of the participants.
 pub(super) fn read(
     source: &Source,
-    participants: &[String],
+    participants: &Names,
     sections: BTreeMap<String, Value>,
 ) -> Result<Vec<Guard>, Vec<Mistake>> {
     let (mut guards, mut mistakes) = (Vec::new(), Vec::new());
@@ -64,10 +66,10 @@ fn mistake(source: &Source, guard: &str, (key, reason): Refusal) -> Mistake {
 }
 
 impl Guard {
-    fn new(name: &str, participants: &[String], entry: GuardEntry) -> Result<Guard, Refusal> {
+    fn new(name: &str, participants: &Names, entry: GuardEntry) -> Result<Guard, Refusal> {
         let port = port(&entry.output).ok_or_else(|| ("output", not_a_port(&entry.output)))?;
         if !participants.contains(&port.0) {
-            return Err(("output", unknown("participant", &port.0, participants.iter())));
+            return Err(("output", participants.unknown("participant", &port.0)));
         }
         if entry.range.is_none() && entry.frozen_for.is_none() {
             let reason = "guards against nothing: write range = \"[-10, 10] N m\", frozen-for = \"1 s\", or both";

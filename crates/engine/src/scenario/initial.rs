@@ -1,7 +1,7 @@
 //! The value of an input before anything is visible.
 
 use lockstep::plan::Initial;
-use lockstep::port::{Descriptor, Field};
+use lockstep::port::{Descriptor, Element, Field};
 use toml::Value;
 
 /// Reads `"zero"`, `"first-sample"` or a table of fields, in the units of the descriptor.
@@ -36,7 +36,7 @@ pub(super) fn initial(value: &Value, descriptor: &Descriptor) -> Result<Initial,
 
 fn write(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
     let mut numbers = Vec::new();
-    flatten(value, &mut numbers).map_err(|other| format!("`{}`: `{other}` is not a number ({field})", field.name))?;
+    flatten(value, &mut numbers);
     if numbers.len() != field.len() {
         return Err(format!(
             "`{}`: {} numbers are given, {} are needed ({field})",
@@ -46,17 +46,92 @@ fn write(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
         ));
     }
     for (number, slot) in numbers.iter().zip(bytes.chunks_exact_mut(field.element.size())) {
-        field.element.put(*number, slot);
+        put(number, field.element, slot).map_err(|reason| format!("`{}`: {reason} ({field})", field.name))?;
     }
     Ok(())
 }
 
-fn flatten(value: &Value, into: &mut Vec<f64>) -> Result<(), String> {
+fn flatten<'a>(value: &'a Value, into: &mut Vec<&'a Value>) {
     match value {
-        Value::Float(number) => into.push(*number),
-        Value::Integer(number) => into.push(*number as f64),
-        Value::Array(items) => items.iter().try_for_each(|item| flatten(item, into))?,
-        other => return Err(other.to_string()),
+        Value::Array(items) => items.iter().for_each(|item| flatten(item, into)),
+        other => into.push(other),
     }
+}
+
+/// Writes `number` exactly, or says why an element cannot hold it.
+fn put(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> {
+    let range = match element {
+        Element::F64 | Element::F32 => {
+            let value = match number {
+                Value::Float(value) => *value,
+                Value::Integer(value) => *value as f64,
+                other => return Err(format!("`{other}` is not a number")),
+            };
+            let finite = value.is_finite() && (element == Element::F64 || (value as f32).is_finite());
+            if !finite {
+                return Err(format!("`{number}` is not a finite number of this type"));
+            }
+            element.put(value, slot);
+            return Ok(());
+        }
+        Element::I64 => i128::from(i64::MIN)..=i128::from(i64::MAX),
+        Element::I32 => i128::from(i32::MIN)..=i128::from(i32::MAX),
+        Element::U64 => 0..=i128::from(u64::MAX),
+        Element::U32 => 0..=i128::from(u32::MAX),
+        Element::U8 => 0..=i128::from(u8::MAX),
+    };
+    let whole = match number {
+        Value::Integer(value) => Some(i128::from(*value)),
+        Value::Float(value) if value.fract() == 0.0 => Some(*value as i128),
+        _ => None,
+    };
+    let whole = whole.filter(|whole| range.contains(whole)).ok_or_else(|| {
+        format!(
+            "`{number}` is not a whole number from {} to {}",
+            range.start(),
+            range.end()
+        )
+    })?;
+    slot.copy_from_slice(&whole.to_le_bytes()[..slot.len()]);
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn put_into(element: Element, text: &str) -> Result<Vec<u8>, String> {
+        let table: toml::Table = format!("x = {text}").parse().unwrap();
+        let mut slot = vec![0; element.size()];
+        put(&table["x"], element, &mut slot).map(|()| slot)
+    }
+
+    #[test]
+    fn initial_number_is_exact_or_refused() {
+        let exact = i64::MAX - 1;
+        assert_eq!(
+            put_into(Element::I64, &exact.to_string()),
+            Ok(exact.to_le_bytes().to_vec())
+        );
+        assert_eq!(
+            put_into(Element::U64, &exact.to_string()),
+            Ok((exact as u64).to_le_bytes().to_vec())
+        );
+        assert_eq!(put_into(Element::I32, "-7"), Ok((-7_i32).to_le_bytes().to_vec()));
+        assert_eq!(put_into(Element::U8, "255.0"), Ok(vec![255]));
+        assert_eq!(put_into(Element::F64, "2"), Ok(2.0_f64.to_le_bytes().to_vec()));
+        for (element, text) in [
+            (Element::F64, "nan"),
+            (Element::F64, "-inf"),
+            (Element::F32, "1e300"),
+            (Element::F64, "true"),
+            (Element::U8, "256"),
+            (Element::U64, "-1"),
+            (Element::I32, "0.5"),
+            (Element::I64, "1e19"),
+            (Element::U32, "nan"),
+        ] {
+            assert!(put_into(element, text).is_err(), "{element:?} {text}");
+        }
+    }
 }

@@ -1,18 +1,23 @@
 //! The file that a user writes, and what it means.
 
+mod entry;
 mod error;
 mod failure;
 mod faults;
 mod guards;
 mod initial;
+mod lines;
+mod names;
+mod plan;
 mod program;
 mod resolve;
 mod source;
 mod types;
 
+pub use entry::Entry;
 pub use error::ScenarioError;
 pub use failure::OnFailure;
-pub use faults::{State, Substitution, table as fault_table};
+pub use faults::{State, table as fault_table};
 pub use program::{Program, in_path};
-pub use resolve::{Entry, Scenario};
+pub use resolve::Scenario;
 pub use source::fault_name;

@@ -11,17 +11,19 @@ use super::types::RunEntry;
 pub enum Program {
     /// A participant that this program contains.
     Builtin(String),
-    /// Somebody's program.
+    /// A program of its own.
     External {
         /// The file.
         exe: PathBuf,
         /// Its arguments.
         args: Vec<String>,
+        /// The folder in which it is started: relative paths among its arguments are relative to it.
+        folder: PathBuf,
     },
 }
 
 /// Reads a `run` table, which stands at `key`.
-pub(super) fn program(source: &Source, folder: &Path, key: &str, run: RunEntry) -> Result<Program, Mistake> {
+pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Program, Mistake> {
     match (run.builtin, run.exe) {
         (Some(builtin), None) => {
             if source.catalogue.factory(&builtin).is_none() {
@@ -34,10 +36,13 @@ pub(super) fn program(source: &Source, folder: &Path, key: &str, run: RunEntry) 
             }
             Ok(Program::Builtin(builtin))
         }
-        (None, Some(exe)) => Ok(Program::External {
-            exe: find(folder, &exe).map_err(|reason| source.mistake(key, reason))?,
-            args: run.args,
-        }),
+        (None, Some(exe)) => {
+            let folder = source.folder();
+            let found = find(&folder, &exe).and_then(|exe| Ok((exe, absolute(&folder)?)));
+            let (exe, folder) = found.map_err(|reason| source.mistake(key, reason))?;
+            let args = run.args;
+            Ok(Program::External { exe, args, folder })
+        }
         _ => Err(source.mistake(
             key,
             "write either { builtin = \"NAME\" } or { exe = \"FILE\", args = […] }",
@@ -50,13 +55,27 @@ fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
     if exe.contains('/') {
         let path = folder.join(exe);
         return if runs(&path) {
-            std::path::absolute(&path).map_err(|error| error.to_string())
+            absolute(&path)
         } else {
-            Err(format!("`{}` is not an executable file", path.display()))
+            Err(format!(
+                "`{}` is not an executable file; a relative path is one from the scenario's folder",
+                path.display()
+            ))
         };
     }
     in_path(exe)
+        .and_then(|path| absolute(&path).ok())
         .ok_or_else(|| format!("there is no program `{exe}` in PATH; name a file with its folder, such as \"./{exe}\""))
+}
+
+fn absolute(path: &Path) -> Result<PathBuf, String> {
+    // The folder of a file that is named without one is the empty path.
+    let path = if path.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        path
+    };
+    std::path::absolute(path).map_err(|error| format!("`{}`: {error}", path.display()))
 }
 
 fn runs(path: &Path) -> bool {

@@ -1,14 +1,17 @@
 //! The text of a scenario: values, the lines they stand on, files put in place of their names, and overrides.
 
+use std::collections::HashMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
-use toml::de::{DeTable, DeValue};
+use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::error::{Mistake, ScenarioError};
 use super::faults;
+use super::lines::Lines;
+use super::resolve::FOLDER;
 use crate::Catalogue;
 
 /// A scenario as it was read, before anything is understood.
@@ -16,9 +19,11 @@ pub(super) struct Source {
     pub(super) catalogue: Arc<Catalogue>,
     file: PathBuf,
     text: String,
+    /// The lines of its keys, once there is a mistake.
+    lines: OnceLock<Lines>,
     pub(super) table: Table,
     /// The keys that were given on the command line, with the option.
-    overridden: Vec<(String, &'static str)>,
+    overridden: HashMap<String, &'static str>,
     /// The files whose contents stand in the table, for the run's record.
     pub(super) files: Vec<PathBuf>,
 }
@@ -64,7 +69,8 @@ impl Source {
             file: file.to_owned(),
             text,
             table,
-            overridden: Vec::new(),
+            lines: OnceLock::new(),
+            overridden: HashMap::new(),
             files: Vec::new(),
         };
         source.fill_in_files()?;
@@ -78,25 +84,33 @@ impl Source {
         Ok(source)
     }
 
-    /// The folder that relative names are relative to.
-    pub(super) fn folder(&self) -> &Path {
-        self.file.parent().unwrap_or(Path::new(""))
+    /// The folder that relative paths are relative to: the file's own unless it names another.
+    pub(super) fn folder(&self) -> PathBuf {
+        let own = self.file.parent().unwrap_or(Path::new(""));
+        let named = self.table.get(FOLDER).and_then(Value::as_str);
+        named.map_or_else(|| own.to_owned(), |named| own.join(named))
     }
 
-    /// An error about `key`, with the line it stands on.
+    /// The same from the root on; `None` when there is no current folder.
+    pub(super) fn folder_in_full(&self) -> Option<PathBuf> {
+        std::path::absolute(self.folder().join(".")).ok()
+    }
+
+    /// A mistake about `key`, with the line it stands on, or with the option that gave it.
     pub(super) fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {
-        let mut reason = reason.into();
-        let given = |(given, _): &&(String, _)| key == given || key.starts_with(&format!("{given}."));
-        if let Some((_, option)) = self.overridden.iter().find(given) {
-            reason += &format!(" (given with {option})");
+        let reason = reason.into();
+        // The key itself, then the tables around it.
+        let ends = key.rmatch_indices('.').map(|(at, _)| at);
+        let mut around = std::iter::once(key.len()).chain(ends).map(|end| &key[..end]);
+        if let Some(option) = around.find_map(|key| self.overridden.get(key)) {
             return Mistake {
                 line: None,
                 key: key.to_owned(),
-                reason,
+                reason: format!("{reason} (given with {option})"),
             };
         }
         Mistake {
-            line: self.line(key),
+            line: self.lines.get_or_init(|| Lines::of(&self.text)).line(key),
             key: key.to_owned(),
             reason,
         }
@@ -107,38 +121,6 @@ impl Source {
             file: self.file.clone(),
             mistakes,
         }
-    }
-
-    /// The line of `key`, or of the nearest table around it.
-    fn line(&self, key: &str) -> Option<usize> {
-        let document = DeTable::parse(&self.text).ok()?;
-        let mut table = document.get_ref();
-        let mut span: Option<Range<usize>> = None;
-        let mut parts = key.split('.').filter(|part| !part.is_empty());
-        while let Some(part) = parts.next() {
-            let Some((name, value)) = table.iter().find(|(name, _)| name.get_ref() == part) else {
-                break;
-            };
-            span = Some(name.span());
-            match value.get_ref() {
-                DeValue::Table(inner) => table = inner,
-                DeValue::Array(items) => {
-                    // A list of tables: the next part names one of them.
-                    let wanted = parts.next();
-                    let named = items.iter().enumerate().find_map(|(position, item)| {
-                        let inner = item.get_ref().as_table()?;
-                        let name = inner.iter().find(|(name, _)| name.get_ref() == "name");
-                        let name = name.and_then(|(_, value)| value.get_ref().as_str());
-                        (Some(fault_name(name, position).as_str()) == wanted).then_some((item.span(), inner))
-                    });
-                    let Some((place, inner)) = named else { break };
-                    span = Some(place);
-                    table = inner;
-                }
-                _ => break,
-            }
-        }
-        span.map(|span| line_of(&self.text, &span))
     }
 
     fn set(&mut self, one: &str) -> Result<(), ScenarioError> {
@@ -157,7 +139,12 @@ impl Source {
             ));
         };
         let (key, text) = (key.trim(), text.trim());
-        let value = value(text);
+        let mut value = value(text);
+        if key == FOLDER {
+            let reason =
+                "is where the file's own relative paths lead: it is changed in the file alone (given with --set)";
+            return Err(fail(key, reason.into()));
+        }
         let parts: Vec<&str> = key.split('.').collect();
         let (last, above) = parts.split_last().expect("split gives at least one part");
         if parts.iter().any(|part| part.is_empty()) {
@@ -194,8 +181,11 @@ impl Source {
                 }
             };
         }
+        if let Some(before) = table.get(*last) {
+            keep_decimal(&mut value, before);
+        }
         table.insert((*last).to_owned(), value);
-        self.overridden.push((key.to_owned(), "--set"));
+        self.overridden.insert(key.to_owned(), "--set");
         Ok(())
     }
 
@@ -212,12 +202,12 @@ impl Source {
         let position = self.table.get("faults").and_then(Value::as_array).map_or(0, Vec::len);
         let name = fault_name(entry.get("name").and_then(Value::as_str), position);
         faults::append(&mut self.table, entry).map_err(refuse)?;
-        self.overridden.push((format!("faults.{name}"), "--fault"));
+        self.overridden.insert(format!("faults.{name}"), "--fault");
         Ok(())
     }
 
     fn fill_in_files(&mut self) -> Result<(), ScenarioError> {
-        let folder = self.file.parent().map(Path::to_owned).unwrap_or_default();
+        let folder = self.folder();
         let mut mistakes = Vec::new();
         let mut files = Vec::new();
         for section in ["participants", "assessment"] {
@@ -242,6 +232,19 @@ impl Source {
     }
 }
 
+/// Reads one section; a mistake gets the key that it is about.
+pub(super) fn typed<T: DeserializeOwned>(source: &Source, key: &str, value: Value) -> Result<T, Mistake> {
+    serde_path_to_error::deserialize(value).map_err(|error| {
+        let path = error.path().to_string();
+        let key = match (key, path.as_str()) {
+            (key, ".") => key.to_owned(),
+            ("", path) => path.to_owned(),
+            (key, path) => format!("{key}.{path}"),
+        };
+        source.mistake(&key, error.into_inner().message())
+    })
+}
+
 /// What a fault is called: its own name, or its number in the list, from 1.
 pub fn fault_name(own: Option<&str>, position: usize) -> String {
     own.map_or_else(|| format!("fault-{}", position + 1), str::to_owned)
@@ -255,6 +258,26 @@ pub(super) fn value(text: &str) -> Value {
         .filter(|table| table.len() == 1)
         .and_then(|mut table| table.remove("x"));
     one.unwrap_or_else(|| Value::String(text.to_owned()))
+}
+
+/// On a command line 0.0 is written as 0: what was a decimal number `before`, or a list of them, stays one.
+fn keep_decimal(value: &mut Value, before: &Value) {
+    match (value, before) {
+        (value @ Value::Integer(_), Value::Float(_)) => {
+            if let Some(whole) = value
+                .as_integer()
+                .filter(|whole| (*whole as f64) as i128 == i128::from(*whole))
+            {
+                *value = Value::Float(whole as f64);
+            }
+        }
+        (Value::Array(values), Value::Array(before)) => {
+            if let Some(before) = before.first() {
+                values.iter_mut().for_each(|value| keep_decimal(value, before));
+            }
+        }
+        _ => {}
+    }
 }
 
 fn fill_in(

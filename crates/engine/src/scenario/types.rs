@@ -1,10 +1,12 @@
 //! The sections of a scenario file.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use lockstep::link::{Hold, Timing};
 use lockstep::time::Rational;
-use serde::{Deserialize, Serialize};
+use serde::de::{Error, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 use toml::{Table, Value};
 
 use super::failure::OnFailureEntry;
@@ -93,8 +95,11 @@ impl ConnectionEntry {
 pub(super) struct Top {
     #[serde(default)]
     pub(super) title: String,
+    /// Read with the text itself: paths depend on it.
+    #[serde(default, rename = "folder", skip_serializing_if = "Option::is_none")]
+    pub(super) _folder: Option<String>,
     pub(super) duration: Rational,
-    #[serde(default = "one")]
+    #[serde(default = "one", deserialize_with = "seed")]
     pub(super) seed: u64,
     #[serde(default)]
     pub(super) participants: BTreeMap<String, Value>,
@@ -110,4 +115,29 @@ pub(super) struct Top {
 
 fn one() -> u64 {
     1
+}
+
+/// A seed is a whole number. TOML's end at 2^63; what is larger is written as text.
+fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    struct Seed;
+    impl Visitor<'_> for Seed {
+        type Value = u64;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "a whole number from 0 to {}, in quotes above {}", u64::MAX, i64::MAX)
+        }
+
+        fn visit_i64<E: Error>(self, seed: i64) -> Result<u64, E> {
+            u64::try_from(seed).map_err(|_| E::invalid_value(Unexpected::Signed(seed), &self))
+        }
+
+        fn visit_u64<E: Error>(self, seed: u64) -> Result<u64, E> {
+            Ok(seed)
+        }
+
+        fn visit_str<E: Error>(self, text: &str) -> Result<u64, E> {
+            text.parse().map_err(|_| E::invalid_value(Unexpected::Str(text), &self))
+        }
+    }
+    deserializer.deserialize_any(Seed)
 }

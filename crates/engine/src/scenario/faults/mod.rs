@@ -4,18 +4,17 @@ mod entry;
 mod signal;
 mod text;
 
-use std::collections::BTreeMap;
-use std::path::Path;
+use std::collections::{HashMap, HashSet};
 
 use lockstep::fault::{LinkFault, SignalFault, Span};
 use lockstep::plan::Plan;
 use lockstep::time::Rational;
-use toml::{Table, Value};
+use toml::Value;
 
+use super::entry::Entry;
 use super::error::Mistake;
-use super::program::{Program, program};
-use super::resolve::typed;
-use super::source::Source;
+use super::names::Names;
+use super::source::{Source, typed};
 use entry::{FaultEntry, Sort};
 use signal::Signal;
 
@@ -24,8 +23,11 @@ pub(super) use signal::values;
 pub(super) use text::append;
 pub use text::table;
 
+/// The most substitutions of a run: each needs a place of its own in shared memory (`scope`), and restarts need some as well.
+const SUBSTITUTIONS_MAX: usize = 1000;
+
 /// Another program takes a participant's place in mid-run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Substitution {
     /// The fault's name.
     pub name: String,
@@ -34,28 +36,35 @@ pub struct Substitution {
     /// The number of the participant that it replaces.
     pub participant: usize,
     /// What runs from then on.
-    pub program: Program,
-    /// Its parameters; those of the participant that it replaces when not given.
-    pub parameters: Option<Table>,
+    pub entry: Entry,
+    /// Whether it has parameters of its own; else they are those of the participant as the scenario has it.
+    pub own_parameters: bool,
     /// What it starts with.
     pub state: State,
     /// Where it stands in the scenario.
-    pub key: String,
+    pub(super) key: String,
 }
 
 /// The faults that act on samples.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Faults {
     signals: Vec<Signal>,
-    /// With the connections that they concern.
-    links: Vec<(String, LinkFault)>,
+    /// By the connections that they concern.
+    links: HashMap<String, Vec<LinkFault>>,
 }
 
 impl Faults {
     /// What is wrong with the connection called `name` for a while.
     pub(super) fn of_connection(&self, name: &str) -> Vec<LinkFault> {
-        let own = self.links.iter().filter(|(connection, _)| connection == name);
-        own.map(|(_, fault)| fault.clone()).collect()
+        self.links.get(name).cloned().unwrap_or_default()
+    }
+
+    /// The keys of all faults, with their begins.
+    pub(super) fn begins(&self) -> impl Iterator<Item = (String, Rational)> {
+        let signals = self.signals.iter().map(Signal::begin);
+        let signals = signals.map(|(key, at)| (key.to_owned(), at));
+        let links = self.links.values().flatten();
+        signals.chain(links.map(|fault| (format!("faults.{}", fault.name), fault.span.at)))
     }
 
     /// The signal faults against the ports of `plan`; where a participant's ports are not `certain`, what cannot be told
@@ -80,20 +89,20 @@ impl Faults {
 /// Reads all entries, as far as that goes without the ports of the participants.
 pub(super) fn read(
     source: &Source,
-    folder: &Path,
-    participants: &[String],
-    connections: &BTreeMap<String, Value>,
+    participants: &Names,
+    resolved: &[Option<Entry>],
+    connections: &Names,
     entries: Vec<Value>,
 ) -> Result<(Faults, Vec<Substitution>), Vec<Mistake>> {
     let mut reader = Reader {
         source,
-        folder,
         participants,
+        resolved,
         connections,
         faults: Faults::default(),
         substitutions: Vec::new(),
     };
-    let (mut mistakes, mut names) = (Vec::new(), Vec::new());
+    let (mut mistakes, mut names) = (Vec::new(), HashSet::new());
     for (position, value) in entries.into_iter().enumerate() {
         let name = super::source::fault_name(value.get("name").and_then(Value::as_str), position);
         let key = format!("faults.{name}");
@@ -107,7 +116,7 @@ pub(super) fn read(
         } else if let Err(mistake) = reader.one(&name, &key, value) {
             mistakes.push(mistake);
         }
-        names.push(name);
+        names.insert(name);
     }
     if mistakes.is_empty() {
         reader.substitutions.sort_by_key(|substitution| substitution.at);
@@ -119,9 +128,10 @@ pub(super) fn read(
 
 struct Reader<'a> {
     source: &'a Source,
-    folder: &'a Path,
-    participants: &'a [String],
-    connections: &'a BTreeMap<String, Value>,
+    participants: &'a Names,
+    /// The participants; `None` for one that has mistakes of its own.
+    resolved: &'a [Option<Entry>],
+    connections: &'a Names,
     faults: Faults,
     substitutions: Vec<Substitution>,
 }
@@ -158,37 +168,42 @@ impl Reader<'_> {
                 let signal = Signal::new(name, key, span, port, output, &entry);
                 let signal = signal.map_err(|(field, reason)| refuse(&field, reason))?;
                 if !self.participants.contains(&signal.port.0) {
-                    let reason = unknown("participant", &signal.port.0, self.participants.iter());
+                    let reason = self.participants.unknown("participant", &signal.port.0);
                     return Err(refuse(if output { "output" } else { "input" }, reason));
                 }
                 self.faults.signals.push(signal);
             }
             Sort::Link { connection } => {
-                if !self.connections.contains_key(&connection) {
-                    let reason = unknown("connection", &connection, self.connections.keys());
+                if !self.connections.contains(&connection) {
+                    let reason = self.connections.unknown("connection", &connection);
                     return Err(refuse("connection", reason));
                 }
                 let fault = entry.link_fault(name, span, &connection);
                 let fault = fault.map_err(|(field, reason)| refuse(&field, reason))?;
-                self.faults.links.push((connection, fault));
+                self.faults.links.entry(connection).or_default().push(fault);
             }
             Sort::Substitution { participant } => {
-                let number = self.participants.iter().position(|own| *own == participant);
+                let number = self.participants.number(&participant);
                 let number = number.ok_or_else(|| {
-                    refuse(
-                        "substitute",
-                        unknown("participant", &participant, self.participants.iter()),
-                    )
+                    let reason = self.participants.unknown("participant", &participant);
+                    refuse("substitute", reason)
                 })?;
                 let run = entry
                     .run
                     .ok_or_else(|| refuse("", "`run` is missing: what takes its place?".to_owned()))?;
+                let Some(before) = &self.resolved[number] else {
+                    return Ok(());
+                };
+                if self.substitutions.len() == SUBSTITUTIONS_MAX {
+                    let reason = format!("there are more than {SUBSTITUTIONS_MAX} substitutions: leave some out");
+                    return Err(refuse("substitute", reason));
+                }
                 self.substitutions.push(Substitution {
                     name: name.to_owned(),
                     at: entry.at,
                     participant: number,
-                    program: program(self.source, self.folder, &format!("{key}.run"), run)?,
-                    parameters: entry.parameters,
+                    own_parameters: entry.parameters.is_some(),
+                    entry: before.substituted(self.source, key, run, entry.parameters)?,
                     state: entry.state.unwrap_or_default(),
                     key: key.to_owned(),
                 });
@@ -196,14 +211,4 @@ impl Reader<'_> {
         }
         Ok(())
     }
-}
-
-pub(super) fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a String>) -> String {
-    let known: Vec<String> = known.map(|name| format!("`{name}`")).collect();
-    let known = if known.is_empty() {
-        "none".to_owned()
-    } else {
-        known.join(", ")
-    };
-    format!("there is no {what} `{name}`; there is {known}")
 }

@@ -3,11 +3,12 @@
 use lockstep::fault::{Effect, Place, SignalFault, Slot, Span};
 use lockstep::plan::Plan;
 use lockstep::port::{Descriptor, Field};
+use lockstep::time::Rational;
 use lockstep::units;
 use toml::Value;
 
 use super::entry::{FaultEntry, Kind, Refusal};
-use crate::scenario::resolve::{not_a_port, port};
+use crate::scenario::plan::{not_a_port, port};
 
 /// A signal fault that has been understood as far as that goes without the message that it disturbs.
 #[derive(Debug, Clone)]
@@ -60,6 +61,11 @@ impl Signal {
         };
         signal.check(entry)?;
         Ok(signal)
+    }
+
+    /// Its key, and when it begins.
+    pub(super) fn begin(&self) -> (&str, Rational) {
+        (&self.key, self.span.at)
     }
 
     /// That everything is there that its kind needs, and nothing else.

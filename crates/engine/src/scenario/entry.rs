@@ -1,0 +1,113 @@
+//! Entries: a program with everything that it is told, in a participant's place.
+
+use lockstep::participant::Setup;
+use lockstep::time::Rational;
+use toml::Table;
+
+use super::error::Mistake;
+use super::failure::{Named, OnFailure, OnFailureEntry};
+use super::program::{Program, program};
+use super::source::Source;
+use super::types::{ParticipantEntry, RunEntry};
+
+/// A program in a participant's place: the participant as the scenario has it, or what takes over from it in mid-run.
+#[derive(Debug, Clone)]
+pub struct Entry {
+    /// What runs.
+    pub program: Program,
+    /// The sample period.
+    pub period: Rational,
+    /// The first activation.
+    pub offset: Rational,
+    /// What it is told about itself.
+    pub setup: Setup,
+    /// What happens when it fails.
+    pub on_failure: OnFailure,
+    /// How long its program may take to enter the run and to answer a request, where the scenario says so.
+    pub start_within: Option<Rational>,
+    /// Whether the program is there because another one failed.
+    pub replaced: bool,
+    /// The scenario's key that names the program.
+    pub run_key: String,
+    /// The scenario's key that has the parameters.
+    pub parameters_key: String,
+}
+
+impl Entry {
+    /// The participant `name` as the scenario has it.
+    pub(super) fn resolve(source: &Source, name: &str, entry: ParticipantEntry, seed: u64) -> Result<Entry, Mistake> {
+        let key = |below: &str| format!("participants.{name}.{below}");
+        let runs = program(source, &key("run"), entry.run)?;
+        let on_failure = match entry.on_failure {
+            OnFailureEntry::Named(Named::Stop) => OnFailure::Stop,
+            OnFailureEntry::Named(Named::RestartFromCheckpoint) => OnFailure::Restart,
+            OnFailureEntry::Substitute(entry) => {
+                OnFailure::Substitute(program(source, &key("on-failure.substitute"), entry.substitute)?)
+            }
+        };
+        if !entry.period.is_positive() {
+            let reason = format!("the period is {}; it must be positive", entry.period);
+            return Err(source.mistake(&key("period"), reason));
+        }
+        if let Some(time) = entry.start_within.filter(|time| !time.is_positive()) {
+            let reason = format!("the time is {time}; it must be positive, such as \"120 s\"");
+            return Err(source.mistake(&key("start-within"), reason));
+        }
+        let setup = Setup {
+            name: name.to_owned(),
+            parameters: entry.parameters,
+            seed,
+            period: entry.period.seconds(),
+            offset: entry.offset.seconds(),
+        };
+        Ok(Entry {
+            program: runs,
+            period: entry.period,
+            offset: entry.offset,
+            setup,
+            on_failure,
+            start_within: entry.start_within,
+            replaced: false,
+            run_key: key("run"),
+            parameters_key: key("parameters"),
+        })
+    }
+
+    /// What the substitution at `key` puts in the place of this participant: its own program, and its own parameters or else
+    /// those of the participant as the scenario has it, whatever was substituted for it before.
+    pub(super) fn substituted(
+        &self,
+        source: &Source,
+        key: &str,
+        run: RunEntry,
+        parameters: Option<Table>,
+    ) -> Result<Entry, Mistake> {
+        let run_key = format!("{key}.run");
+        let mut entry = Entry {
+            program: program(source, &run_key, run)?,
+            run_key,
+            ..self.clone()
+        };
+        if let Some(parameters) = parameters {
+            entry.setup.parameters = parameters;
+            entry.parameters_key = format!("{key}.parameters");
+        }
+        Ok(entry)
+    }
+
+    /// What is in this place once `program` of its `on-failure` has taken over.
+    pub fn replaced_by(&self, program: &Program) -> Entry {
+        Entry {
+            program: program.clone(),
+            on_failure: OnFailure::Stop,
+            replaced: true,
+            run_key: format!("participants.{}.on-failure.substitute", self.setup.name),
+            ..self.clone()
+        }
+    }
+
+    /// Whether it is the same program with the same parameters.
+    pub fn runs_as(&self, other: &Entry) -> bool {
+        (&self.program, &self.setup.parameters) == (&other.program, &other.setup.parameters)
+    }
+}

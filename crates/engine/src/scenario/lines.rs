@@ -1,0 +1,135 @@
+//! The line of each key of a TOML text.
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use toml::de::{DeTable, DeValue};
+
+use super::source::fault_name;
+
+/// The keys of a text with their lines, as a tree. It is made once for all mistakes of a text.
+#[derive(Debug, Default)]
+pub(super) struct Lines {
+    line: usize,
+    below: HashMap<String, Lines>,
+}
+
+impl Lines {
+    /// The keys of `text`; none if it is not TOML.
+    pub(super) fn of(text: &str) -> Lines {
+        #[cfg(test)]
+        tests::MADE.set(tests::MADE.get() + 1);
+        let breaks: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
+        match DeTable::parse(text) {
+            Ok(document) => Lines::of_table(0, document.get_ref(), &breaks),
+            Err(_) => Lines::default(),
+        }
+    }
+
+    fn of_table(line: usize, table: &DeTable<'_>, breaks: &[usize]) -> Lines {
+        let below = table.iter().map(|(name, value)| {
+            let line = line_at(breaks, &name.span());
+            let lines = match value.get_ref() {
+                DeValue::Table(inner) => Lines::of_table(line, inner, breaks),
+                // The entries of a list of tables go by their names.
+                DeValue::Array(items) => {
+                    let tables = items.iter().enumerate().filter_map(|(position, item)| {
+                        let inner = item.get_ref().as_table()?;
+                        let name = inner.iter().find(|(name, _)| name.get_ref() == "name");
+                        let name = name.and_then(|(_, value)| value.get_ref().as_str());
+                        let lines = Lines::of_table(line_at(breaks, &item.span()), inner, breaks);
+                        Some((fault_name(name, position), lines))
+                    });
+                    let mut below = HashMap::new();
+                    // Of two entries with one name, the first one has it.
+                    tables.for_each(|(name, lines)| {
+                        below.entry(name).or_insert(lines);
+                    });
+                    Lines { line, below }
+                }
+                _ => Lines {
+                    line,
+                    below: HashMap::new(),
+                },
+            };
+            (name.get_ref().to_string(), lines)
+        });
+        Lines {
+            line,
+            below: below.collect(),
+        }
+    }
+
+    /// The line of the dotted `key`, from 1, or of the nearest table around it.
+    pub(super) fn line(&self, key: &str) -> Option<usize> {
+        let (mut here, mut found) = (self, None);
+        for part in key.split('.').filter(|part| !part.is_empty()) {
+            let Some(next) = here.below.get(part) else { break };
+            (here, found) = (next, Some(next.line));
+        }
+        found
+    }
+}
+
+fn line_at(breaks: &[usize], span: &Range<usize>) -> usize {
+    breaks.partition_point(|at| *at < span.start) + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::Catalogue;
+    use crate::scenario::Scenario;
+
+    thread_local! {
+        /// How often a text was taken apart.
+        pub(super) static MADE: Cell<usize> = const { Cell::new(0) };
+    }
+
+    #[test]
+    fn text_is_taken_apart_once_for_all_of_its_mistakes() {
+        let mut text = String::from("duration = \"1 s\"\n");
+        for number in 0..2000 {
+            text += &format!("[connections.c{number}]\nfrom = \"a.b\"\nto = \"c.d\"\ndealy = 1\n");
+        }
+        let before = MADE.get();
+        let error = Scenario::read_text(&Arc::new(Catalogue::new("test")), Path::new("x.toml"), &text)
+            .err()
+            .unwrap();
+        assert_eq!((error.mistakes.len(), MADE.get() - before), (2000, 1));
+        for mistake in &error.mistakes {
+            let number: usize = mistake.key["connections.c".len()..]
+                .split('.')
+                .next()
+                .unwrap()
+                .parse()
+                .unwrap();
+            assert_eq!(mistake.line, Some(5 + 4 * number), "{}", mistake.key);
+        }
+    }
+
+    #[test]
+    fn keys_stand_on_their_lines() {
+        let text =
+            "a = 1\n\n[b]\nc = { d = 1 }\n[[faults]]\nat = 1\n[[faults]]\nname = \"x\"\nat = 2\n[b.'e.f']\ng = 1\n";
+        let lines = Lines::of(text);
+        for (key, line) in [
+            ("a", Some(1)),
+            ("b", Some(3)),
+            ("b.c.d", Some(4)),
+            ("b.missing", Some(3)),
+            ("missing", None),
+            ("", None),
+            ("faults.fault-1.at", Some(6)),
+            ("faults.x.at", Some(9)),
+            ("faults.x.missing", Some(7)),
+        ] {
+            assert_eq!(lines.line(key), line, "{key}");
+        }
+        assert_eq!(Lines::of("no toml").line("no"), None);
+    }
+}

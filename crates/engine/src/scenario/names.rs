@@ -1,0 +1,52 @@
+//! Names of a scenario's participants or connections, found without a search through all of them.
+
+use std::collections::HashMap;
+
+/// Names with their numbers.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Names {
+    all: Vec<String>,
+    numbers: HashMap<String, usize>,
+}
+
+/// So many known names stand in a message.
+const SHOWN_MAX: usize = 24;
+
+impl Names {
+    pub(super) fn new(all: impl IntoIterator<Item = String>) -> Names {
+        let all: Vec<String> = all.into_iter().collect();
+        let numbers = all.iter().enumerate().map(|(number, name)| (name.clone(), number));
+        Names {
+            numbers: numbers.collect(),
+            all,
+        }
+    }
+
+    pub(super) fn number(&self, name: &str) -> Option<usize> {
+        self.numbers.get(name).copied()
+    }
+
+    pub(super) fn contains(&self, name: &str) -> bool {
+        self.numbers.contains_key(name)
+    }
+
+    /// That there is no `what` called `name`, and what there is.
+    pub(super) fn unknown(&self, what: &str, name: &str) -> String {
+        unknown(what, name, self.all.iter())
+    }
+}
+
+/// That there is no `what` called `name`, and what there is: the first ones of many.
+pub(super) fn unknown<'a>(what: &str, name: &str, known: impl ExactSizeIterator<Item = &'a String>) -> String {
+    let count = known.len();
+    let shown: Vec<String> = known.take(SHOWN_MAX).map(|name| format!("`{name}`")).collect();
+    let mut list = if shown.is_empty() {
+        "none".to_owned()
+    } else {
+        shown.join(", ")
+    };
+    if count > SHOWN_MAX {
+        list += &format!(" and {} more", count - SHOWN_MAX);
+    }
+    format!("there is no {what} `{name}`; there is {list}")
+}

@@ -1,0 +1,297 @@
+//! A folder for a run that may still be refused, in place of another run's if that is asked for.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::{FolderError, RunFolder, io_error, private};
+
+/// What a run, its checkpoints and shadows, an export and a report put into a run folder.
+const OWN: [&str; 9] = [
+    "plan.toml",
+    "run.json",
+    "summary.json",
+    "log",
+    "tape",
+    "checkpoints",
+    "shadow",
+    "export",
+    "report.html",
+];
+/// Where the run that was there before waits until the new one has begun.
+const BEFORE: &str = ".replaced";
+
+/// Whether a run puts something of this name into its folder. A killed program may leave a draft.
+fn is_own(name: &str) -> bool {
+    name == BEFORE || OWN.contains(&name.strip_suffix(".part").unwrap_or(name))
+}
+
+/// The first of the folders on the way to `path` that does not exist yet.
+pub(super) fn outermost_missing(path: &Path) -> Option<PathBuf> {
+    let missing = path.ancestors().take_while(|folder| {
+        let named = !folder.as_os_str().is_empty();
+        named && fs::symlink_metadata(folder).is_err()
+    });
+    missing.last().map(Path::to_owned)
+}
+
+/// A run folder for a run that may still be refused. Unless it is kept, everything is as before when this is dropped: what was
+/// made is gone, and what was there is back.
+#[derive(Debug)]
+pub struct Claim {
+    folder: RunFolder,
+    /// The outermost folder that was made for it.
+    made: Option<PathBuf>,
+    /// Whether there is a run to replace.
+    replaces: bool,
+    kept: bool,
+    /// Locked while a run is under way in it, so that no other one replaces that.
+    _lock: File,
+}
+
+impl Claim {
+    /// Makes the folder `root` with its parents, for the user alone, or takes an empty one as it is. One with a run in it, and
+    /// nothing else, is taken if it is to be replaced; any other is refused.
+    ///
+    /// # Errors
+    /// Names what is in the way; then nothing has been changed.
+    pub fn of(root: &Path, replace: bool) -> Result<Claim, FolderError> {
+        let made = outermost_missing(root);
+        private()
+            .recursive(true)
+            .create(root)
+            .map_err(|error| match fs::metadata(root) {
+                Ok(metadata) if !metadata.is_dir() => FolderError::NotAFolder { path: root.to_owned() },
+                _ => io_error(root, "create the folder")(error),
+            })?;
+        let lock = locked(root)?;
+        let mut entries = fs::read_dir(root).map_err(io_error(root, "list the folder"))?;
+        let taken = entries.next().is_some();
+        if taken && !replace {
+            return Err(FolderError::NotEmpty { path: root.to_owned() });
+        }
+        if taken {
+            only_a_run(root)?;
+        }
+        Claim::furnish(root, made, taken, lock)
+    }
+
+    /// Takes the folder `root`, which was just made, and `made` with it.
+    pub(super) fn made(root: &Path, made: Option<PathBuf>) -> Result<Claim, FolderError> {
+        Claim::furnish(root, made, false, locked(root)?)
+    }
+
+    fn furnish(root: &Path, made: Option<PathBuf>, replaces: bool, lock: File) -> Result<Claim, FolderError> {
+        let claim = Claim {
+            folder: RunFolder::open(root),
+            made,
+            replaces,
+            kept: false,
+            _lock: lock,
+        };
+        if replaces {
+            claim.set_aside()?;
+        }
+        let log = root.join("log");
+        fs::create_dir(&log).map_err(io_error(&log, "create the folder"))?;
+        Ok(claim)
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &RunFolder {
+        &self.folder
+    }
+
+    /// The run has begun: the folder stays, and what was there before goes.
+    pub fn settle(&mut self) {
+        self.kept = true;
+        if std::mem::take(&mut self.replaces) {
+            let _ = fs::remove_dir_all(self.folder.root.join(BEFORE));
+        }
+    }
+
+    /// The folder, which stays.
+    pub fn keep(mut self) -> RunFolder {
+        self.settle();
+        self.folder.clone()
+    }
+
+    fn set_aside(&self) -> Result<(), FolderError> {
+        let root = &self.folder.root;
+        let before = root.join(BEFORE);
+        match fs::remove_dir_all(&before) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                return Err(io_error(&before, "remove the folder")(error));
+            }
+            _ => {}
+        }
+        private()
+            .create(&before)
+            .map_err(io_error(&before, "create the folder"))?;
+        for name in own_entries(root)? {
+            let path = root.join(&name);
+            fs::rename(&path, before.join(&name)).map_err(io_error(&path, "set the file aside"))?;
+        }
+        Ok(())
+    }
+
+    fn give_back(&self) -> Result<(), FolderError> {
+        let root = &self.folder.root;
+        for name in own_entries(root)? {
+            let path = root.join(&name);
+            let removed = if fs::symlink_metadata(&path).is_ok_and(|about| about.is_dir()) {
+                fs::remove_dir_all(&path)
+            } else {
+                fs::remove_file(&path)
+            };
+            removed.map_err(io_error(&path, "remove it"))?;
+        }
+        if self.replaces {
+            let before = root.join(BEFORE);
+            for name in own_entries(&before)? {
+                fs::rename(before.join(&name), root.join(&name)).map_err(io_error(&before, "bring it back"))?;
+            }
+            fs::remove_dir(&before).map_err(io_error(&before, "remove the folder"))?;
+        }
+        // Folders that were made for it, from the inside out; what another run has entered meanwhile stays.
+        if let Some(made) = &self.made {
+            for folder in root.ancestors().take_while(|folder| folder.starts_with(made)) {
+                if fs::remove_dir(folder).is_err() {
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        if !self.kept {
+            let _ = self.give_back();
+        }
+    }
+}
+
+/// The folder `root`, locked.
+fn locked(root: &Path) -> Result<File, FolderError> {
+    let lock = File::open(root).map_err(io_error(root, "open the folder"))?;
+    match lock.try_lock() {
+        Ok(()) => Ok(lock),
+        Err(_) => Err(FolderError::NotARun {
+            path: root.to_owned(),
+            reason: "a run is under way in it".to_owned(),
+        }),
+    }
+}
+
+/// The names in `folder` that a run has put there, but for what is set aside.
+fn own_entries(folder: &Path) -> Result<Vec<String>, FolderError> {
+    let entries = fs::read_dir(folder).map_err(io_error(folder, "list the folder"))?;
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    Ok(names.filter(|name| is_own(name) && name != BEFORE).collect())
+}
+
+/// Refuses a folder that is not the one of a run, or has anything in it that no run has put there.
+fn only_a_run(root: &Path) -> Result<(), FolderError> {
+    let refuse = |reason: String| FolderError::NotARun {
+        path: root.to_owned(),
+        reason,
+    };
+    let file = |name: &str| fs::symlink_metadata(root.join(name)).is_ok_and(|about| about.is_file());
+    if let Some(missing) = ["plan.toml", "run.json"].into_iter().find(|name| !file(name)) {
+        return Err(refuse(format!(
+            "it is not the folder of a run, which has a file `{missing}`"
+        )));
+    }
+    for entry in fs::read_dir(root).map_err(io_error(root, "list the folder"))? {
+        let name = entry.map_err(io_error(root, "list the folder"))?.file_name();
+        if !name.to_str().is_some_and(is_own) {
+            return Err(refuse(format!("`{}` in it does not belong to a run", name.display())));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(root: &Path) -> Vec<String> {
+        let entries = fs::read_dir(root).unwrap();
+        let mut names: Vec<String> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    /// A folder that looks like the one of a run that is over.
+    fn run(root: &Path, plan: &str) {
+        let folder = RunFolder::create(root).unwrap();
+        folder.write(&folder.plan(), plan).unwrap();
+        folder.write(&folder.run(), "{}").unwrap();
+        fs::create_dir(folder.tape()).unwrap();
+        fs::write(folder.tape().join("index.json"), plan).unwrap();
+    }
+
+    #[test]
+    fn refused_run_leaves_nothing_that_it_made() {
+        let root = crate::scratch_for_tests("refused").join("deep/down");
+        let outermost = root.parent().unwrap().parent().unwrap().to_owned();
+        fs::create_dir_all(&outermost).unwrap();
+        let claim = Claim::of(&root, false).unwrap();
+        claim.folder().write(&claim.folder().plan(), "x").unwrap();
+        drop(claim);
+        assert_eq!(names(&outermost), Vec::<String>::new());
+        // A folder that was there, and empty, is there and empty.
+        fs::create_dir_all(&root).unwrap();
+        drop(Claim::of(&root, true).unwrap());
+        assert_eq!(names(&root), Vec::<String>::new());
+    }
+
+    #[test]
+    fn replaced_run_comes_back_unless_the_new_one_begins() {
+        let root = crate::scratch_for_tests("replaced");
+        run(&root, "old");
+        let claim = Claim::of(&root, true).unwrap();
+        claim.folder().write(&claim.folder().plan(), "new").unwrap();
+        assert!(!claim.folder().tape().exists());
+        let error = Claim::of(&root, true).unwrap_err().to_string();
+        assert!(error.contains("under way"), "{error}");
+        drop(claim);
+        assert_eq!(fs::read_to_string(root.join("plan.toml")).unwrap(), "old");
+        assert_eq!(fs::read_to_string(root.join("tape/index.json")).unwrap(), "old");
+        assert_eq!(names(&root), ["log", "plan.toml", "run.json", "tape"]);
+        let claim = Claim::of(&root, true).unwrap();
+        claim.folder().write(&claim.folder().plan(), "new").unwrap();
+        claim.keep();
+        assert_eq!(fs::read_to_string(root.join("plan.toml")).unwrap(), "new");
+        assert_eq!(names(&root), ["log", "plan.toml"]);
+    }
+
+    #[test]
+    fn nothing_but_a_run_is_replaced() {
+        let root = crate::scratch_for_tests("precious");
+        let refused = |part: &str| {
+            let before = names(&root);
+            let error = Claim::of(&root, true).unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+            assert_eq!(names(&root), before);
+        };
+        fs::create_dir_all(&root).unwrap();
+        fs::write(root.join("precious.txt"), "work of years").unwrap();
+        refused("`plan.toml`");
+        fs::write(root.join("plan.toml"), "").unwrap();
+        refused("`run.json`");
+        fs::create_dir(root.join("run.json")).unwrap();
+        refused("`run.json`");
+        fs::remove_dir(root.join("run.json")).unwrap();
+        fs::write(root.join("run.json"), "{}").unwrap();
+        refused("`precious.txt` in it does not belong to a run");
+        assert_eq!(fs::read_to_string(root.join("precious.txt")).unwrap(), "work of years");
+        fs::remove_file(root.join("precious.txt")).unwrap();
+        drop(Claim::of(&root, true).unwrap());
+        assert_eq!(names(&root), ["plan.toml", "run.json"]);
+    }
+}

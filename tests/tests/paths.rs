@@ -1,0 +1,316 @@
+//! Paths: relative ones lead to the same place wherever a command is given, those that are not UTF-8 work like any other, and a
+//! run folder is replaced only when that is asked for.
+
+use std::ffi::{OsStr, OsString};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, text};
+use escapement_tests::world::oscillator;
+
+/// `orchestrator` with `arguments`, given in `folder`.
+fn given_in(folder: &Path, arguments: &[&OsStr]) -> Said {
+    let mut command = Command::new(orchestrator());
+    command.args(arguments).current_dir(folder).stdin(Stdio::null());
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
+    finish(child.expect("the orchestrator can be started"))
+}
+
+fn os<'a>(arguments: &[&'a str]) -> Vec<&'a OsStr> {
+    arguments.iter().map(|argument| OsStr::new(*argument)).collect()
+}
+
+fn digest(said: &Said) -> String {
+    assert_eq!(said.code, Some(0), "{said:?}");
+    said.json()["tape_digest"].as_str().unwrap().to_owned()
+}
+
+/// The oscillator with a damper that a script beside the scenario starts: the shell gets the script's relative path.
+fn scripted(folder: &Folder) -> PathBuf {
+    folder.write("damper.sh", &format!("exec \"{}\"\n", participant("damper").display()));
+    let scenario = oscillator(folder, "damper");
+    let exe = format!("{{ exe = \"{}\" }}", participant("damper").display());
+    let changed = std::fs::read_to_string(&scenario)
+        .unwrap()
+        .replace(&exe, "{ exe = \"sh\", args = [\"./damper.sh\"] }");
+    assert!(changed.contains("damper.sh"));
+    folder.write("scripted.toml", &changed.replace("10 s", "1 s"))
+}
+
+#[test]
+fn scenario_and_its_plan_run_from_everywhere() {
+    let folder = Folder::new("everywhere");
+    let scenario = scripted(&folder);
+    let elsewhere = Folder::new("elsewhere");
+    let out = |name: &str| elsewhere.path().join(name);
+    let run = |place: &Path, file: &Path, name: &str| {
+        let out = out(name);
+        digest(&given_in(
+            place,
+            &os(&["run", text(file), "--json", "--out", text(&out)]),
+        ))
+    };
+    let tape = run(Path::new("/"), &scenario, "root");
+    assert_eq!(run(folder.path(), Path::new("scripted.toml"), "beside"), tape);
+    assert_eq!(run(elsewhere.path(), &scenario, "third"), tape);
+    // plan.toml is a scenario: it says the same, wherever it lies and wherever it is run.
+    for (place, name) in [("root", "again"), ("beside", "once-more")] {
+        assert_eq!(run(Path::new("/"), &out(place).join("plan.toml"), name), tape);
+    }
+    // What goes on from a run, or is run again, finds the same files.
+    let saved = out("saved");
+    let arguments = [
+        "run",
+        text(&scenario),
+        "--checkpoint-at",
+        "0.5 s",
+        "--out",
+        text(&saved),
+    ];
+    assert_eq!(given_in(folder.path(), &os(&arguments)).code, Some(0));
+    let resumed = out("resumed");
+    let set = "participants.plant.run={ exe = \"sh\", args = [\"./oscillator.sh\"] }";
+    folder.write(
+        "oscillator.sh",
+        &format!("exec \"{}\"\n", participant("oscillator").display()),
+    );
+    let arguments = ["resume", text(&saved), "--set", set, "--json", "--out", text(&resumed)];
+    assert_eq!(digest(&given_in(Path::new("/"), &os(&arguments))), tape);
+    let arguments = ["replay", text(&saved), "--participant", "damper"];
+    assert_eq!(given_in(Path::new("/"), &os(&arguments)).code, Some(0));
+    // What is an argument of the command itself is relative to where the command is given.
+    std::fs::create_dir(out("bin")).unwrap();
+    std::fs::copy(participant("damper"), out("bin/mine")).unwrap();
+    let arguments = [
+        "run",
+        text(&scenario),
+        "--substitute",
+        "damper=./bin/mine",
+        "--json",
+        "--out",
+        "mine",
+    ];
+    assert_eq!(digest(&given_in(elsewhere.path(), &os(&arguments))), tape);
+    let arguments = [
+        "replay",
+        text(&saved),
+        "--participant",
+        "damper",
+        "--exe",
+        "sh",
+        "--",
+        "./local.sh",
+    ];
+    std::fs::copy(folder.path().join("damper.sh"), out("local.sh")).unwrap();
+    std::os::unix::fs::symlink("/bin/sh", out("sh")).unwrap();
+    let said = given_in(elsewhere.path(), &os(&arguments));
+    assert_eq!(said.code, Some(0), "{said:?}");
+}
+
+#[test]
+fn path_that_is_not_utf8_works_like_any_other() {
+    let folder = Folder::new("bytes");
+    let odd = folder.path().join(OsStr::from_bytes(b"caf\xe9"));
+    std::fs::create_dir(&odd).unwrap();
+    let plain = scripted(&folder);
+    for name in ["scripted.toml", "damper.sh"] {
+        std::fs::copy(folder.path().join(name), odd.join(name)).unwrap();
+    }
+    let tape = digest(&orchestrate(&[
+        "run",
+        text(&plain),
+        "--json",
+        "--out",
+        text(&folder.path().join("plain")),
+    ]));
+    let (scenario, out) = (odd.join("scripted.toml"), odd.join(OsStr::from_bytes(b"run\xff")));
+    let (scenario, out) = (scenario.as_os_str(), out.as_os_str());
+    let said = |arguments: &[&OsStr]| given_in(Path::new("/"), arguments);
+    let word = OsStr::new;
+    let save = [word("--checkpoint-at"), word("0.5s")];
+    let ran = said(&[&[word("run"), scenario, word("--json"), word("--out"), out], &save[..]].concat());
+    assert_eq!(digest(&ran), tape);
+    assert!(ran.err.contains("folder") && ran.err.contains("UTF-8"), "{ran:?}");
+    assert_eq!(said(&[word("check"), scenario]).code, Some(0));
+    let replayed = said(&[word("replay"), out, word("--participant"), word("plant")]);
+    assert_eq!(replayed.code, Some(0), "{replayed:?}");
+    // A sweep hands the paths to its workers.
+    let swept = said(&[
+        word("sweep"),
+        scenario,
+        word("--vary"),
+        word("seed=1..2"),
+        word("--json"),
+        word("--keep"),
+        word("--out"),
+        odd.join("sweep").as_os_str(),
+    ]);
+    assert_eq!(swept.code, Some(0), "{swept:?}");
+    for row in swept.json()["rows"].as_array().unwrap() {
+        assert_eq!(
+            (&row["outcome"], &row["tape_digest"]),
+            (&"complete".into(), &tape.as_str().into()),
+            "{row}"
+        );
+    }
+}
+
+#[test]
+fn sweep_over_decimal_numbers_runs_all_of_its_points() {
+    // The scenario names the program in target/release, whatever profile this test was built with.
+    let built = Command::new(env!("CARGO"))
+        .current_dir(root())
+        .args(["build", "--quiet", "--release", "-p", "spring"])
+        .status();
+    assert!(
+        built.expect("cargo can be started").success(),
+        "the example does not build"
+    );
+    let folder = Folder::new("decimal");
+    let spring = root().join("examples/spring/spring.toml");
+    let sweep = |name: &str, vary: &str| {
+        let out = folder.path().join(name);
+        let arguments = [
+            "sweep",
+            text(&spring),
+            "--duration",
+            "50 ms",
+            "--json",
+            "--vary",
+            vary,
+            "--out",
+            text(&out),
+        ];
+        let said = orchestrate(&arguments);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        std::fs::read_to_string(out.join("table.csv")).unwrap()
+    };
+    for vary in ["0..0.2:0.1", "0,1,2"] {
+        sweep(vary, &format!("participants.left.parameters.position={vary}"));
+    }
+    let out = folder.path().join("set");
+    let set = "participants.left.parameters.position=0";
+    let said = orchestrate(&[
+        "run",
+        text(&spring),
+        "--duration",
+        "50 ms",
+        "--set",
+        set,
+        "--out",
+        text(&out),
+    ]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(
+        std::fs::read_to_string(out.join("plan.toml"))
+            .unwrap()
+            .contains("position = 0.0")
+    );
+    // Seeds of more digits than a double has stand in the table as they were.
+    let table = sweep("seeds", "seed=9007199254740993..9007199254740994,9223372036854775807");
+    for seed in ["9007199254740993", "9007199254740994", "9223372036854775807"] {
+        assert!(
+            table.lines().any(|line| line.split(',').nth(1) == Some(seed)),
+            "{seed} is not in {table}"
+        );
+    }
+    let large = sweep("large", "seed=18446744073709551614..18446744073709551615");
+    assert!(
+        large.contains("18446744073709551614") && large.contains("18446744073709551615"),
+        "{large}"
+    );
+}
+
+#[test]
+fn refused_run_leaves_nothing_and_force_replaces_a_run() {
+    let folder = Folder::new("force");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("runs/one");
+    let run = |set: &str, more: &[&str]| {
+        let arguments = [
+            "run",
+            text(&scenario),
+            "--duration",
+            "1 s",
+            "--json",
+            "--out",
+            text(&out),
+            "--set",
+            set,
+        ];
+        orchestrate(&[&arguments, more].concat())
+    };
+    let wrong = format!(
+        "participants.damper.run={{ exe = \"{}\" }}",
+        participant("wrong_descriptor").display()
+    );
+    // The program itself has to be asked: the folder is there by then.
+    let said = run(&wrong, &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(!folder.path().join("runs").exists());
+    let first = digest(&run("seed=1", &[]));
+    let said = run("seed=2", &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err.contains("not empty") && said.err.contains("--force"),
+        "{said:?}"
+    );
+    // A run that is refused does not replace the one that is there, and leaves no trace in its folder.
+    let names = || {
+        let mut names: Vec<OsString> = std::fs::read_dir(&out)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
+        names.sort();
+        names
+    };
+    let before = names();
+    let said = run(&wrong, &["--force"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert_eq!(names(), before);
+    let summary = || {
+        let summary = std::fs::read(out.join("summary.json")).unwrap();
+        serde_json::from_slice::<serde_json::Value>(&summary).unwrap()["tape_digest"].clone()
+    };
+    assert_eq!(summary(), first.as_str());
+    let delayed = digest(&run("connections.push.delay=5ms", &["--force"]));
+    assert_ne!(delayed, first);
+    assert_eq!((summary(), names()), (delayed.as_str().into(), before));
+    // What is read is not replaced, and neither is anything but a run.
+    let arguments = [
+        "replay",
+        text(&out),
+        "--participant",
+        "damper",
+        "--out",
+        text(&out),
+        "--force",
+    ];
+    let said = orchestrate(&arguments);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert_eq!(summary(), delayed.as_str());
+    std::fs::write(out.join("notes.txt"), "work of years").unwrap();
+    let said = run("seed=1", &["--force"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err.contains("notes.txt") && out.join("notes.txt").exists(),
+        "{said:?}"
+    );
+    assert_eq!(summary(), delayed.as_str());
+    let said = orchestrate(&["run", text(&scenario), "--out", text(folder.path()), "--force"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(scenario.exists(), "{said:?}");
+    // A run that fails keeps its folder, with what its programs said.
+    let died = folder.path().join("died");
+    let exe = format!(
+        "participants.damper.run={{ exe = \"{}\" }}",
+        participant("early_exit").display()
+    );
+    let said = orchestrate(&["run", text(&scenario), "--out", text(&died), "--set", &exe]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(died.join("log/damper.stderr").exists());
+    let mode = std::fs::metadata(&died).unwrap().permissions().mode();
+    assert_eq!(mode & 0o077, 0, "others have no part in it");
+}

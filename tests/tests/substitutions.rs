@@ -1,0 +1,208 @@
+//! What a substitution puts in a participant's place: the same program with the same parameters however a run is executed, from
+//! wherever it is resumed, and when it is replayed.
+
+use std::path::{Path, PathBuf};
+
+use escapement_tests::program::{Folder, Said, orchestrate, root, text};
+use escapement_tests::world::{World, substitution};
+
+/// The close capture, with a setpoint that moves from the start on, and `faults`.
+fn scenario(folder: &Folder, name: &str, faults: &str) -> PathBuf {
+    let stock = std::fs::read_to_string(root().join("scenarios/close.toml")).unwrap();
+    let quick = stock
+        .replace("start = \"1 s\", point = \"20 s\", grasp = \"30 s\"", SCHEDULE)
+        .replace("duration = \"35 s\"", "duration = \"0.4 s\"")
+        .replace("../", &format!("{}/", root().display()));
+    assert!(quick.contains(SCHEDULE) && quick.contains("0.4 s"));
+    folder.write(name, &(quick + faults))
+}
+
+/// The schedule of the guidance in the scenario.
+const SCHEDULE: &str = "start = \"0 s\", point = \"2 s\", grasp = \"3 s\"";
+
+/// `parameters` of a guidance with this schedule.
+fn guidance(schedule: &str) -> String {
+    let root = root();
+    let file = |name: &str| format!("{{ file = \"{}/models/{name}\" }}", root.display());
+    format!(
+        "parameters = {{ urdf = {}, servicer = {}, target = {}, law = \"capture\", schedule = {{ {schedule} }} }}\n",
+        file("servicer.urdf"),
+        file("servicer.toml"),
+        file("target.toml"),
+    )
+}
+
+/// `parameters` of a controller with this gain of the outer loop.
+fn controller(gain: &str) -> String {
+    let root = root();
+    let file = |name: &str| format!("{{ file = \"{}/{name}\" }}", root.display());
+    format!(
+        "parameters = {{ urdf = {}, servicer = {}, gains = {}, law = \"hierarchical\", outer = {{ attitude_gain = \"{gain} 1/s\", \
+         position_gain = \"{gain} 1/s\" }} }}\n",
+        file("models/servicer.urdf"),
+        file("models/servicer.toml"),
+        file("gains/pi-diagonal-five.toml"),
+    )
+}
+
+fn fault(at: &str, participant: &str, state: &str, parameters: &str) -> String {
+    format!(
+        "\n[[faults]]\nat = \"{at}\"\nsubstitute = \"{participant}\"\nrun = {{ builtin = \"{participant}\" }}\nstate = \"{state}\"\n\
+         {parameters}"
+    )
+}
+
+fn digest(said: &Said) -> String {
+    assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+    said.json()["tape_digest"].as_str().unwrap().to_owned()
+}
+
+fn run(scenario: &Path, out: &Path, more: &[&str]) -> String {
+    digest(&orchestrate(
+        &[&["run", text(scenario), "--json", "--out", text(out)], more].concat(),
+    ))
+}
+
+/// The one tape of a run in processes, of one in one process, and of what is resumed from each of `cuts` in both ways.
+fn one_tape(folder: &Folder, scenario: &Path, name: &str, cuts: &[&str]) -> String {
+    let out = |way: &str| folder.path().join(format!("{name}-{way}"));
+    let saves: Vec<&str> = cuts.iter().flat_map(|cut| ["--checkpoint-at", cut]).collect();
+    let whole = run(scenario, &out("processes"), &saves);
+    let inside = [&["--in-process"], &saves[..]].concat();
+    assert_eq!(run(scenario, &out("inside"), &inside), whole, "{name} in one process");
+    for (number, cut) in cuts.iter().enumerate() {
+        // What was saved in processes goes on in one process, and the other way round.
+        for (from, to, more) in [
+            ("processes", "inside", &["--in-process"][..]),
+            ("inside", "processes", &[]),
+        ] {
+            let (saved, resumed) = (out(from), out(&format!("resumed-{number}-{to}")));
+            let arguments = ["resume", text(&saved), "--from", cut, "--json", "--out", text(&resumed)];
+            let said = orchestrate(&[&arguments, more].concat());
+            assert_eq!(digest(&said), whole, "{name} resumed at {cut} {more:?}");
+        }
+    }
+    whole
+}
+
+#[test]
+fn substitute_without_parameters_has_the_participants_own() {
+    let folder = Folder::new("parameters");
+    let (other, own) = (
+        guidance("start = \"0 s\", point = \"1 s\", grasp = \"4 s\""),
+        guidance(SCHEDULE),
+    );
+    let twice =
+        |second: &str| fault("100 ms", "guidance", "cold", &other) + &fault("200 ms", "guidance", "cold", second);
+    let file = scenario(&folder, "twice.toml", &twice(""));
+    let tape = one_tape(&folder, &file, "twice", &["50 ms", "150 ms", "250 ms"]);
+    // The second one says nothing of parameters: it has those of the participant, not those of the one before it.
+    let explicit = scenario(&folder, "explicit.toml", &twice(&own));
+    assert_eq!(run(&explicit, &folder.path().join("explicit"), &["--in-process"]), tape);
+    let inherited = scenario(&folder, "inherited.toml", &twice(&other));
+    assert_ne!(
+        run(&inherited, &folder.path().join("inherited"), &["--in-process"]),
+        tape
+    );
+    // `check` says whose parameters they are.
+    let said = orchestrate(&["check", text(&file)]);
+    assert!(
+        said.out.contains("its own parameters") && said.out.contains("the same parameters"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn any_substitutions_give_one_tape_in_every_way() {
+    let folder = Folder::new("any");
+    // SplitMix64 from a fixed seed.
+    let mut state = 20_261_126_u64;
+    let mut draw = |below: u64| {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) % below
+    };
+    let mut tapes = std::collections::HashSet::new();
+    for round in 0..4 {
+        let mut faults = String::new();
+        for _ in 0..2 + draw(3) {
+            // Not always at an activation, and sometimes several at once.
+            let at = format!("{} ms", [15, 100, 100, 155, 200, 290][draw(6) as usize]);
+            let state = ["cold", "keep"][draw(2) as usize];
+            let (own, tenth) = (draw(2) == 0, 5 + draw(20));
+            faults += &match (draw(2), own) {
+                (0, true) => {
+                    let schedule = format!("start = \"0 s\", point = \"{} s\", grasp = \"4 s\"", 1 + tenth % 3);
+                    fault(&at, "guidance", state, &guidance(&schedule))
+                }
+                (0, false) => fault(&at, "guidance", state, ""),
+                (_, true) => fault(&at, "controller", state, &controller(&format!("0.{tenth:02}"))),
+                (_, false) => fault(&at, "controller", state, ""),
+            };
+        }
+        let name = format!("round-{round}");
+        let file = scenario(&folder, &format!("{name}.toml"), &faults);
+        tapes.insert(one_tape(&folder, &file, &name, &["100 ms", "222 ms"]));
+    }
+    assert_eq!(tapes.len(), 4, "what is substituted shows on the tape");
+}
+
+#[test]
+fn replay_substitutes_as_the_run_did() {
+    let folder = Folder::new("replayed");
+    let other = guidance("start = \"0 s\", point = \"1 s\", grasp = \"4 s\"");
+    let faults = fault("100 ms", "guidance", "cold", &other) + &fault("200 ms", "guidance", "keep", "");
+    let file = scenario(&folder, "replayed.toml", &faults);
+    let out = folder.path().join("run");
+    run(&file, &out, &[]);
+    for mode in [&[][..], &["--process"]] {
+        let said = orchestrate(&[&["replay", text(&out), "--participant", "guidance"], mode].concat());
+        assert_eq!(said.code, Some(0), "{mode:?}: {said:?}");
+    }
+    // Another program in its place is there from the start to the end.
+    let said = orchestrate(&[
+        "replay",
+        text(&out),
+        "--participant",
+        "guidance",
+        "--set",
+        "participants.guidance.run={ builtin = \"guidance\" }",
+    ]);
+    assert_eq!(said.code, Some(3), "{said:?}");
+}
+
+#[test]
+fn refused_parameters_of_a_substitute_name_their_own_key() {
+    let folder = Folder::new("keys");
+    let wrong = guidance("start = \"0 s\", point = \"1 s\", grap = \"4 s\"");
+    let file = scenario(&folder, "keys.toml", &fault("100 ms", "guidance", "cold", &wrong));
+    for command in ["check", "run"] {
+        let said = orchestrate(&[command, text(&file)]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(said.err.contains("faults.fault-1.parameters.schedule"), "{said:?}");
+    }
+}
+
+#[test]
+fn forty_substitutions_take_place() {
+    let many: String = (1..=40)
+        .map(|k| substitution(&format!("{k}0 ms"), "damper", "keep"))
+        .collect();
+    let world = World::with("forty", "damper", &many);
+    let said = world.run("run", &["--duration", "1 s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert_eq!(world.events("run").matches("\"substitution\"").count(), 40);
+    assert_eq!(world.prefix("run"), 100);
+    // More than there is room for is refused before anything starts.
+    let more: String = (1..=1001)
+        .map(|k| substitution(&format!("{k} ms"), "damper", "cold"))
+        .collect();
+    let world = World::with("too-many", "damper", &more);
+    let said = world.run("run", &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err.contains("faults.fault-1001") && said.err.contains("1000"),
+        "{said:?}"
+    );
+}
