@@ -17,6 +17,9 @@ mod controller;
 mod law;
 mod parameters;
 mod saved;
+mod velocity_loop;
+
+pub use velocity_loop::VelocityLoop;
 
 use lockstep::participant::{ParameterError, Participant, Setup};
 

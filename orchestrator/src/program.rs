@@ -5,10 +5,10 @@ use std::process::ExitCode;
 use std::sync::{Arc, OnceLock};
 
 use clap::{CommandFactory, FromArgMatches};
-use engine::Catalogue;
 use engine::assessment::Assessment;
 use engine::campaign::{Cases, CasesError};
 use engine::scenario::Scenario;
+use engine::{Catalogue, Finding};
 use lockstep::participant::{ParameterError, Participant, Setup};
 use lockstep::time::Rational;
 use tape::StreamSpec;
@@ -91,6 +91,13 @@ impl Program {
     #[must_use]
     pub fn remark(mut self, remarks: impl Fn(&Scenario) -> Vec<String> + Send + Sync + 'static) -> Program {
         self.catalogue = self.catalogue.remark(remarks);
+        self
+    }
+
+    /// With something that `check` reports of a scenario.
+    #[must_use]
+    pub fn finding(mut self, find: impl Fn(&Scenario) -> Vec<Finding> + Send + Sync + 'static) -> Program {
+        self.catalogue = self.catalogue.finding(find);
         self
     }
 

@@ -10,5 +10,7 @@ pub fn program() -> Program {
         .participant("guidance", guidance_proc::factory)
         .assessment("capture", capture::assessment::from_table)
         .remark(capture::provenance::remarks)
+        .remark(capture::velocity_loop::remarks)
+        .finding(capture::velocity_loop::findings)
         .failures(capture::actuators::every_actuator)
 }

@@ -20,7 +20,21 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("tape", &["lockstep"]),
     ("report", &["lockstep", "multibody", "tape"]),
     ("engine", &["lockstep", "report", "tape"]),
-    ("capture", &["engine", "lockstep", "multibody", "synthesis", "tape"]),
+    (
+        "capture",
+        &[
+            "controller-proc",
+            "engine",
+            "guidance-laws",
+            "guidance-proc",
+            "interfaces",
+            "lockstep",
+            "multibody",
+            "plant-proc",
+            "synthesis",
+            "tape",
+        ],
+    ),
     ("plant-proc", &["interfaces", "lockstep", "multibody"]),
     (
         "controller-proc",

@@ -273,6 +273,19 @@ fn gains_that_do_not_fit_the_controller() {
         );
         refused_with(&set, expected);
     }
+    // The paper's bound is the norm of K_S, which not every file has, and it is one bound for all channels.
+    refused_with(
+        "participants.controller.parameters.inner={ bound = \"sliding-gain\" }",
+        &["gains.gains.ks", "is missing", "bound = \"actuators\""],
+    );
+    refused_with(
+        "participants.controller.parameters.inner={ bound = \"sliding-gain\", force_bound = \"5 N\" }",
+        &["inner.force_bound", "would be ignored", "sliding-gain"],
+    );
+    refused_with(
+        "participants.controller.parameters.inner={ scalar_bound = 5.0, torque_bound = \"1 N m\" }",
+        &["inner.torque_bound", "would be ignored", "scalar_bound"],
+    );
     refused_with(
         "participants.controller.parameters.inner={ feedback = \"proportional\" }",
         &["gains.gains.ki", "would be ignored", "integral = false"],

@@ -31,6 +31,8 @@ pub struct GainsFile {
     // What else a file of tuned gains has: read by `escapement margins` and `escapement check`.
     #[serde(rename = "provenance")]
     _provenance: Option<IgnoredAny>,
+    #[serde(rename = "models")]
+    _models: Option<IgnoredAny>,
     #[serde(rename = "channels")]
     _channels: Option<IgnoredAny>,
     #[serde(rename = "margins")]
@@ -67,6 +69,12 @@ pub struct Tuned {
     /// Diagonal of K_I; empty when tuned without an integral part.
     #[serde(default)]
     pub ki: Vec<f64>,
+    /// Diagonal of K_S, whose norm bounds the conditional integrator with `inner.bound = "sliding-gain"`.
+    #[serde(default)]
+    pub ks: Vec<f64>,
+    /// Rows of K_S where it is not diagonal.
+    #[serde(default)]
+    pub ks_matrix: Vec<Vec<f64>>,
 }
 
 /// Structure of tuned K_P.
@@ -130,6 +138,32 @@ impl GainsFile {
                 "give one of: a file of `escapement tune` (its table `gains`), the tables kp and ki (diagonals with units), \
                  or kp_matrix and ki_matrix (13 rows of 13 numbers in SI units)",
             )),
+        }
+    }
+}
+
+impl GainsFile {
+    /// ‖K_S‖, the paper's bound of the feedback: one number for N m and N alike.
+    ///
+    /// # Errors
+    /// When there is no K_S, or its size is not that of the servicer.
+    pub fn sliding_gain_norm(&self) -> Result<f64, ParameterError> {
+        let tuned = self.gains.as_ref();
+        let given = tuned.map_or((0, 0), |tuned| (tuned.ks.len(), tuned.ks_matrix.len()));
+        match (tuned, given) {
+            (Some(tuned), (1.., 0)) => Ok(list("gains.gains.ks", &tuned.ks)?.amax()),
+            (Some(tuned), (0, 1..)) => Ok(matrix("gains.gains.ks_matrix", &tuned.ks_matrix)?
+                .singular_values()
+                .max()),
+            (Some(_), (1.., 1..)) => {
+                let reason = "stands beside `ks_matrix`, and K_S is one of them; remove the other";
+                Err(ParameterError::new("gains.gains.ks", reason))
+            }
+            _ => {
+                let reason = "is missing, and inner.bound = \"sliding-gain\" is its norm; tune with `gains.ks` in the specification, or \
+                              choose inner.bound = \"actuators\"";
+                Err(ParameterError::new("gains.gains.ks", reason))
+            }
         }
     }
 }

@@ -204,13 +204,15 @@ pub struct Inner {
     pub feedback: FeedbackName,
     /// How the integral is discretised.
     pub discretisation: DiscretisationName,
-    /// Bound of the feedback on the base's torque.
-    pub torque_bound: Each<Torque, 3>,
-    /// Bound of the feedback on the base's force.
-    pub force_bound: Each<Force, 3>,
-    /// Bound of the feedback on the joints.
-    pub joint_bound: Each<Torque, JOINTS>,
-    /// One bound for newtons and newton metres alike, as the paper; the three above unless given.
+    /// What bounds the feedback.
+    pub bound: BoundName,
+    /// Bound of the feedback on the base's torque; that of the stock wheels unless given.
+    pub torque_bound: Option<Each<Torque, 3>>,
+    /// Bound of the feedback on the base's force; that of the stock thrusters unless given.
+    pub force_bound: Option<Each<Force, 3>>,
+    /// Bound of the feedback on the joints; that of the stock motors unless given.
+    pub joint_bound: Option<Each<Torque, JOINTS>>,
+    /// One bound for newtons and newton metres alike, in place of the three above.
     pub scalar_bound: Option<f64>,
 }
 
@@ -220,12 +222,58 @@ impl Default for Inner {
         Self {
             feedback: FeedbackName::ConditionalIntegrator,
             discretisation: DiscretisationName::Exact,
-            torque_bound: Each::of([0.2; 3]),
-            force_bound: Each::of([9.0; 3]),
-            joint_bound: Each::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]),
+            bound: BoundName::Actuators,
+            torque_bound: None,
+            force_bound: None,
+            joint_bound: None,
             scalar_bound: None,
         }
     }
+}
+
+impl Inner {
+    /// F of Eq 7.
+    fn bound(&self, gains: &GainsFile) -> Result<Bound, ParameterError> {
+        let given = [
+            ("scalar_bound", self.scalar_bound.is_some()),
+            ("torque_bound", self.torque_bound.is_some()),
+            ("force_bound", self.force_bound.is_some()),
+            ("joint_bound", self.joint_bound.is_some()),
+        ];
+        let given = given.into_iter().filter_map(|(key, given)| given.then_some(key));
+        let one = match (self.bound, self.scalar_bound) {
+            (BoundName::SlidingGain, _) => Some("bound = \"sliding-gain\""),
+            (BoundName::Actuators, Some(_)) => Some("scalar_bound"),
+            (BoundName::Actuators, None) => None,
+        };
+        if let Some(one) = one
+            && let Some(ignored) = given.into_iter().find(|key| *key != one)
+        {
+            let reason = format!("would be ignored: inner.{one} bounds every channel; leave one of them out");
+            return Err(ParameterError::new(format!("inner.{ignored}"), reason));
+        }
+        Ok(match (self.bound, self.scalar_bound) {
+            (BoundName::SlidingGain, _) => Bound::Scalar(gains.sliding_gain_norm()?),
+            (BoundName::Actuators, Some(bound)) => Bound::Scalar(bound),
+            (BoundName::Actuators, None) => Bound::PerChannel(channels(
+                self.torque_bound.unwrap_or(Each::of([0.2; 3])).si(),
+                self.force_bound.unwrap_or(Each::of([9.0; 3])).si(),
+                self.joint_bound
+                    .unwrap_or(Each::of([320.0, 320.0, 176.0, 176.0, 110.0, 40.0, 40.0]))
+                    .si(),
+            )),
+        })
+    }
+}
+
+/// What bounds the feedback.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoundName {
+    /// What the actuators have, channel by channel: the feedback alone never asks for more.
+    Actuators,
+    /// ‖K_S‖ of the gains, as the paper.
+    SlidingGain,
 }
 
 /// Which feedback.
@@ -288,25 +336,28 @@ impl Parameters {
         }
     }
 
-    /// Shaping filter and inner loop.
-    fn tracker(&self, period_s: f64) -> Result<TrackerParameters, ParameterError> {
+    /// The feedback law of the inner loop.
+    ///
+    /// # Errors
+    /// A bound that is given twice, or missing.
+    pub fn feedback(&self) -> Result<FeedbackLaw, ParameterError> {
         let discretisation = match self.inner.discretisation {
             DiscretisationName::Exact => Discretisation::Exact,
             DiscretisationName::Euler => Discretisation::Euler,
         };
-        let bound = match self.inner.scalar_bound {
-            Some(bound) => Bound::Scalar(bound),
-            None => Bound::PerChannel(channels(
-                self.inner.torque_bound.si(),
-                self.inner.force_bound.si(),
-                self.inner.joint_bound.si(),
-            )),
-        };
-        let feedback = match self.inner.feedback {
-            FeedbackName::ConditionalIntegrator => FeedbackLaw::ConditionalIntegrator { bound, discretisation },
+        Ok(match self.inner.feedback {
+            FeedbackName::ConditionalIntegrator => FeedbackLaw::ConditionalIntegrator {
+                bound: self.inner.bound(&self.gains)?,
+                discretisation,
+            },
             FeedbackName::ProportionalIntegral => FeedbackLaw::ProportionalIntegral,
             FeedbackName::Proportional => FeedbackLaw::Proportional,
-        };
+        })
+    }
+
+    /// Shaping filter and inner loop.
+    fn tracker(&self, period_s: f64) -> Result<TrackerParameters, ParameterError> {
+        let feedback = self.feedback()?;
         Ok(TrackerParameters {
             period_s,
             filter: FilterParameters {

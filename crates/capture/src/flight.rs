@@ -9,6 +9,7 @@ use engine::Catalogue;
 use engine::run::{Ending, Options, run};
 use engine::scenario::Scenario;
 use engine::scope::Scope;
+use lockstep::time::Rational;
 use synthesis::robot::{FlightSpec, FlownEntry, GainTable, Gains, ModelSpec, Robot, Spec, spectral_radius};
 use toml::{Table, Value};
 
@@ -106,9 +107,42 @@ fn overrides(flight: &FlightSpec, gains: &Gains, model: &ModelSpec, delay: f64) 
     Ok(all)
 }
 
-fn find(specification: &Path, named: &str) -> Option<PathBuf> {
+/// A file or folder that a specification names: from the working directory, from its own folder, or from the one above.
+pub fn find(specification: &Path, named: &str) -> Option<PathBuf> {
     let here = specification.parent().unwrap_or(Path::new("."));
     [PathBuf::from(named), here.join(named), here.join("..").join(named)]
         .into_iter()
-        .find(|path| path.is_file())
+        .find(|path| path.exists())
+}
+
+/// Runs a scenario to this instant in this process, and lets `read` have the run's folder before it goes.
+///
+/// # Errors
+/// A scenario that is wrong or does not get there, and whatever `read` finds.
+pub fn record<T>(
+    catalogue: &Arc<Catalogue>,
+    scenario: &Path,
+    until: Rational,
+    read: impl FnOnce(&Path) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let duration = if until.is_positive() {
+        until
+    } else {
+        Rational::from_millis(1)
+    };
+    let scenario = Scenario::read(catalogue, scenario, &[format!("duration=\"{duration}\"")])?;
+    let scope = Scope::create()?;
+    let folder = scope.scratch()?.join("record");
+    let options = Options {
+        in_process: true,
+        out: Some(folder.clone()),
+        ..Options::default()
+    };
+    let outcome = run(&scenario, &options)?;
+    let found = match outcome.ending {
+        Ending::Complete => read(&folder),
+        _ => Err(anyhow::anyhow!("{}: the run does not get to {duration}", scenario.name)),
+    };
+    std::fs::remove_dir_all(&folder).with_context(|| folder.display().to_string())?;
+    found
 }

@@ -21,6 +21,19 @@ pub type AssessmentFactory =
 /// What is to be said of a scenario before it runs, as warnings: nothing of it keeps the scenario from running.
 type Remarks = Arc<dyn Fn(&Scenario) -> Vec<String> + Send + Sync>;
 
+/// Something that `check` reports of a scenario.
+#[derive(Debug, Clone)]
+pub struct Finding {
+    /// Its key in the JSON.
+    pub name: String,
+    /// For people: one or more lines.
+    pub text: String,
+    /// For scripts.
+    pub value: serde_json::Value,
+}
+
+type Findings = Arc<dyn Fn(&Scenario) -> Vec<Finding> + Send + Sync>;
+
 /// Makes the cases of a campaign of failures.
 type Failures = Arc<dyn Fn(&Scenario, &Path, &[Rational], bool) -> Result<Cases, CasesError> + Send + Sync>;
 
@@ -42,6 +55,7 @@ pub struct Catalogue {
     internal: BTreeMap<String, Factory>,
     assessments: BTreeMap<String, AssessmentFactory>,
     remarks: Vec<Remarks>,
+    findings: Vec<Findings>,
     failures: Option<Failures>,
 }
 
@@ -54,6 +68,7 @@ impl Catalogue {
             internal: BTreeMap::new(),
             assessments: BTreeMap::new(),
             remarks: Vec::new(),
+            findings: Vec::new(),
             failures: None,
         };
         catalogue.internal(player::NAME, player::factory)
@@ -99,6 +114,13 @@ impl Catalogue {
         self
     }
 
+    /// With something that `check` reports of a scenario.
+    #[must_use]
+    pub fn finding(mut self, find: impl Fn(&Scenario) -> Vec<Finding> + Send + Sync + 'static) -> Catalogue {
+        self.findings.push(Arc::new(find));
+        self
+    }
+
     /// With the list of failures that a campaign of failures takes when it is given none: of the scenario, which was read from the
     /// file, from the start and from each of the instants; and also with a control law that is informed.
     #[must_use]
@@ -120,6 +142,11 @@ impl Catalogue {
     /// The warnings about `scenario`.
     pub fn remarks(&self, scenario: &Scenario) -> Vec<String> {
         self.remarks.iter().flat_map(|remarks| remarks(scenario)).collect()
+    }
+
+    /// What `check` reports of `scenario`.
+    pub fn findings(&self, scenario: &Scenario) -> Vec<Finding> {
+        self.findings.iter().flat_map(|find| find(scenario)).collect()
     }
 
     /// Every failure that this program knows of, as the cases of a campaign.

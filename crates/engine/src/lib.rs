@@ -23,5 +23,5 @@ pub mod scope;
 pub mod shadow;
 mod text;
 
-pub use catalogue::{AssessmentFactory, Catalogue};
+pub use catalogue::{AssessmentFactory, Catalogue, Finding};
 pub use observer::{Answer, Event, Interrupt, Observer, Progress, Silent};

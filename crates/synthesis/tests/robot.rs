@@ -3,8 +3,8 @@
 use synthesis::linalg::{Matrix, diagonal, inverse, max_abs, norm2};
 use synthesis::mu::{MarginOptions, margin};
 use synthesis::robot::{
-    GainStructure, Gains, GainsFile, ModelSpec, Robot, RobotError, Spec, assess, design, draw, multiplicative_loop,
-    problem, report, sampled, validate,
+    GainStructure, Gains, GainsFile, LoopTiming, ModelSpec, Robot, RobotError, SampledLoop, Spec, assess, design, draw,
+    multiplicative_loop, problem, report, sampled, validate,
 };
 use synthesis::tuner::Flow;
 
@@ -137,6 +137,52 @@ fn multiplicative_margin_of_the_decoupled_loop() {
     close(found.destabilising, 1.0 / peak, 3e-3);
 }
 
+/// Puts the joint angles that the file has into the situations that are at an instant of a run.
+fn looked_up(spec: &mut Spec, file: &GainsFile) {
+    for model in spec.models.iter_mut().filter(|model| model.at.is_some()) {
+        let same = |then: &&ModelSpec| then.name == model.name && then.at == model.at;
+        let then = file.models.iter().find(same).expect("the file has the angles");
+        model.joints_deg.clone_from(&then.joints_deg);
+    }
+}
+
+/// Lags of single channels: all alike they are the specification's lag, and a lag of nothing is no lag.
+#[test]
+fn lags_of_single_channels_enter_the_sampled_loop() {
+    let (mut spec, robot) = stock();
+    let body = robot.body(&capture()).unwrap();
+    let gains = Gains {
+        structure: GainStructure::Scheduled,
+        kp: diagonal(&[5.0; 13]),
+        ki: Vec::new(),
+    };
+    let kp = gains.proportional(&body.mass).unwrap();
+    let radius = |lag_s: [f64; 13]| {
+        let timing = LoopTiming {
+            lag_s: lag_s.into(),
+            ..LoopTiming::new(&spec.sampling, 13)
+        };
+        let ki = Matrix::zeros(13, 0);
+        SampledLoop::new(&timing, &body, &kp, &ki)
+            .unwrap()
+            .radius(1.0, 0.0)
+            .unwrap()
+    };
+    let mut wheels = [0.0; 13];
+    wheels[..3].fill(0.5);
+    let (none, some, all) = (radius([0.0; 13]), radius(wheels), radius([0.5; 13]));
+    let mut nothing = wheels;
+    nothing[3..].fill(1e-7);
+    close(radius(nothing), some, 1e-6);
+    assert!(some > none + 1e-6 && (all - some).abs() > 1e-6, "{none} {some} {all}");
+    spec.sampling.actuator_lag_s = 0.5;
+    close(
+        sampled(&spec, &robot, &capture(), &gains).unwrap().spectral_radius,
+        all,
+        1e-12,
+    );
+}
+
 /// The shipped gains are what their file claims, on the models of the specification and on those of the adversary.
 #[test]
 fn shipped_gains_reproduce_their_gamma() {
@@ -156,9 +202,10 @@ fn shipped_gains_reproduce_their_gamma() {
         "pi-scheduled",
         "pi-diagonal-five"
     ) {
-        let spec: Spec = toml::from_str(spec).unwrap();
+        let mut spec: Spec = toml::from_str(spec).unwrap();
         let robot = Robot::new(URDF, &spec.robot).unwrap();
         let file: GainsFile = toml::from_str(file).unwrap();
+        looked_up(&mut spec, &file);
         let gains = file.gains.gains().unwrap();
         let (_, evaluation) = report(&spec, &robot, &file.adversary, &gains).unwrap();
         close(evaluation.gamma, file.provenance.gamma_reported, 1e-6);
@@ -241,6 +288,11 @@ fn bad_input_is_refused_with_the_reason() {
     assert!(with(&|s| s.scales.authority.truncate(6)).contains("6 entries"));
     assert!(with(&|s| s.models[0].joints_deg.push(0.0)).contains("joints_deg"));
     assert!(with(&|s| s.models[0].base_mass = -1.0).contains("must be positive"));
+    let at = Some("runs/a:30s".to_owned());
+    assert!(
+        with(&|s| (s.models[0].joints_deg, s.models[0].at) = (Vec::new(), at.clone()))
+            .contains("has not been looked up")
+    );
     assert!(with(&|s| s.models.clear()).contains("at least one model"));
     assert!(Robot::new("<robot", &spec.robot).is_err());
     let mut wrong = spec.robot.clone();

@@ -23,20 +23,25 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
         eprintln!("warning: {remark}");
     }
     let placement = placement(&known.plan, &Options::default());
+    let findings = catalogue().findings(&scenario);
     if args.json {
         let (plan, unknown) = (json_of(&known)?, known.unknown());
-        let said = json!({
+        let mut said = json!({
             "plan": plan,
             "unknown": unknown,
             "placement": placement.reason,
             "shared_memory": room::figures(&known.plan),
         });
+        for one in findings {
+            said[one.name] = one.value;
+        }
         println!("{}", serde_json::to_string_pretty(&said)?);
         return Ok(0);
     }
     describe(&scenario, &known);
     println!("placement: {}", placement.reason);
     println!("{}", room::describe(&known.plan));
+    findings.iter().for_each(|one| println!("{}", one.text));
     Ok(0)
 }
 

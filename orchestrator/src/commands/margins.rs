@@ -16,8 +16,8 @@ use synthesis::robot::{
 use synthesis::tuner::{Problem, controllers};
 
 use super::tune::{
-    channel_entries, contradictions, load, optima, print_validation, sampled_entries, stated_margins, threads,
-    validation_entry, write,
+    channel_entries, contradictions, load, optima, print_validation, recall, sampled_entries, sliding_gain,
+    stated_margins, take_sliding_gain, threads, validation_entry, write,
 };
 use capture::flight::fly;
 use capture::provenance::{digest, plant_digest};
@@ -76,7 +76,9 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
             .unwrap_or_else(|| PathBuf::from(&file.provenance.specification));
         let text =
             std::fs::read_to_string(&path).map_err(|e| anyhow::anyhow!("specification {}: {e}", path.display()))?;
-        let (spec, robot, urdf) = load(&path, &text)?;
+        let (mut spec, robot, urdf) = load(&path, &text)?;
+        recall(&path, &mut spec, &file.models)?;
+        file.models.clone_from(&spec.models);
         let provenance = &mut file.provenance;
         for (what, now, then) in [
             ("the specification", digest(&text), &mut provenance.specification_digest),
@@ -92,6 +94,12 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
             }
         }
         provenance.controller_period_s = Some(spec.sampling.controller_period_s);
+        if let Some(proportional) = sliding_gain(&path, &spec, &urdf)?
+            && take_sliding_gain(&mut file, &spec, &proportional)
+        {
+            let named = spec.gains.ks.clone().unwrap_or_default();
+            eprintln!("note: K_S of this file is not the K_P of {named}; --update takes it from there");
+        }
         let gains = file.gains.gains()?;
         if gains.structure != spec.gains.structure {
             anyhow::bail!(

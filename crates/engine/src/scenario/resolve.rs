@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use lockstep::link::Timing;
 use lockstep::participant::Participant;
 use lockstep::time::Rational;
 use toml::{Table, Value};
@@ -124,6 +125,14 @@ impl Scenario {
     /// What its participants and its assessment are made of.
     pub fn catalogue(&self) -> &Arc<Catalogue> {
         &self.source.catalogue
+    }
+
+    /// The links as `(PARTICIPANT.OUTPUT, PARTICIPANT.INPUT, timing)`, in the order of their names.
+    pub fn links(&self) -> impl Iterator<Item = (&str, &str, Timing)> {
+        self.connections.iter().flat_map(|(_, connection)| {
+            let to = connection.to.all().iter();
+            to.map(|to| (connection.from.as_str(), to.as_str(), connection.timing()))
+        })
     }
 
     /// The files that the scenario names and whose contents it now holds.

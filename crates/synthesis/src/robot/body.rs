@@ -31,6 +31,14 @@ pub enum RobotError {
         /// What is wrong with it.
         reason: &'static str,
     },
+    /// A situation at an instant of a run that nothing has looked up.
+    #[error("models: `{model}` has no joints_deg, and its `at = {at:?}` has not been looked up")]
+    NotLookedUp {
+        /// The situation.
+        model: String,
+        /// The run and the instant.
+        at: String,
+    },
     /// A delay is negative, or an approximant's order is out of range.
     #[error(transparent)]
     Delay(#[from] crate::delay::DelayError),
@@ -69,8 +77,16 @@ impl Robot {
     /// # Errors
     /// A description that cannot be read, unknown names.
     pub fn new(urdf: &str, spec: &RobotSpec) -> Result<Self, RobotError> {
+        let description = Description::from_urdf(urdf).map_err(|e| RobotError::Description(e.to_string()))?;
+        Self::from_description(description, spec)
+    }
+
+    /// A robot from a description, to whose rotors those of the spec are added.
+    ///
+    /// # Errors
+    /// Unknown names.
+    pub fn from_description(mut description: Description, spec: &RobotSpec) -> Result<Self, RobotError> {
         let refused = |e: &dyn std::fmt::Display| RobotError::Description(e.to_string());
-        let mut description = Description::from_urdf(urdf).map_err(|e| refused(&e))?;
         let actuated: Vec<String> = description
             .moving_joints()
             .map(|j| j.name.clone())
@@ -228,6 +244,12 @@ impl Robot {
     }
 
     fn check(&self, model: &ModelSpec) -> Result<(), RobotError> {
+        if let (true, Some(at)) = (model.joints_deg.is_empty(), &model.at) {
+            return Err(RobotError::NotLookedUp {
+                model: model.name.clone(),
+                at: at.clone(),
+            });
+        }
         if model.joints_deg.len() != self.joints {
             return Err(RobotError::Length {
                 what: "joints_deg",
@@ -311,6 +333,7 @@ impl ModelSpec {
         Self {
             name: "nominal".into(),
             joints_deg,
+            at: None,
             base_mass: 1.0,
             base_inertia: 1.0,
             arm_inertia: 1.0,

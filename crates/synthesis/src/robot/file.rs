@@ -15,6 +15,9 @@ pub struct GainsFile {
     pub provenance: Provenance,
     /// The gains.
     pub gains: GainTable,
+    /// The situations of the specification, with the joint angles that were looked up.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub models: Vec<ModelSpec>,
     /// Norm of every channel at the reporting order.
     #[serde(default)]
     pub channels: Vec<ChannelEntry>,
@@ -55,6 +58,9 @@ pub struct Provenance {
     /// Period of the controller for which the gains were tuned, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub controller_period_s: Option<f64>,
+    /// The file of gains that K_S is taken from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ks: Option<String>,
     /// Version of the tuner.
     pub version: String,
     /// Seed of the search.
@@ -91,6 +97,23 @@ pub struct GainTable {
     /// Diagonal of K_I; empty for a proportional law.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ki: Vec<f64>,
+    /// Diagonal of K_S, whose norm bounds the conditional integrator; empty when it is full or was not asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ks: Vec<f64>,
+    /// Rows of K_S where it is not diagonal.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ks_matrix: Vec<Vec<f64>>,
+}
+
+/// Gains that cannot be the K_S of a conditional integrator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoSlidingGain {
+    /// They have an integral part.
+    #[error("were tuned with an integral part; K_S is tuned without one (gains.integral = false)")]
+    Integral,
+    /// They follow the configuration.
+    #[error("are scheduled; the bound of the conditional integrator is a constant")]
+    Scheduled,
 }
 
 impl GainTable {
@@ -102,6 +125,8 @@ impl GainTable {
             kp_matrix: Vec::new(),
             x: Vec::new(),
             ki: gains.ki.clone(),
+            ks: Vec::new(),
+            ks_matrix: Vec::new(),
         };
         match gains.structure {
             GainStructure::Diagonal => table.kp = (0..gains.kp.nrows()).map(|i| gains.kp[(i, i)]).collect(),
@@ -109,6 +134,22 @@ impl GainTable {
             GainStructure::Scheduled => table.x = linalg::to_rows(&gains.kp),
         }
         table
+    }
+
+    /// Takes the K_P of `proportional` as K_S.
+    ///
+    /// # Errors
+    /// Gains with an integral part, or that follow the configuration.
+    pub fn take_sliding_gain(&mut self, proportional: &GainTable) -> Result<(), NoSlidingGain> {
+        if !proportional.ki.is_empty() {
+            return Err(NoSlidingGain::Integral);
+        }
+        if proportional.structure == GainStructure::Scheduled {
+            return Err(NoSlidingGain::Scheduled);
+        }
+        self.ks.clone_from(&proportional.kp);
+        self.ks_matrix.clone_from(&proportional.kp_matrix);
+        Ok(())
     }
 
     /// The gains of a table.

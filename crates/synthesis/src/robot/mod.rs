@@ -13,12 +13,12 @@ mod validate;
 pub use body::{Body, Robot, RobotError};
 pub use design::{Design, OptimumError, Round, Step, design, options, report, tracking_optimum};
 pub use file::{
-    ChannelEntry, ExportedProblem, FlownEntry, GainTable, GainsFile, MarginEntry, OptimumEntry, Provenance,
-    SampledEntry, ValidationEntry, export,
+    ChannelEntry, ExportedProblem, FlownEntry, GainTable, GainsFile, MarginEntry, NoSlidingGain, OptimumEntry,
+    Provenance, SampledEntry, ValidationEntry, export,
 };
 pub use margins::{MarginError, StatedMargin, margins, multiplicative_loop, parametric_loop};
 pub use plant::{Gains, generalised_plant, problem, tracking_weights};
-pub use sampled::{Sampled, sampled, spectral_radius};
+pub use sampled::{LoopTiming, Sampled, SampledLoop, sampled, spectral_radius};
 pub use spec::{
     FlightSpec, GainSpec, GainStructure, LoadSpec, ModelSpec, Payload, RobotSpec, SamplingSpec, ScaleSpec, SearchSpec,
     Spec, UncertaintySpec, ValidationSpec, WeightSpec,

@@ -3,9 +3,9 @@
 //! Over one controller period the whole loop is a linear map of its state (velocities, actuator lags, samples in transit,
 //! integrators). Its spectral radius decides stability exactly; no Padé approximant and no continuous hold enter.
 
-use super::body::{Robot, RobotError};
+use super::body::{Body, Robot, RobotError};
 use super::plant::Gains;
-use super::spec::{ModelSpec, Spec};
+use super::spec::{ModelSpec, SamplingSpec, Spec};
 use crate::linalg::{self, Matrix};
 
 /// What the sampled loop shows.
@@ -21,7 +21,36 @@ pub struct Sampled {
     pub delay_margin_s: f64,
 }
 
+/// The times of a sampled loop.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoopTiming {
+    /// Period of the controller, s.
+    pub controller_period_s: f64,
+    /// Raster of the delays, s: the controller's period is a whole multiple of it.
+    pub tick_s: f64,
+    /// Age of the state that the controller reads, s; rounded up to whole ticks.
+    pub sensor_delay_s: f64,
+    /// Time from that reading to the instant at which the command acts, s; rounded up to whole ticks.
+    pub command_delay_s: f64,
+    /// First-order time constant of the actuator of each channel, s; zero for none.
+    pub lag_s: Vec<f64>,
+}
+
+impl LoopTiming {
+    /// The times of a specification for a robot of `channels` channels.
+    pub fn new(sampling: &SamplingSpec, channels: usize) -> Self {
+        Self {
+            controller_period_s: sampling.controller_period_s,
+            tick_s: sampling.plant_period_s,
+            sensor_delay_s: sampling.sensor_delay_s,
+            command_delay_s: sampling.computing_s + sampling.actuator_delay_s,
+            lag_s: vec![sampling.actuator_lag_s; channels],
+        }
+    }
+}
+
 /// One tick of the plant with its actuator lags, for a held command.
+#[derive(Debug, Clone)]
 struct Tick {
     transition: Matrix,
     input: Matrix,
@@ -29,43 +58,41 @@ struct Tick {
     channels: usize,
 }
 
-fn tick(spec: &Spec, robot: &Robot, model: &ModelSpec) -> Result<(Tick, Matrix), RobotError> {
-    let body = robot.body(model)?;
-    let (n, nv) = (body.channels, body.a.nrows());
-    let lag = spec.sampling.actuator_lag_s;
-    let na = if lag > 0.0 { n } else { 0 };
-    let states = nv + na;
-    // [ẋ; 0] = [A B; 0 0] [x; u]: its exponential holds both the transition and the input matrix (van Loan 1978).
-    let mut a = Matrix::zeros(states + n, states + n);
-    linalg::put(&mut a, 0, 0, body.a.as_ref());
-    if na > 0 {
-        linalg::put(&mut a, 0, nv, body.b.as_ref());
-        for i in 0..n {
-            a[(nv + i, nv + i)] = -1.0 / lag;
-            a[(nv + i, states + i)] = 1.0 / lag;
-        }
-    } else {
+impl Tick {
+    fn new(timing: &LoopTiming, body: &Body) -> Result<Self, RobotError> {
+        let (n, nv) = (body.channels, body.a.nrows());
+        let lag = |channel: usize| timing.lag_s.get(channel).copied().unwrap_or(0.0);
+        let lagged: Vec<usize> = (0..n).filter(|&channel| lag(channel) > 0.0).collect();
+        let states = nv + lagged.len();
+        // [ẋ; 0] = [A B; 0 0] [x; u]: its exponential holds both the transition and the input matrix (van Loan 1978).
+        let mut a = Matrix::zeros(states + n, states + n);
+        linalg::put(&mut a, 0, 0, body.a.as_ref());
         linalg::put(&mut a, 0, states, body.b.as_ref());
-    }
-    let e = linalg::expm(&(a * faer::Scale(spec.sampling.plant_period_s)))?;
-    let transition = linalg::sub(&e, 0, 0, states, states);
-    let input = linalg::sub(&e, 0, states, states, n);
-    Ok((
-        Tick {
-            transition,
-            input,
+        for (k, &channel) in lagged.iter().enumerate() {
+            // The force is the lag's output, and no longer the command.
+            for i in 0..nv {
+                a[(i, nv + k)] = body.b[(i, channel)];
+                a[(i, states + channel)] = 0.0;
+            }
+            a[(nv + k, nv + k)] = -1.0 / lag(channel);
+            a[(nv + k, states + channel)] = 1.0 / lag(channel);
+        }
+        let e = linalg::expm(&(a * faer::Scale(timing.tick_s)))?;
+        Ok(Self {
+            transition: linalg::sub(&e, 0, 0, states, states),
+            input: linalg::sub(&e, 0, states, states, n),
             states,
             channels: n,
-        },
-        body.mass,
-    ))
+        })
+    }
 }
 
-/// The map over one controller period, for `kp`, `ki` (per tick) and the given delays in ticks.
+/// The map over one controller period, for `kp`, `ki` (per tick; without columns for a proportional law) and the given delays
+/// in ticks.
 ///
 /// Only what the controller will read, and only commands still to be applied, are states: one sample per period in transit,
 /// however fine the ticks.
-fn monodromy(t: &Tick, kp: &Matrix, ki: &[f64], period: usize, sensor: usize, actuator: usize) -> Matrix {
+fn monodromy(t: &Tick, kp: &Matrix, ki: &Matrix, period: usize, sensor: usize, actuator: usize) -> Matrix {
     let (n, s) = (t.channels, t.states);
     // A reading for period k is taken at tick `phase` of an earlier period and waits in `waiting` slots.
     let phase = (period - sensor % period) % period;
@@ -76,7 +103,8 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &[f64], period: usize, sensor: usize, ac
     let at_y = s;
     let at_u = at_y + n * waiting;
     let at_i = at_u + n * pending;
-    let length = at_i + ki.len();
+    let integrators = ki.ncols();
+    let length = at_i + integrators;
     let mut x = Matrix::identity(length, length);
     let rows = |x: &Matrix, first: usize, count: usize| linalg::sub(x, first, 0, count, length);
     let store_reading = |x: &mut Matrix| {
@@ -95,13 +123,11 @@ fn monodromy(t: &Tick, kp: &Matrix, ki: &[f64], period: usize, sensor: usize, ac
                 rows(&x, at_y + n * (waiting - 1), n)
             };
             let mut command = kp * &seen * faer::Scale(-1.0);
-            for i in 0..ki.len() {
-                for j in 0..length {
-                    // c = σ + T y with y = −v; u gains K_I c, and σ becomes c.
-                    let c = x[(at_i + i, j)] - period as f64 * seen[(i, j)];
-                    command[(i, j)] += ki[i] * c;
-                    x[(at_i + i, j)] = c;
-                }
+            if integrators > 0 {
+                // c = σ + T y with y = −v; u gains K_I c, and σ becomes c.
+                let sigma = rows(&x, at_i, n) - &seen * faer::Scale(period as f64);
+                command += ki * &sigma;
+                linalg::put(&mut x, at_i, 0, sigma.as_ref());
             }
             commands.push(command);
             commands.extend((0..pending).map(|k| rows(&x, at_u + n * k, n)));
@@ -129,60 +155,83 @@ fn ticks(time: f64, period: f64) -> usize {
     (time / period - 1e-9).ceil().max(0.0) as usize
 }
 
-/// Everything about the sampled loop but the factor on the gains and the extra delay.
-struct Setup {
+/// The sampled loop in one situation, ready for its stability to be asked for.
+#[derive(Debug, Clone)]
+pub struct SampledLoop {
     tick: Tick,
     kp: Matrix,
-    ki: Vec<f64>,
+    /// Per tick.
+    ki: Matrix,
     period: usize,
     sensor: usize,
     actuator: usize,
+    tick_s: f64,
 }
 
-impl Setup {
-    fn radius(&self, factor: f64, extra: usize) -> Result<f64, RobotError> {
-        let scaled: Vec<f64> = self.ki.iter().map(|k| k * factor).collect();
-        let kp = &self.kp * faer::Scale(factor);
+impl SampledLoop {
+    /// The loop of a body with K_P and K_I (n × n, or n × 0 for a proportional law).
+    ///
+    /// # Errors
+    /// A period of the controller that is no whole multiple of the tick.
+    pub fn new(timing: &LoopTiming, body: &Body, kp: &Matrix, ki: &Matrix) -> Result<Self, RobotError> {
+        let ratio = timing.controller_period_s / timing.tick_s;
+        if !ratio.is_finite() || ratio < 1.0 || (ratio - ratio.round()).abs() > 1e-9 * ratio {
+            let reason = "must be a whole multiple of sampling.plant_period_s";
+            return Err(RobotError::Value {
+                what: "sampling.controller_period_s".into(),
+                value: timing.controller_period_s,
+                reason,
+            });
+        }
+        Ok(Self {
+            tick: Tick::new(timing, body)?,
+            kp: kp.clone(),
+            // The integrator's state is the sum of errors per tick: K_I takes the tick along.
+            ki: ki * faer::Scale(timing.tick_s),
+            period: ratio.round() as usize,
+            sensor: ticks(timing.sensor_delay_s, timing.tick_s),
+            actuator: ticks(timing.command_delay_s, timing.tick_s),
+            tick_s: timing.tick_s,
+        })
+    }
+
+    /// Spectral radius of the map over one controller period, with all gains `factor` times as large and the command
+    /// `extra_delay_s` later, rounded up to whole ticks.
+    ///
+    /// # Errors
+    /// Eigenvalues that cannot be computed.
+    pub fn radius(&self, factor: f64, extra_delay_s: f64) -> Result<f64, RobotError> {
+        self.radius_late(factor, ticks(extra_delay_s, self.tick_s))
+    }
+
+    fn radius_late(&self, factor: f64, extra: usize) -> Result<f64, RobotError> {
+        let by = faer::Scale(factor);
         radius(&monodromy(
             &self.tick,
-            &kp,
-            &scaled,
+            &(&self.kp * by),
+            &(&self.ki * by),
             self.period,
             self.sensor,
             self.actuator + extra,
         ))
     }
+
+    /// Whether this spectral radius is that of a stable loop. Slosh is free to drift and the samples in transit are nilpotent; a
+    /// marginal mode of the uncontrolled part is not one of the loop. One is allowed to the accuracy of the eigenvalues.
+    pub fn is_stable(radius: f64) -> bool {
+        radius < 1.0 + 1e-9
+    }
 }
 
-fn setup(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<Setup, RobotError> {
-    let s = &spec.sampling;
-    let ratio = s.controller_period_s / s.plant_period_s;
-    if !ratio.is_finite() || ratio < 1.0 || (ratio - ratio.round()).abs() > 1e-9 * ratio {
-        let reason = "must be a whole multiple of sampling.plant_period_s";
-        return Err(RobotError::Value {
-            what: "sampling.controller_period_s".into(),
-            value: s.controller_period_s,
-            reason,
-        });
-    }
-    let period = ratio.round() as usize;
-    let (tick, mass) = tick(spec, robot, model)?;
-    let kp = gains.proportional(&mass)?;
-    // The integrator's state is the sum of errors per plant tick: K_I takes the tick along.
-    let ki: Vec<f64> = gains.ki.iter().map(|k| k * s.plant_period_s).collect();
-    let sensor = ticks(s.sensor_delay_s, s.plant_period_s);
-    let actuator = ticks(
-        s.computing_s + s.actuator_delay_s + model.extra_delay_s,
-        s.plant_period_s,
-    );
-    Ok(Setup {
-        tick,
-        kp,
-        ki,
-        period,
-        sensor,
-        actuator,
-    })
+fn setup(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<SampledLoop, RobotError> {
+    let body = robot.body(model)?;
+    let mut timing = LoopTiming::new(&spec.sampling, body.channels);
+    timing.command_delay_s += model.extra_delay_s;
+    let ki = match gains.ki.len() {
+        0 => Matrix::zeros(body.channels, 0),
+        _ => linalg::diagonal(&gains.ki),
+    };
+    SampledLoop::new(&timing, &body, &gains.proportional(&body.mass)?, &ki)
 }
 
 /// The spectral radius alone.
@@ -190,7 +239,7 @@ fn setup(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result
 /// # Errors
 /// As [`sampled`].
 pub fn spectral_radius(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> Result<f64, RobotError> {
-    setup(spec, robot, model, gains)?.radius(1.0, 0)
+    setup(spec, robot, model, gains)?.radius_late(1.0, 0)
 }
 
 /// The exact stability of the sampled loop in one situation.
@@ -201,11 +250,9 @@ pub fn sampled(spec: &Spec, robot: &Robot, model: &ModelSpec, gains: &Gains) -> 
     let s = &spec.sampling;
     let setup = setup(spec, robot, model, gains)?;
     let period = setup.period;
-    let at = |factor: f64, extra: usize| setup.radius(factor, extra);
+    let at = |factor: f64, extra: usize| setup.radius_late(factor, extra);
     let spectral_radius = at(1.0, 0)?;
-    // Slosh is free to drift and the samples in transit are nilpotent; a marginal mode of the uncontrolled part is not one
-    // of the loop. One is allowed to the accuracy of the eigenvalues.
-    let stable = |r: f64| r < 1.0 + 1e-9;
+    let stable = SampledLoop::is_stable;
     if !stable(spectral_radius) {
         return Ok(Sampled {
             spectral_radius,

@@ -192,6 +192,10 @@ pub struct GainSpec {
     /// Start of the diagonal of K_I (N m/rad, N/m); empty without integral part.
     #[serde(default)]
     pub start_ki: Vec<f64>,
+    /// A file of gains tuned without an integral part, whose K_P is the K_S of the conditional integrator: its norm bounds the
+    /// feedback (Eq 7). It is copied beside the tuned gains; the loop below saturation does not know it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ks: Option<String>,
 }
 
 /// One situation.
@@ -200,8 +204,13 @@ pub struct GainSpec {
 pub struct ModelSpec {
     /// Name, for reports.
     pub name: String,
-    /// Joint angles, deg.
+    /// Joint angles, deg. A specification gives these or `at`; a file of gains has both.
+    #[serde(default)]
     pub joints_deg: Vec<f64>,
+    /// `RUN:TIME`: the joint angles are those of a recorded run, or of a scenario flown for the purpose, at this instant. Looking
+    /// them up is the caller's part; without `joints_deg` the situation is refused.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at: Option<String>,
     /// Factor on the base's mass (inertia unchanged).
     #[serde(default = "one")]
     pub base_mass: f64,

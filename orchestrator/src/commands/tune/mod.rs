@@ -1,7 +1,9 @@
 //! `escapement tune SPEC`: gains by structured H-infinity, verified before they are written.
 
+mod lookup;
 mod matrices;
 mod print;
+mod sliding;
 mod verify;
 
 use std::path::{Path, PathBuf};
@@ -15,10 +17,13 @@ use clap::Args;
 use synthesis::robot::{Robot, Spec, Step, design, export};
 use synthesis::tuner::{Flow, Phase, Progress, TuneError};
 
+use capture::flight::find;
 use capture::provenance::{digest, plant_digest};
+pub(super) use lookup::{look_up, recall};
 use matrices::tune_matrices;
 use print::print;
 pub(super) use print::print_validation;
+pub(super) use sliding::{sliding_gain, take_sliding_gain};
 pub(super) use verify::{channel_entries, contradictions, optima, sampled_entries, stated_margins, validation_entry};
 
 /// Exit code: no stabilising gain was found, or the run broke down.
@@ -45,6 +50,10 @@ pub struct TuneArgs {
     /// Where to write the gains; next to the specification when not given
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Take the configuration of the model from a recorded run, or from a scenario that is flown for it, at this instant;
+    /// MODEL= may be left out where there is one model. The same as `at = "RUN:TIME"` of that model in the specification
+    #[arg(long, value_name = "[MODEL=]RUN:TIME")]
+    pub at: Vec<String>,
     /// Number of starts, in place of the specification's
     #[arg(long)]
     pub starts: Option<usize>,
@@ -129,7 +138,13 @@ fn failure(error: &TuneError) -> i32 {
 }
 
 fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<i32> {
-    let (mut spec, robot, urdf) = match load(&args.spec, text) {
+    let loaded = load(&args.spec, text).and_then(|(mut spec, robot, urdf)| {
+        lookup::override_with(&mut spec, &args.at)?;
+        look_up(&args.spec, &mut spec)?;
+        let proportional = sliding_gain(&args.spec, &spec, &urdf)?;
+        anyhow::Ok((spec, robot, urdf, proportional))
+    });
+    let (mut spec, robot, urdf, proportional) = match loaded {
         Ok(loaded) => loaded,
         Err(error) => {
             eprintln!("error: {}: {error:#}", args.spec.display());
@@ -175,6 +190,9 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
     file.provenance.specification = args.spec.display().to_string();
     file.provenance.specification_digest = digest(text);
     file.provenance.plant_digest = plant_digest(&urdf).unwrap_or_default();
+    if let Some(proportional) = &proportional {
+        take_sliding_gain(&mut file, &spec, proportional);
+    }
     if design.tuned.stopped {
         complaints.push("the search was stopped before it was done".into());
     }
@@ -192,19 +210,13 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
 /// folder of the specification, or from the folder above it, whichever has it.
 pub(super) fn load(path: &Path, text: &str) -> anyhow::Result<(Spec, Robot, String)> {
     let spec: Spec = toml::from_str(text)?;
-    let here = path.parent().unwrap_or(Path::new("."));
-    let candidates = [
-        PathBuf::from(&spec.robot.urdf),
-        here.join(&spec.robot.urdf),
-        here.join("..").join(&spec.robot.urdf),
-    ];
-    let Some(found) = candidates.iter().find(|p| p.is_file()) else {
+    let Some(found) = find(path, &spec.robot.urdf) else {
         bail!(
             "robot.urdf = {:?}: no such file here, beside the specification, or above it",
             spec.robot.urdf
         )
     };
-    let urdf = std::fs::read_to_string(found).with_context(|| found.display().to_string())?;
+    let urdf = std::fs::read_to_string(&found).with_context(|| found.display().to_string())?;
     let robot = Robot::new(&urdf, &spec.robot)?;
     spec.check(robot.channels())?;
     Ok((spec, robot, urdf))

@@ -1,0 +1,306 @@
+//! Stability of the stock controller's sampled velocity loop with the robot and the delays of a scenario, at the configurations
+//! through which it goes: start, pointing, grasp.
+//!
+//! Only where the stock controller reads the stock plant and commands it. The outer loop, the bound of the feedback and the
+//! actuators' limits are not in it.
+
+mod path;
+
+use interfaces::files::Servicer;
+use lockstep::link::Timing;
+use lockstep::participant::Setup;
+use multibody::Description;
+use serde::Serialize;
+use synthesis::linalg::{self, Matrix};
+use synthesis::robot::{LoopTiming, ModelSpec, Robot, RobotError, RobotSpec, SampledLoop};
+use toml::{Table, Value};
+
+use engine::Finding;
+use engine::scenario::{Entry, Program, Scenario};
+
+pub use path::Configuration;
+
+/// The stated margin: the loop stays stable with all gains this much larger …
+pub const GAIN_MARGIN: f64 = 1.25;
+/// … and, at its own gains, with commands later by this part of the controller's period.
+pub const DELAY_MARGIN_PERIODS: f64 = 0.5;
+
+/// The loop of one controller.
+#[derive(Debug, Clone, Serialize)]
+pub struct VelocityLoop {
+    /// The controller's name.
+    pub controller: String,
+    /// Age of what it reads, s.
+    pub measured_delay_s: f64,
+    /// Time until its command acts, s.
+    pub command_delay_s: f64,
+    /// What the analysis says, along the path.
+    pub configurations: Vec<Assessed>,
+}
+
+/// One configuration.
+#[derive(Debug, Clone, Serialize)]
+pub struct Assessed {
+    /// Where on the path.
+    pub name: &'static str,
+    /// Joint angles, deg.
+    pub joints_deg: Vec<f64>,
+    /// Spectral radius over one controller period, propellant sloshing.
+    pub spectral_radius: f64,
+    /// The same with the gains of the stated margin.
+    pub with_larger_gains: f64,
+    /// The same with the delay of the stated margin.
+    pub with_more_delay: f64,
+}
+
+impl Assessed {
+    /// Whether the loop is stable.
+    pub fn stable(&self) -> bool {
+        SampledLoop::is_stable(self.spectral_radius)
+    }
+
+    /// Whether it is stable with the stated margin.
+    pub fn with_margin(&self) -> bool {
+        let radii = [self.spectral_radius, self.with_larger_gains, self.with_more_delay];
+        radii.into_iter().all(SampledLoop::is_stable)
+    }
+}
+
+/// The loops of a scenario's stock controllers. One whose parameters are refused is left out: the run says so.
+pub fn loops(scenario: &Scenario) -> Vec<VelocityLoop> {
+    let controllers = scenario.participants.iter().filter(|entry| is(entry, "controller"));
+    controllers.filter_map(|entry| assess(scenario, entry)).collect()
+}
+
+/// The loops as findings of `check`: where the spectral radii lie, and whether the margin is there.
+pub fn findings(scenario: &Scenario) -> Vec<Finding> {
+    let loops = loops(scenario);
+    if loops.is_empty() {
+        return Vec::new();
+    }
+    let text: Vec<String> = loops.iter().map(VelocityLoop::describe).collect();
+    vec![Finding {
+        name: "velocity_loops".into(),
+        text: text.join("\n"),
+        value: serde_json::to_value(&loops).unwrap_or_default(),
+    }]
+}
+
+/// Loops that are unstable, or stable without the stated margin: one line for each, about its worst configuration. Nothing of it
+/// keeps a run from starting.
+pub fn remarks(scenario: &Scenario) -> Vec<String> {
+    loops(scenario).iter().filter_map(VelocityLoop::remark).collect()
+}
+
+impl VelocityLoop {
+    fn describe(&self) -> String {
+        let mut text = format!(
+            "velocity loop of {}, {:.1} ms of delay before it and {:.1} ms behind it: spectral radius",
+            self.controller,
+            1e3 * self.measured_delay_s,
+            1e3 * self.command_delay_s
+        );
+        for one in &self.configurations {
+            let margin = match (one.stable(), one.with_margin()) {
+                (true, true) => format!(
+                    "stable, also with gains {GAIN_MARGIN} times as large and {DELAY_MARGIN_PERIODS} of a period later"
+                ),
+                (true, false) => "stable without margin".to_owned(),
+                (false, _) => "unstable".to_owned(),
+            };
+            text += &format!("\n  {:<24} {:.5} ({margin})", one.name, one.spectral_radius);
+        }
+        text
+    }
+
+    fn remark(&self) -> Option<String> {
+        let worst = |largest: fn(&Assessed) -> f64| {
+            let all = self.configurations.iter();
+            all.max_by(|a, b| largest(a).total_cmp(&largest(b)))
+        };
+        type Radius = fn(&Assessed) -> f64;
+        let asked: [(Radius, &str, String); 3] = [
+            (|one| one.spectral_radius, "unstable", String::new()),
+            (
+                |one| one.with_larger_gains,
+                "close to instability",
+                format!("with gains {GAIN_MARGIN} times as large: "),
+            ),
+            (
+                |one| one.with_more_delay,
+                "close to instability",
+                format!("with commands {DELAY_MARGIN_PERIODS} of a period later: "),
+            ),
+        ];
+        let (one, what, with) = asked.into_iter().find_map(|(radius, what, with)| {
+            let one = worst(radius).filter(|one| !SampledLoop::is_stable(radius(one)))?;
+            Some((one, what, format!("{with}spectral radius {:.5}", radius(one))))
+        })?;
+        let joints: Vec<String> = one.joints_deg.iter().map(|q| format!("{q:.1}")).collect();
+        Some(format!(
+            "participants.{}.parameters.gains: the velocity loop is {what} at the {} ({with}; {:.1} ms of delay before the controller, \
+             {:.1} ms behind it); name gains tuned for these delays and joints_deg = [{}], or shorten the delays",
+            self.controller,
+            one.name,
+            1e3 * self.measured_delay_s,
+            1e3 * self.command_delay_s,
+            joints.join(", ")
+        ))
+    }
+}
+
+fn assess(scenario: &Scenario, controller: &Entry) -> Option<VelocityLoop> {
+    let name = &controller.setup.name;
+    let (plant, measured) = giver(scenario, &format!("{name}.measured"), "plant", "measured")?;
+    let (commanded_by, command) = giver(
+        scenario,
+        &format!("{}.command", plant.setup.name),
+        "controller",
+        "command",
+    )?;
+    if commanded_by.setup.name != *name {
+        return None;
+    }
+    let guidance = giver(scenario, &format!("{name}.setpoint"), "guidance", "setpoint");
+    let configurations = match guidance {
+        Some((guidance, _)) => path::path(&plant.setup, &controller.setup, &guidance.setup)?,
+        None => vec![path::start(&plant.setup)?],
+    };
+    let lost = |timing: &Timing| {
+        if timing.drop > 0.0 {
+            controller.setup.period
+        } else {
+            0.0
+        }
+    };
+    let late = |timing: &Timing| timing.delay.seconds() + timing.jitter.seconds() + lost(timing);
+    let timing = LoopTiming {
+        controller_period_s: controller.setup.period,
+        tick_s: controller.setup.period / (controller.setup.period / plant.setup.period - 1e-9).ceil().max(1.0),
+        sensor_delay_s: late(&measured) + sampling_delay(plant, &measured, controller.setup.period),
+        command_delay_s: late(&command),
+        lag_s: lags(plant),
+    };
+    let gains = controller_proc::VelocityLoop::new(&controller.setup).ok()?;
+    let robot = robot(&plant.setup)?;
+    let assessed = configurations
+        .into_iter()
+        .map(|configuration| assess_at(&timing, &robot, &gains, configuration));
+    Some(VelocityLoop {
+        controller: name.clone(),
+        measured_delay_s: timing.sensor_delay_s,
+        command_delay_s: timing.command_delay_s,
+        configurations: assessed.collect::<Result<_, _>>().ok()?,
+    })
+}
+
+fn assess_at(
+    timing: &LoopTiming,
+    robot: &Robot,
+    gains: &controller_proc::VelocityLoop,
+    configuration: Configuration,
+) -> Result<Assessed, RobotError> {
+    let mut model = ModelSpec::nominal(configuration.joints_deg.clone());
+    model.slosh = true;
+    let body = robot.body(&model)?;
+    let matrix = |rows: &[[f64; 13]; 13]| Matrix::from_fn(13, 13, |i, j| rows[i][j]);
+    let mut kp = matrix(&gains.kp);
+    if gains.scheduled {
+        let root = linalg::sqrt_spd(&body.mass)?;
+        kp = &root * &kp * &root;
+    }
+    let ki = gains.ki.as_ref().map_or(Matrix::zeros(13, 0), matrix);
+    let sampled = SampledLoop::new(timing, &body, &kp, &ki)?;
+    Ok(Assessed {
+        name: configuration.name,
+        joints_deg: configuration.joints_deg,
+        spectral_radius: sampled.radius(1.0, 0.0)?,
+        with_larger_gains: sampled.radius(GAIN_MARGIN, 0.0)?,
+        with_more_delay: sampled.radius(1.0, DELAY_MARGIN_PERIODS * timing.controller_period_s)?,
+    })
+}
+
+/// Whether `entry` is this participant of our own.
+fn is(entry: &Entry, name: &str) -> bool {
+    matches!(&entry.program, Program::Builtin(builtin) if builtin == name)
+}
+
+/// The stock participant that feeds `input` from its `port`, and the link between them.
+fn giver<'a>(scenario: &'a Scenario, input: &str, builtin: &str, port: &str) -> Option<(&'a Entry, Timing)> {
+    let (from, timing) = scenario
+        .links()
+        .find_map(|(from, to, timing)| (to == input).then_some((from, timing)))?;
+    let (name, output) = from.split_once('.')?;
+    let entry = scenario.participants.iter().find(|entry| entry.setup.name == name)?;
+    (is(entry, builtin) && output == port).then_some((entry, timing))
+}
+
+/// The robot that the plant moves.
+fn robot(plant: &Setup) -> Option<Robot> {
+    let servicer: Servicer = lockstep::units::read(table(&plant.parameters, "servicer")?).ok()?;
+    let urdf = plant.parameters.get("urdf").and_then(Value::as_str)?;
+    let mut description = Description::from_urdf(urdf).ok()?;
+    for (joint, inertia) in servicer.arm.joints.iter().zip(servicer.arm.motor_inertia.si()) {
+        description.add_motor_inertia(joint, inertia).ok()?;
+    }
+    let slosh: Vec<&String> = {
+        let known = |joint: &&String| description.moving_joints().any(|one| one.name == **joint);
+        servicer.slosh.joints.iter().filter(known).collect()
+    };
+    let is_child = |link: usize| description.joints.iter().any(|joint| joint.child == link);
+    let root = (0..description.links.len()).find(|link| !is_child(*link))?;
+    let spec = RobotSpec {
+        urdf: String::new(),
+        frozen: slosh.iter().map(|joint| ((*joint).clone(), 0.0)).collect(),
+        motor_inertia_kg_m2: 0.0,
+        base_link: description.links[root].name.clone(),
+        arm_links: Vec::new(),
+        propellant_links: Vec::new(),
+        end_effector: servicer.arm.end_effector,
+    };
+    for joint in slosh {
+        if let Some(damping) = servicer.slosh.damping {
+            description.set_damping(joint, damping.si()).ok()?;
+        }
+    }
+    Robot::from_description(description, &spec).ok()
+}
+
+/// The lags of wheels, thrusters and joint motors, channel by channel, s.
+fn lags(plant: &Entry) -> Vec<f64> {
+    let actuators = table(&plant.setup.parameters, "actuators");
+    let lag = |group: &str| {
+        actuators
+            .and_then(|all| table(all, group))
+            .and_then(|own| time(own, "lag"))
+    };
+    let groups = [("wheels", 3), ("thrusters", 3), ("joints", 7)];
+    let lags = groups
+        .into_iter()
+        .map(|(group, count)| vec![lag(group).unwrap_or(0.0); count]);
+    lags.flatten().collect()
+}
+
+/// How old a rate can be that a sensor samples and holds, s: nothing where the controller reads it at the instants of the sensor.
+fn sampling_delay(plant: &Entry, link: &Timing, period: f64) -> f64 {
+    let sensors = table(&plant.setup.parameters, "sensors");
+    let every = |sensor: &str| {
+        sensors
+            .and_then(|all| table(all, sensor))
+            .and_then(|own| time(own, "period"))
+    };
+    let fits = |time: f64, every: f64| (time / every - (time / every).round()).abs() < 1e-9;
+    let periods = ["rate", "velocity", "joint_rate"].into_iter().filter_map(every);
+    let odd = periods.filter(|every| !(fits(period, *every) && fits(link.delay.seconds(), *every)));
+    odd.fold(0.0, f64::max)
+}
+
+fn table<'a>(table: &'a Table, key: &str) -> Option<&'a Table> {
+    table.get(key).and_then(Value::as_table)
+}
+
+/// A time as a scenario writes it, s.
+fn time(table: &Table, key: &str) -> Option<f64> {
+    let text = table.get(key).and_then(Value::as_str)?;
+    lockstep::units::convert(text, "s").ok()?.0.first().copied()
+}

@@ -1,0 +1,186 @@
+//! The joint angles that the stock laws ask for on their way to the grasp.
+//!
+//! Guidance and controller of the scenario are stepped against a servicer that follows every virtual velocity exactly. That needs
+//! neither gains nor forces, so a loop that is unstable has a path all the same, and it takes milliseconds.
+
+use guidance_laws::TargetState as TargetMotion;
+use guidance_laws::target::TargetModel;
+use interfaces::files::Target;
+use interfaces::{ControlTelemetry, Measured, SetPoint, TargetState, Truth};
+use lockstep::participant::{Inputs, Outputs, ParameterError, Participant, Setup, Step};
+use multibody::nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use toml::Value;
+
+/// Time between two looks of both laws, s: the outer loop answers within a second, and joints turn by less than 0.2 deg in it.
+const STEP_S: f64 = 0.05;
+
+/// A configuration on the path.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Configuration {
+    /// Where on the path.
+    pub name: &'static str,
+    /// Joint angles, deg.
+    pub joints_deg: Vec<f64>,
+}
+
+/// Makes a stock participant.
+type Make = fn(&Setup) -> Result<Box<dyn Participant>, ParameterError>;
+
+/// A stock participant with its buffers.
+struct Stepped {
+    participant: Box<dyn Participant>,
+    inputs: Inputs,
+    outputs: Outputs,
+    ports: [Vec<String>; 2],
+}
+
+impl Stepped {
+    fn new(make: Make, setup: &Setup) -> Option<Self> {
+        let participant = make(setup).ok()?;
+        let interface = participant.interface();
+        Some(Self {
+            inputs: Inputs::zeroed(&interface),
+            outputs: Outputs::zeroed(&interface),
+            ports: [
+                interface.inputs.iter().map(|port| port.name.clone()).collect(),
+                interface.outputs.iter().map(|port| port.name.clone()).collect(),
+            ],
+            participant,
+        })
+    }
+
+    fn input(&self, name: &str) -> Option<usize> {
+        self.ports[0].iter().position(|port| port == name)
+    }
+
+    fn output(&self, name: &str) -> Option<usize> {
+        self.ports[1].iter().position(|port| port == name)
+    }
+
+    fn step(&mut self, index: u64) -> Option<()> {
+        let t = index as f64 * STEP_S;
+        let step = Step {
+            index,
+            t,
+            t_next: t + STEP_S,
+            period: STEP_S,
+        };
+        self.participant.step(&step, &self.inputs, &mut self.outputs).ok()
+    }
+}
+
+/// The configuration in which the plant starts.
+pub(super) fn start(plant: &Setup) -> Option<Configuration> {
+    let (truth, _) = at_start(plant)?;
+    Some(configuration("start", &truth.q))
+}
+
+/// The configurations at the start, when the end effector points and at the grasp. `None` when a participant refuses its
+/// parameters, which the run itself reports.
+pub(super) fn path(plant: &Setup, controller: &Setup, guidance: &Setup) -> Option<Vec<Configuration>> {
+    let instants = [("pointing", "point"), ("grasp", "grasp")];
+    let instants = instants.map(|(name, key)| Some((name, instant(guidance, key)?)));
+    let (truth, mut target) = at_start(plant)?;
+    let model = target_model(plant)?;
+    let mut found = vec![configuration("start", &truth.q)];
+    let mut controller = Stepped::new(controller_proc::factory, &looking(controller))?;
+    let mut guidance = Stepped::new(guidance_proc::factory, &looking(guidance))?;
+    let mut servicer = Measured {
+        p_NB_N: truth.p_NB_N,
+        quat_NB: truth.quat_NB,
+        q: truth.q,
+        ..Measured::default()
+    };
+    let mut index = 0;
+    for (name, at) in instants.into_iter().flatten() {
+        while (index as f64) * STEP_S < at - 0.5 * STEP_S {
+            follow(&mut servicer, &target, &mut guidance, &mut controller, index)?;
+            target = model.predicted(&target, STEP_S);
+            index += 1;
+        }
+        found.push(configuration(name, &servicer.q));
+    }
+    Some(found)
+}
+
+/// Both laws look, and the servicer moves as they ask.
+fn follow(
+    servicer: &mut Measured,
+    target: &TargetMotion,
+    guidance: &mut Stepped,
+    controller: &mut Stepped,
+    index: u64,
+) -> Option<()> {
+    let quaternion = target.pose.attitude.quaternion();
+    let seen = TargetState {
+        stamp: index as f64 * STEP_S,
+        p_NT_N: target.pose.position.into(),
+        quat_NT: [quaternion.w, quaternion.i, quaternion.j, quaternion.k],
+        v_NT_N: target.velocity.into(),
+        omega_NT_T: target.rate.into(),
+    };
+    *guidance.inputs.get_mut::<Measured>(guidance.input("measured")?) = *servicer;
+    *guidance.inputs.get_mut::<TargetState>(guidance.input("target")?) = seen;
+    guidance.step(index)?;
+    for port in ["setpoint", "base_setpoint"] {
+        let asked = *guidance.outputs.get::<SetPoint>(guidance.output(port)?);
+        *controller.inputs.get_mut::<SetPoint>(controller.input(port)?) = asked;
+    }
+    *controller.inputs.get_mut::<Measured>(controller.input("measured")?) = *servicer;
+    controller.step(index)?;
+    let wanted = controller
+        .outputs
+        .get::<ControlTelemetry>(controller.output("telemetry")?);
+    let attitude = unit(servicer.quat_NB);
+    let moved = attitude * UnitQuaternion::from_scaled_axis(Vector3::from(wanted.omega_v_B) * STEP_S);
+    let position = Vector3::from(servicer.p_NB_N) + attitude * Vector3::from(wanted.v_v_B) * STEP_S;
+    servicer.p_NB_N = position.into();
+    servicer.quat_NB = [moved.w, moved.i, moved.j, moved.k];
+    servicer.omega_NB_B = wanted.omega_v_B;
+    servicer.v_NB_B = wanted.v_v_B;
+    for (joint, rate) in wanted.qdot_v.iter().enumerate() {
+        servicer.q[joint] += rate * STEP_S;
+        servicer.qdot[joint] = *rate;
+    }
+    Some(())
+}
+
+/// The same law, as it looks at an exact target every [`STEP_S`].
+fn looking(setup: &Setup) -> Setup {
+    let mut looking = setup.clone();
+    looking.period = STEP_S;
+    // A filter in front of the guidance changes when the target is known, not where it goes.
+    looking.parameters.remove("navigation");
+    looking.parameters.remove("predict_target");
+    looking
+}
+
+fn at_start(plant: &Setup) -> Option<(Truth, TargetMotion)> {
+    let mut plant = Stepped::new(plant_proc::factory, plant)?;
+    plant.participant.initialise(0.0, &mut plant.outputs).ok()?;
+    let truth = *plant.outputs.get::<Truth>(plant.output("truth")?);
+    let target = TargetMotion::from_raw(truth.p_NT_N, truth.quat_NT, truth.v_NT_N, truth.omega_NT_T)?;
+    Some((truth, target))
+}
+
+fn target_model(plant: &Setup) -> Option<TargetModel> {
+    let table = plant.parameters.get("target").and_then(Value::as_table)?;
+    let target: Target = lockstep::units::read(table).ok()?;
+    TargetModel::new(Matrix3::from_diagonal(&Vector3::from(target.inertia.si())), STEP_S).ok()
+}
+
+fn instant(guidance: &Setup, key: &str) -> Option<f64> {
+    let schedule = guidance.parameters.get("schedule").and_then(Value::as_table)?;
+    super::time(schedule, key)
+}
+
+fn configuration(name: &'static str, joints_rad: &[f64]) -> Configuration {
+    Configuration {
+        name,
+        joints_deg: joints_rad.iter().map(|q| q.to_degrees()).collect(),
+    }
+}
+
+fn unit([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k))
+}
