@@ -240,7 +240,7 @@ fn a_run_folder_is_never_overwritten() {
 #[test]
 fn gains_that_do_not_fit_the_controller() {
     let folder = Folder::new("gains");
-    let tuned = std::fs::read_to_string(root().join("gains/pi-diagonal-five.toml")).unwrap();
+    let tuned = std::fs::read_to_string(root().join("gains/pi-diagonal.toml")).unwrap();
     let integral = tuned.lines().find(|line| line.starts_with("ki = ")).unwrap();
     let proportional = tuned.lines().find(|line| line.starts_with("kp = ")).unwrap();
     let shorter = format!("{}]", proportional.rsplit_once(',').unwrap().0);
@@ -274,10 +274,18 @@ fn gains_that_do_not_fit_the_controller() {
         refused_with(&set, expected);
     }
     // The paper's bound is the norm of K_S, which not every file has, and it is one bound for all channels.
-    refused_with(
-        "participants.controller.parameters.inner={ bound = \"sliding-gain\" }",
-        &["gains.gains.ks", "is missing", "bound = \"actuators\""],
+    let without: String = tuned
+        .lines()
+        .filter(|line| !line.starts_with("ks = "))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    assert_ne!(without, tuned);
+    let file = folder.write("without.toml", &without);
+    let set = format!(
+        "participants.controller.parameters.gains={{ file = {:?} }}",
+        text(&file)
     );
+    refused_with(&set, &["gains.gains.ks", "is missing", "bound = \"actuators\""]);
     refused_with(
         "participants.controller.parameters.inner={ bound = \"sliding-gain\", force_bound = \"5 N\" }",
         &["inner.force_bound", "would be ignored", "sliding-gain"],
@@ -328,7 +336,7 @@ fn gains_of_another_robot_are_warned_of() {
     assert_eq!(another.code, Some(0), "{another:?}");
     assert!(another.err.contains("tuned for another robot"), "{another:?}");
     assert!(
-        another.err.contains("escapement tune gains/pi-diagonal-five.spec.toml"),
+        another.err.contains("escapement tune gains/pi-diagonal.spec.toml"),
         "{another:?}"
     );
 }

@@ -3,8 +3,8 @@
 use synthesis::linalg::{Matrix, diagonal, inverse, max_abs, norm2};
 use synthesis::mu::{MarginOptions, margin};
 use synthesis::robot::{
-    GainStructure, Gains, GainsFile, LoopTiming, ModelSpec, Robot, RobotError, SampledLoop, Spec, assess, design, draw,
-    multiplicative_loop, problem, report, sampled, validate,
+    GainStructure, Gains, GainsFile, LoopTiming, ModelSpec, NoSlidingGain, Robot, RobotError, SampledLoop, Spec,
+    assess, design, draw, multiplicative_loop, problem, report, sampled, validate,
 };
 use synthesis::tuner::Flow;
 
@@ -146,6 +146,46 @@ fn looked_up(spec: &mut Spec, file: &GainsFile) {
     }
 }
 
+/// The rule of the specifications: errors of size one have the same kinetic energy in every channel, in every configuration.
+#[test]
+fn error_sizes_of_every_capture_follow_one_rule() {
+    let mut spec: Spec = toml::from_str(PI).unwrap();
+    let robot = Robot::new(URDF, &spec.robot).unwrap();
+    looked_up(
+        &mut spec,
+        &toml::from_str(include_str!("../../../gains/pi-diagonal.toml")).unwrap(),
+    );
+    for model in &spec.models {
+        let sizes = if model.error_sizes.is_empty() {
+            &spec.scales.velocity
+        } else {
+            &model.error_sizes
+        };
+        let mass = robot.body(model).unwrap().mass;
+        for (channel, size) in sizes.iter().enumerate() {
+            close(size * mass[(channel, channel)].sqrt(), 7.5e-3, 0.03);
+        }
+    }
+}
+
+/// K_S is what the proportional specification gives, and nothing else can be.
+#[test]
+fn shipped_sliding_gain_is_that_of_the_p_structure() {
+    let read = |text: &str| toml::from_str::<GainsFile>(text).unwrap();
+    let proportional = read(include_str!("../../../gains/p-diagonal.toml"));
+    for text in [
+        include_str!("../../../gains/pi-diagonal.toml"),
+        include_str!("../../../gains/pi-block.toml"),
+        include_str!("../../../gains/pi-full.toml"),
+    ] {
+        let mut file = read(text);
+        assert_eq!(file.gains.ks, proportional.gains.kp);
+        assert_eq!(file.provenance.ks.as_deref(), Some("gains/p-diagonal.toml"));
+        let other = file.gains.clone();
+        assert_eq!(file.gains.take_sliding_gain(&other), Err(NoSlidingGain::Integral));
+    }
+}
+
 /// Lags of single channels: all alike they are the specification's lag, and a lag of nothing is no lag.
 #[test]
 fn lags_of_single_channels_enter_the_sampled_loop() {
@@ -206,6 +246,7 @@ fn shipped_gains_reproduce_their_gamma() {
         let robot = Robot::new(URDF, &spec.robot).unwrap();
         let file: GainsFile = toml::from_str(file).unwrap();
         looked_up(&mut spec, &file);
+        assert_eq!(spec.gains.ks.is_some(), !file.gains.ks.is_empty(), "{}", spec.title);
         let gains = file.gains.gains().unwrap();
         let (_, evaluation) = report(&spec, &robot, &file.adversary, &gains).unwrap();
         close(evaluation.gamma, file.provenance.gamma_reported, 1e-6);
@@ -288,11 +329,7 @@ fn bad_input_is_refused_with_the_reason() {
     assert!(with(&|s| s.scales.authority.truncate(6)).contains("6 entries"));
     assert!(with(&|s| s.models[0].joints_deg.push(0.0)).contains("joints_deg"));
     assert!(with(&|s| s.models[0].base_mass = -1.0).contains("must be positive"));
-    let at = Some("runs/a:30s".to_owned());
-    assert!(
-        with(&|s| (s.models[0].joints_deg, s.models[0].at) = (Vec::new(), at.clone()))
-            .contains("has not been looked up")
-    );
+    assert!(with(&|s| s.models[1].at = Some("runs/a:30s".into())).contains("has not been looked up"));
     assert!(with(&|s| s.models.clear()).contains("at least one model"));
     assert!(Robot::new("<robot", &spec.robot).is_err());
     let mut wrong = spec.robot.clone();
