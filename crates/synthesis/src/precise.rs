@@ -73,10 +73,10 @@ impl Loop<'_> {
             let mut sum = number(if imaginary { 0.0 } else { p.d[(i, inputs.start + w)] });
             let first = if imaginary { m } else { 0 };
             for j in 0..n {
-                sum = sum + number(p.c[(i, j)]) * rows[first + j][2 * m + w];
+                sum += number(p.c[(i, j)]) * rows[first + j][2 * m + w];
             }
             for j in 0..nu {
-                sum = sum + number(p.d[(i, nw + j)]) * rows[first + n + j][2 * m + w];
+                sum += number(p.d[(i, nw + j)]) * rows[first + n + j][2 * m + w];
             }
             sum.0
         };
@@ -105,7 +105,7 @@ fn eliminate(rows: &mut [Vec<fx128>]) -> bool {
         };
         let scale = fx128::from_f64(1.0) / head[column];
         for entry in &mut head[column..] {
-            *entry = *entry * scale;
+            *entry *= scale;
         }
         for row in above.iter_mut().chain(below) {
             let factor = row[column];
@@ -113,7 +113,7 @@ fn eliminate(rows: &mut [Vec<fx128>]) -> bool {
                 continue;
             }
             for (entry, own) in row[column..].iter_mut().zip(&head[column..]) {
-                *entry = *entry - factor * *own;
+                *entry -= factor * *own;
             }
         }
     }

@@ -175,7 +175,9 @@ fn mixed_blocks_of_the_slicot_example() {
 /// SLICOT's AB13MD. The least is at moderate scalings, between large ones that prove less.
 #[test]
 fn one_complex_and_one_real_scalar_are_exact() {
-    let cases: [([[(f64, f64); 2]; 2], f64); 4] = [
+    /// Real and imaginary parts.
+    type Complex2x2 = [[(f64, f64); 2]; 2];
+    let cases: [(Complex2x2, f64); 4] = [
         ([[(-0.6, -1.1), (1.0, -0.5)], [(0.2, -0.4), (-0.6, -0.6)]], 1.479385),
         ([[(0.4, 1.8), (-0.3, -0.7)], [(0.2, 0.0), (0.3, 0.4)]], 1.907473),
         ([[(1.8, -0.3), (-0.9, -0.9)], [(-0.6, 0.0), (-0.7, -0.7)]], 2.038840),

@@ -64,7 +64,7 @@ fn true_gain(problem: &Problem, k: &Matrix, omega: f64) -> f64 {
             if i == column || factor.0 == 0.0 {
                 continue;
             }
-            (column..row.len()).for_each(|j| row[j] = row[j] - factor * head[j]);
+            (column..row.len()).for_each(|j| row[j] -= factor * head[j]);
         }
     }
     let x = |i: usize, w: usize| rows[i][2 * size + w] / rows[i][i];

@@ -318,7 +318,8 @@ pub(super) fn bound_until(
             // Rounding keeps the centre from being reached, and what is left is below what was asked for.
             break;
         }
-        if !(level - proved > 4.0 * f64::EPSILON * level) {
+        let resolved = level - proved > 4.0 * f64::EPSILON * level;
+        if !resolved {
             break;
         }
         level = proved + if centred { 0.2 } else { 0.8 } * (level - proved);

@@ -1,6 +1,6 @@
 //! Situations at an instant of a run: `at = "RUN:TIME"` of a specification, `--at` of the command line.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail};
 use lockstep::time::Rational;
@@ -116,7 +116,7 @@ fn joints_at(specification: &Path, at: &str) -> anyhow::Result<Vec<f64>> {
 }
 
 /// The joint angles of the sample at this instant, deg.
-fn read(tape: &PathBuf, instant_s: f64) -> anyhow::Result<Vec<f64>> {
+fn read(tape: &Path, instant_s: f64) -> anyhow::Result<Vec<f64>> {
     let reader = Reader::open(tape)?;
     let streams = reader.streams();
     let truths: Vec<usize> = (0..streams.len())

@@ -174,12 +174,8 @@ fn refused(reason: String) -> Reply {
 }
 
 #[cfg(test)]
-#[path = "../../../tests/place/mod.rs"]
-mod place;
-
-#[cfg(test)]
 mod tests {
-    use super::place::Place;
+    use super::super::place::Place;
     use super::*;
 
     #[test]

@@ -168,12 +168,8 @@ impl Receiver for LinkReceiver {
 }
 
 #[cfg(test)]
-#[path = "../../../tests/place/mod.rs"]
-mod place;
-
-#[cfg(test)]
 mod tests {
-    use super::place::Place;
+    use super::super::place::Place;
     use super::*;
     use std::sync::atomic::{AtomicBool, Ordering};
 

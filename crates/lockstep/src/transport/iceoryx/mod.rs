@@ -15,6 +15,9 @@ mod control;
 mod domain;
 mod footprint;
 mod link;
+#[cfg(test)]
+#[path = "../../../tests/place/mod.rs"]
+mod place;
 mod record;
 mod ring;
 mod status;

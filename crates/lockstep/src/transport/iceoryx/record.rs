@@ -341,12 +341,8 @@ fn split_entry(words: &[u64]) -> Result<Option<(Recorded<'_>, &[u64])>, Broken> 
 }
 
 #[cfg(test)]
-#[path = "../../../tests/place/mod.rs"]
-mod place;
-
-#[cfg(test)]
 mod tests {
-    use super::place::Place;
+    use super::super::place::Place;
     use super::*;
     use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -427,7 +423,7 @@ mod tests {
             std::thread::scope(|scope| {
                 scope.spawn(|| {
                     for at in (0..).take_while(|_| !done.load(Ordering::Relaxed)) {
-                        let draw = |which: u64| draws.bits(1 << 32 | round << 20 | (3 * at + which) % (1 << 20));
+                        let draw = |which: u64| draws.bits((1 << 32) | (round << 20) | ((3 * at + which) % (1 << 20)));
                         // Anywhere near, the count of what is committed too.
                         words[draw(0) as usize % 512].set(draw(1) >> (draw(2) % 64));
                     }

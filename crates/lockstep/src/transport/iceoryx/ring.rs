@@ -248,12 +248,8 @@ impl RingReader {
 }
 
 #[cfg(test)]
-#[path = "../../../tests/place/mod.rs"]
-mod place;
-
-#[cfg(test)]
 mod tests {
-    use super::place::Place;
+    use super::super::place::Place;
     use super::*;
 
     #[test]
