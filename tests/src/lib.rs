@@ -7,4 +7,5 @@ pub mod machine;
 pub mod page;
 pub mod parts;
 pub mod program;
+pub mod workspace;
 pub mod world;

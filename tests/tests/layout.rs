@@ -4,106 +4,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::OnceLock;
 
 use escapement_tests::program::root;
-
-/// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
-/// link anything and is linked by nobody.
-const ARROWS: [(&str, &[&str]); 15] = [
-    ("lockstep", &[]),
-    ("multibody", &[]),
-    ("guidance-laws", &[]),
-    ("control-laws", &["guidance-laws", "multibody"]),
-    ("synthesis", &["multibody"]),
-    ("interfaces", &["lockstep", "multibody"]),
-    ("tape", &["lockstep"]),
-    ("report", &["lockstep", "multibody", "tape"]),
-    ("engine", &["lockstep", "report", "tape"]),
-    (
-        "capture",
-        &[
-            "controller-proc",
-            "engine",
-            "guidance-laws",
-            "guidance-proc",
-            "interfaces",
-            "lockstep",
-            "multibody",
-            "plant-proc",
-            "synthesis",
-            "tape",
-        ],
-    ),
-    ("plant-proc", &["interfaces", "lockstep", "multibody"]),
-    (
-        "controller-proc",
-        &["control-laws", "guidance-laws", "interfaces", "lockstep", "multibody"],
-    ),
-    (
-        "guidance-proc",
-        &["guidance-laws", "interfaces", "lockstep", "multibody"],
-    ),
-    (
-        "orchestrator",
-        &[
-            "capture",
-            "controller-proc",
-            "engine",
-            "guidance-proc",
-            "lockstep",
-            "multibody",
-            "plant-proc",
-            "report",
-            "synthesis",
-            "tape",
-        ],
-    ),
-    ("escapement", &["engine", "lockstep", "orchestrator", "tape"]),
-];
+use escapement_tests::workspace::{ARROWS, Package, package, packages};
 
 /// Values in, values out.
 const MODELS: [&str; 4] = ["multibody", "control-laws", "guidance-laws", "synthesis"];
-
-/// A package of the workspace.
-struct Package {
-    name: String,
-    folder: PathBuf,
-    /// What it is linked with, tests and benches left out.
-    dependencies: Vec<String>,
-}
-
-fn packages() -> &'static [Package] {
-    static READ: OnceLock<Vec<Package>> = OnceLock::new();
-    READ.get_or_init(|| {
-        let said = Command::new(env!("CARGO"))
-            .current_dir(root())
-            .args(["metadata", "--format-version", "1", "--offline", "--no-deps"])
-            .output()
-            .expect("cargo can be started");
-        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
-        let all: serde_json::Value = serde_json::from_slice(&said.stdout).expect("cargo metadata gives JSON");
-        let list = |value: &serde_json::Value| value.as_array().cloned().unwrap_or_default();
-        let text = |value: &serde_json::Value| value.as_str().unwrap_or_default().to_owned();
-        list(&all["packages"])
-            .iter()
-            .map(|package| Package {
-                name: text(&package["name"]),
-                folder: Path::new(&text(&package["manifest_path"])).parent().unwrap().to_owned(),
-                dependencies: list(&package["dependencies"])
-                    .iter()
-                    .filter(|one| one["kind"] != "dev")
-                    .map(|one| text(&one["name"]))
-                    .collect(),
-            })
-            .collect()
-    })
-}
-
-fn package(name: &str) -> &'static Package {
-    let found = packages().iter().find(|package| package.name == name);
-    found.unwrap_or_else(|| panic!("there is no package `{name}`"))
-}
 
 /// A line of a source file.
 struct Line {
