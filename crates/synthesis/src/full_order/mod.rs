@@ -4,7 +4,7 @@
 //! the two says how much the structure costs. Two Riccati equations and a coupling condition decide whether a level γ can be
 //! reached (Doyle, Glover, Khargonekar and Francis 1989; the general form of Zhou, Doyle and Glover 1996, theorem 17.1);
 //! bisection does the rest. Plants without full effort weights or measurement noise, or with zeros on the imaginary axis,
-//! are bracketed by regular ones ([`singular`]).
+//! are bracketed by regular ones (`singular.rs`).
 
 mod riccati;
 mod singular;
