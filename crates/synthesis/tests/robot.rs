@@ -214,7 +214,15 @@ fn lags_of_single_channels_enter_the_sampled_loop() {
     let mut nothing = wheels;
     nothing[3..].fill(1e-7);
     close(radius(nothing), some, 1e-6);
-    assert!(some > none + 1e-6 && (all - some).abs() > 1e-6, "{none} {some} {all}");
+    // With these gains every channel has the same cut-off, so the longest lag decides, on whichever channel it is.
+    let mut joints = [0.0; 13];
+    joints[6..].fill(0.25);
+    let shorter = radius(joints);
+    assert!(
+        none + 1e-3 < shorter && shorter < some - 1e-3,
+        "{none} {shorter} {some}"
+    );
+    close(all, some, 1e-6);
     spec.sampling.actuator_lag_s = 0.5;
     close(
         sampled(&spec, &robot, &capture(), &gains).unwrap().spectral_radius,
