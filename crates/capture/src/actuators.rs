@@ -7,16 +7,6 @@ use engine::scenario::Scenario;
 use lockstep::time::Rational;
 use toml::{Table, Value};
 
-fn column(name: &str, texts: Vec<String>) -> Column {
-    Column {
-        name: name.to_owned(),
-        unit: String::new(),
-        texts,
-        numbers: None,
-        whole: None,
-    }
-}
-
 /// A failure of one actuator.
 struct Failure {
     actuator: String,
@@ -89,7 +79,7 @@ pub fn every_actuator(scenario: &Scenario, file: &Path, at: &[Rational], informe
         columns: names
             .iter()
             .enumerate()
-            .map(|(at, name)| column(name, texts(at)))
+            .map(|(at, name)| Column::of_texts(name, texts(at)))
             .collect(),
         points: rows.into_iter().map(|(_, changes)| changes).collect(),
     })

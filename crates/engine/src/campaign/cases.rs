@@ -58,16 +58,6 @@ pub struct Cases {
     pub points: Vec<Vec<String>>,
 }
 
-fn column(name: &str, texts: Vec<String>) -> Column {
-    Column {
-        name: name.to_owned(),
-        unit: String::new(),
-        texts,
-        numbers: None,
-        whole: None,
-    }
-}
-
 /// The cases that the file `path` lists.
 ///
 /// # Errors
@@ -119,7 +109,7 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
     }
     Ok(Cases {
         title: list.title,
-        columns: vec![column("case", names)],
+        columns: vec![Column::of_texts("case", names)],
         points,
     })
 }

@@ -63,6 +63,17 @@ pub struct Column {
 }
 
 impl Column {
+    /// A column of words.
+    pub fn of_texts(name: &str, texts: Vec<String>) -> Column {
+        Column {
+            name: name.to_owned(),
+            unit: String::new(),
+            texts,
+            numbers: None,
+            whole: None,
+        }
+    }
+
     /// Whether all are whole numbers, of which some are too large for 64 bits with a sign.
     fn beyond_whole(&self) -> bool {
         let digits = |text: &String| {
