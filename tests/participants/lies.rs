@@ -47,7 +47,7 @@ fn act(lie: &str, liar: &mut Liar) {
         "record-nobody" => stream = Some(77),
         "record-last" => header.index = u64::MAX,
         "record-twice" => liar.record_anew(),
-        // Nobody is ever woken: all that it sends is found all the same.
+        // It wakes no consumer: all that it sends is found all the same.
         "wakes-nobody" => {
             liar.behave_from(LIE, liar.assignment.activations);
             return liar.note(&Note::Finished(Timing::default()));
@@ -66,7 +66,7 @@ fn act(lie: &str, liar: &mut Liar) {
             let (horizon, next) = (liar.header(LIE).stamp, LIE);
             liar.note(&Note::AtRest { horizon, next });
         },
-        // The activation at the very instant before which everybody is to rest.
+        // The activation at the very instant before which all participants are to rest.
         "past-the-horizon" => return liar.behave_from(LIE, LIE + 1),
         "steers-the-terminal" => {
             let (activation, t) = (LIE, "1\u{1b}[31m".to_owned());

@@ -199,7 +199,7 @@ fn death_during_a_pause_ends_the_run() {
     command
         .args(["run", text(&scenario), "--out", text(&out), "--pause-at", "1 s"])
         .current_dir(root())
-        // Nobody types, and the input does not end.
+        // No key is pressed, and the input does not end.
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());

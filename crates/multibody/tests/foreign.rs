@@ -158,7 +158,7 @@ fn what_is_not_modelled_is_warned_of_with_its_line() {
         );
     }
     assert_eq!(read(&text).description.links.len(), 2, "the ghost is none");
-    // what is for others is nobody's loss here
+    // elements of other namespaces are not needed here
     let quiet = "<material name=\"m\"/><transmission/><gazebo/><ros2_control/>";
     assert!(read(&robot(quiet)).warnings.is_empty());
     let still = joint("fixed", "arm", "<dynamics friction=\"1\"/>");

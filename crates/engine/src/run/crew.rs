@@ -190,7 +190,7 @@ impl Member {
             }
             Ok(())
         });
-        // Whoever sleeps for room in the recording sleeps for anything.
+        // A participant that sleeps for room in the recording is woken by anything.
         if matches!(took, Ok(true)) && status.asleep() == Some(Sleeping::FOR_ANYTHING) {
             bell.ring();
         }

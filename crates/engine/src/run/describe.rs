@@ -87,7 +87,7 @@ fn ask_monitored(
     Ok(interfaces)
 }
 
-/// Whether everybody who may take over in mid-run has the ports of who is there before, which are `known`.
+/// Whether each program that may take over in mid-run has the ports of the participant before it, which are `known`.
 ///
 /// # Errors
 /// The first one that has not, with the difference, or what is wrong with its program.

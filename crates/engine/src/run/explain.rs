@@ -92,7 +92,7 @@ enum Blame {
     Blind,
 }
 
-/// Nothing moves: the participant to blame, and what everybody does. `recorded` is how many samples of a stream are on the tape.
+/// Nothing moves: the participant to blame, and what each participant does. `recorded` is how many samples of a stream are on the tape.
 pub(super) fn standstill(
     plan: &Plan,
     crew: &[Member],

@@ -71,7 +71,7 @@ pub struct Recorder {
     lie: Option<(usize, String)>,
     /// What was recorded before everybody went back to a checkpoint, and is now recorded again.
     again: Option<Played>,
-    /// How many samples each stream has where its producer stands: those on the tape, or fewer since everybody went back.
+    /// How many samples each stream has where its producer stands: those on the tape, or fewer since the run went back.
     reached: Vec<u64>,
     /// The number of samples of each stream that precede the first activation.
     early: Vec<u64>,
@@ -263,7 +263,7 @@ impl Recorder {
         streams(&self.plan)[stream].name()
     }
 
-    /// Whether the tape has samples of participant number `participant` that are still to come again, since everybody went back.
+    /// Whether the tape has samples of participant number `participant` that are still to come again, since the run went back.
     pub fn is_ahead_of(&self, participant: usize) -> bool {
         let mut outputs = self.outputs(participant);
         outputs.any(|stream| {

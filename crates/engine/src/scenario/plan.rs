@@ -187,7 +187,7 @@ impl Ports {
     }
 }
 
-/// Stands for a payload that nobody has described yet.
+/// Stands for a payload without a descriptor.
 fn unknown_payload() -> Descriptor {
     let byte = Field {
         name: "unknown".into(),
