@@ -78,11 +78,6 @@ fn words(run: &mut Child) -> String {
     String::from_utf8_lossy(&all).into_owned()
 }
 
-/// Waits until `run` has made a file at `path`.
-pub fn wait_for(run: &mut Child, path: &Path) {
-    wait_until(run, &format!("{} does not appear", path.display()), || path.exists());
-}
-
 /// Waits until the file at `path`, which `run` writes, has at least `bytes`.
 pub fn wait_for_bytes(run: &mut Child, path: &Path, bytes: u64) {
     let what = format!("{} does not grow to {bytes} bytes", path.display());
@@ -128,6 +123,6 @@ mod tests {
             .stderr(Stdio::piped())
             .spawn()
             .expect("a shell");
-        wait_for(&mut run, Path::new("/nowhere/file"));
+        wait_for_bytes(&mut run, Path::new("/nowhere/file"), 1);
     }
 }
