@@ -45,7 +45,7 @@ pub enum Command {
     Graph(GraphArgs),
     /// Run a scenario over a grid of values: one table, and a picture of where it works
     Sweep(SweepArgs),
-    /// Run a scenario with one failure after the other, and say which still capture
+    /// Run a scenario with one failure after the other, and say which still meet the criteria
     Faults(FaultsArgs),
     /// Say whether two tapes are identical, else where they differ
     Compare(CompareArgs),

@@ -56,7 +56,7 @@ fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
             let single = orchestrate(&arguments).json();
             let row = &swept["rows"][number];
             assert_eq!(row["tape_digest"], single["tape_digest"]);
-            assert_eq!(row["outcome"], "captured");
+            assert_eq!(row["outcome"], "met");
             let figures = row["figures"].as_object().unwrap();
             assert!(figures.len() > 50);
             for (name, value) in figures {
@@ -189,10 +189,7 @@ fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
     let said = finish(child);
     assert_eq!(said.code, Some(1), "{said:?}");
     let json = said.json();
-    assert_eq!(
-        (json["captured"].as_u64(), json["crashed"].as_u64()),
-        (Some(3), Some(1))
-    );
+    assert_eq!((json["met"].as_u64(), json["crashed"].as_u64()), (Some(3), Some(1)));
     let crashed = json["rows"]
         .as_array()
         .unwrap()
@@ -204,7 +201,7 @@ fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
         "{crashed}"
     );
     let again = orchestrate(&arguments);
-    assert_eq!((again.code, again.json()["captured"].as_u64()), (Some(0), Some(4)));
+    assert_eq!((again.code, again.json()["met"].as_u64()), (Some(0), Some(4)));
 }
 
 #[test]
@@ -362,10 +359,10 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
     let said = orchestrate(&["faults", CLOSE, "--cases", text(&list), "--json", "--out", text(&out)]);
     assert_eq!(said.code, Some(0), "{said:?}");
     let json = said.json();
-    assert_eq!(json["rows"][0]["outcome"], "captured");
+    assert_eq!(json["rows"][0]["outcome"], "met");
     for number in [1, 2] {
         let row = &json["rows"][number];
-        assert_eq!(row["outcome"], "not-captured", "{row}");
+        assert_eq!(row["outcome"], "not-met", "{row}");
         assert_ne!(row["tape_digest"], json["rows"][0]["tape_digest"]);
     }
     for (text_of_list, part) in [

@@ -12,13 +12,13 @@ use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
 use engine::run::RunFailure;
 use engine::scenario::Scenario;
 
-/// Run a scenario with one failure after the other, and say which still capture.
+/// Run a scenario with one failure after the other, and say which still meet the criteria.
 ///
 /// With --cases the failures are those of a file: a list of [[case]] with a name and what it changes (docs/campaigns.md).
 /// Without it they are all single failures of the stock plant's actuators: each wheel stuck, off and at half effectiveness, each
 /// thruster off and on, the two of each direction off and on, each joint locked and free.
 ///
-/// Exit codes: 0 all points ran, captured or not; 1 a point did not run to its end, or the campaign was stopped; 2 the scenario,
+/// Exit codes: 0 all points ran, whatever their criteria say; 1 a point did not run to its end, or the campaign was stopped; 2 the scenario,
 /// the list or the folder is wrong, nothing was run.
 #[derive(Debug, Args)]
 pub struct FaultsArgs {

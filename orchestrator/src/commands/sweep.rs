@@ -19,7 +19,7 @@ use engine::scenario::Scenario;
 /// Each point runs in a worker process without a tape; a point that is refused, fails or crashes is a row of the table with the
 /// reason. The table does not depend on the number of workers. The same command again goes on where an interrupted sweep was.
 ///
-/// Exit codes: 0 all points ran, captured or not; 1 a point did not run to its end, or the sweep was stopped; 2 the scenario, the
+/// Exit codes: 0 all points ran, whatever their criteria say; 1 a point did not run to its end, or the sweep was stopped; 2 the scenario, the
 /// grid or the folder is wrong, nothing was run.
 #[derive(Debug, Args)]
 pub struct SweepArgs {
@@ -176,8 +176,7 @@ pub fn known_figures(campaign: &Campaign) -> Result<Vec<String>, CampaignError> 
 
 /// What is shown unless the user says: the first thing that the run is judged by.
 pub fn default_figure(figures: &[String]) -> Option<String> {
-    let wanted = figures.iter().find(|name| name.starts_with("position_error_at_grasp"));
-    wanted.or(figures.first()).cloned()
+    figures.first().cloned()
 }
 
 /// Writes table and picture; gives the files.
@@ -231,8 +230,8 @@ pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serd
         "folder": finished.folder.root().display().to_string(),
         "files": files,
         "points": finished.results.len(),
-        "captured": count(campaign::Outcome::Captured),
-        "not_captured": count(campaign::Outcome::NotCaptured),
+        "met": count(campaign::Outcome::Met),
+        "not_met": count(campaign::Outcome::NotMet),
         "complete": count(campaign::Outcome::Complete),
         "refused": count(campaign::Outcome::Refused),
         "failed": count(campaign::Outcome::Failed),
@@ -254,10 +253,16 @@ fn print(scenario: &Scenario, campaign: &Campaign, finished: &Finished, figure: 
             .flatten()
             .filter(|result| result.outcome.ran())
             .count();
-        let good = finished.count(campaign::Outcome::Captured);
+        let good = finished
+            .results
+            .iter()
+            .flatten()
+            .filter(|result| result.outcome.good())
+            .count();
         let (low, high) = campaign::wilson(good, ran);
         println!(
-            "  captured {good} of {ran}: a share of {:.1} % to {:.1} % with 95 % confidence",
+            "  {} {good} of {ran}: a share of {:.1} % to {:.1} % with 95 % confidence",
+            campaign::good_word(&finished.results),
             100.0 * low,
             100.0 * high
         );
@@ -281,7 +286,8 @@ fn print(scenario: &Scenario, campaign: &Campaign, finished: &Finished, figure: 
         && column.name != "seed"
     {
         println!(
-            "  captured at {}: {}",
+            "  {} at {}: {}",
+            campaign::good_word(&finished.results),
             column.name,
             campaign::stretches(column, &finished.results)
         );

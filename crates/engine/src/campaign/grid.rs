@@ -177,7 +177,7 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
         Some((last, step)) => (last, Some(step)),
         None => (rest, None),
     };
-    // A path such as ../gains has two dots as well; what does not start with a number is text.
+    // A path such as ../laws has two dots as well; what does not start with a number is text.
     let Some(first) = Number::read(first) else {
         return Ok(None);
     };
@@ -411,10 +411,10 @@ mod tests {
     fn lists_take_texts_vectors_tables_and_paths() {
         assert_eq!(values("law=hierarchical,reference"), ["hierarchical", "reference"]);
         assert_eq!(values("p=[1, 2] m,[3,4] m"), ["[1, 2] m", "[3,4] m"]);
-        let gains = "g={ file = \"../gains/a.toml\" },{ file = \"../gains/b,c.toml\" }";
+        let files = "g={ file = \"../laws/a.toml\" },{ file = \"../laws/b,c.toml\" }";
         assert_eq!(
-            values(gains),
-            ["{ file = \"../gains/a.toml\" }", "{ file = \"../gains/b,c.toml\" }"]
+            values(files),
+            ["{ file = \"../laws/a.toml\" }", "{ file = \"../laws/b,c.toml\" }"]
         );
         assert_eq!(values("period=1/300 s,10ms"), ["1/300 s", "10 ms"]);
         assert_eq!("period=1/300 s,10ms".parse::<Axis>().unwrap().numbers, None);

@@ -22,7 +22,7 @@ pub use grid::{Axis, GridError, grid, range_of_seeds};
 pub use picture::{Picture, draw};
 pub use point::{Outcome, figures_of};
 pub use table::{figure_of, figure_value, sheet, short};
-pub use tell::{map, quantiles, stretches, verdicts, wilson};
+pub use tell::{good_word, map, quantiles, stretches, verdicts, wilson};
 pub use work::{Finished, Options, run};
 pub use worker::serve;
 

@@ -1,10 +1,10 @@
-//! The picture of a campaign: where capture still works.
+//! The picture of a campaign: where the criteria are met.
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Map, MapCell, Shade};
 use report::page::split_unit;
 
 use super::point::{Outcome, Result as PointResult};
-use super::tell::distinct;
+use super::tell::{distinct, good_word};
 use super::{Column, figure_value, short};
 
 /// What to draw.
@@ -20,6 +20,13 @@ pub struct Picture<'a> {
     pub figure: Option<&'a str>,
 }
 
+impl Picture<'_> {
+    /// What a point that went well is called.
+    fn word(&self) -> &'static str {
+        good_word(self.results)
+    }
+}
+
 /// Points that fall onto one place of the picture.
 #[derive(Debug, Default, Clone)]
 struct Place<'a> {
@@ -33,7 +40,7 @@ impl Place<'_> {
             Shade::Unknown
         } else if known.iter().any(|result| !result.outcome.ran()) {
             Shade::Broken
-        } else if known.iter().any(|result| result.outcome == Outcome::NotCaptured) {
+        } else if known.iter().any(|result| result.outcome == Outcome::NotMet) {
             Shade::Bad
         } else {
             Shade::Good(0.0)
@@ -48,7 +55,7 @@ impl Place<'_> {
 }
 
 /// The picture: a chart over one varied key, a map over two. What else is varied, and the seed beside another key, is folded:
-/// a place is captured when all of its points are, and shows the worst. `None` when nothing is varied.
+/// a place is met when all of its points are, and shows the worst. `None` when nothing is varied.
 pub fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     let varied: Vec<&Column> = picture
         .columns
@@ -174,7 +181,7 @@ fn chart(picture: &Picture<'_>, column: &Column) -> Drawing {
     };
     let spread = values().fold(0.0, f64::max) / values().fold(f64::INFINITY, f64::min);
     Chart {
-        title: format!("{}: green where captured", picture.title),
+        title: format!("{}: green where {}", picture.title, picture.word()),
         x_label: label(column),
         y_label,
         x_names: if numeric {
@@ -201,14 +208,14 @@ fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
     let of = |result: &PointResult| figure_value(result, picture.figure?);
     let worst: Vec<Option<f64>> = places.iter().map(|place| place.worst(of)).collect();
     let good = |at: &usize| matches!(places[*at].shade(), Shade::Good(_));
-    let captured: Vec<f64> = (0..places.len())
+    let values: Vec<f64> = (0..places.len())
         .filter(good)
         .filter_map(|at| worst[at])
         .filter(|v| *v > 0.0)
         .collect();
     let (low, high) = (
-        captured.iter().copied().fold(f64::INFINITY, f64::min),
-        captured.iter().copied().fold(0.0, f64::max),
+        values.iter().copied().fold(f64::INFINITY, f64::min),
+        values.iter().copied().fold(0.0, f64::max),
     );
     let part = |value: f64| {
         if high > low && value > 0.0 {
@@ -227,41 +234,33 @@ fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
             (Shade::Unknown, _) => String::new(),
             (Shade::Broken, _) => "!".to_owned(),
             _ if folded => {
-                let good = place
-                    .results
-                    .iter()
-                    .flatten()
-                    .filter(|result| result.outcome == Outcome::Captured);
+                let good = place.results.iter().flatten().filter(|result| result.outcome.good());
                 format!("{}/{}", good.count(), place.results.len())
             }
             (_, Some(worst)) => short(*worst),
             (_, None) => String::new(),
         },
     });
-    let mut legend = Vec::new();
+    let (mut legend, word) = (Vec::new(), picture.word());
     let shown = picture.figure.map(|figure| {
         let (name, unit) = split_unit(figure);
         (name.replace('_', " "), unit)
     });
     match &shown {
-        Some((name, unit)) if !captured.is_empty() => {
-            legend.push((
-                Some(Shade::Good(0.0)),
-                format!("captured, {name} {} {unit}", short(low)),
-            ));
-            legend.push((
-                Some(Shade::Good(1.0)),
-                format!("captured, {name} {} {unit}", short(high)),
-            ));
+        Some((name, unit)) if !values.is_empty() => {
+            legend.push((Some(Shade::Good(0.0)), format!("{word}, {name} {} {unit}", short(low))));
+            legend.push((Some(Shade::Good(1.0)), format!("{word}, {name} {} {unit}", short(high))));
         }
-        _ => legend.push((Some(Shade::Good(0.0)), "captured".to_owned())),
+        _ => legend.push((Some(Shade::Good(0.0)), word.to_owned())),
     }
-    legend.push((Some(Shade::Bad), "ran, not captured".to_owned()));
+    if places.iter().any(|place| place.shade() == Shade::Bad) {
+        legend.push((Some(Shade::Bad), "ran, not met".to_owned()));
+    }
     if places.iter().any(|place| place.shade() == Shade::Broken) {
         legend.push((Some(Shade::Broken), "did not run to its end".to_owned()));
     }
     match &shown {
-        _ if folded => legend.push((None, "numbers: how many of the points of a place captured".to_owned())),
+        _ if folded => legend.push((None, format!("numbers: how many of the points of a place are {word}"))),
         Some((name, unit)) => legend.push((
             None,
             format!("numbers: {name} [{}]", if unit.is_empty() { "1" } else { unit }),

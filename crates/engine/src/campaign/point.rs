@@ -1,5 +1,6 @@
 //! One point: a run in this process that keeps figures and no tape, unless the tape is wanted.
 
+use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,6 +9,7 @@ use lockstep::executor::{InLoop, assemble};
 use lockstep::participant::Participant;
 use lockstep::plan::Plan;
 use lockstep::transport::{Broken, Header, Recording};
+use report::page::split_unit;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use tape::folder::RunFolder;
@@ -23,9 +25,9 @@ use crate::scenario::{Program, Scenario};
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// Every criterion is met.
-    Captured,
+    Met,
     /// It ran, and a criterion is not met.
-    NotCaptured,
+    NotMet,
     /// It ran, and the scenario has no criteria.
     Complete,
     /// The scenario with these changes is refused.
@@ -40,8 +42,8 @@ impl Outcome {
     /// As it stands in the table.
     pub fn word(self) -> &'static str {
         match self {
-            Outcome::Captured => "captured",
-            Outcome::NotCaptured => "not-captured",
+            Outcome::Met => "met",
+            Outcome::NotMet => "not-met",
             Outcome::Complete => "complete",
             Outcome::Refused => "refused",
             Outcome::Failed => "failed",
@@ -51,7 +53,12 @@ impl Outcome {
 
     /// Whether the run came to its end.
     pub fn ran(self) -> bool {
-        matches!(self, Outcome::Captured | Outcome::NotCaptured | Outcome::Complete)
+        matches!(self, Outcome::Met | Outcome::NotMet | Outcome::Complete)
+    }
+
+    /// Whether it came to its end and missed no criterion.
+    pub fn good(self) -> bool {
+        matches!(self, Outcome::Met | Outcome::Complete)
     }
 }
 
@@ -77,6 +84,30 @@ pub struct Figures {
     pub criteria: Vec<Criterion>,
 }
 
+impl Figures {
+    fn of(figures: &assessment::Figures) -> Figures {
+        Figures {
+            numbers: numbers(figures),
+            criteria: figures.criteria.clone(),
+        }
+    }
+
+    /// The names of all: those with a criterion first, the others by name.
+    pub fn names(&self) -> Vec<String> {
+        let judged = self.criteria.iter().filter_map(|criterion| {
+            let mut names = self.numbers.iter().map(|(name, _)| name);
+            names.find(|name| split_unit(name).0 == criterion.name)
+        });
+        let mut names: Vec<String> = judged
+            .chain(self.numbers.iter().map(|(name, _)| name))
+            .cloned()
+            .collect();
+        let mut seen = BTreeSet::new();
+        names.retain(|name| seen.insert(name.clone()));
+        names
+    }
+}
+
 impl Result {
     /// A point without figures.
     pub fn without(outcome: Outcome, reason: impl Into<String>) -> Result {
@@ -93,12 +124,15 @@ impl Result {
             (Ending::Failed { .. }, _) => (Outcome::Failed, ending.words()),
             (Ending::Stopped { reason }, _) => (Outcome::Crashed, Some(reason.clone())),
             (Ending::Complete, None) => (Outcome::Complete, None),
-            (Ending::Complete, Some(figures)) if figures.met() => (Outcome::Captured, None),
+            (Ending::Complete, Some(figures)) if figures.met() => match figures.criteria[..] {
+                [] => (Outcome::Complete, None),
+                _ => (Outcome::Met, None),
+            },
             (Ending::Complete, Some(figures)) => {
                 let missed = figures.criteria.iter().filter(|criterion| !criterion.met);
                 let missed: Vec<&str> = missed.map(|criterion| criterion.name.as_str()).collect();
                 (
-                    Outcome::NotCaptured,
+                    Outcome::NotMet,
                     Some(figures.incomplete.clone().unwrap_or_else(|| missed.join(" "))),
                 )
             }
@@ -106,10 +140,7 @@ impl Result {
         Result {
             outcome,
             reason,
-            figures: figures.map(|figures| Figures {
-                numbers: numbers(&figures),
-                criteria: figures.criteria,
-            }),
+            figures: figures.as_ref().map(Figures::of),
             tape: Some(tape),
         }
     }
@@ -263,17 +294,17 @@ fn numbers(figures: &assessment::Figures) -> Vec<(String, Option<f64>)> {
             Value::Number(number) => out.push((key, number.as_f64())),
             // what could not be measured has its column all the same
             Value::Null if key != "incomplete" => out.push((key, None)),
-            Value::Bool(yes) if key != "captured" => out.push((key, Some(f64::from(u8::from(yes))))),
+            Value::Bool(yes) => out.push((key, Some(f64::from(u8::from(yes))))),
             _ => {}
         }
     }
     out
 }
 
-/// The names of the figures of merit that runs of `scenario` have, with unit suffixes.
+/// The names of the figures of merit that runs of `scenario` have, with unit suffixes: those with a criterion first.
 pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Vec<String> {
     let made = scenario.assessment.as_ref();
     let made = made.and_then(|table| scenario.catalogue().assess(table, &run::streams(plan)).ok());
-    let figures = made.map(|mut assessment| numbers(&assessment.finish()));
-    figures.unwrap_or_default().into_iter().map(|(name, _)| name).collect()
+    let figures = made.map(|mut assessment| Figures::of(&assessment.finish()));
+    figures.map_or(Vec::new(), |figures| figures.names())
 }

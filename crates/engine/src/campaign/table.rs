@@ -35,7 +35,9 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
     };
     columns.push(text("outcome", &|result| Some(result.outcome.word().to_owned())));
     columns.push(text("reason", &|result| result.reason.clone()));
-    for name in names(results) {
+    // Every point of one scenario has the same figures.
+    let figures = results.iter().flatten().find_map(|result| result.figures.as_ref());
+    for name in figures.map_or(Vec::new(), Figures::names) {
         let cells = results.iter().map(|result| {
             let figures = result.as_ref()?.figures.as_ref()?;
             value(figures, &name)
@@ -61,25 +63,6 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
 
 fn value(figures: &Figures, name: &str) -> Option<f64> {
     figures.numbers.iter().find(|(known, _)| known == name)?.1
-}
-
-/// All figures that any point has: those with a criterion first, the others by name.
-fn names(results: &[Option<PointResult>]) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    // every point of one scenario has the same figures
-    if let Some(figures) = results.iter().flatten().find_map(|result| result.figures.as_ref()) {
-        for criterion in &figures.criteria {
-            let found = figures
-                .numbers
-                .iter()
-                .find(|(name, _)| split_unit(name).0 == criterion.name);
-            names.extend(found.map(|(name, _)| name.clone()));
-        }
-        names.extend(figures.numbers.iter().map(|(name, _)| name.clone()));
-    }
-    let mut seen = std::collections::BTreeSet::new();
-    names.retain(|name| seen.insert(name.clone()));
-    names
 }
 
 /// The figure that the user calls `name`, with or without its unit: its name with unit.

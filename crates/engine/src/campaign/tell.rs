@@ -3,11 +3,11 @@
 use super::Column;
 use super::point::{Outcome, Result as PointResult};
 
-/// `84 points: 61 captured, 23 not, 0 without a result`
+/// `84 points: 61 met, 23 not met`
 pub fn verdicts(results: &[Option<PointResult>]) -> String {
     let all = [
-        (Outcome::Captured, "captured"),
-        (Outcome::NotCaptured, "not captured"),
+        (Outcome::Met, "met"),
+        (Outcome::NotMet, "not met"),
         (Outcome::Complete, "complete"),
         (Outcome::Refused, "refused"),
         (Outcome::Failed, "failed"),
@@ -55,13 +55,9 @@ pub fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 4]> {
     Some([values[0], rank(0.5), rank(0.95), values[last]])
 }
 
-/// Where capture works along the only thing that is varied: `0 ms to 120 ms, 140 ms`.
+/// Where all is well along the only thing that is varied: `0 ms to 120 ms, 140 ms`.
 pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> String {
-    let good = |at: usize| {
-        results[at]
-            .as_ref()
-            .is_some_and(|result| result.outcome == Outcome::Captured)
-    };
+    let good = |at: usize| results[at].as_ref().is_some_and(|result| result.outcome.good());
     let (mut parts, mut at) = (Vec::new(), 0);
     while at < results.len() {
         if !good(at) {
@@ -86,7 +82,7 @@ pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> String {
     }
 }
 
-/// A map over two columns, the second from top to bottom: `#` captured, `.` not, `!` no result, `?` not run.
+/// A map over two columns, the second from top to bottom: `#` met (or complete, where there are no criteria), `.` not, `!` no result, `?` not run.
 pub fn map(columns: &[Column], results: &[Option<PointResult>]) -> Option<String> {
     let [first, second] = columns else { return None };
     let across: Vec<&String> = distinct(&first.texts);
@@ -99,7 +95,7 @@ pub fn map(columns: &[Column], results: &[Option<PointResult>]) -> Option<String
     for (row, name) in down.iter().enumerate() {
         let letters: String = (0..across.len())
             .map(|column| match &results[column * down.len() + row] {
-                Some(result) if result.outcome == Outcome::Captured => '#',
+                Some(result) if result.outcome.good() => '#',
                 Some(result) if result.outcome.ran() => '.',
                 Some(_) => '!',
                 None => '?',
@@ -109,10 +105,22 @@ pub fn map(columns: &[Column], results: &[Option<PointResult>]) -> Option<String
     }
     let (from, to) = (across.first()?, across.last()?);
     out += &format!(
-        "  {:>width$} {} from {from} to {to} (# captured, . not, ! no result)",
-        "", first.name
+        "  {:>width$} {} from {from} to {to} (# {}, . not, ! no result)",
+        "",
+        first.name,
+        good_word(results)
     );
     Some(out)
+}
+
+/// What a point that went well is called: `met`, or `complete` where no point has criteria.
+pub fn good_word(results: &[Option<PointResult>]) -> &'static str {
+    let judged = |result: &PointResult| matches!(result.outcome, Outcome::Met | Outcome::NotMet);
+    if results.iter().flatten().any(judged) {
+        Outcome::Met.word()
+    } else {
+        Outcome::Complete.word()
+    }
 }
 
 /// The values of a column in the order in which they come first.
@@ -127,8 +135,8 @@ mod tests {
 
     fn results(letters: &str) -> Vec<Option<PointResult>> {
         let outcome = |letter| match letter {
-            '#' => Some(Outcome::Captured),
-            '.' => Some(Outcome::NotCaptured),
+            '#' => Some(Outcome::Met),
+            '.' => Some(Outcome::NotMet),
             '!' => Some(Outcome::Failed),
             _ => None,
         };
@@ -149,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn stretches_are_those_that_capture() {
+    fn stretches_are_those_that_are_met() {
         let delays = column("d", &["0", "1", "2", "3", "4"]);
         assert_eq!(stretches(&delays, &results("##.#!")), "0 to 1, 3");
         assert_eq!(stretches(&delays, &results("....?")), "nowhere");
