@@ -54,17 +54,28 @@ pub fn all_built() {
 pub fn built() -> &'static Path {
     BUILT.get_or_init(|| {
         let folder = programs();
-        let mut cargo = Command::new(env!("CARGO"));
-        cargo
-            .current_dir(root())
-            .args(["build", "--quiet", "--workspace", "--bins"]);
-        if folder.ends_with("release") {
-            cargo.arg("--release");
-        }
-        let status = cargo.stdout(Stdio::null()).status().expect("cargo can be started");
-        assert!(status.success(), "the programs do not build");
+        build(folder.ends_with("release"));
         folder
     })
+}
+
+/// Sees that the programs are in `target/release`, where scenarios of the examples name them, whatever profile a test was built with.
+pub fn built_as_shipped() {
+    if !built().ends_with("release") {
+        build(true);
+    }
+}
+
+fn build(release: bool) {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo
+        .current_dir(root())
+        .args(["build", "--quiet", "--workspace", "--bins"]);
+    if release {
+        cargo.arg("--release");
+    }
+    let status = cargo.stdout(Stdio::null()).status().expect("cargo can be started");
+    assert!(status.success(), "the programs do not build");
 }
 
 /// A path as an argument.

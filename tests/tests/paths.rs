@@ -7,7 +7,9 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, participant, root, text};
+use escapement_tests::program::{
+    Folder, Said, built_as_shipped, finish, orchestrate, orchestrator, participant, root, text,
+};
 use escapement_tests::world::oscillator;
 
 /// `orchestrator` with `arguments`, given in `folder`.
@@ -159,15 +161,7 @@ fn path_that_is_not_utf8_works_like_any_other() {
 
 #[test]
 fn sweep_over_decimal_numbers_runs_all_of_its_points() {
-    // The scenario names the program in target/release, whatever profile this test was built with.
-    let built = Command::new(env!("CARGO"))
-        .current_dir(root())
-        .args(["build", "--quiet", "--release", "-p", "spring"])
-        .status();
-    assert!(
-        built.expect("cargo can be started").success(),
-        "the example does not build"
-    );
+    built_as_shipped();
     let folder = Folder::new("decimal");
     let spring = root().join("examples/spring/spring.toml");
     let sweep = |name: &str, vary: &str| {
