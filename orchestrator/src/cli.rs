@@ -250,7 +250,7 @@ pub struct HowArgs {
     /// Keep the state of the run in a file at this simulated time (may be given more than once)
     #[arg(long, value_name = "TIME", value_parser = instant)]
     pub checkpoint_at: Vec<Rational>,
-    /// How participants wait for each other; the result does not depend on it
+    /// How participants wait for each other; the result does not depend on it. Spinning is granted where each has a core
     #[arg(long, default_value = "auto", value_parser = wait())]
     pub wait: Wait,
     /// Leave the choice of cores to the operating system

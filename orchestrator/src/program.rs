@@ -1,18 +1,11 @@
 //! A program: the whole command line over a catalogue.
 
-use std::path::Path;
 use std::process::ExitCode;
 use std::sync::{Arc, OnceLock};
 
 use clap::{CommandFactory, FromArgMatches};
-use engine::assessment::Assessment;
-use engine::campaign::{Cases, CasesError};
-use engine::scenario::Scenario;
-use engine::{Catalogue, Finding};
+use engine::Catalogue;
 use lockstep::participant::{ParameterError, Participant, Setup};
-use lockstep::time::Rational;
-use tape::StreamSpec;
-use toml::Table;
 
 use crate::cli::{Cli, Command};
 use crate::{bench, commands, limits};
@@ -76,38 +69,23 @@ impl Program {
         self
     }
 
-    /// With an assessment that scenarios name as `kind = "KIND"` in the table `assessment`.
+    /// With whatever else a catalogue holds: assessments, warnings, findings, a list of failures.
+    ///
+    /// ```no_run
+    /// use engine::Catalogue;
+    /// use orchestrator::Program;
+    ///
+    /// fn contents(catalogue: Catalogue) -> Catalogue {
+    ///     catalogue.remark(|scenario| vec![format!("`{}` was written in a hurry", scenario.title)])
+    /// }
+    ///
+    /// fn main() -> std::process::ExitCode {
+    ///     Program::new("lander").contents(contents).main()
+    /// }
+    /// ```
     #[must_use]
-    pub fn assessment(
-        mut self,
-        kind: &str,
-        make: impl Fn(&Table, &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync + 'static,
-    ) -> Program {
-        self.catalogue = self.catalogue.assessment(kind, make);
-        self
-    }
-
-    /// With warnings about scenarios, which `run` and `check` print.
-    #[must_use]
-    pub fn remark(mut self, remarks: impl Fn(&Scenario) -> Vec<String> + Send + Sync + 'static) -> Program {
-        self.catalogue = self.catalogue.remark(remarks);
-        self
-    }
-
-    /// With something that `check` reports of a scenario.
-    #[must_use]
-    pub fn finding(mut self, find: impl Fn(&Scenario) -> Vec<Finding> + Send + Sync + 'static) -> Program {
-        self.catalogue = self.catalogue.finding(find);
-        self
-    }
-
-    /// With the list of failures that `faults` takes when it is given no list; [`Catalogue::failures`] says what it gets.
-    #[must_use]
-    pub fn failures(
-        mut self,
-        list: impl Fn(&Scenario, &Path, &[Rational], bool) -> Result<Cases, CasesError> + Send + Sync + 'static,
-    ) -> Program {
-        self.catalogue = self.catalogue.failures(list);
+    pub fn contents(mut self, fill: impl FnOnce(Catalogue) -> Catalogue) -> Program {
+        self.catalogue = fill(self.catalogue);
         self
     }
 

@@ -30,6 +30,8 @@ pub struct Finding {
     pub text: String,
     /// For scripts.
     pub value: serde_json::Value,
+    /// What of it is to be said before a run.
+    pub warnings: Vec<String>,
 }
 
 type Findings = Arc<dyn Fn(&Scenario) -> Vec<Finding> + Send + Sync>;
@@ -139,9 +141,16 @@ impl Catalogue {
         self
     }
 
-    /// The warnings about `scenario`.
-    pub fn remarks(&self, scenario: &Scenario) -> Vec<String> {
-        self.remarks.iter().flat_map(|remarks| remarks(scenario)).collect()
+    /// The warnings about `scenario`, where nobody wants the findings besides.
+    pub fn warnings(&self, scenario: &Scenario) -> Vec<String> {
+        self.warnings_with(scenario, &self.findings(scenario))
+    }
+
+    /// The warnings about `scenario`, of which `findings` has been found.
+    pub fn warnings_with(&self, scenario: &Scenario, findings: &[Finding]) -> Vec<String> {
+        let own = self.remarks.iter().flat_map(|remarks| remarks(scenario));
+        let found = findings.iter().flat_map(|finding| finding.warnings.iter().cloned());
+        scenario.remarks().into_iter().chain(own).chain(found).collect()
     }
 
     /// What `check` reports of `scenario`.

@@ -112,7 +112,7 @@ fn ring_run(folder: &Path, count: usize, steps: u64, wait: Wait, pace: Option<f6
         out: Some(out),
         pace,
         wait,
-        // Two that spin need a core each, which placement gives them only where there is one to spare.
+        // Of two that spin, the system moves one away when the recorder needs its core.
         no_placement: wait == Wait::Spin,
         patience_s: 60.0,
         ..Options::default()

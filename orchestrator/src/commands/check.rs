@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use crate::cli::CheckArgs;
 use crate::program::catalogue;
-use engine::run::{Known, Options, RunFailure, faults, placement, room};
+use engine::run::{Known, Options, Placement, RunFailure, faults, room};
 use engine::scenario::{Program, Scenario};
 
 /// Plans and says what would run.
@@ -19,11 +19,11 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
             return Ok(error.exit_code());
         }
     };
-    for remark in scenario.remarks().into_iter().chain(catalogue().remarks(&scenario)) {
-        eprintln!("warning: {remark}");
-    }
-    let placement = placement(&known.plan, &Options::default());
     let findings = catalogue().findings(&scenario);
+    for warning in catalogue().warnings_with(&scenario, &findings) {
+        eprintln!("warning: {warning}");
+    }
+    let placement = Placement::choose(&known.plan, &Options::default());
     if args.json {
         let (plan, unknown) = (json_of(&known)?, known.unknown());
         let mut said = json!({

@@ -25,8 +25,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
         }
     };
     if !args.how.common.quiet {
-        for remark in scenario.remarks().into_iter().chain(catalogue().remarks(&scenario)) {
-            eprintln!("warning: {remark}");
+        for warning in catalogue().warnings(&scenario) {
+            eprintln!("warning: {warning}");
         }
     }
     match shadows(args) {

@@ -72,7 +72,8 @@ pub fn loops(scenario: &Scenario) -> Vec<VelocityLoop> {
     controllers.filter_map(|entry| assess(scenario, entry)).collect()
 }
 
-/// The loops as findings of `check`: where the spectral radii lie, and whether the margin is there.
+/// The loops as findings of `check`: where the spectral radii lie, and whether the margin is there. Those that are unstable, or stable
+/// without the stated margin, are warned of: one line for each, about its worst configuration. Nothing of it keeps a run from starting.
 pub fn findings(scenario: &Scenario) -> Vec<Finding> {
     let loops = loops(scenario);
     if loops.is_empty() {
@@ -83,13 +84,8 @@ pub fn findings(scenario: &Scenario) -> Vec<Finding> {
         name: "velocity_loops".into(),
         text: text.join("\n"),
         value: serde_json::to_value(&loops).unwrap_or_default(),
+        warnings: loops.iter().filter_map(VelocityLoop::remark).collect(),
     }]
-}
-
-/// Loops that are unstable, or stable without the stated margin: one line for each, about its worst configuration. Nothing of it
-/// keeps a run from starting.
-pub fn remarks(scenario: &Scenario) -> Vec<String> {
-    loops(scenario).iter().filter_map(VelocityLoop::remark).collect()
 }
 
 impl VelocityLoop {

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
 use lockstep::participant::Interface;
-use lockstep::plan::{Placement, Plan, Position, place};
+use lockstep::plan::{Plan, Position};
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;
 use lockstep::transport::iceoryx::{
@@ -17,6 +17,7 @@ use super::child::Participant;
 use super::explain;
 use super::monitor::Monitor;
 use super::outcome::RunFailure;
+use super::placement::Placement;
 use super::recording::Recorder;
 use super::{Options, room};
 use crate::scenario::{Entry, Scenario};
@@ -393,13 +394,12 @@ pub(super) fn connect(
     position: Option<Position>,
     placement: &Placement,
     ring: u32,
-    options: &Options,
     monitor: &Monitor,
 ) -> Result<(), RunFailure> {
     let request = Request::Connect {
         assignment: plan.assignment(number),
         cores: placement.cores[number].iter().map(|&core| core as u32).collect(),
-        waiting: options.wait.strategy(placement.sharing[number]),
+        waiting: placement.waiting[number],
         record: ring,
         position: position.map(Box::new),
     };
@@ -446,22 +446,4 @@ pub(super) fn save(member: &mut Member, monitor: &Monitor) -> Result<Vec<u8>, Ru
         Reply::Refused { reason, .. } => Err(member.odd(format!("cannot save its state: {reason}"))),
         other => Err(member.odd(format!("answered the request for its state with {other:?}"))),
     }
-}
-
-/// The cores this process may use, and who goes where.
-pub fn placement(plan: &Plan, options: &Options) -> Placement {
-    let allowed = rustix::thread::sched_getaffinity(None).ok();
-    let cores: Vec<usize> = allowed
-        .map(|set| {
-            (0..rustix::thread::CpuSet::MAX_CPU)
-                .filter(|&core| set.is_set(core))
-                .collect()
-        })
-        .unwrap_or_default();
-    let mut placement = place(plan, &cores);
-    if options.no_placement {
-        placement.cores.iter_mut().for_each(|core| *core = None);
-        placement.reason = "left to the operating system".into();
-    }
-    placement
 }

@@ -18,6 +18,7 @@ mod log;
 mod monitor;
 mod outcome;
 mod place;
+mod placement;
 mod played;
 pub(crate) mod prepare;
 mod recording;
@@ -31,15 +32,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use lockstep::control::Waiting;
 use lockstep::plan::Plan;
 use lockstep::time::Rational;
 use tape::folder::RunFolder;
 
 pub use child::{own_program, tie};
-pub use crew::placement;
 pub(crate) use guard::Watch;
 pub use outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
+pub use placement::Placement;
 pub use prepare::{Known, check, check_with_programs};
 pub use recording::streams;
 
@@ -58,7 +58,7 @@ pub enum Wait {
     /// As the placement recommends.
     #[default]
     Auto,
-    /// Spin: fastest with a core for everybody.
+    /// Spin: fastest with a core for everybody, and granted only there.
     Spin,
     /// Let others run.
     Yield,
@@ -74,20 +74,6 @@ impl Wait {
         ("yield", Wait::Yield),
         ("sleep", Wait::Sleep),
     ];
-
-    /// The strategy for a participant that shares its core with `sharing`, itself included.
-    pub fn strategy(self, sharing: usize) -> Waiting {
-        match self {
-            Wait::Auto => match sharing {
-                0 | 1 => Waiting::SPIN,
-                2..=4 => Waiting::YIELD,
-                _ => Waiting::CROWD,
-            },
-            Wait::Yield => Waiting::YIELD,
-            Wait::Spin => Waiting::SPIN,
-            Wait::Sleep => Waiting::SLEEP,
-        }
-    }
 }
 
 /// Where a run goes on that was begun by another one.

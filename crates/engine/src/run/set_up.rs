@@ -6,7 +6,7 @@
 use std::time::Instant;
 
 use lockstep::participant::Interface;
-use lockstep::plan::{Placement, Plan};
+use lockstep::plan::Plan;
 use lockstep::time::Rational;
 use tape::folder::RunFolder;
 use tape::{Event, EventKind};
@@ -17,6 +17,7 @@ use super::describe;
 use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::place::Place;
+use super::placement::Placement;
 use super::prepare::{self, Start};
 use super::recording::Recorder;
 use super::survive::RESTARTS_MAX;
@@ -104,6 +105,9 @@ pub(super) fn set_up(
                     )
                 };
                 let recovered = events.iter().map(words).collect();
+                if let Some(denied) = &placement.denied {
+                    options.progress.say(denied);
+                }
                 for event in events {
                     recorder.event(&Event { time, ..event })?;
                 }
@@ -228,12 +232,12 @@ impl SetUp<'_> {
             }
         };
         let place = Place::furnish(domain, plan)?;
-        let placement = crew::placement(plan, options);
+        let placement = Placement::choose(plan, options);
         let rings = reserved.give_rings(plan);
         for (number, member) in crew.iter_mut().enumerate() {
             let ring = rings[number];
             let position = start.positions.as_ref().map(|positions| positions[number].clone());
-            crew::connect(plan, number, member, position, &placement, ring, options, &monitor)?;
+            crew::connect(plan, number, member, position, &placement, ring, &monitor)?;
         }
         Ok((scope, place, placement, crew))
     }

@@ -16,6 +16,7 @@ use super::conduct::{Conductor, GRACE};
 use super::crew::{self, Member};
 use super::outcome::{Ending, ORCHESTRATOR, RunFailure};
 use super::place::Place;
+use super::placement::Placement;
 use super::prepare;
 use super::room;
 use super::survive::Fallen;
@@ -217,14 +218,13 @@ impl Conductor<'_> {
         self.place = Place::furnish(domain, &self.plan)?;
         self.scope.clear(&left);
         let positions = prepare::positions(&self.plan, cut, &self.recorder.played()?, states)?;
-        let placement = crew::placement(&self.plan, self.options);
+        let placement = Placement::choose(&self.plan, self.options);
         let rings = room::rings_now(&self.plan)?;
         for (number, (member, position)) in crew.iter_mut().zip(positions).enumerate() {
             missing.unless(number, member, |member| {
                 let position = Some(position);
-                let (plan, options) = (&self.plan, self.options);
                 let ring = rings[number];
-                crew::connect(plan, number, member, position, &placement, ring, options, &self.monitor)
+                crew::connect(&self.plan, number, member, position, &placement, ring, &self.monitor)
             })?;
         }
         self.crew = crew;

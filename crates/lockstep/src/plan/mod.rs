@@ -19,7 +19,7 @@ pub use build::{Assignment, Consumer, InputLink, LinkSpec, OutputPort, Participa
 pub use cut::{Backlog, Cut, Held, Position};
 pub use error::PlanError;
 pub use faults::Seen;
-pub use placement::{Placement, place};
+pub use placement::{Placement, place, place_apart};
 
 use crate::fault::{LinkFault, SignalFault};
 use crate::link::{ReadSchedule, Timing, Visibility};

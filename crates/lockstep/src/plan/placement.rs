@@ -40,15 +40,10 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
             reason,
         };
     }
-    if cores.len() > count {
-        let own = cores[1..=count].iter().map(|&core| Some(core)).collect();
-        let reason = format!("{} cores for {count} participants: a core each, spinning", cores.len());
-        return Placement {
-            cores: own,
-            sharing: vec![1; count],
-            groups,
-            reason,
-        };
+    if cores.len() > count
+        && let Some(apart) = place_apart(plan, cores)
+    {
+        return apart;
     }
     // The longest list first onto the core with the least work so far; the number of activations stands for the work.
     let work = |group: &[usize]| {
@@ -91,6 +86,21 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
         groups,
         reason,
     }
+}
+
+/// A core of its own for every participant out of `cores`, for those who spin: one that spins on a core that it shares keeps it
+/// from the one it waits for. Where there is no core to spare, the recorder shares the first one. `None` with fewer cores than
+/// participants.
+pub fn place_apart(plan: &Plan, cores: &[usize]) -> Option<Placement> {
+    let count = plan.participants.len();
+    let spare = cores.len().checked_sub(count)?;
+    let own = cores.iter().skip(spare.min(1)).take(count);
+    Some(Placement {
+        cores: own.map(|&core| Some(core)).collect(),
+        sharing: vec![1; count],
+        groups: turn_taking(plan),
+        reason: format!("{} cores for {count} participants: a core each, spinning", cores.len()),
+    })
 }
 
 /// The groups that take turns: circles of links whose delay is too short for both ends to work at the same time. A link

@@ -1,0 +1,161 @@
+//! Who runs on which core and how everybody waits. Both are decided at once: who spins on a core that it shares keeps it from the very
+//! process that it waits for, and a run is a thousand times slower.
+
+use lockstep::control::Waiting;
+use lockstep::plan::{self, Plan, place, place_apart};
+
+use super::{Options, Wait};
+
+/// The cores of the participants of a run, and how they wait.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Placement {
+    /// The core of each participant; `None` leaves it to the operating system.
+    pub cores: Vec<Option<usize>>,
+    /// How each waits.
+    pub waiting: Vec<Waiting>,
+    /// The choice in words.
+    pub reason: String,
+    /// What was asked for and cannot work here, in one line.
+    pub denied: Option<String>,
+}
+
+impl Placement {
+    /// The choice for `plan`, out of the cores that this process may use.
+    pub fn choose(plan: &Plan, options: &Options) -> Placement {
+        let allowed = rustix::thread::sched_getaffinity(None).ok();
+        let cores: Vec<usize> = allowed
+            .map(|set| {
+                (0..rustix::thread::CpuSet::MAX_CPU)
+                    .filter(|&core| set.is_set(core))
+                    .collect()
+            })
+            .unwrap_or_default();
+        Placement::among(plan, &cores, options.wait, options.no_placement)
+    }
+
+    fn among(plan: &Plan, cores: &[usize], wait: Wait, no_placement: bool) -> Placement {
+        let apart = (wait == Wait::Spin).then(|| place_apart(plan, cores)).flatten();
+        let denied = (wait == Wait::Spin && apart.is_none()).then(|| {
+            let (count, cores) = (plan.participants.len(), cores.len());
+            format!(
+                "--wait spin needs a core for each of the {count} participants and there {}: they wait as with --wait auto",
+                if cores == 1 { "is 1".to_owned() } else { format!("are {cores}") }
+            )
+        });
+        let wait = if denied.is_some() { Wait::Auto } else { wait };
+        let plan::Placement {
+            mut cores,
+            sharing,
+            mut reason,
+            ..
+        } = apart.unwrap_or_else(|| place(plan, cores));
+        if no_placement {
+            cores.fill(None);
+            reason = "left to the operating system".into();
+        }
+        Placement {
+            cores,
+            waiting: sharing.into_iter().map(|sharing| strategy(wait, sharing)).collect(),
+            reason,
+            denied,
+        }
+    }
+}
+
+/// How a participant waits that shares its core with `sharing`, itself included.
+fn strategy(wait: Wait, sharing: usize) -> Waiting {
+    match wait {
+        Wait::Auto => match sharing {
+            0 | 1 => Waiting::SPIN,
+            2..=4 => Waiting::YIELD,
+            _ => Waiting::CROWD,
+        },
+        Wait::Yield => Waiting::YIELD,
+        Wait::Spin => Waiting::SPIN,
+        Wait::Sleep => Waiting::SLEEP,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lockstep::link::Timing;
+    use lockstep::participant::{Interface, Kind};
+    use lockstep::plan::{LinkSpec, ParticipantSpec};
+    use lockstep::time::Rational;
+
+    use super::*;
+
+    lockstep::message! {
+        /// What goes round.
+        struct Word {
+            /// Anything.
+            value: f64 = "1" in "",
+        }
+    }
+
+    /// `count` participants, each of which waits for the one before.
+    fn ring(count: usize) -> Plan {
+        let name = |number: usize| format!("p{}", number % count);
+        let participants = (0..count).map(|number| ParticipantSpec {
+            name: name(number),
+            period: Rational::from_millis(1),
+            offset: Rational::ZERO,
+            interface: Interface::new(Kind::Continuous)
+                .input::<Word>("in")
+                .output::<Word>("out"),
+        });
+        let links: Vec<LinkSpec> = (0..count)
+            .map(|number| LinkSpec {
+                name: format!("l{number}"),
+                from: (name(number), "out".into()),
+                to: (name(number + 1), "in".into()),
+                timing: Timing::default(),
+                initial: None,
+                faults: Vec::new(),
+            })
+            .collect();
+        Plan::build(participants.collect(), &links, Rational::from_millis(10), 1).expect("a ring can be planned")
+    }
+
+    #[test]
+    fn who_spins_has_a_core_of_its_own() {
+        for count in 2..=7 {
+            let plan = ring(count);
+            for there in 1..=9 {
+                // Numbers that are no positions.
+                let cores: Vec<usize> = (0..there).map(|core| 3 * core + 1).collect();
+                for (name, wait) in Wait::ALL {
+                    let placement = Placement::among(&plan, &cores, wait, false);
+                    for (one, waiting) in placement.waiting.iter().enumerate() {
+                        let own = placement.cores[one];
+                        let company = placement.cores.iter().filter(|core| **core == own).count();
+                        let alone = own.is_some_and(|core| cores.contains(&core)) && company == 1;
+                        assert!(alone || waiting.spins == 0, "{count} on {there}, {name}: {placement:?}");
+                    }
+                    let denied = wait == Wait::Spin && there < count;
+                    assert_eq!(placement.denied.is_some(), denied, "{count} on {there}, {name}");
+                    if wait == Wait::Spin && !denied {
+                        assert_eq!(placement.waiting, vec![Waiting::SPIN; count], "{count} on {there}");
+                    }
+                    let free = Placement::among(&plan, &cores, wait, true);
+                    assert_eq!((free.cores, free.waiting), (vec![None; count], placement.waiting));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_wish_that_cannot_be_granted_is_named_with_what_is_there() {
+        let placement = Placement::among(&ring(3), &[0, 1], Wait::Spin, false);
+        assert_eq!(
+            placement.denied.as_deref(),
+            Some(
+                "--wait spin needs a core for each of the 3 participants and there are 2: they wait as with --wait auto"
+            )
+        );
+        assert_eq!(
+            placement.waiting,
+            Placement::among(&ring(3), &[0, 1], Wait::Auto, false).waiting
+        );
+    }
+}
