@@ -4,6 +4,7 @@
 //! - [`run`]: one run, with its participants in one loop or each in a process of its own, to a tape and figures;
 //! - [`replay`]: one participant of a recorded run again, with the inputs that it had; [`shadow`]: a second program on a
 //!   participant's inputs;
+//! - [`measures`]: figures and criteria that a scenario declares;
 //! - [`campaign`]: many runs of one scenario with changes, and one table;
 //! - [`live`]: a page that shows a run while it goes on, and steers it.
 //!
@@ -15,6 +16,7 @@ pub mod assessment;
 pub mod campaign;
 mod catalogue;
 pub mod live;
+pub mod measures;
 mod observer;
 pub mod replay;
 pub mod run;

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::cli::ScenarioArgs;
-use engine::campaign::{self, Axis, Campaign, CampaignError, Finished, Kind, Options, Picture};
+use engine::campaign::{self, Axis, Campaign, CampaignError, Finished, Kind, Number, Options, Picture};
 use engine::run::check;
 use engine::scenario::Scenario;
 
@@ -133,17 +133,13 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         columns: &campaign.columns,
         results: &finished.results,
         // over one key all criteria are shown, unless the user asks for one figure
-        figure: if varied > 1 {
-            shown.as_deref()
-        } else {
-            figure.as_deref()
-        },
+        figure: if varied > 1 { shown.as_ref() } else { figure.as_ref() },
     };
     let pictures = write(&campaign, &finished, Some(&picture))?;
     if args.campaign.json {
         println!("{}", json(&campaign, &finished, &pictures));
     } else if !args.campaign.quiet {
-        print(&scenario, &campaign, &finished, shown.as_deref(), &pictures);
+        print(&scenario, &campaign, &finished, shown.as_ref(), &pictures);
     }
     Ok(code(&finished))
 }
@@ -164,7 +160,7 @@ pub fn code(finished: &Finished) -> i32 {
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn known_figures(campaign: &Campaign) -> Result<Vec<String>, CampaignError> {
+pub fn known_figures(campaign: &Campaign) -> Result<Vec<Number>, CampaignError> {
     let Some(first) = campaign.points.first() else {
         return Ok(Vec::new());
     };
@@ -175,7 +171,7 @@ pub fn known_figures(campaign: &Campaign) -> Result<Vec<String>, CampaignError> 
 }
 
 /// What is shown unless the user says: the first thing that the run is judged by.
-pub fn default_figure(figures: &[String]) -> Option<String> {
+pub fn default_figure(figures: &[Number]) -> Option<Number> {
     figures.first().cloned()
 }
 
@@ -211,7 +207,7 @@ pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serd
             figures
                 .numbers
                 .iter()
-                .cloned()
+                .map(|number| (number.key.clone(), number.value))
                 .collect::<std::collections::BTreeMap<_, _>>()
         });
         serde_json::json!({
@@ -241,7 +237,7 @@ pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serd
     })
 }
 
-fn print(scenario: &Scenario, campaign: &Campaign, finished: &Finished, figure: Option<&str>, files: &[PathBuf]) {
+fn print(scenario: &Scenario, campaign: &Campaign, finished: &Finished, figure: Option<&Number>, files: &[PathBuf]) {
     if !scenario.title.is_empty() {
         println!("{}", scenario.title);
     }
@@ -267,18 +263,18 @@ fn print(scenario: &Scenario, campaign: &Campaign, finished: &Finished, figure: 
             100.0 * high
         );
     }
-    if let Some(name) = figure {
+    if let Some(figure) = figure {
         let values = finished
             .results
             .iter()
             .flatten()
-            .filter_map(|result| campaign::figure_value(result, name));
+            .filter_map(|result| campaign::figure_value(result, &figure.key));
         if let Some([least, median, most, greatest]) = campaign::quantiles(values) {
-            let (name, unit) = report::page::split_unit(name);
             let [least, median, most, greatest] = [least, median, most, greatest].map(campaign::short);
             println!(
-                "  {}: {least} to {greatest} {unit}, median {median}, 95 % up to {most}",
-                name.replace('_', " ")
+                "  {}: {least} to {greatest}{}, median {median}, 95 % up to {most}",
+                figure.words(),
+                engine::assessment::behind(&figure.unit)
             );
         }
     }

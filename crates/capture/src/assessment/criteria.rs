@@ -15,10 +15,11 @@ pub fn judge(criteria: &Criteria, summary: &mut Summary) {
             judged.push(Criterion {
                 name: name.to_owned(),
                 value,
-                limit,
+                limit: Some(limit),
                 unit: unit.to_owned(),
                 // what was not measured, and what is not a number, is not met
                 met: value.is_some_and(|value| value <= limit),
+                ..Criterion::default()
             });
         }
     };

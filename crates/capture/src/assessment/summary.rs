@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use engine::assessment::{Criterion, Figures};
+use engine::assessment::{Criterion, Figures, short};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -95,6 +95,7 @@ impl From<Summary> for Figures {
             text: summary.to_string(),
             criteria: summary.criteria,
             incomplete: summary.incomplete,
+            ..Figures::default()
         }
     }
 }
@@ -108,26 +109,7 @@ impl fmt::Display for Summary {
         };
         writeln!(f, "{verdict}")?;
         for criterion in &self.criteria {
-            let mark = if criterion.met { "ok  " } else { "FAIL" };
-            let name = criterion.name.replace('_', " ");
-            let unit = if criterion.unit == "1" {
-                String::new()
-            } else {
-                format!(" {}", criterion.unit)
-            };
-            match criterion.value {
-                Some(value) => writeln!(
-                    f,
-                    "  {mark} {name:<28} {}{unit} (at most {}{unit})",
-                    short(value),
-                    short(criterion.limit)
-                )?,
-                None => writeln!(
-                    f,
-                    "  {mark} {name:<28} not measured (at most {}{unit})",
-                    short(criterion.limit)
-                )?,
-            }
+            writeln!(f, "{}", criterion.line())?;
         }
         let lines = [
             ("peak base torque", self.peak_base_torque_n_m, "N m"),
@@ -155,21 +137,5 @@ impl fmt::Display for Summary {
             write!(f, "       {name:<28} {} {unit}{end}", short(*value))?;
         }
         Ok(())
-    }
-}
-
-/// Three significant digits.
-fn short(value: f64) -> String {
-    let size = value.abs();
-    if size == 0.0 {
-        "0".to_owned()
-    } else if !(1e-3..1e5).contains(&size) {
-        format!("{value:.2e}")
-    } else {
-        let digits = [1000.0, 100.0, 10.0, 1.0, 0.1, 0.01]
-            .iter()
-            .position(|step| size >= *step);
-        let decimals = digits.map_or(5, |digits| digits.saturating_sub(1));
-        format!("{value:.decimals$}")
     }
 }

@@ -1,33 +1,23 @@
 //! What a run is judged by: figures of merit, computed while the samples pass by.
 
+mod criterion;
 mod fields;
+mod measured;
 
-use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+pub use criterion::{Criterion, behind, short};
 pub use fields::{Numbers, stream};
-
-/// A figure with a limit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Criterion {
-    /// Which figure.
-    pub name: String,
-    /// What it is, in `unit`; absent when it was not measured.
-    pub value: Option<f64>,
-    /// The largest value that is a success.
-    pub limit: f64,
-    /// The unit of both.
-    pub unit: String,
-    /// Whether it is one.
-    pub met: bool,
-}
+pub use measured::Measured;
 
 /// The figures of a run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Figures {
     /// The figures as they stand in `summary.json`, by name with unit suffix.
     pub values: Map<String, Value>,
-    /// The criteria and what became of them.
+    /// The figures that the scenario declares.
+    pub measures: Vec<Measured>,
+    /// The criteria and what became of them, those of the measures included.
     pub criteria: Vec<Criterion>,
     /// Why there is no verdict, when the run ended too early.
     pub incomplete: Option<String>,
@@ -39,6 +29,50 @@ impl Figures {
     /// Whether there is a verdict and every criterion is met.
     pub fn met(&self) -> bool {
         self.incomplete.is_none() && self.criteria.iter().all(|criterion| criterion.met)
+    }
+
+    /// What the verdict is called: `met`, `not-met`, or `complete` where there are no criteria.
+    pub fn verdict(&self) -> &'static str {
+        match (self.met(), &self.criteria[..]) {
+            (true, []) => "complete",
+            (true, _) => "met",
+            (false, _) => "not-met",
+        }
+    }
+
+    /// With the figures `measures` beside them.
+    #[must_use]
+    pub fn with(mut self, measures: Vec<Measured>) -> Figures {
+        let mut lines: Vec<String> = Vec::new();
+        if !self.text.is_empty() {
+            lines.push(std::mem::take(&mut self.text));
+        }
+        let missed = measures.iter().filter_map(|measure| measure.criterion.as_ref());
+        let missed: Vec<bool> = missed.map(|criterion| criterion.met).collect();
+        match (missed.len(), missed.iter().filter(|met| !**met).count()) {
+            (0, _) => {}
+            (_, 0) => lines.push("met".to_owned()),
+            (all, not) => lines.push(format!("not met: {not} of {all} criteria")),
+        }
+        let judged = measures.iter().filter(|measure| measure.criterion.is_some());
+        let others = measures.iter().filter(|measure| measure.criterion.is_none());
+        lines.extend(judged.chain(others).map(Measured::line));
+        self.text = lines.join("\n");
+        self.criteria
+            .extend(measures.iter().filter_map(|measure| measure.criterion.clone()));
+        self.measures.extend(measures);
+        self
+    }
+
+    /// As they stand in `summary.json`.
+    pub fn json(&self) -> Map<String, Value> {
+        let mut all = self.values.clone();
+        if !self.measures.is_empty() {
+            let measures = self.measures.iter().map(|one| (one.name.clone(), one.json()));
+            all.insert("measures".into(), Value::Object(measures.collect()));
+            all.insert("criteria".into(), serde_json::json!(self.criteria));
+        }
+        all
     }
 
     /// The figure called `name`, if it is a number.

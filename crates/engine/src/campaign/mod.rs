@@ -5,6 +5,7 @@
 //! and into the table in the order of the points. Nothing in the table depends on the number of workers or on time.
 
 mod cases;
+mod figures;
 mod folder;
 mod grid;
 mod picture;
@@ -17,6 +18,7 @@ mod worker;
 use std::path::PathBuf;
 
 pub use cases::{Cases, CasesError, appended, builtin, from_file as cases_from_file};
+pub use figures::{Figures, Number};
 pub use folder::Kind;
 pub use grid::{Axis, GridError, grid, range_of_seeds};
 pub use picture::{Picture, draw};

@@ -1,8 +1,8 @@
 //! The picture of a campaign: where the criteria are met.
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Map, MapCell, Shade};
-use report::page::split_unit;
 
+use super::figures::Number;
 use super::point::{Outcome, Result as PointResult};
 use super::tell::{distinct, good_word};
 use super::{Column, figure_value, short};
@@ -17,7 +17,7 @@ pub struct Picture<'a> {
     /// What became of them.
     pub results: &'a [Option<PointResult>],
     /// The figure of merit that is shown; the criteria unless given.
-    pub figure: Option<&'a str>,
+    pub figure: Option<&'a Number>,
 }
 
 impl Picture<'_> {
@@ -134,26 +134,28 @@ fn chart(picture: &Picture<'_>, column: &Column) -> Drawing {
     let criteria = first.map_or(&[][..], |figures| &figures.criteria);
     let (mut curves, mut limits, y_label);
     if let Some(figure) = picture.figure {
-        let (name, unit) = split_unit(figure);
-        y_label = if unit.is_empty() {
-            name.replace('_', " ")
+        y_label = if figure.unit.is_empty() {
+            figure.words()
         } else {
-            format!("{} [{unit}]", name.replace('_', " "))
+            format!("{} [{}]", figure.words(), figure.unit)
         };
-        curves = vec![curve("", &|result| figure_value(result, figure))];
+        curves = vec![curve("", &|result| figure_value(result, &figure.key))];
         // a criterion may count in other units than the figure
         limits = Vec::new();
-        if let Some(criterion) = criteria.iter().find(|criterion| criterion.name == name)
-            && let (Some(value), Some(own)) = (
-                criterion.value,
-                first.and_then(|f| f.numbers.iter().find(|(n, _)| n == figure)?.1),
-            )
+        if let Some(criterion) = criteria.iter().find(|criterion| criterion.name == figure.name)
+            && let (Some(value), Some(own)) = (criterion.value, first.and_then(|first| first.value(&figure.key)))
             && value != 0.0
         {
-            limits.push(Limit {
-                value: criterion.limit * own / value,
-                name: format!("limit {} {}", short(criterion.limit), criterion.unit),
-            });
+            limits.extend(
+                criterion
+                    .limit
+                    .into_iter()
+                    .chain(criterion.at_least)
+                    .map(|limit| Limit {
+                        value: limit * own / value,
+                        name: format!("limit {} {}", short(limit), criterion.unit),
+                    }),
+            );
         }
     } else {
         y_label = "part of the limit".to_owned();
@@ -162,13 +164,16 @@ fn chart(picture: &Picture<'_>, column: &Column) -> Drawing {
             name: "limit".into(),
         }];
         curves = Vec::new();
-        for criterion in criteria.iter().filter(|criterion| criterion.limit > 0.0) {
+        for criterion in criteria {
+            let Some(limit) = criterion.limit.filter(|limit| *limit > 0.0) else {
+                continue;
+            };
             let name = criterion.name.replace('_', " ");
-            let name = format!("{name} (limit {} {})", short(criterion.limit), criterion.unit);
+            let name = format!("{name} (limit {} {})", short(limit), criterion.unit);
             curves.push(curve(&name, &|result| {
                 let judged = &result.figures.as_ref()?.criteria;
                 let own = judged.iter().find(|own| own.name == criterion.name)?;
-                Some(own.value? / own.limit)
+                Some(own.value? / own.limit?)
             }));
         }
     }
@@ -205,7 +210,7 @@ fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
         let row = down.iter().position(|value| **value == y.texts[at]).unwrap_or(0);
         places[row * across.len() + column].results.push(result.as_ref());
     }
-    let of = |result: &PointResult| figure_value(result, picture.figure?);
+    let of = |result: &PointResult| figure_value(result, &picture.figure?.key);
     let worst: Vec<Option<f64>> = places.iter().map(|place| place.worst(of)).collect();
     let good = |at: &usize| matches!(places[*at].shade(), Shade::Good(_));
     let values: Vec<f64> = (0..places.len())
@@ -242,10 +247,7 @@ fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
         },
     });
     let (mut legend, word) = (Vec::new(), picture.word());
-    let shown = picture.figure.map(|figure| {
-        let (name, unit) = split_unit(figure);
-        (name.replace('_', " "), unit)
-    });
+    let shown = picture.figure.map(|figure| (figure.words(), figure.unit.as_str()));
     match &shown {
         Some((name, unit)) if !values.is_empty() => {
             legend.push((Some(Shade::Good(0.0)), format!("{word}, {name} {} {unit}", short(low))));

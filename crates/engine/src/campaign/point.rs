@@ -1,6 +1,5 @@
 //! One point: a run in this process that keeps figures and no tape, unless the tape is wanted.
 
-use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,14 +8,13 @@ use lockstep::executor::{InLoop, assemble};
 use lockstep::participant::Participant;
 use lockstep::plan::Plan;
 use lockstep::transport::{Broken, Header, Recording};
-use report::page::split_unit;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use tape::folder::RunFolder;
 use tape::{DigestSink, Sink};
 
+use super::figures::{Figures, Number};
 use crate::Catalogue;
-use crate::assessment::{self, Assessment, Criterion};
+use crate::assessment::{self, Assessment};
 use crate::run::{self, Ending};
 use crate::scenario::{Program, Scenario};
 
@@ -73,39 +71,6 @@ pub struct Result {
     pub figures: Option<Figures>,
     /// The digest of its tape: that of the same run by itself.
     pub tape: Option<String>,
-}
-
-/// Figures of merit as numbers by name. What is not finite is missing.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Figures {
-    /// Names with unit suffixes, and numbers; an entry for each element of a list.
-    pub numbers: Vec<(String, Option<f64>)>,
-    /// The criteria and what became of them.
-    pub criteria: Vec<Criterion>,
-}
-
-impl Figures {
-    fn of(figures: &assessment::Figures) -> Figures {
-        Figures {
-            numbers: numbers(figures),
-            criteria: figures.criteria.clone(),
-        }
-    }
-
-    /// The names of all: those with a criterion first, the others by name.
-    pub fn names(&self) -> Vec<String> {
-        let judged = self.criteria.iter().filter_map(|criterion| {
-            let mut names = self.numbers.iter().map(|(name, _)| name);
-            names.find(|name| split_unit(name).0 == criterion.name)
-        });
-        let mut names: Vec<String> = judged
-            .chain(self.numbers.iter().map(|(name, _)| name))
-            .cloned()
-            .collect();
-        let mut seen = BTreeSet::new();
-        names.retain(|name| seen.insert(name.clone()));
-        names
-    }
 }
 
 impl Result {
@@ -223,15 +188,7 @@ impl Recording for Ear {
 fn tapeless(scenario: &Scenario, participants: Vec<Box<dyn Participant>>) -> std::result::Result<Result, String> {
     let plan = run::check(scenario).map_err(|error| error.to_string())?.plan;
     let streams = run::streams(&plan);
-    let assessment = match &scenario.assessment {
-        Some(table) => Some(
-            scenario
-                .catalogue()
-                .assess(table, &streams)
-                .map_err(|error| scenario.assessment_refusal(&error.key, &error.reason).to_string())?,
-        ),
-        None => None,
-    };
+    let assessment = scenario.assess(&streams).map_err(|error| error.to_string())?;
     let watch = Arc::new(Mutex::new(Watch {
         sink: DigestSink::new(streams).map_err(|error| error.to_string())?,
         assessment,
@@ -281,30 +238,9 @@ fn with_tape(scenario: &Scenario, in_process: bool, keep: Option<&Path>, scratch
     result
 }
 
-/// Everything of `figures` that is a number: name with unit suffix, and the number. Lists give one entry an element.
-fn numbers(figures: &assessment::Figures) -> Vec<(String, Option<f64>)> {
-    let mut out = Vec::new();
-    for (key, value) in figures.values.clone() {
-        match value {
-            Value::Array(items) if items.iter().all(Value::is_number) => {
-                for (at, item) in items.iter().enumerate() {
-                    out.push((format!("{key}[{at}]"), item.as_f64()));
-                }
-            }
-            Value::Number(number) => out.push((key, number.as_f64())),
-            // what could not be measured has its column all the same
-            Value::Null if key != "incomplete" => out.push((key, None)),
-            Value::Bool(yes) => out.push((key, Some(f64::from(u8::from(yes))))),
-            _ => {}
-        }
-    }
-    out
-}
-
-/// The names of the figures of merit that runs of `scenario` have, with unit suffixes: those with a criterion first.
-pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Vec<String> {
-    let made = scenario.assessment.as_ref();
-    let made = made.and_then(|table| scenario.catalogue().assess(table, &run::streams(plan)).ok());
+/// The figures of merit that runs of `scenario` have, without values: those with a criterion first.
+pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Vec<Number> {
+    let made = scenario.assess(&run::streams(plan)).ok().flatten();
     let figures = made.map(|mut assessment| Figures::of(&assessment.finish()));
-    figures.map_or(Vec::new(), |figures| figures.names())
+    figures.map_or(Vec::new(), |figures| figures.ordered())
 }

@@ -1,9 +1,9 @@
 //! The table: a row per point, with what was varied, what became of it, and every figure of merit.
 
 use report::export::{Cells, Sheet, SheetColumn};
-use report::page::split_unit;
 
-use super::point::{Figures, Result as PointResult};
+use super::figures::{Figures, Number};
+use super::point::Result as PointResult;
 use super::{Campaign, CampaignError};
 
 /// The table of a campaign. Points that were not run have empty cells.
@@ -37,20 +37,13 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
     columns.push(text("reason", &|result| result.reason.clone()));
     // Every point of one scenario has the same figures.
     let figures = results.iter().flatten().find_map(|result| result.figures.as_ref());
-    for name in figures.map_or(Vec::new(), Figures::names) {
-        let cells = results.iter().map(|result| {
-            let figures = result.as_ref()?.figures.as_ref()?;
-            value(figures, &name)
-        });
-        let (stem, element) = name.split_once('[').unwrap_or((&name, ""));
-        let (short, unit) = split_unit(stem);
+    for Number { key, name, unit, .. } in figures.map_or(Vec::new(), Figures::ordered) {
+        let cells = results
+            .iter()
+            .map(|result| result.as_ref()?.figures.as_ref()?.value(&key));
         columns.push(SheetColumn {
-            name: if element.is_empty() {
-                short.to_owned()
-            } else {
-                format!("{short}[{element}")
-            },
-            unit: unit.to_owned(),
+            name,
+            unit,
             cells: Cells::Number(cells.collect()),
         });
     }
@@ -61,33 +54,30 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
     }
 }
 
-fn value(figures: &Figures, name: &str) -> Option<f64> {
-    figures.numbers.iter().find(|(known, _)| known == name)?.1
-}
-
-/// The figure that the user calls `name`, with or without its unit: its name with unit.
+/// The figure that the user calls `name`, with or without its unit.
 ///
 /// # Errors
 /// Names those that there are.
-pub fn figure_of(name: &str, known: &[String]) -> Result<String, CampaignError> {
-    let wanted = name.replace([' ', '-'], "_");
+pub fn figure_of(name: &str, known: &[Number]) -> Result<Number, CampaignError> {
+    let plain = |name: &str| name.replace([' ', '-'], "_");
+    let wanted = plain(name);
     let found = known
         .iter()
-        .find(|known| **known == wanted || split_unit(known).0 == wanted);
+        .find(|known| plain(&known.key) == wanted || plain(&known.name) == wanted);
     found.cloned().ok_or_else(|| CampaignError::Figure {
         name: name.to_owned(),
         known: if known.is_empty() {
-            "none: the scenario has no table `assessment`".to_owned()
+            "none: the scenario has no `measures` and no `assessment`".to_owned()
         } else {
-            let stems: Vec<&str> = known.iter().map(|name| split_unit(name).0).collect();
-            stems.join(", ")
+            let names: Vec<&str> = known.iter().map(|known| known.name.as_str()).collect();
+            names.join(", ")
         },
     })
 }
 
-/// The figure called `name` of a point.
-pub fn figure_value(result: &PointResult, name: &str) -> Option<f64> {
-    value(result.figures.as_ref()?, name)
+/// The figure with this key of a point.
+pub fn figure_value(result: &PointResult, key: &str) -> Option<f64> {
+    result.figures.as_ref()?.value(key)
 }
 
 /// Three significant digits.

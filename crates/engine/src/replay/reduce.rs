@@ -160,6 +160,7 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
     table.insert("connections".into(), Value::Table(connections));
     // What the run was judged by, and what ended it, is no matter of one participant.
     table.remove("assessment");
+    table.remove("measures");
     table.remove("guards");
     Ok(cast)
 }

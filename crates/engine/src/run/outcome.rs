@@ -195,7 +195,10 @@ impl Outcome {
     pub fn summary(&self) -> Value {
         let mut all = Map::new();
         if let Some(figures) = &self.figures {
-            all.extend(figures.values.clone());
+            all.extend(figures.json());
+            if matches!(self.ending, Ending::Complete) {
+                all.insert("verdict".into(), json!(figures.verdict()));
+            }
         }
         all.insert("ending".into(), json!(self.ending));
         all.insert("simulated_time_s".into(), json!(self.simulated_s));

@@ -58,6 +58,12 @@ pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
     scenario.watches(&plan, |participant| interfaces[participant].is_some())?;
     if interfaces.iter().all(Option::is_some) {
         assess(scenario, &streams(&plan))?;
+    } else {
+        let certain = |name: &str| {
+            plan.participant(name)
+                .is_some_and(|number| interfaces[number].is_some())
+        };
+        scenario.measures(&streams(&plan), certain)?;
     }
     Ok(Known { interfaces, plan })
 }
@@ -97,11 +103,7 @@ pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Kno
 }
 
 fn assess(scenario: &Scenario, streams: &[StreamSpec]) -> Result<Option<Box<dyn Assessment>>, ScenarioError> {
-    let table = scenario.assessment.as_ref();
-    let made = table
-        .map(|table| scenario.catalogue().assess(table, streams))
-        .transpose();
-    made.map_err(|error| scenario.assessment_refusal(&error.key, &error.reason))
+    scenario.assess(streams)
 }
 
 /// What made a run, for whoever looks at it later.

@@ -13,6 +13,7 @@ use super::error::{Mistake, ScenarioError};
 use super::failure::OnFailure;
 use super::faults::{self, Faults, Substitution};
 use super::guards::{self, Guard};
+use super::measures::{self, DeclaredMeasure};
 use super::names::Names;
 use super::program::Program;
 use super::source::{Source, typed};
@@ -41,6 +42,7 @@ pub struct Scenario {
     pub(super) connections: Vec<(String, ConnectionEntry)>,
     pub(super) faults: Faults,
     pub(super) guards: Vec<Guard>,
+    pub(super) measures: Vec<DeclaredMeasure>,
     pub(super) source: Source,
 }
 
@@ -95,6 +97,10 @@ impl Scenario {
             mistakes.extend(wrong);
             Vec::new()
         });
+        let measures = measures::read(&source, top.measures).unwrap_or_else(|wrong| {
+            mistakes.extend(wrong);
+            Vec::new()
+        });
         let mut connections = Vec::new();
         for (name, value) in top.connections {
             match typed::<ConnectionEntry>(&source, &format!("connections.{name}"), value) {
@@ -118,6 +124,7 @@ impl Scenario {
             substitutions,
             faults,
             guards,
+            measures,
             source,
         })
     }
@@ -194,6 +201,12 @@ impl Scenario {
                 let reason = format!("{at} is not before the end at {end}: it does not happen in this run");
                 remark(&format!("{key}.at"), reason);
             }
+        }
+        for (key, time) in self.late_measures() {
+            remark(
+                &key,
+                format!("{time} is after the end at {end}: nothing is measured in this run"),
+            );
         }
         if self
             .source

@@ -111,6 +111,8 @@ pub(super) struct Top {
     pub(super) faults: Vec<Value>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) guards: BTreeMap<String, Value>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) measures: BTreeMap<String, Value>,
 }
 
 fn one() -> u64 {

@@ -235,6 +235,12 @@ pub fn convert(text: &str, unit: &str) -> Result<(Vec<f64>, bool), UnitError> {
     Ok((numbers.split(',').map(number).collect::<Result<_, _>>()?, listed))
 }
 
+/// The unit that stands in `text` behind a number or a list of numbers, as it is written.
+pub fn unit_in(text: &str) -> Option<&str> {
+    let (_, unit, _) = split(text.trim())?;
+    Some(unit.trim()).filter(|unit| !unit.is_empty())
+}
+
 /// Numbers, unit, and whether the numbers stand in brackets.
 fn split(text: &str) -> Option<(&str, &str, bool)> {
     match text.strip_prefix('[') {

@@ -1,0 +1,91 @@
+//! A figure with a limit, and figures in words.
+
+use serde::{Deserialize, Serialize};
+
+/// A figure with a limit.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Criterion {
+    /// Which figure.
+    pub name: String,
+    /// What it is, in `unit`; absent when it was not measured.
+    pub value: Option<f64>,
+    /// The largest value that is a success; any, unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit: Option<f64>,
+    /// The least value that is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_least: Option<f64>,
+    /// The unit of all.
+    pub unit: String,
+    /// Whether it is one.
+    pub met: bool,
+    /// At which instant the figure was reached, s, where it is the value of one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub t_s: Option<f64>,
+    /// Why it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
+}
+
+impl Criterion {
+    /// `at most 5.00 mm`, `at least 2`, `from 1.00 to 2.00 N`
+    pub fn limits(&self) -> String {
+        let unit = behind(&self.unit);
+        match (self.at_least, self.limit) {
+            (Some(least), Some(most)) => format!("from {} to {}{unit}", short(least), short(most)),
+            (Some(least), None) => format!("at least {}{unit}", short(least)),
+            (None, Some(most)) => format!("at most {}{unit}", short(most)),
+            (None, None) => String::new(),
+        }
+    }
+
+    /// By how much it is not met, and when: `2.00 mm too much at t = 3.2 s`. `None` where it is met or was not measured.
+    pub fn miss(&self) -> Option<String> {
+        let value = self.value.filter(|_| !self.met)?;
+        let (by, word) = match (self.limit, self.at_least) {
+            (Some(most), _) if value > most => (value - most, "much"),
+            (_, Some(least)) if value < least => (least - value, "little"),
+            _ => return None,
+        };
+        let when = self.t_s.map_or(String::new(), |t_s| format!(" at t = {t_s} s"));
+        Some(format!("{}{} too {word}{when}", short(by), behind(&self.unit)))
+    }
+
+    /// A line for people: what it is, the limit, and by how much and when it is missed.
+    pub fn line(&self) -> String {
+        let mark = if self.met { "ok  " } else { "FAIL" };
+        let value = match (self.value, &self.reason) {
+            (Some(value), _) => format!("{}{}", short(value), behind(&self.unit)),
+            (None, Some(reason)) => format!("not measured: {reason}"),
+            (None, None) => "not measured".to_owned(),
+        };
+        let miss = self.miss().map_or(String::new(), |miss| format!(": {miss}"));
+        let name = self.name.replace('_', " ");
+        format!("  {mark} {name:<28} {value} ({}){miss}", self.limits())
+    }
+}
+
+/// A unit behind a number: nothing behind a pure number.
+pub fn behind(unit: &str) -> String {
+    if unit == "1" || unit.is_empty() {
+        String::new()
+    } else {
+        format!(" {unit}")
+    }
+}
+
+/// Three significant digits.
+pub fn short(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        "0".to_owned()
+    } else if !(1e-3..1e5).contains(&size) {
+        format!("{value:.2e}")
+    } else {
+        let digits = [1000.0, 100.0, 10.0, 1.0, 0.1, 0.01]
+            .iter()
+            .position(|step| size >= *step);
+        let decimals = digits.map_or(5, |digits| digits.saturating_sub(1));
+        format!("{value:.decimals$}")
+    }
+}

@@ -1,0 +1,337 @@
+//! What is computed of a signal, sample by sample.
+
+use super::total::Total;
+
+/// What is computed. Thresholds and bands are in the unit of the signal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Compute {
+    /// The least value.
+    Min,
+    /// The greatest value.
+    Max,
+    /// The greatest absolute value.
+    MaxAbs,
+    /// The mean of the samples.
+    Mean,
+    /// The root of the mean of the squares.
+    Rms,
+    /// The last value.
+    Final,
+    /// The value at an instant: the newest one by then.
+    At,
+    /// The greatest value less the least.
+    Range,
+    /// The integral over time by the trapezoidal rule.
+    Integral,
+    /// The same of the absolute value.
+    IntegralAbs,
+    /// The largest change from one sample to the next, a second.
+    Rate,
+    /// For how long the value is above this, s.
+    TimeAbove(f64),
+    /// For how long the value is below this, s.
+    TimeBelow(f64),
+    /// The first instant at which the value has got to this from the side on which it started, s.
+    FirstCrossing(f64),
+    /// After how long the value stays between these two, both included, s.
+    SettlingTime(f64, f64),
+    /// How often a value is not that of the sample before.
+    Changes,
+    /// The least value that at least this part of the samples, in percent, does not exceed.
+    Percentile(f64),
+}
+
+/// A figure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Found {
+    /// What it is, in the unit of the figure.
+    pub value: f64,
+    /// At which instant, s, where it is the value of one.
+    pub t_s: Option<f64>,
+}
+
+/// Why there is no figure.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Absent {
+    /// Nothing was sampled in the window.
+    #[error("there is no sample in the window")]
+    Empty,
+    /// Two samples are needed.
+    #[error("there is one sample in the window, at t = {t_s} s, and two are needed")]
+    Single {
+        /// When it was.
+        t_s: f64,
+    },
+    /// A value that is infinite or not a number.
+    #[error("the value is {value} at t = {t_s} s")]
+    NotFinite {
+        /// When it was first.
+        t_s: f64,
+        /// What it was.
+        value: f64,
+    },
+    /// It is not a number that a double holds.
+    #[error("the figure is larger than a double holds")]
+    Overflow,
+    /// The threshold is not reached.
+    #[error("the value does not get to the threshold")]
+    NeverThere,
+    /// The band is left, or never entered.
+    #[error("the value is {value}, outside the band, at the end of the window, t = {t_s} s")]
+    NotSettled {
+        /// When it was last outside.
+        t_s: f64,
+        /// What it was.
+        value: f64,
+    },
+}
+
+/// A sample of a signal.
+#[derive(Debug, Clone, Copy)]
+struct Sample {
+    t_s: f64,
+    x: f64,
+}
+
+/// One figure under way. A percentile keeps every value, 8 bytes each; everything else takes the same memory however many come.
+#[derive(Debug, Clone)]
+pub(super) struct Fold {
+    compute: Compute,
+    /// The distance of two samples, s.
+    period: f64,
+    count: u64,
+    first: Option<Sample>,
+    last: Option<Sample>,
+    /// The extreme so far; for what has two, the least and the greatest.
+    least: Option<Sample>,
+    greatest: Option<Sample>,
+    total: Total,
+    /// How many samples, or changes, counted.
+    counted: u64,
+    /// When the threshold was reached, or the band entered for the last time.
+    since: Option<f64>,
+    odd: Option<Sample>,
+    values: Vec<f64>,
+}
+
+impl Fold {
+    pub(super) fn new(compute: Compute, period: f64) -> Fold {
+        Fold {
+            compute,
+            period,
+            count: 0,
+            first: None,
+            last: None,
+            least: None,
+            greatest: None,
+            total: Total::default(),
+            counted: 0,
+            since: None,
+            odd: None,
+            values: Vec::new(),
+        }
+    }
+
+    /// Takes in the next value of the window.
+    pub(super) fn push(&mut self, t_s: f64, x: f64) {
+        let sample = Sample { t_s, x };
+        if !x.is_finite() {
+            self.odd.get_or_insert(sample);
+        }
+        self.count += 1;
+        let first = *self.first.get_or_insert(sample);
+        let before = self.last.replace(sample);
+        match self.compute {
+            Compute::Min => self.low(sample),
+            Compute::Max => self.high(sample),
+            Compute::MaxAbs => self.high(Sample { t_s, x: x.abs() }),
+            Compute::Range => {
+                self.low(sample);
+                self.high(sample);
+            }
+            Compute::Mean => self.total.add(x),
+            Compute::Rms => self.total.add(x * x),
+            Compute::Integral => before.into_iter().for_each(|b| self.total.add(0.5 * (b.x + x))),
+            Compute::IntegralAbs => {
+                before
+                    .into_iter()
+                    .for_each(|b| self.total.add(0.5 * (b.x.abs() + x.abs())));
+            }
+            Compute::Rate => before.into_iter().for_each(|b| {
+                let x = (x - b.x).abs() / self.period;
+                self.high(Sample { t_s, x });
+            }),
+            Compute::TimeAbove(threshold) => self.count_if(x > threshold, t_s),
+            Compute::TimeBelow(threshold) => self.count_if(x < threshold, t_s),
+            Compute::FirstCrossing(threshold) => {
+                let there = (first.x < threshold && x >= threshold)
+                    || (first.x > threshold && x <= threshold)
+                    || first.x == threshold;
+                if there {
+                    self.since.get_or_insert(t_s);
+                }
+            }
+            Compute::SettlingTime(low, high) => {
+                if (low..=high).contains(&x) {
+                    self.since.get_or_insert(t_s);
+                } else {
+                    self.since = None;
+                }
+            }
+            Compute::Changes => {
+                if before.is_some_and(|b| b.x != x) {
+                    self.counted += 1;
+                }
+            }
+            Compute::Percentile(_) => self.values.push(x),
+            Compute::Final | Compute::At => {}
+        }
+    }
+
+    fn low(&mut self, sample: Sample) {
+        if self.least.is_none_or(|least| sample.x < least.x) {
+            self.least = Some(sample);
+        }
+    }
+
+    fn high(&mut self, sample: Sample) {
+        if self.greatest.is_none_or(|greatest| sample.x > greatest.x) {
+            self.greatest = Some(sample);
+        }
+    }
+
+    fn count_if(&mut self, counts: bool, t_s: f64) {
+        if counts {
+            self.counted += 1;
+            self.since.get_or_insert(t_s);
+        }
+    }
+
+    /// The figure of what has been taken in.
+    pub(super) fn finish(&self) -> Result<Found, Absent> {
+        if let Some(Sample { t_s, x: value }) = self.odd {
+            return Err(Absent::NotFinite { t_s, value });
+        }
+        let (Some(first), Some(last)) = (self.first, self.last) else {
+            return Err(Absent::Empty);
+        };
+        let of = |sample: Option<Sample>| {
+            let Sample { t_s, x: value } = sample.ok_or(Absent::Single { t_s: last.t_s })?;
+            Ok(Found { value, t_s: Some(t_s) })
+        };
+        let whole = |value: f64| Found { value, t_s: None };
+        let found = match self.compute {
+            Compute::Min => of(self.least)?,
+            Compute::Max | Compute::MaxAbs | Compute::Rate => of(self.greatest)?,
+            Compute::Range => whole(of(self.greatest)?.value - of(self.least)?.value),
+            Compute::Mean => whole(self.total.value() / self.count as f64),
+            Compute::Rms => whole((self.total.value() / self.count as f64).sqrt()),
+            Compute::Integral | Compute::IntegralAbs => whole(self.total.value() * self.period),
+            Compute::Final | Compute::At => of(Some(last))?,
+            Compute::TimeAbove(_) | Compute::TimeBelow(_) => Found {
+                value: self.counted as f64 * self.period,
+                t_s: self.since,
+            },
+            Compute::FirstCrossing(_) => {
+                let t_s = self.since.ok_or(Absent::NeverThere)?;
+                Found {
+                    value: t_s,
+                    t_s: Some(t_s),
+                }
+            }
+            Compute::SettlingTime(..) => {
+                let outside = Absent::NotSettled {
+                    t_s: last.t_s,
+                    value: last.x,
+                };
+                let since = self.since.ok_or(outside)?;
+                Found {
+                    value: since - first.t_s,
+                    t_s: Some(since),
+                }
+            }
+            Compute::Changes => whole(self.counted as f64),
+            Compute::Percentile(percent) => whole(percentile(&self.values, percent)),
+        };
+        if found.value.is_finite() {
+            Ok(found)
+        } else {
+            Err(Absent::Overflow)
+        }
+    }
+}
+
+/// The nearest rank: the least of `values`, which are not none, that at least `percent` of them do not exceed.
+fn percentile(values: &[f64], percent: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    let rank = (percent * sorted.len() as f64 / 100.0).ceil() as usize;
+    let at = rank.clamp(1, sorted.len()) - 1;
+    *sorted.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(compute: Compute, values: &[f64]) -> Result<Found, Absent> {
+        let mut fold = Fold::new(compute, 0.5);
+        for (k, x) in values.iter().enumerate() {
+            fold.push(k as f64 * 0.5, *x);
+        }
+        fold.finish()
+    }
+
+    fn found(value: f64, t_s: Option<f64>) -> Result<Found, Absent> {
+        Ok(Found { value, t_s })
+    }
+
+    #[test]
+    fn figures_of_a_signal_by_hand() {
+        let x = [1.0, -4.0, 2.0, 2.0, 0.0];
+        for (compute, value, t_s) in [
+            (Compute::Min, -4.0, Some(0.5)),
+            (Compute::Max, 2.0, Some(1.0)),
+            (Compute::MaxAbs, 4.0, Some(0.5)),
+            (Compute::Mean, 0.2, None),
+            (Compute::Rms, 5.0_f64.sqrt(), None),
+            (Compute::Final, 0.0, Some(2.0)),
+            (Compute::Range, 6.0, None),
+            (Compute::Integral, 0.25, None),
+            (Compute::IntegralAbs, 4.25, None),
+            (Compute::Rate, 12.0, Some(1.0)),
+            (Compute::TimeAbove(1.0), 1.0, Some(1.0)),
+            (Compute::TimeBelow(1.0), 1.0, Some(0.5)),
+            (Compute::FirstCrossing(0.0), 0.5, Some(0.5)),
+            (Compute::FirstCrossing(1.0), 0.0, Some(0.0)),
+            (Compute::SettlingTime(0.0, 2.0), 1.0, Some(1.0)),
+            (Compute::Changes, 3.0, None),
+            (Compute::Percentile(50.0), 1.0, None),
+            (Compute::Percentile(100.0), 2.0, None),
+            (Compute::Percentile(0.0), -4.0, None),
+        ] {
+            assert_eq!(of(compute, &x), found(value, t_s), "{compute:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_measured_says_why() {
+        assert_eq!(of(Compute::Mean, &[]), Err(Absent::Empty));
+        assert_eq!(of(Compute::Rate, &[3.0]), Err(Absent::Single { t_s: 0.0 }));
+        assert_eq!(of(Compute::FirstCrossing(9.0), &[1.0, 2.0]), Err(Absent::NeverThere));
+        let outside = Absent::NotSettled { t_s: 0.5, value: 5.0 };
+        assert_eq!(of(Compute::SettlingTime(0.0, 1.0), &[0.5, 5.0]), Err(outside));
+        assert_eq!(
+            of(Compute::Integral, &[f64::MAX, f64::MAX, f64::MAX]),
+            Err(Absent::Overflow)
+        );
+        for compute in [
+            Compute::Max,
+            Compute::Changes,
+            Compute::Percentile(5.0),
+            Compute::TimeAbove(0.0),
+        ] {
+            let absent = of(compute, &[1.0, f64::NAN, 2.0]).expect_err("a figure of NaN");
+            assert!(matches!(absent, Absent::NotFinite { t_s: 0.5, .. }), "{absent}");
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! One measure: a signal, a window, what is computed of it, and limits.
+
+use lockstep::time::{Rational, TickError};
+use serde_json::{Value, json};
+use tape::StreamSpec;
+
+use super::compute::{Compute, Fold, Found};
+use super::limit::Limits;
+use super::pairing::Pairing;
+use super::signal::{Reading, Through, evaluate};
+use super::window::{Window, sample_time, timebase};
+use crate::assessment::{Criterion, Measured};
+
+/// What is measured, with every name resolved.
+#[derive(Debug, Clone)]
+pub struct Definition {
+    /// What the figure is called.
+    pub name: String,
+    /// The signal, or what another one is taken from.
+    pub of: Reading,
+    /// What is taken from it, and one of its unit in the unit of `of`.
+    pub minus: Option<(Reading, f64)>,
+    /// What becomes of the elements.
+    pub through: Through,
+    /// What is computed.
+    pub compute: Compute,
+    /// The first instant that counts, s.
+    pub from: Option<Rational>,
+    /// The last one, s.
+    pub to: Option<Rational>,
+    /// The instant of [`Compute::At`], s.
+    pub at: Option<Rational>,
+    /// The unit of the figure.
+    pub unit: String,
+    /// What the computed number is multiplied by to be in that unit.
+    pub factor: f64,
+    /// Whether the figure is a list, one number for each element.
+    pub listed: bool,
+    /// What it must keep to.
+    pub limits: Limits,
+}
+
+/// A measure under way.
+#[derive(Debug)]
+pub(super) struct Measure {
+    definition: Definition,
+    window: Window,
+    pairing: Option<Pairing>,
+    /// How many samples of the first stream have come.
+    come: u64,
+    folds: Vec<Fold>,
+    /// Values at one instant.
+    of: Vec<f64>,
+    minus: Vec<f64>,
+    signals: Vec<f64>,
+}
+
+impl Measure {
+    /// # Errors
+    /// When the times of the streams and of the measure have no common tick.
+    pub(super) fn new(definition: Definition, streams: &[StreamSpec]) -> Result<Measure, TickError> {
+        let own = &streams[definition.of.stream];
+        let other = definition.minus.as_ref().map(|(minus, _)| &streams[minus.stream]);
+        let specs = std::iter::once(own).chain(other);
+        let base = timebase(specs.flat_map(|spec| [spec.offset, spec.period]))?;
+        let samples = sample_time(&base, own.offset, own.period)?;
+        let window = match definition.at {
+            Some(at) => Window::at(&base, samples, at)?,
+            None => Window::between(&base, samples, definition.from, definition.to)?,
+        };
+        let width = definition.of.slots.len();
+        let pairing = match other {
+            Some(other) => {
+                let second = sample_time(&base, other.offset, other.period)?;
+                Some(Pairing::new(samples, second, window, width))
+            }
+            None => None,
+        };
+        let signals = if definition.through == Through::Elements {
+            width
+        } else {
+            1
+        };
+        Ok(Measure {
+            folds: vec![Fold::new(definition.compute, own.period.seconds()); signals],
+            window,
+            pairing,
+            come: own.first_index,
+            of: Vec::new(),
+            minus: Vec::new(),
+            signals: Vec::new(),
+            definition,
+        })
+    }
+
+    /// The streams that it reads.
+    pub(super) fn streams(&self) -> impl Iterator<Item = usize> {
+        let minus = self.definition.minus.as_ref().map(|(minus, _)| minus.stream);
+        let minus = minus.filter(|minus| *minus != self.definition.of.stream);
+        std::iter::once(self.definition.of.stream).chain(minus)
+    }
+
+    /// Takes in a sample of one of its streams.
+    pub(super) fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]) {
+        let Definition { of, minus, .. } = &self.definition;
+        let mut alone = false;
+        if stream == of.stream {
+            let index = self.come;
+            self.come += 1;
+            match &mut self.pairing {
+                _ if !self.window.contains(index) => {}
+                Some(pairing) => pairing.first(index, stamp_s, |values| of.read(payload, values)),
+                None => {
+                    self.of.clear();
+                    of.read(payload, &mut self.of);
+                    alone = true;
+                }
+            }
+        }
+        if let (Some((minus, _)), Some(pairing)) = (minus, &mut self.pairing)
+            && stream == minus.stream
+        {
+            pairing.second(|values| minus.read(payload, values));
+        }
+        if alone {
+            self.push(stamp_s);
+        }
+        while let Some(stamp_s) = self.pair() {
+            self.push(stamp_s);
+        }
+    }
+
+    fn pair(&mut self) -> Option<f64> {
+        self.pairing.as_mut()?.next(&mut self.of, &mut self.minus)
+    }
+
+    /// Takes in what stands in `of` and `minus`.
+    fn push(&mut self, stamp_s: f64) {
+        let Definition { minus, through, .. } = &self.definition;
+        let minus = minus.as_ref().map(|(_, factor)| (&self.minus[..], *factor));
+        evaluate(*through, &self.of, minus, &mut self.signals);
+        for (fold, x) in self.folds.iter_mut().zip(&self.signals) {
+            fold.push(stamp_s, *x);
+        }
+    }
+
+    /// The figure of what has been taken in.
+    pub(super) fn finish(&self) -> Measured {
+        let scaled = |found: Found| Found {
+            value: found.value * self.definition.factor,
+            ..found
+        };
+        let found: Vec<_> = self.folds.iter().map(|fold| fold.finish().map(scaled)).collect();
+        let reason = found.iter().find_map(|one| one.as_ref().err()).map(ToString::to_string);
+        let values = found.iter().map(|one| one.as_ref().ok().map(|found| found.value));
+        let instants = found.iter().map(|one| one.as_ref().ok().and_then(|found| found.t_s));
+        let (value, t_s) = if self.definition.listed {
+            (json!(values.collect::<Vec<_>>()), json!(instants.collect::<Vec<_>>()))
+        } else {
+            (json!(values.flatten().next()), json!(instants.flatten().next()))
+        };
+        let nothing = t_s
+            .as_array()
+            .map_or(t_s.is_null(), |all| all.iter().all(Value::is_null));
+        Measured {
+            name: self.definition.name.clone(),
+            unit: self.definition.unit.clone(),
+            value,
+            t_s: if nothing { Value::Null } else { t_s },
+            criterion: self.criterion(&found, reason.clone()),
+            reason,
+        }
+    }
+
+    /// The criterion, where there is a limit: of a list, the element that is furthest beyond it.
+    fn criterion<E>(&self, found: &[Result<Found, E>], reason: Option<String>) -> Option<Criterion> {
+        let Definition { limits, name, .. } = &self.definition;
+        if limits.is_empty() {
+            return None;
+        }
+        let excess = |found: &Found| limits.excess(found.value);
+        let worst = found.iter().flatten();
+        let worst = worst.reduce(|worst, next| if excess(next) > excess(worst) { next } else { worst });
+        Some(match (reason, worst) {
+            (None, Some(worst)) => limits.judge(name, Ok((worst.value, worst.t_s))),
+            (reason, _) => limits.judge(name, Err(reason.unwrap_or_default())),
+        })
+    }
+}

@@ -1,0 +1,31 @@
+//! The measures of a scenario beside its assessment.
+
+use super::Measures;
+use crate::assessment::{Assessment, Figures};
+
+/// Both as one assessment: the figures of both stand side by side, and a run is a success when the criteria of both are met.
+pub struct Together {
+    own: Option<Box<dyn Assessment>>,
+    measures: Measures,
+}
+
+impl Together {
+    /// `measures` beside the assessment `own`, if there is one.
+    pub fn new(own: Option<Box<dyn Assessment>>, measures: Measures) -> Together {
+        Together { own, measures }
+    }
+}
+
+impl Assessment for Together {
+    fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]) {
+        if let Some(own) = &mut self.own {
+            own.sample(stream, stamp_s, payload);
+        }
+        self.measures.sample(stream, stamp_s, payload);
+    }
+
+    fn finish(&mut self) -> Figures {
+        let own = self.own.as_mut().map(|own| own.finish());
+        own.unwrap_or_default().with(self.measures.finish())
+    }
+}

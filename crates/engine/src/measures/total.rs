@@ -1,0 +1,40 @@
+//! A sum that does not lose what is small beside what has been summed.
+
+/// A running sum with what rounding has taken from it (Neumaier's).
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Total {
+    sum: f64,
+    lost: f64,
+}
+
+impl Total {
+    /// Adds a term.
+    pub(super) fn add(&mut self, term: f64) {
+        let sum = self.sum + term;
+        self.lost += if self.sum.abs() >= term.abs() {
+            (self.sum - sum) + term
+        } else {
+            (term - sum) + self.sum
+        };
+        self.sum = sum;
+    }
+
+    /// The sum of all terms.
+    pub(super) fn value(&self) -> f64 {
+        self.sum + self.lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Total;
+
+    #[test]
+    fn small_terms_are_not_lost_beside_large_ones() {
+        let mut total = Total::default();
+        for term in [1.0, 1e100, 1.0, -1e100] {
+            total.add(term);
+        }
+        assert_eq!(total.value(), 2.0);
+    }
+}
