@@ -1,0 +1,111 @@
+//! From `PARTICIPANT.OUTPUT.FIELD` to elements of a stream.
+
+use lockstep::fault::Slot;
+use lockstep::port::Field;
+use tape::StreamSpec;
+
+use super::refusal::{Refusal, converted, refusal};
+use crate::measures::Reading;
+
+/// One or several elements that a user has named.
+pub(super) struct Chosen<'a> {
+    pub(super) path: &'a str,
+    stream: usize,
+    pub(super) field: &'a Field,
+    pub(super) slots: Vec<Slot>,
+    /// Whether it is the whole field, not an element of it.
+    pub(super) whole: bool,
+}
+
+impl<'a> Chosen<'a> {
+    /// `path` is `PARTICIPANT.OUTPUT.FIELD`, or an element of it.
+    pub(super) fn find(streams: &'a [StreamSpec], key: &str, path: &'a str) -> Result<Chosen<'a>, Refusal> {
+        let names = || streams.iter().map(StreamSpec::name);
+        let rest = |name: &String| path.strip_prefix(name.as_str()).and_then(|rest| rest.strip_prefix('.'));
+        let Some(stream) = names().position(|name| rest(&name).is_some()) else {
+            let listed: Vec<String> = names().map(|name| format!("`{name}`")).collect();
+            let reason = format!(
+                "`{path}` is not a field of a stream: write \"PARTICIPANT.OUTPUT.FIELD\", or an element such as \
+                 \"PARTICIPANT.OUTPUT.FIELD[2]\"; the streams are {}",
+                listed.join(", ")
+            );
+            return refusal(key, reason);
+        };
+        let spec = &streams[stream];
+        let name = &path[spec.name().len() + 1..];
+        let Some((field, slots)) = Slot::named(&spec.descriptor, name) else {
+            let known: Vec<String> = spec
+                .descriptor
+                .fields
+                .iter()
+                .map(|field| format!("`{field}`"))
+                .collect();
+            let reason = format!(
+                "`{}` has no field or element `{name}`; it has {}",
+                spec.name(),
+                known.join("; ")
+            );
+            return refusal(key, reason);
+        };
+        Ok(Chosen {
+            path,
+            stream,
+            whole: field.name == name,
+            field,
+            slots,
+        })
+    }
+
+    fn shape(&self) -> &[u32] {
+        if self.whole { &self.field.shape } else { &[] }
+    }
+
+    /// What one of this is in the unit of `of`, from which it is taken.
+    pub(super) fn beside(&self, of: &Chosen<'_>) -> Result<f64, Refusal> {
+        if self.shape() != of.shape() {
+            let reason = format!(
+                "`{}` has the shape {:?}, `{}` has {:?}: both must have the same",
+                self.path,
+                self.shape(),
+                of.path,
+                of.shape()
+            );
+            return refusal("minus", reason);
+        }
+        let (own, other) = (&self.field.frame, &of.field.frame);
+        if own != other && !own.is_empty() && !other.is_empty() {
+            let reason = format!(
+                "`{}` is given in the frame `{own}`, `{}` in `{other}`: what is taken from it must be in the same",
+                self.path, of.path
+            );
+            return refusal("minus", reason);
+        }
+        converted(&self.field.unit, &of.field.unit).map_err(|_| {
+            let reason = format!(
+                "`{}` is in {}, `{}` in {}: the units do not fit",
+                self.path, self.field.unit, of.path, of.field.unit
+            );
+            ("minus".to_owned(), reason)
+        })
+    }
+
+    pub(super) fn is_attitude(&self, key: &str) -> Result<(), Refusal> {
+        if self.slots.len() == 4 && self.field.unit == "1" {
+            return Ok(());
+        }
+        let reason = format!(
+            "`{}` is {} numbers in {}; an angle is one of attitudes, each a quaternion of four numbers in 1, the scalar first",
+            self.path,
+            self.slots.len(),
+            self.field.unit
+        );
+        refusal(key, reason)
+    }
+
+    pub(super) fn reading(&self) -> Reading {
+        Reading {
+            stream: self.stream,
+            slots: self.slots.clone(),
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! One section of `[measures.NAME]` as it is written, and what its words and quantities mean.
+
+use lockstep::time::Rational;
+use lockstep::units;
+use serde::{Deserialize, Serialize};
+use toml::Value;
+
+use super::refusal::{Refusal, converted, refusal};
+use crate::measures::{Compute, Limits};
+use crate::scenario::faults::values;
+
+/// What is computed, as it is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Word {
+    Min,
+    Max,
+    MaxAbs,
+    Mean,
+    Rms,
+    Final,
+    At,
+    Range,
+    Integral,
+    IntegralAbs,
+    Rate,
+    TimeAbove,
+    TimeBelow,
+    FirstCrossing,
+    SettlingTime,
+    Changes,
+    Percentile,
+}
+
+/// What becomes of the elements, as it is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum ThroughWord {
+    Norm,
+    Angle,
+}
+
+/// One section as it is written.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub(super) struct MeasureEntry {
+    pub(super) of: String,
+    pub(super) minus: Option<String>,
+    pub(super) through: Option<ThroughWord>,
+    pub(super) compute: Word,
+    pub(super) from: Option<Rational>,
+    pub(super) to: Option<Rational>,
+    pub(super) at: Option<Rational>,
+    threshold: Option<Value>,
+    band: Option<Value>,
+    percent: Option<f64>,
+    pub(super) unit: Option<String>,
+    at_most: Option<Value>,
+    at_least: Option<Value>,
+    within: Option<Value>,
+}
+
+impl Word {
+    /// The unit of the figure of a signal in `unit`.
+    pub(super) fn unit(self, unit: &str) -> String {
+        match self {
+            Word::TimeAbove | Word::TimeBelow | Word::FirstCrossing | Word::SettlingTime => "s".to_owned(),
+            Word::Changes => "1".to_owned(),
+            Word::Integral | Word::IntegralAbs if unit == "1" => "s".to_owned(),
+            Word::Integral | Word::IntegralAbs => match unit.strip_suffix("/s") {
+                Some(rate) => rate.to_owned(),
+                None => format!("{unit} s"),
+            },
+            Word::Rate => match unit.strip_suffix(" s") {
+                Some(integral) => integral.to_owned(),
+                None => match unit.strip_suffix("/s") {
+                    Some(moved) => format!("{moved}/s^2"),
+                    None => format!("{unit}/s"),
+                },
+            },
+            _ => unit.to_owned(),
+        }
+    }
+}
+
+impl MeasureEntry {
+    /// That everything is there that the computation needs, and nothing that it does not know.
+    pub(super) fn check(&self) -> Result<(), Refusal> {
+        let threshold = matches!(self.compute, Word::TimeAbove | Word::TimeBelow | Word::FirstCrossing);
+        for (key, given, needed, example) in [
+            ("at", self.at.is_some(), self.compute == Word::At, "\"3 s\""),
+            ("threshold", self.threshold.is_some(), threshold, "\"5 mm\""),
+            (
+                "band",
+                self.band.is_some(),
+                self.compute == Word::SettlingTime,
+                "\"[-2, 2] mm\"",
+            ),
+            (
+                "percent",
+                self.percent.is_some(),
+                self.compute == Word::Percentile,
+                "95",
+            ),
+        ] {
+            let word = Value::try_from(self.compute).ok();
+            let word = word.as_ref().and_then(Value::as_str).unwrap_or_default();
+            if needed && !given {
+                return refusal(
+                    "",
+                    format!("`{key}` is missing: compute = \"{word}\" needs it, such as {key} = {example}"),
+                );
+            }
+            if given && !needed {
+                return refusal(key, format!("does not belong to compute = \"{word}\""));
+            }
+        }
+        if self.at.is_some() && (self.from.is_some() || self.to.is_some()) {
+            let key = if self.from.is_some() { "from" } else { "to" };
+            return refusal(key, "does not belong to a value at one instant");
+        }
+        if let (Some(from), Some(to)) = (self.from, self.to)
+            && from > to
+        {
+            return refusal("to", format!("{to} is before `from`, {from}: the window is empty"));
+        }
+        if let Some(percent) = self.percent.filter(|percent| !(0.0..=100.0).contains(percent)) {
+            return refusal("percent", format!("{percent} is not between 0 and 100"));
+        }
+        if self.within.is_some() && (self.at_most.is_some() || self.at_least.is_some()) {
+            return refusal("within", "stands for `at-least` and `at-most`: leave those out, or it");
+        }
+        Ok(())
+    }
+
+    /// What is computed of a signal in `unit`.
+    pub(super) fn computed(&self, unit: &str) -> Result<Compute, Refusal> {
+        let threshold = || single("threshold", self.threshold.as_ref(), unit);
+        Ok(match self.compute {
+            Word::Min => Compute::Min,
+            Word::Max => Compute::Max,
+            Word::MaxAbs => Compute::MaxAbs,
+            Word::Mean => Compute::Mean,
+            Word::Rms => Compute::Rms,
+            Word::Final => Compute::Final,
+            Word::At => Compute::At,
+            Word::Range => Compute::Range,
+            Word::Integral => Compute::Integral,
+            Word::IntegralAbs => Compute::IntegralAbs,
+            Word::Rate => Compute::Rate,
+            Word::TimeAbove => Compute::TimeAbove(threshold()?),
+            Word::TimeBelow => Compute::TimeBelow(threshold()?),
+            Word::FirstCrossing => Compute::FirstCrossing(threshold()?),
+            Word::SettlingTime => {
+                let (low, high) = pair("band", self.band.as_ref(), unit)?;
+                Compute::SettlingTime(low, high)
+            }
+            Word::Changes => Compute::Changes,
+            Word::Percentile => Compute::Percentile(self.percent.unwrap_or_default()),
+        })
+    }
+
+    /// The limits of a figure in `unit`.
+    pub(super) fn limits(&self, unit: &str) -> Result<Limits, Refusal> {
+        let (mut at_least, mut at_most) = (None, None);
+        if self.within.is_some() {
+            let (low, high) = pair("within", self.within.as_ref(), unit)?;
+            (at_least, at_most) = (Some(low), Some(high));
+        }
+        if self.at_least.is_some() {
+            at_least = Some(single("at-least", self.at_least.as_ref(), unit)?);
+        }
+        if self.at_most.is_some() {
+            at_most = Some(single("at-most", self.at_most.as_ref(), unit)?);
+        }
+        let given = [&self.within, &self.at_most, &self.at_least];
+        let stated = given.into_iter().flatten().find_map(Value::as_str);
+        let stated = stated.and_then(units::unit_in).unwrap_or(unit);
+        Ok(Limits {
+            at_most,
+            at_least,
+            scale: converted(stated, unit).unwrap_or(1.0),
+            unit: stated.to_owned(),
+        })
+    }
+}
+
+fn single(key: &str, value: Option<&Value>, unit: &str) -> Result<f64, Refusal> {
+    let value = value.ok_or_else(|| (key.to_owned(), "is missing".to_owned()))?;
+    let numbers = values(value, unit, 1).map_err(|reason| (key.to_owned(), reason))?;
+    Ok(numbers[0])
+}
+
+fn pair(key: &str, value: Option<&Value>, unit: &str) -> Result<(f64, f64), Refusal> {
+    let value = value.ok_or_else(|| (key.to_owned(), "is missing".to_owned()))?;
+    let numbers = values(value, unit, 2).map_err(|reason| (key.to_owned(), reason))?;
+    match numbers[..] {
+        [low, high] if low < high => Ok((low, high)),
+        _ => refusal(
+            key,
+            format!("{value} is not a range: write two bounds, the lower one first, such as \"[-1, 1] {unit}\""),
+        ),
+    }
+}
