@@ -331,8 +331,8 @@ impl StartArgs {
     /// What a run of it would be refused for.
     pub fn check(&self, scenario: &Scenario) -> Result<Known, RunFailure> {
         const CHEAP: usize = 16;
-        let external = |program: &&Program| matches!(program, Program::External { .. });
-        let programs = scenario.programs().filter(external).count();
+        let asked = |program: &&Program| program.file().is_some();
+        let programs = scenario.programs().filter(asked).count();
         match self.start {
             Start::Auto if programs > CHEAP => Ok(run::check(scenario)?),
             Start::Never => Ok(run::check(scenario)?),
@@ -385,8 +385,12 @@ pub struct DoctorArgs {
 /// Arguments of `participant`.
 #[derive(Debug, Args)]
 pub struct ParticipantArgs {
-    /// Which one
-    pub name: String,
+    /// Which one; of a library with one participant it may be left out
+    #[arg(required_unless_present = "library")]
+    pub name: Option<String>,
+    /// A plug-in that contains it
+    #[arg(long, value_name = "FILE")]
+    pub library: Option<PathBuf>,
 }
 
 /// Arguments of `bench`.

@@ -1,5 +1,6 @@
 //! What the end-to-end tests share: messages, small healthy participants, and a way to start the program as a user does.
 
+pub mod compiler;
 pub mod faulty;
 pub mod liar;
 pub mod long;

@@ -70,7 +70,8 @@ fn build(release: bool) {
     let mut cargo = Command::new(env!("CARGO"));
     cargo
         .current_dir(root())
-        .args(["build", "--quiet", "--workspace", "--bins"]);
+        // With the libraries: plug-ins, and that of programs in C.
+        .args(["build", "--quiet", "--workspace", "--bins", "--lib"]);
     if release {
         cargo.arg("--release");
     }

@@ -8,7 +8,7 @@ use crate::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-pub const ARROWS: [(&str, &[&str]); 15] = [
+pub const ARROWS: [(&str, &[&str]); 17] = [
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &[]),
@@ -16,8 +16,9 @@ pub const ARROWS: [(&str, &[&str]); 15] = [
     ("synthesis", &["multibody"]),
     ("interfaces", &["lockstep", "multibody"]),
     ("tape", &["lockstep"]),
+    ("plugin", &["lockstep"]),
     ("report", &["lockstep", "multibody", "tape"]),
-    ("engine", &["lockstep", "report", "tape"]),
+    ("engine", &["lockstep", "plugin", "report", "tape"]),
     (
         "capture",
         &[
@@ -52,12 +53,14 @@ pub const ARROWS: [(&str, &[&str]); 15] = [
             "lockstep",
             "multibody",
             "plant-proc",
+            "plugin",
             "report",
             "synthesis",
             "tape",
         ],
     ),
-    ("escapement", &["engine", "lockstep", "orchestrator", "tape"]),
+    ("escapement", &["engine", "lockstep", "orchestrator", "plugin", "tape"]),
+    ("escapement-c", &["plugin"]),
 ];
 
 /// A package of the workspace.

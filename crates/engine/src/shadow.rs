@@ -13,7 +13,7 @@ use tape::compare::Comparison;
 use crate::Catalogue;
 use crate::replay::{Replay, Request};
 use crate::run::{Ending, Options, RunFailure, describe};
-use crate::scenario::Scenario;
+use crate::scenario::{Program, Scenario};
 
 /// What `--shadow NAME=PROGRAM` asks for.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,7 +47,8 @@ pub struct Account {
     pub comparison: Option<Comparison>,
 }
 
-/// `NAME=PROGRAM` in two parts, with the `run` table that PROGRAM stands for: `builtin:NAME`, or a file as the shell sees it.
+/// `NAME=PROGRAM` in two parts, with the `run` table that PROGRAM stands for: `builtin:NAME`, or a file as the shell sees it: a library
+/// if its name ends with `.so`, else a program.
 pub fn in_place(text: &str, option: &str) -> Result<(String, String), String> {
     let parts = text
         .split_once('=')
@@ -72,7 +73,7 @@ pub fn in_place(text: &str, option: &str) -> Result<(String, String), String> {
             } else {
                 program.to_owned()
             };
-            run.insert("exe".into(), toml::Value::String(file))
+            run.insert(Program::key_of(&file).into(), toml::Value::String(file))
         }
     };
     Ok((participant.to_owned(), toml::Value::Table(run).to_string()))

@@ -97,6 +97,7 @@ pub use engine::Catalogue;
 pub use lockstep;
 pub use lockstep::message;
 pub use orchestrator::Program;
+pub use plugin;
 pub use tape;
 
 /// Everything that a participant and a program mostly need.

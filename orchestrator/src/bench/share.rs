@@ -48,7 +48,7 @@ fn wall(scenario: &Scenario, out: &std::path::Path, in_process: bool) -> anyhow:
 }
 
 fn alone(scenario: &Scenario) -> anyhow::Result<f64> {
-    let made: Option<Vec<_>> = scenario.make()?.into_iter().collect();
+    let made: Option<Vec<_>> = scenario.make_here()?.into_iter().collect();
     let participants =
         made.ok_or_else(|| anyhow::anyhow!("a scenario with programs of its own has no run in one process"))?;
     let interfaces: Vec<_> = participants.iter().map(|participant| participant.interface()).collect();

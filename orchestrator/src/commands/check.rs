@@ -74,6 +74,14 @@ fn json_of(known: &Known) -> serde_json::Result<Value> {
 fn program(program: &Program) -> String {
     match program {
         Program::Builtin(name) => format!("builtin {name}"),
+        Program::Library {
+            file,
+            participant: None,
+        } => format!("library {}", file.display()),
+        Program::Library {
+            file,
+            participant: Some(participant),
+        } => format!("{participant} of library {}", file.display()),
         Program::External { exe, .. } => exe.display().to_string(),
     }
 }

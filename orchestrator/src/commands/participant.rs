@@ -1,4 +1,4 @@
-//! `escapement participant NAME`: a participant that this program contains, in a process of its own.
+//! `escapement participant NAME`: a participant that this program contains, or one of a library, in a process of its own.
 
 use std::process::ExitCode;
 
@@ -7,7 +7,11 @@ use crate::program::catalogue;
 
 /// Takes its place in the run that the environment names.
 pub fn run(args: &ParticipantArgs) -> ExitCode {
-    if let Some(result) = crate::bench::be_an_end(&args.name) {
+    if let Some(library) = &args.library {
+        return plugin::host_library(library, args.name.as_deref());
+    }
+    let name = args.name.as_deref().unwrap_or_default();
+    if let Some(result) = crate::bench::be_an_end(name) {
         return match result {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
@@ -16,15 +20,11 @@ pub fn run(args: &ParticipantArgs) -> ExitCode {
             }
         };
     }
-    match catalogue().factory(&args.name) {
-        Some(factory) => lockstep::host::run(
-            |setup| factory(setup),
-            &format!("{} {}", args.name, env!("CARGO_PKG_VERSION")),
-        ),
+    match catalogue().factory(name) {
+        Some(factory) => lockstep::host::run(|setup| factory(setup), &format!("{name} {}", env!("CARGO_PKG_VERSION"))),
         None => {
             eprintln!(
-                "error: there is no builtin participant `{}`; there is {}",
-                args.name,
+                "error: there is no builtin participant `{name}`; there is {}",
                 catalogue().names().collect::<Vec<_>>().join(", ")
             );
             ExitCode::from(2)

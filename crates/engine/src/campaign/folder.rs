@@ -11,7 +11,7 @@ use tape::folder::private;
 
 use super::point::Result as PointResult;
 use super::{Campaign, CampaignError};
-use crate::scenario::{Program, Scenario};
+use crate::scenario::Scenario;
 
 /// Which command makes a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,10 +81,11 @@ fn digest(campaign: &Campaign, scenario: &Scenario) -> std::result::Result<Diges
     };
     // Results of two builds of the program must not stand in one table; nor those of somebody's program before and after.
     let mut programs = vec![PathBuf::from("/proc/self/exe")];
-    programs.extend(scenario.programs().filter_map(|program| match program {
-        Program::External { exe, .. } => Some(exe.clone()),
-        Program::Builtin(_) => None,
-    }));
+    programs.extend(
+        scenario
+            .programs()
+            .filter_map(|program| program.file().map(Path::to_owned)),
+    );
     for program in programs {
         let bytes = fs::read(&program).map_err(failed(&program, "read the program"))?;
         part(blake3::hash(&bytes).as_bytes());

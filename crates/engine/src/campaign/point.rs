@@ -139,7 +139,7 @@ fn judged(catalogue: &Arc<Catalogue>, file: &Path, changes: &[String], keep: Opt
         Ok(scenario) => scenario,
         Err(error) => return refused(&error),
     };
-    let made = match scenario.make() {
+    let made = match scenario.make_here() {
         Ok(made) => made,
         Err(error) => return refused(&error),
     };
@@ -153,9 +153,7 @@ fn judged(catalogue: &Arc<Catalogue>, file: &Path, changes: &[String], keep: Opt
             Err(reason) => refused(&reason),
         },
         (_, keep) => {
-            let in_process = scenario
-                .programs()
-                .all(|program| matches!(program, Program::Builtin(_)));
+            let in_process = !scenario.programs().any(Program::is_external);
             with_tape(&scenario, in_process, keep, scratch)
         }
     }
@@ -186,7 +184,7 @@ impl Recording for Ear {
 }
 
 fn tapeless(scenario: &Scenario, participants: Vec<Box<dyn Participant>>) -> std::result::Result<Result, String> {
-    let plan = run::check(scenario).map_err(|error| error.to_string())?.plan;
+    let plan = run::check_here(scenario).map_err(|error| error.to_string())?.plan;
     let streams = run::streams(&plan);
     let assessment = scenario.assess(&streams).map_err(|error| error.to_string())?;
     let watch = Arc::new(Mutex::new(Watch {

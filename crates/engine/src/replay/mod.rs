@@ -155,7 +155,7 @@ impl Replay {
     /// Whether the participant, or what is substituted for it, is a program of its own.
     pub fn external(&self) -> bool {
         let mut programs = self.scenario.programs();
-        programs.any(|program| matches!(program, Program::External { .. }))
+        programs.any(Program::is_external)
     }
 
     /// No activation at or after this instant is replayed.

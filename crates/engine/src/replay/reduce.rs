@@ -8,7 +8,7 @@ use toml::{Table, Value};
 
 use super::Request;
 use super::player::{self, Role};
-use crate::scenario::fault_name;
+use crate::scenario::{Program, fault_name};
 
 /// The names of those who stand for others in a replay.
 #[derive(Debug, Default)]
@@ -74,7 +74,8 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
         let here = std::env::current_dir().map_err(|error| format!("there is no current folder: {error}"))?;
         table.insert("folder".into(), Value::String(text(&here)?));
         let mut run = Table::new();
-        run.insert("exe".into(), Value::String(text(exe)?));
+        let exe = text(exe)?;
+        run.insert(Program::key_of(&exe).into(), Value::String(exe));
         run.insert(
             "args".into(),
             Value::Array(args.iter().cloned().map(Value::String).collect()),

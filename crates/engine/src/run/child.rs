@@ -66,6 +66,12 @@ impl Participant {
                 command.arg("participant").arg(builtin);
                 command
             }
+            Program::Library { file, participant } => {
+                let mut command = own_program();
+                command.arg("participant").arg("--library").arg(file);
+                command.args(participant);
+                command
+            }
             Program::External { exe, args, folder } => {
                 let mut command = Command::new(exe);
                 command.args(args).current_dir(folder);

@@ -20,7 +20,7 @@ use super::outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
 use super::recording::{Direct, Recorder};
 use super::{Options, prepare};
 use crate::observer::{Event as Report, Interrupt, Progress};
-use crate::scenario::{Entry, Program, Scenario, State};
+use crate::scenario::{Entry, Scenario, State};
 
 /// Activations between two looks at the clock and the signals.
 const GLANCE: u32 = 512;
@@ -30,7 +30,7 @@ const NAP: Duration = Duration::from_millis(1);
 const FLUSH: Duration = Duration::from_millis(50);
 
 pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
-    let plan = prepare::check(scenario)?.plan;
+    let plan = prepare::check_here(scenario)?.plan;
     let entries = prepare::entries(scenario, options)?;
     let participants = entries.iter().map(|entry| make(scenario, entry));
     let participants = participants.collect::<Result<Vec<_>, _>>()?;
@@ -151,19 +151,12 @@ impl From<RunError> for Ending {
     }
 }
 
-/// A participant that this program contains.
+/// A participant that can run in this process.
 fn make(scenario: &Scenario, entry: &Entry) -> Result<Box<dyn Participant>, RunFailure> {
-    let factory = match &entry.program {
-        Program::Builtin(name) => scenario.catalogue().factory(name),
-        Program::External { .. } => None,
-    };
-    let Some(factory) = factory else {
-        return Err(RunFailure::Participant {
-            participant: entry.setup.name.clone(),
-            reason: "it is a program of its own, which cannot run in this process: leave out --in-process".into(),
-        });
-    };
-    factory(&entry.setup).map_err(|error| scenario.refusal(entry, &error.key, &error.reason).into())
+    scenario.participant(entry)?.ok_or_else(|| RunFailure::Participant {
+        participant: entry.setup.name.clone(),
+        reason: "it is a program of its own, which cannot run in this process: leave out --in-process".into(),
+    })
 }
 
 fn parts(plan: &Plan, participants: Vec<Box<dyn Participant>>, recorder: &Arc<Mutex<Recorder>>) -> Vec<Part> {

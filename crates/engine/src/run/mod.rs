@@ -40,7 +40,7 @@ pub use child::{own_program, tie};
 pub(crate) use guard::Watch;
 pub use outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
 pub use placement::Placement;
-pub use prepare::{Known, check, check_with_programs};
+pub use prepare::{Known, check, check_here, check_with_programs};
 pub use recording::streams;
 
 use crate::live::Steering;

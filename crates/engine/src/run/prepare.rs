@@ -2,7 +2,7 @@
 
 use std::time::{Duration, SystemTime};
 
-use lockstep::participant::Interface;
+use lockstep::participant::{Interface, Participant};
 use lockstep::plan::{Cut, Plan, Position};
 use lockstep::time::Ticks;
 use serde::Serialize;
@@ -34,8 +34,16 @@ pub struct Known {
 
 /// Makes the participants that this program contains, plans, and looks at the assessment: everything but launch.
 pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
-    let interfaces: Vec<Option<Interface>> = scenario
-        .make()?
+    check_made(scenario, &scenario.make()?)
+}
+
+/// The same for a run in this process, into which the libraries of the scenario are loaded.
+pub fn check_here(scenario: &Scenario) -> Result<Known, ScenarioError> {
+    check_made(scenario, &scenario.make_here()?)
+}
+
+fn check_made(scenario: &Scenario, made: &[Option<Box<dyn Participant>>]) -> Result<Known, ScenarioError> {
+    let interfaces: Vec<Option<Interface>> = made
         .iter()
         .map(|participant| participant.as_ref().map(|participant| participant.interface()))
         .collect();

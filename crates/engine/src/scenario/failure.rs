@@ -54,6 +54,16 @@ impl fmt::Display for Program {
         match self {
             Program::Builtin(name) => write!(f, "the builtin `{name}`"),
             // The name alone: what is on a tape must not depend on where a project lies.
+            Program::Library { file, participant } => {
+                if let Some(participant) = participant {
+                    write!(f, "`{participant}` of ")?;
+                }
+                write!(
+                    f,
+                    "the library `{}`",
+                    file.file_name().unwrap_or_default().to_string_lossy()
+                )
+            }
             Program::External { exe, .. } => {
                 write!(f, "`{}`", exe.file_name().unwrap_or_default().to_string_lossy())
             }

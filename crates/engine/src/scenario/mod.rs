@@ -7,6 +7,7 @@ mod faults;
 mod guards;
 mod initial;
 mod lines;
+mod make;
 mod measures;
 mod names;
 mod plan;

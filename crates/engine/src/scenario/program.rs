@@ -11,6 +11,13 @@ use super::types::RunEntry;
 pub enum Program {
     /// A participant that this program contains.
     Builtin(String),
+    /// A participant of a shared library. A host process, which is this program started once more, loads it; or this process does.
+    Library {
+        /// The file.
+        file: PathBuf,
+        /// Which of its participants; the only one unless given.
+        participant: Option<String>,
+    },
     /// A program of its own.
     External {
         /// The file.
@@ -22,10 +29,37 @@ pub enum Program {
     },
 }
 
+impl Program {
+    /// Whether it cannot run in this process.
+    pub fn is_external(&self) -> bool {
+        matches!(self, Program::External { .. })
+    }
+
+    /// The file that it consists of, if it is not a part of this program.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            Program::Builtin(_) => None,
+            Program::Library { file, .. } | Program::External { exe: file, .. } => Some(file),
+        }
+    }
+
+    /// The key of a `run` table under which the command line's `file` stands: a library by its ending.
+    pub fn key_of(file: &str) -> &'static str {
+        if file.ends_with(".so") { "library" } else { "exe" }
+    }
+}
+
 /// Reads a `run` table, which stands at `key`.
 pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Program, Mistake> {
-    match (run.builtin, run.exe) {
-        (Some(builtin), None) => {
+    let stray = |what: &str, remedy: &str| Err(source.mistake(key, format!("{what}: {remedy}")));
+    if run.library.is_none() && run.participant.is_some() {
+        return stray(
+            "`participant` chooses one of a library",
+            "leave it out, or name a `library`",
+        );
+    }
+    match (run.builtin, run.exe, run.library) {
+        (Some(builtin), None, None) => {
             if source.catalogue.factory(&builtin).is_none() {
                 let known: Vec<String> = source.catalogue.names().map(|name| format!("`{name}`")).collect();
                 let reason = format!("there is no builtin `{builtin}`; there is {}", known.join(", "));
@@ -36,7 +70,22 @@ pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Progr
             }
             Ok(Program::Builtin(builtin))
         }
-        (None, Some(exe)) => {
+        (None, None, Some(file)) => {
+            if !run.args.is_empty() {
+                return stray("a library takes no args", "use `parameters`");
+            }
+            let path = source.folder().join(file);
+            plugin::look(&path).map_err(|wrong| {
+                source.mistake(
+                    key,
+                    format!("{wrong}; a relative path is one from the scenario's folder"),
+                )
+            })?;
+            let file = absolute(&path).map_err(|reason| source.mistake(key, reason))?;
+            let participant = run.participant;
+            Ok(Program::Library { file, participant })
+        }
+        (None, Some(exe), None) => {
             let folder = source.folder();
             let found = find(&folder, &exe).and_then(|exe| Ok((exe, absolute(&folder)?)));
             let (exe, folder) = found.map_err(|reason| source.mistake(key, reason))?;
@@ -45,7 +94,7 @@ pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Progr
         }
         _ => Err(source.mistake(
             key,
-            "write either { builtin = \"NAME\" } or { exe = \"FILE\", args = […] }",
+            "write either { builtin = \"NAME\" }, { exe = \"FILE\", args = […] } or { library = \"FILE.so\" }",
         )),
     }
 }

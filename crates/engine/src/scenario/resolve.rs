@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use lockstep::link::Timing;
-use lockstep::participant::Participant;
 use lockstep::time::Rational;
 use toml::{Table, Value};
 
@@ -212,9 +211,7 @@ impl Scenario {
             .source
             .folder_in_full()
             .is_some_and(|folder| folder.to_str().is_none())
-            && self
-                .programs()
-                .any(|program| matches!(program, Program::External { .. }))
+            && self.programs().any(|program| program.file().is_some())
         {
             let reason = "its name is not UTF-8, so that plan.toml cannot have it: there relative paths will be relative to the run \
                           folder";
@@ -223,29 +220,9 @@ impl Scenario {
         remarks
     }
 
-    /// Makes every participant that this program contains; `None` for the others.
-    pub fn make(&self) -> Result<Vec<Option<Box<dyn Participant>>>, ScenarioError> {
-        let (mut made, mut mistakes) = (Vec::new(), Vec::new());
-        for entry in &self.participants {
-            let factory = match &entry.program {
-                Program::Builtin(name) => self.catalogue().factory(name),
-                Program::External { .. } => None,
-            };
-            match factory.map(|factory| factory(&entry.setup)).transpose() {
-                Ok(participant) => made.push(participant),
-                Err(error) => mistakes.push(self.parameter(entry, &error.key, &error.reason)),
-            }
-        }
-        if mistakes.is_empty() {
-            Ok(made)
-        } else {
-            Err(self.source.error(mistakes))
-        }
-    }
-
     /// A refusal of a parameter of `entry`, with its place in the file.
     pub fn refusal(&self, entry: &Entry, key: &str, reason: &str) -> ScenarioError {
-        self.source.error(vec![self.parameter(entry, key, reason)])
+        self.source.error(vec![self.refused(entry, key, reason)])
     }
 
     /// A refusal of the program of `entry`.
@@ -263,7 +240,7 @@ impl Scenario {
         self.source.error(vec![self.source.mistake(&key, reason)])
     }
 
-    fn parameter(&self, entry: &Entry, key: &str, reason: &str) -> Mistake {
+    pub(super) fn parameter(&self, entry: &Entry, key: &str, reason: &str) -> Mistake {
         let place = &entry.parameters_key;
         let key = if key.is_empty() {
             place.clone()

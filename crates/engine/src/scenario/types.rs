@@ -27,7 +27,7 @@ pub(super) struct ParticipantEntry {
     pub(super) start_within: Option<Rational>,
 }
 
-/// `run = { builtin = "plant" }` or `run = { exe = "…", args = […] }`
+/// `run = { builtin = "plant" }`, `run = { exe = "…", args = […] }` or `run = { library = "…", participant = "…" }`
 #[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RunEntry {
@@ -35,6 +35,10 @@ pub(super) struct RunEntry {
     pub(super) builtin: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) exe: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) library: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) participant: Option<String>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) args: Vec<String>,
 }

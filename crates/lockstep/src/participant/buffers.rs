@@ -145,6 +145,11 @@ impl Inputs {
     pub fn get_mut<M: Message>(&mut self, port: usize) -> &mut M {
         bytemuck::from_bytes_mut(self.payloads[port].bytes_mut())
     }
+
+    /// The raw bytes of input number `port`, for whoever drives a participant by hand.
+    pub fn bytes_mut(&mut self, port: usize) -> &mut [u8] {
+        self.payloads[port].bytes_mut()
+    }
 }
 
 impl Outputs {

@@ -1,0 +1,78 @@
+//! From entries to participants in this process.
+
+use lockstep::participant::Participant;
+
+use super::entry::Entry;
+use super::error::{Mistake, ScenarioError};
+use super::program::Program;
+use super::resolve::Scenario;
+
+type Made = Option<Box<dyn Participant>>;
+
+impl Scenario {
+    /// Makes every participant that this program contains; `None` for the others. No library is loaded.
+    ///
+    /// # Errors
+    /// All parameters that are refused.
+    pub fn make(&self) -> Result<Vec<Made>, ScenarioError> {
+        self.make_with(|entry| match entry.program {
+            Program::Library { .. } => Ok(None),
+            Program::Builtin(_) | Program::External { .. } => self.participant_of(entry),
+        })
+    }
+
+    /// Makes every participant that can run in this process, those of libraries too, which are loaded; `None` for the others.
+    ///
+    /// # Errors
+    /// All libraries that cannot be used, and all parameters that are refused.
+    pub fn make_here(&self) -> Result<Vec<Made>, ScenarioError> {
+        self.make_with(|entry| self.participant_of(entry))
+    }
+
+    /// The participant of `entry` in this process; `None` when it is a program of its own.
+    ///
+    /// # Errors
+    /// A library that cannot be used, or a parameter that is refused.
+    pub fn participant(&self, entry: &Entry) -> Result<Made, ScenarioError> {
+        let made = self.participant_of(entry);
+        made.map_err(|mistake| self.source.error(vec![mistake]))
+    }
+
+    fn make_with(&self, make: impl Fn(&Entry) -> Result<Made, Mistake>) -> Result<Vec<Made>, ScenarioError> {
+        let (mut all, mut mistakes) = (Vec::new(), Vec::new());
+        for entry in &self.participants {
+            match make(entry) {
+                Ok(made) => all.push(made),
+                Err(mistake) => mistakes.push(mistake),
+            }
+        }
+        if mistakes.is_empty() {
+            Ok(all)
+        } else {
+            Err(self.source.error(mistakes))
+        }
+    }
+
+    fn participant_of(&self, entry: &Entry) -> Result<Made, Mistake> {
+        let made = match &entry.program {
+            Program::Builtin(name) => self.catalogue().factory(name).map(|factory| factory(&entry.setup)),
+            Program::Library { file, participant } => {
+                let found = plugin::Library::open(file).and_then(|library| library.participant(participant.as_deref()));
+                let table = found.map_err(|wrong| self.source.mistake(&entry.run_key, wrong.to_string()))?;
+                Some(plugin::Foreign::make(table, &entry.setup))
+            }
+            Program::External { .. } => None,
+        };
+        made.transpose()
+            .map_err(|error| self.refused(entry, &error.key, &error.reason))
+    }
+
+    /// What a participant refused, with its place in the file: a parameter, or the program itself.
+    pub(super) fn refused(&self, entry: &Entry, key: &str, reason: &str) -> Mistake {
+        if key == plugin::NO_PARTICIPANT {
+            let reason = format!("participant `{}`: {reason}", entry.setup.name);
+            return self.source.mistake(&entry.run_key, reason);
+        }
+        self.parameter(entry, key, reason)
+    }
+}

@@ -1,0 +1,379 @@
+// A participant of a co-simulation in C++17, over the C ABI of escapement.h. Header only; works with and without exceptions.
+//
+//     struct Motion { double position, velocity; };
+//     ESCAPEMENT_MESSAGE(Motion, ESCAPEMENT_FIELD(Motion, position, "m", "N"), ESCAPEMENT_FIELD(Motion, velocity, "m/s", "N"));
+//
+//     struct Spring {
+//         escapement::Input<Motion> neighbour;
+//         escapement::Output<Motion> motion;
+//         Motion mass{};
+//         explicit Spring(escapement::Setup &setup);           // says the kind and the ports, reads the parameters
+//         void initialise(double t);                           // may be left out
+//         void step(const escapement::Step &step);             // or returns escapement_status
+//         void state(escapement::State &state) { state(mass); } // saved and restored; may be left out
+//     };
+//     ESCAPEMENT_PARTICIPANT(spring, Spring, "1.0");
+//     ESCAPEMENT_PLUGIN(&spring);
+//     ESCAPEMENT_MAIN(&spring);
+//
+// An exception that leaves the constructor or a function becomes the participant's failure, in its own words. Without exceptions
+// a step returns host.fail("…").
+#ifndef ESCAPEMENT_HPP
+#define ESCAPEMENT_HPP
+
+#include <cstring>
+#include <new>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "escapement.h"
+
+#if defined(__cpp_exceptions)
+#include <exception>
+#define ESCAPEMENT_TRY_ try
+#define ESCAPEMENT_CATCH_(host)                                                                                                \
+    catch (const std::exception &error) {                                                                                      \
+        return (host)->fail((host), error.what());                                                                             \
+    }                                                                                                                          \
+    catch (...) {                                                                                                              \
+        return (host)->fail((host), "it threw something that is no std::exception");                                           \
+    }
+#else
+#define ESCAPEMENT_TRY_
+#define ESCAPEMENT_CATCH_(host)
+#endif
+
+namespace escapement {
+
+using Step = escapement_step;
+
+constexpr uint32_t sampled = ESCAPEMENT_SAMPLED;
+constexpr uint32_t continuous = ESCAPEMENT_CONTINUOUS;
+
+namespace detail {
+
+template <class T> struct Element;
+template <> struct Element<double> { static constexpr uint32_t value = ESCAPEMENT_F64; };
+template <> struct Element<float> { static constexpr uint32_t value = ESCAPEMENT_F32; };
+template <> struct Element<long> { static constexpr uint32_t value = ESCAPEMENT_I64; };
+template <> struct Element<long long> { static constexpr uint32_t value = ESCAPEMENT_I64; };
+template <> struct Element<int> { static constexpr uint32_t value = ESCAPEMENT_I32; };
+template <> struct Element<unsigned long> { static constexpr uint32_t value = ESCAPEMENT_U64; };
+template <> struct Element<unsigned long long> { static constexpr uint32_t value = ESCAPEMENT_U64; };
+template <> struct Element<unsigned> { static constexpr uint32_t value = ESCAPEMENT_U32; };
+template <> struct Element<unsigned char> { static constexpr uint32_t value = ESCAPEMENT_U8; };
+
+template <class T, std::size_t... I>
+constexpr escapement_field field(const char *name, const char *unit, const char *frame, std::size_t offset, std::index_sequence<I...>) {
+    static_assert(sizeof...(I) <= ESCAPEMENT_RANK_MAX, "a field has at most four extents");
+    return {name, unit, frame, Element<std::remove_all_extents_t<T>>::value, static_cast<uint32_t>(offset),
+            static_cast<uint32_t>(sizeof...(I)), {static_cast<uint32_t>(std::extent_v<T, I>)...}};
+}
+
+template <class T> constexpr escapement_field field(const char *name, const char *unit, const char *frame, std::size_t offset) {
+    return field<T>(name, unit, frame, offset, std::make_index_sequence<std::rank_v<T>>{});
+}
+
+} // namespace detail
+
+// What the program that runs the participant offers at any time.
+class Host {
+  public:
+    explicit Host(const escapement_host *host) : host_(host) {}
+    const char *name() const { return host_->name; }
+    uint64_t seed() const { return host_->seed; }
+    double period() const { return host_->period; } // s
+    double offset() const { return host_->offset; } // s
+    // Says why the present call fails; return what it returns.
+    escapement_status fail(const std::string &reason) const { return host_->fail(host_, reason.c_str()); }
+    // Writes a line into the log, with the simulated time.
+    void log(const std::string &text) const { host_->log(host_, text.c_str()); }
+    // Draw number `index` of the random stream `stream`: uniform in [0, 1), or standard normal.
+    double uniform(const char *stream, uint64_t index) const { return host_->uniform(host_, stream, index); }
+    double normal(const char *stream, uint64_t index) const { return host_->normal(host_, stream, index); }
+
+  protected:
+    const escapement_host *host_;
+};
+
+// What a participant's constructor is given. Parameters that are refused are kept by the host, and the participant is refused when the
+// constructor returns; so nothing need be looked at.
+class Setup : public Host {
+  public:
+    using Host::Host;
+    Host host() const { return *this; } // to keep
+    void kind(uint32_t kind) { host_->kind(host_, kind); }
+    // A number in `unit`: the scenario says a text with any unit of its dimension; without a unit a plain number.
+    double number(const char *key, const char *unit = "1") { return numbers_of(key, unit, 1, 0.0); }
+    double number_or(const char *key, const char *unit, double otherwise) { return numbers_of(key, unit, 0, otherwise); }
+    void numbers(const char *key, const char *unit, double *values, uint32_t count) {
+        host_->numbers(host_, key, unit, 1, values, count);
+    }
+    int64_t integer(const char *key) {
+        int64_t value = 0;
+        host_->integer(host_, key, 1, &value);
+        return value;
+    }
+    int64_t integer_or(const char *key, int64_t otherwise) {
+        host_->integer(host_, key, 0, &otherwise);
+        return otherwise;
+    }
+    bool flag(const char *key) {
+        uint8_t value = 0;
+        host_->flag(host_, key, 1, &value);
+        return value != 0;
+    }
+    bool flag_or(const char *key, bool otherwise) {
+        uint8_t value = otherwise;
+        host_->flag(host_, key, 0, &value);
+        return value != 0;
+    }
+    std::string text(const char *key) {
+        const char *value = "";
+        host_->text(host_, key, 1, &value);
+        return value;
+    }
+    std::string text_or(const char *key, const char *otherwise) {
+        host_->text(host_, key, 0, &otherwise);
+        return otherwise;
+    }
+    // All parameters as a TOML document.
+    const char *parameters() { return host_->parameters(host_); }
+    void refuse(const char *key, const std::string &reason) { host_->refuse(host_, key, reason.c_str()); }
+
+  private:
+    template <class T> friend class Input;
+    template <class T> friend class Output;
+    template <class T> friend struct Table;
+    Setup(const escapement_host *host, std::vector<const void **> *inputs, std::vector<void **> *outputs)
+        : Host(host), inputs_(inputs), outputs_(outputs) {}
+    double numbers_of(const char *key, const char *unit, uint32_t required, double value) {
+        host_->numbers(host_, key, unit, required, &value, 0);
+        return value;
+    }
+    std::vector<const void **> *inputs_ = nullptr;
+    std::vector<void **> *outputs_ = nullptr;
+};
+
+enum class Connected : uint32_t { optional = 0, required = 1 };
+
+// An input: to be read in `step`. It stays where it is made.
+template <class T> class Input {
+  public:
+    Input(Setup &setup, const char *name, Connected connected = Connected::required) {
+        setup.host_->input(setup.host_, name, &escapement_describe(static_cast<const T *>(nullptr)), static_cast<uint32_t>(connected));
+        setup.inputs_->push_back(&at_);
+    }
+    Input(const Input &) = delete;
+    Input &operator=(const Input &) = delete;
+    const T &operator*() const { return *static_cast<const T *>(at_); }
+    const T *operator->() const { return static_cast<const T *>(at_); }
+
+  private:
+    const void *at_ = nullptr;
+};
+
+// An output: to be written in `initialise` and `step`. What is not written keeps its last value.
+template <class T> class Output {
+  public:
+    Output(Setup &setup, const char *name) {
+        setup.host_->output(setup.host_, name, &escapement_describe(static_cast<const T *>(nullptr)));
+        setup.outputs_->push_back(&at_);
+    }
+    Output(const Output &) = delete;
+    Output &operator=(const Output &) = delete;
+    T &operator*() const { return *static_cast<T *>(at_); }
+    T *operator->() const { return static_cast<T *>(at_); }
+
+  private:
+    void *at_ = nullptr;
+};
+
+// The state, on its way out or in: `state(first, second)` saves them, or restores them, in this order. Plain values and vectors of them.
+class State {
+  public:
+    template <class... T> void operator()(T &...values) { (one(values), ...); }
+
+  private:
+    template <class T> friend struct Table;
+    State() = default;
+    State(const void *bytes, uint64_t size) : from_(static_cast<const char *>(bytes)), left_(size), saves_(false) {}
+
+    template <class T> void one(T &value) {
+        static_assert(std::is_trivially_copyable_v<T>, "a state is made of plain values and vectors of them");
+        move(&value, sizeof value);
+    }
+    template <class T> void one(std::vector<T> &values) {
+        static_assert(std::is_trivially_copyable_v<T>, "a state is made of plain values and vectors of them");
+        uint64_t count = values.size();
+        move(&count, sizeof count);
+        if (!saves_ && (bad_ || count > left_ / sizeof(T))) {
+            bad_ = true;
+            return;
+        }
+        values.resize(count);
+        move(values.data(), count * sizeof(T));
+    }
+    void move(void *at, std::size_t size) {
+        if (size == 0)
+            return;
+        if (saves_) {
+            const char *bytes = static_cast<const char *>(at);
+            to_.insert(to_.end(), bytes, bytes + size);
+        } else if (bad_ || left_ < size) {
+            bad_ = true;
+        } else {
+            std::memcpy(at, from_, size);
+            from_ += size;
+            left_ -= size;
+        }
+    }
+    std::vector<char> to_;
+    const char *from_ = nullptr;
+    uint64_t left_ = 0;
+    bool saves_ = true;
+    bool bad_ = false;
+};
+
+// The table of the class T.
+template <class T> struct Table {
+    static constexpr escapement_participant of(const char *name, const char *version) {
+        escapement_participant table{};
+        table.size = sizeof table;
+        table.abi = ESCAPEMENT_ABI;
+        table.name = name;
+        table.version = version;
+        table.describe = describe;
+        table.initialise = initialise;
+        table.step = step;
+        if constexpr (has_state<T>(0)) {
+            table.save = save;
+            table.restore = restore;
+        }
+        table.terminate = terminate;
+        return table;
+    }
+
+  private:
+    // The participant, and where it looks for its ports.
+    struct Own {
+        std::vector<const void **> inputs;
+        std::vector<void **> outputs;
+        Setup setup;
+        T participant;
+        explicit Own(const escapement_host *host) : setup(host, &inputs, &outputs), participant(setup) {}
+        void point(const void *const *from, void *const *to) {
+            for (std::size_t port = 0; from && port < inputs.size(); ++port)
+                *inputs[port] = from[port];
+            for (std::size_t port = 0; port < outputs.size(); ++port)
+                *outputs[port] = to[port];
+        }
+    };
+
+    template <class U> static constexpr auto has_state(int) -> decltype(std::declval<U &>().state(std::declval<State &>()), true) {
+        return true;
+    }
+    template <class U> static constexpr bool has_state(...) { return false; }
+    template <class U> static constexpr auto has_start(int) -> decltype(std::declval<U &>().initialise(0.0), true) { return true; }
+    template <class U> static constexpr bool has_start(...) { return false; }
+
+    static escapement_status describe(const escapement_host *host, void **own) {
+        ESCAPEMENT_TRY_ {
+            Own *made = new (std::nothrow) Own(host);
+            *own = made;
+            return made ? ESCAPEMENT_OK : host->fail(host, "there is no memory for the participant");
+        }
+        ESCAPEMENT_CATCH_(host)
+    }
+
+    static escapement_status initialise(const escapement_host *host, void *own, double t, void *const *outputs) {
+        ESCAPEMENT_TRY_ {
+            Own &self = *static_cast<Own *>(own);
+            self.point(nullptr, outputs);
+            if constexpr (has_start<T>(0)) {
+                if constexpr (std::is_void_v<decltype(self.participant.initialise(t))>) {
+                    self.participant.initialise(t);
+                } else {
+                    return self.participant.initialise(t);
+                }
+            }
+            (void)host;
+            (void)t;
+            return ESCAPEMENT_OK;
+        }
+        ESCAPEMENT_CATCH_(host)
+    }
+
+    static escapement_status step(const escapement_host *host, void *own, const escapement_step *step, const void *const *inputs,
+                                  void *const *outputs) {
+        ESCAPEMENT_TRY_ {
+            Own &self = *static_cast<Own *>(own);
+            self.point(inputs, outputs);
+            (void)host;
+            if constexpr (std::is_void_v<decltype(self.participant.step(*step))>) {
+                self.participant.step(*step);
+                return ESCAPEMENT_OK;
+            } else {
+                return self.participant.step(*step);
+            }
+        }
+        ESCAPEMENT_CATCH_(host)
+    }
+
+    static escapement_status save(const escapement_host *host, void *own) {
+        ESCAPEMENT_TRY_ {
+            State state;
+            static_cast<Own *>(own)->participant.state(state);
+            return host->state(host, state.to_.data(), state.to_.size());
+        }
+        ESCAPEMENT_CATCH_(host)
+    }
+
+    static escapement_status restore(const escapement_host *host, void *own, const void *bytes, uint64_t size) {
+        ESCAPEMENT_TRY_ {
+            State state(bytes, size);
+            static_cast<Own *>(own)->participant.state(state);
+            if (state.bad_ || state.left_ != 0) {
+                const std::string reason = "the state has " + std::to_string(size) + " bytes, which is not what `state` reads";
+                return host->fail(host, reason.c_str());
+            }
+            return ESCAPEMENT_OK;
+        }
+        ESCAPEMENT_CATCH_(host)
+    }
+
+    static void terminate(const escapement_host *, void *own) { delete static_cast<Own *>(own); }
+};
+
+} // namespace escapement
+
+// The message of a struct, in the namespace of the struct; it takes the name of the struct.
+#define ESCAPEMENT_MESSAGE(type, ...)                                                                                          \
+    inline const escapement_message &escapement_describe(const type *) {                                                       \
+        static_assert(std::is_trivially_copyable_v<type> && std::is_standard_layout_v<type>, "a message is a plain struct");   \
+        static constexpr escapement_field fields[] = {__VA_ARGS__};                                                            \
+        static constexpr escapement_message message = {#type, fields, sizeof fields / sizeof fields[0], sizeof(type)};         \
+        return message;                                                                                                        \
+    }                                                                                                                          \
+    static_assert(true, "")
+
+// A field: a number, or an array of numbers with up to four extents.
+#define ESCAPEMENT_FIELD(type, field_, unit, frame)                                                                            \
+    ::escapement::detail::field<decltype(type::field_)>(#field_, unit, frame, offsetof(type, field_))
+#define ESCAPEMENT_MATRIX(type, field_, unit, frame) ESCAPEMENT_FIELD(type, field_, unit, frame)
+
+// The table of a class, under the name by which scenarios know the participant.
+#define ESCAPEMENT_PARTICIPANT(name, type, version)                                                                            \
+    static const escapement_participant name = ::escapement::Table<type>::of(#name, version)
+
+// Makes a plug-in of the participants whose tables are given: ESCAPEMENT_PLUGIN(&first, &second)
+#define ESCAPEMENT_PLUGIN(...)                                                                                                 \
+    extern "C" const escapement_participant *escapement_plugin(uint32_t index) {                                               \
+        static const escapement_participant *const all[] = {__VA_ARGS__};                                                      \
+        return index < sizeof all / sizeof all[0] ? all[index] : nullptr;                                                      \
+    }                                                                                                                          \
+    static_assert(true, "")
+
+#endif

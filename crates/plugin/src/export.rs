@@ -1,0 +1,331 @@
+//! Participants in Rust as a plug-in: the same table, from the other side.
+
+use std::cell::Cell;
+use std::ffi::{CString, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use lockstep::participant::{Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::port::Descriptor;
+
+use crate::table::{self, Field, Host, Message, OK, RANK_MAX, Status};
+
+/// Makes a plug-in of participants: each has a name and the function that makes it from its setup.
+///
+/// ```no_run
+/// use lockstep::participant::{ParameterError, Participant, Setup};
+///
+/// # fn make(_: &Setup) -> Result<Box<dyn Participant>, ParameterError> { Err(ParameterError::new("", "an example")) }
+/// plugin::export! {
+///     "lander" => make,
+/// }
+/// ```
+///
+/// The library's `Cargo.toml` says `crate-type = ["cdylib"]`, and a scenario `run = { library = "…/libmine.so" }`.
+#[macro_export]
+macro_rules! export {
+    ($($name:literal => $make:expr),+ $(,)?) => {
+        /// The participants of this library, for whoever loads it.
+        #[unsafe(no_mangle)]
+        pub extern "C" fn escapement_plugin(index: u32) -> *const $crate::table::Table {
+            static TABLES: &[$crate::table::Table] = &[$({
+                enum Own {}
+                impl $crate::__private::Export for Own {
+                    fn make(
+                        setup: &$crate::__private::Setup,
+                    ) -> Result<Box<dyn $crate::__private::Participant>, $crate::__private::ParameterError> {
+                        ($make)(setup)
+                    }
+                }
+                $crate::__private::table::<Own>(
+                    concat!($name, "\0"),
+                    concat!(env!("CARGO_PKG_VERSION"), "\0"),
+                )
+            }),+];
+            TABLES.get(index as usize).map_or(std::ptr::null(), std::ptr::from_ref)
+        }
+    };
+}
+
+#[doc(hidden)]
+pub mod __private {
+    pub use lockstep::participant::{ParameterError, Participant, Setup};
+
+    use crate::table::{ABI, Table};
+
+    /// A participant of a plug-in.
+    pub trait Export {
+        /// Makes it.
+        ///
+        /// # Errors
+        /// What it refuses.
+        fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError>;
+    }
+
+    /// Its table. Both texts end with a zero byte.
+    pub const fn table<E: Export>(name: &'static str, version: &'static str) -> Table {
+        Table {
+            size: size_of::<Table>() as u32,
+            abi: ABI,
+            name: name.as_ptr().cast(),
+            version: version.as_ptr().cast(),
+            own_size: 0,
+            state_size: 0,
+            describe: Some(super::describe::<E>),
+            initialise: Some(super::initialise),
+            step: Some(super::step),
+            save: Some(super::save),
+            restore: Some(super::restore),
+            terminate: Some(super::terminate),
+        }
+    }
+}
+
+/// A participant with buffers of its own.
+struct Own {
+    participant: Box<dyn Participant>,
+    interface: Interface,
+    inputs: Inputs,
+    outputs: Outputs,
+    /// Whether it has panicked: its state may be torn, so it is not called again.
+    torn: Cell<bool>,
+}
+
+/// Text for C; a zero byte, which C cannot take, is left out.
+fn text(text: &str) -> CString {
+    CString::new(text.replace('\0', "")).unwrap_or_default()
+}
+
+/// Does `work` and says to the host what fails. No panic crosses.
+fn guarded(host: *const Host, work: impl FnOnce() -> Result<(), String>) -> Status {
+    let failure = match catch_unwind(AssertUnwindSafe(work)) {
+        Ok(Ok(())) => return OK,
+        Ok(Err(failure)) => failure,
+        Err(panic) => {
+            let said = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+            let said = said.or_else(|| panic.downcast_ref::<String>().cloned());
+            format!("it panicked: {}", said.as_deref().unwrap_or("without a message"))
+        }
+    };
+    // SAFETY: the host is the one of the call, and copies the text.
+    unsafe { ((*host).fail)(host, text(&failure).as_ptr()) }
+}
+
+/// # Safety
+/// `own` is what `describe` made.
+unsafe fn own<'a>(own: *mut c_void) -> &'a mut Own {
+    // SAFETY: as the caller says; the host makes one call after the other.
+    unsafe { &mut *own.cast::<Own>() }
+}
+
+impl Own {
+    fn whole(&mut self, work: impl FnOnce(&mut Own) -> Result<(), String>) -> Result<(), String> {
+        if self.torn.replace(true) {
+            return Err("it panicked before".into());
+        }
+        let done = work(self);
+        self.torn.set(false);
+        done
+    }
+}
+
+unsafe extern "C-unwind" fn describe<E: __private::Export>(host: *const Host, place: *mut *mut c_void) -> Status {
+    let work = || {
+        // SAFETY: the host is there during the call and longer.
+        let offered = unsafe { &*host };
+        // SAFETY: the host gives texts.
+        let (name, document) = unsafe { (table::text(offered.name), table::text((offered.parameters)(host))) };
+        let parameters = document.unwrap_or_default().parse::<toml::Table>();
+        let setup = Setup {
+            name: name.unwrap_or_default().to_owned(),
+            parameters: parameters.map_err(|error| error.to_string())?,
+            seed: offered.seed,
+            period: offered.period,
+            offset: offered.offset,
+        };
+        let participant = match E::make(&setup) {
+            Ok(participant) => participant,
+            Err(ParameterError { key, reason }) => {
+                // SAFETY: the host copies the texts.
+                unsafe { (offered.refuse)(host, text(&key).as_ptr(), text(&reason).as_ptr()) };
+                return Err(reason);
+            }
+        };
+        let interface = participant.interface();
+        // SAFETY: the host is the one of the call.
+        unsafe { tell(host, offered, &interface)? };
+        let (inputs, outputs) = (Inputs::zeroed(&interface), Outputs::zeroed(&interface));
+        let own = Box::new(Own {
+            participant,
+            interface,
+            inputs,
+            outputs,
+            torn: Cell::new(false),
+        });
+        // SAFETY: the host gives the place.
+        unsafe { place.write(Box::into_raw(own).cast()) };
+        Ok(())
+    };
+    guarded(host, work)
+}
+
+/// Tells the host the ports.
+///
+/// # Safety
+/// The host is the one of the call.
+unsafe fn tell(host: *const Host, offered: &Host, interface: &Interface) -> Result<(), String> {
+    let kind = match interface.kind {
+        Kind::Sampled => table::SAMPLED,
+        Kind::Continuous => table::CONTINUOUS,
+    };
+    // SAFETY: the host is the one of the call.
+    let mut status = unsafe { (offered.kind)(host, kind) };
+    for port in &interface.inputs {
+        let name = text(&port.name);
+        status |= with_message(&port.descriptor, |message| {
+            // SAFETY: the host copies everything.
+            unsafe { (offered.input)(host, name.as_ptr(), message, port.required.into()) }
+        })?;
+    }
+    for port in &interface.outputs {
+        let name = text(&port.name);
+        status |= with_message(&port.descriptor, |message| {
+            // SAFETY: the host copies everything.
+            unsafe { (offered.output)(host, name.as_ptr(), message) }
+        })?;
+    }
+    if status == OK {
+        Ok(())
+    } else {
+        Err("its ports are refused".into())
+    }
+}
+
+fn with_message(descriptor: &Descriptor, give: impl FnOnce(*const Message) -> Status) -> Result<Status, String> {
+    let words: Vec<[CString; 3]> = (descriptor.fields.iter())
+        .map(|field| [text(&field.name), text(&field.unit), text(&field.frame)])
+        .collect();
+    let mut fields = Vec::new();
+    for (field, [name, unit, frame]) in descriptor.fields.iter().zip(&words) {
+        let mut extents = [0; RANK_MAX];
+        let Some(places) = extents.get_mut(..field.shape.len()) else {
+            return Err(format!("field `{}` has more than {RANK_MAX} extents", field.name));
+        };
+        places.copy_from_slice(&field.shape);
+        let element = table::ELEMENTS.iter().position(|element| *element == field.element);
+        fields.push(Field {
+            name: name.as_ptr(),
+            unit: unit.as_ptr(),
+            frame: frame.as_ptr(),
+            element: element.map_or(0, |element| element as u32 + 1),
+            offset: field.offset,
+            rank: field.shape.len() as u32,
+            extents,
+        });
+    }
+    let name = text(&descriptor.name);
+    let message = Message {
+        name: name.as_ptr(),
+        fields: fields.as_ptr(),
+        field_count: fields.len() as u32,
+        size: descriptor.size,
+    };
+    Ok(give(&raw const message))
+}
+
+/// Copies the outputs between the host's places and the participant's: first there, then, after `work`, back.
+///
+/// # Safety
+/// `places` are those of the call.
+unsafe fn through(
+    own: &mut Own,
+    places: *const *mut c_void,
+    work: impl FnOnce(&mut Own) -> Result<(), String>,
+) -> Result<(), String> {
+    let size = |own: &Own, port: usize| own.interface.outputs[port].descriptor.size as usize;
+    for port in 0..own.interface.outputs.len() {
+        // SAFETY: the host gives a place of the size of each output.
+        let place = unsafe { std::slice::from_raw_parts((*places.add(port)).cast::<u8>(), size(own, port)) };
+        own.outputs.bytes_mut(port).copy_from_slice(place);
+    }
+    work(own)?;
+    for port in 0..own.interface.outputs.len() {
+        // SAFETY: as above.
+        let place = unsafe { std::slice::from_raw_parts_mut((*places.add(port)).cast::<u8>(), size(own, port)) };
+        place.copy_from_slice(own.outputs.bytes_mut(port));
+    }
+    Ok(())
+}
+
+unsafe extern "C-unwind" fn initialise(
+    host: *const Host,
+    at: *mut c_void,
+    t: f64,
+    outputs: *const *mut c_void,
+) -> Status {
+    let start = |own: &mut Own| {
+        own.participant
+            .initialise(t, &mut own.outputs)
+            .map_err(|error| error.to_string())
+    };
+    // SAFETY: the arguments are those of the call.
+    guarded(host, || unsafe { own(at).whole(|own| through(own, outputs, start)) })
+}
+
+unsafe extern "C-unwind" fn step(
+    host: *const Host,
+    at: *mut c_void,
+    step: *const table::Step,
+    inputs: *const *const c_void,
+    outputs: *const *mut c_void,
+) -> Status {
+    let go = |own: &mut Own| {
+        // SAFETY: the step is the one of the call.
+        let step = unsafe { &*step };
+        for (port, about) in own.interface.inputs.iter().enumerate() {
+            let size = about.descriptor.size as usize;
+            // SAFETY: the host gives the bytes of each input.
+            let place = unsafe { std::slice::from_raw_parts((*inputs.add(port)).cast::<u8>(), size) };
+            own.inputs.bytes_mut(port).copy_from_slice(place);
+        }
+        let step = Step {
+            index: step.index,
+            t: step.t,
+            t_next: step.t_next,
+            period: step.period,
+        };
+        let done = own.participant.step(&step, &own.inputs, &mut own.outputs);
+        done.map_err(|error| error.to_string())
+    };
+    // SAFETY: the arguments are those of the call.
+    guarded(host, || unsafe { own(at).whole(|own| through(own, outputs, go)) })
+}
+
+unsafe extern "C-unwind" fn save(host: *const Host, at: *mut c_void) -> Status {
+    guarded(host, || {
+        // SAFETY: the arguments are those of the call.
+        let own = unsafe { own(at) };
+        own.whole(|own| {
+            if let Some(state) = own.participant.save() {
+                // SAFETY: the host copies the bytes.
+                unsafe { ((*host).state)(host, state.as_ptr().cast(), state.len() as u64) };
+            }
+            Ok(())
+        })
+    })
+}
+
+unsafe extern "C-unwind" fn restore(host: *const Host, at: *mut c_void, bytes: *const c_void, size: u64) -> Status {
+    guarded(host, || {
+        // SAFETY: the arguments are those of the call.
+        let (own, state) = unsafe { (own(at), std::slice::from_raw_parts(bytes.cast::<u8>(), size as usize)) };
+        own.whole(|own| own.participant.restore(state).map_err(|error| error.to_string()))
+    })
+}
+
+unsafe extern "C-unwind" fn terminate(host: *const Host, at: *mut c_void) {
+    guarded(host, || {
+        // SAFETY: `describe` made it from a box, and it is not used again.
+        drop(unsafe { Box::from_raw(at.cast::<Own>()) });
+        Ok(())
+    });
+}

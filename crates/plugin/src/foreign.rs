@@ -1,0 +1,280 @@
+//! A participant that is a table of functions.
+
+use std::ffi::c_void;
+use std::ptr::NonNull;
+
+use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
+
+use crate::exit;
+use crate::guarded::Guarded;
+use crate::seat::Seat;
+use crate::table::{self, Host, OK, Status, Table};
+
+/// A participant that is a table of functions: of a library, or of the program itself.
+///
+/// Outputs are written in memory of its own with guards around each, and are copied from there: who writes past an end fails, and
+/// has spoilt nothing of anybody else.
+pub struct Foreign {
+    table: &'static Table,
+    seat: NonNull<Seat>,
+    /// What the participant keeps of itself.
+    own: *mut c_void,
+    interface: Interface,
+    /// `own`, where the host gives it.
+    memory: Option<Guarded>,
+    outputs: Guarded,
+    /// Where the inputs of the present step are.
+    inputs_at: Vec<*const c_void>,
+    outputs_at: Vec<*mut c_void>,
+}
+
+// SAFETY: the functions of a table may be called from any thread, one after the other; nothing in here is shared with another one.
+unsafe impl Send for Foreign {}
+
+/// A seat until its participant is there.
+struct Made(NonNull<Seat>);
+
+impl Made {
+    fn keep(self) -> NonNull<Seat> {
+        let seat = self.0;
+        std::mem::forget(self);
+        seat
+    }
+}
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        // SAFETY: it comes from a box, and nobody else drops it.
+        drop(unsafe { Box::from_raw(self.0.as_ptr()) });
+    }
+}
+
+impl Foreign {
+    /// Makes the participant of `table`.
+    ///
+    /// # Errors
+    /// What it refuses, a parameter that it does not know, or ports that cannot be.
+    pub fn make(table: &'static Table, setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+        let made = Made(NonNull::from(Box::leak(Box::new(Seat::new(setup)))));
+        let unusable = |reason: String| ParameterError::new(crate::NO_PARTICIPANT, reason);
+        let mut memory = (table.own_size > 0).then(|| Guarded::zeroed([table.own_size as usize]));
+        let given = memory.as_mut().and_then(|memory| memory.addresses().next());
+        let given: *mut c_void = given.map_or(std::ptr::null_mut(), <*mut u8>::cast);
+        let mut own = given;
+        // SAFETY: the seat lives; the table was looked at.
+        let said = unsafe { &made.0.as_ref().said };
+        let describe = table.describe.ok_or_else(|| unusable("it has no `describe`".into()))?;
+        said.describing.set(true);
+        let status = {
+            let _inside = exit::enter(&said.name, "describe");
+            // SAFETY: the arguments are as the ABI says.
+            unsafe { describe(made.0.as_ptr().cast_const().cast(), &raw mut own) }
+        };
+        said.describing.set(false);
+        if status != OK {
+            let refusal = said.refusal.take();
+            let failure = || {
+                said.failure
+                    .take()
+                    .unwrap_or_else(|| without_reason("describe", status))
+            };
+            return Err(refusal.unwrap_or_else(|| ParameterError::new("", failure())));
+        }
+        // From here on it is terminated, whatever is wrong with it.
+        let mut foreign = Foreign {
+            table,
+            seat: made.keep(),
+            own,
+            interface: Interface::new(lockstep::participant::Kind::Sampled),
+            memory,
+            outputs: Guarded::zeroed([]),
+            inputs_at: Vec::new(),
+            outputs_at: Vec::new(),
+        };
+        foreign.interface = foreign.said().interface()?;
+        if !given.is_null() && foreign.own != given {
+            foreign.own = given;
+            let reason = "its `describe` put something else in the place of the memory that it was given; with an own_size of 0 it \
+                          makes its own";
+            return Err(unusable(reason.into()));
+        }
+        foreign
+            .look("describe")
+            .map_err(|failure| unusable(failure.to_string()))?;
+        let ports = foreign.interface.outputs.iter();
+        foreign.outputs = Guarded::zeroed(ports.map(|port| port.descriptor.size as usize));
+        foreign.outputs_at = foreign.outputs.addresses().map(<*mut u8>::cast).collect();
+        foreign.inputs_at = vec![std::ptr::null(); foreign.interface.inputs.len()];
+        Ok(Box::new(foreign))
+    }
+
+    fn said(&self) -> &crate::seat::Said {
+        // SAFETY: the seat lives as long as this.
+        unsafe { &self.seat.as_ref().said }
+    }
+
+    /// Calls one of the functions, at the instant `t`.
+    fn call(
+        &self,
+        function: &'static str,
+        t: Option<f64>,
+        call: impl FnOnce(*const Host, *mut c_void) -> Status,
+    ) -> Result<(), Failure> {
+        let said = self.said();
+        said.now.set(t);
+        let status = {
+            let _inside = exit::enter(&said.name, function);
+            call(self.seat.as_ptr().cast_const().cast(), self.own)
+        };
+        let failure = said.failure.take();
+        self.look(function)?;
+        match failure {
+            Some(reason) => Err(reason.into()),
+            None if status == OK => Ok(()),
+            None => Err(without_reason(function, status).into()),
+        }
+    }
+
+    /// Whether the guards are whole.
+    fn look(&self, function: &str) -> Result<(), Failure> {
+        let past = |overrun| if overrun { "past the end" } else { "before the start" };
+        if let Some((_, overrun)) = self.memory.as_ref().and_then(Guarded::broken) {
+            return Err(format!(
+                "its function `{function}` wrote {} of its own memory, which has {} bytes: make own_size the size of the struct",
+                past(overrun),
+                self.table.own_size
+            )
+            .into());
+        }
+        let Some((number, overrun)) = self.outputs.broken() else {
+            return Ok(());
+        };
+        let port = &self.interface.outputs[number];
+        Err(format!(
+            "its function `{function}` wrote {} of output `{}`, which has {} bytes: it is a `{}`",
+            past(overrun),
+            port.name,
+            port.descriptor.size,
+            port.descriptor.name
+        )
+        .into())
+    }
+
+    fn take(&mut self, outputs: &mut Outputs) {
+        for port in 0..self.interface.outputs.len() {
+            self.outputs.piece_mut(port).copy_from_slice(outputs.bytes_mut(port));
+        }
+    }
+
+    fn give(&self, outputs: &mut Outputs) {
+        for port in 0..self.interface.outputs.len() {
+            outputs.bytes_mut(port).copy_from_slice(self.outputs.piece(port));
+        }
+    }
+}
+
+fn without_reason(function: &str, status: Status) -> String {
+    format!("its function `{function}` returned {status} and gave no reason: return escapement_fail(host, \"…\")")
+}
+
+impl Participant for Foreign {
+    fn interface(&self) -> Interface {
+        self.interface.clone()
+    }
+
+    fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        let Some(initialise) = self.table.initialise else {
+            return Ok(());
+        };
+        self.take(outputs);
+        let places = self.outputs_at.as_ptr();
+        // SAFETY: the arguments are as the ABI says.
+        self.call("initialise", Some(t), |host, own| unsafe {
+            initialise(host, own, t, places)
+        })?;
+        self.give(outputs);
+        Ok(())
+    }
+
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        let Some(function) = self.table.step else {
+            return Err("it has no `step`".into());
+        };
+        for (port, place) in self.inputs_at.iter_mut().enumerate() {
+            *place = inputs.bytes(port).as_ptr().cast();
+        }
+        // What a step does not write keeps its last value, which another one may have written: a participant takes over in mid-run.
+        self.take(outputs);
+        let (from, to) = (self.inputs_at.as_ptr(), self.outputs_at.as_ptr());
+        let now = table::Step {
+            size: size_of::<table::Step>() as u32,
+            reserved: 0,
+            index: step.index,
+            t: step.t,
+            t_next: step.t_next,
+            period: step.period,
+        };
+        // SAFETY: the arguments are as the ABI says.
+        self.call("step", Some(step.t), |host, own| unsafe {
+            function(host, own, &raw const now, from, to)
+        })?;
+        self.give(outputs);
+        Ok(())
+    }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        let Some(save) = self.table.save else {
+            return match (&self.memory, self.table.state_size) {
+                (_, table::STATELESS) => Some(Vec::new()),
+                (Some(memory), size) if size > 0 => Some(memory.piece(0)[..size as usize].to_vec()),
+                _ => None,
+            };
+        };
+        let said = self.said();
+        *said.state.borrow_mut() = None;
+        // SAFETY: the arguments are as the ABI says.
+        let saved = self.call("save", said.now.get(), |host, own| unsafe { save(host, own) });
+        if let Err(failure) = saved {
+            // Whoever asked only learns that there is no state.
+            eprintln!("{}: {failure}", said.name);
+            return None;
+        }
+        said.state.take()
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
+        if let Some(restore) = self.table.restore {
+            let (bytes, size) = (state.as_ptr().cast(), state.len() as u64);
+            // SAFETY: the arguments are as the ABI says.
+            return self.call("restore", None, |host, own| unsafe { restore(host, own, bytes, size) });
+        }
+        let own = self.memory.as_mut().map(|memory| memory.piece_mut(0));
+        let place = match (own, self.table.state_size) {
+            (_, table::STATELESS) => &mut [],
+            (Some(own), size) if size > 0 => &mut own[..size as usize],
+            _ => {
+                let remedy = "give its table a state_size, or `save` and `restore`";
+                return Err(format!("this participant cannot restore a state: {remedy}").into());
+            }
+        };
+        if place.len() != state.len() {
+            return Err(format!("the state has {} bytes, and {} are needed", state.len(), place.len()).into());
+        }
+        place.copy_from_slice(state);
+        Ok(())
+    }
+}
+
+impl Drop for Foreign {
+    fn drop(&mut self) {
+        if let Some(terminate) = self.table.terminate {
+            // SAFETY: the arguments are as the ABI says, and nothing is called afterwards.
+            let _ = self.call("terminate", None, |host, own| unsafe {
+                terminate(host, own);
+                OK
+            });
+        }
+        // SAFETY: it comes from a box, and nobody else drops it.
+        drop(unsafe { Box::from_raw(self.seat.as_ptr()) });
+    }
+}

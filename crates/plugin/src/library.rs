@@ -1,0 +1,177 @@
+//! Plug-ins: shared libraries that give tables.
+
+use std::ffi::{CStr, CString, c_void};
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use crate::table::{self, Plugin, Table, TableError};
+
+/// The function that a plug-in has.
+const SYMBOL: &CStr = c"escapement_plugin";
+/// The most participants of one library.
+const PARTICIPANTS_MAX: u32 = 256;
+
+/// Why a library gives no participant.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LoadError {
+    /// It is no shared library.
+    #[error("`{}` is not a shared library: {reason}", file.display())]
+    NoLibrary {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// It is one for another machine.
+    #[error("`{}` is a library for {found}, and this program is for {own}: compile it for this machine", file.display())]
+    Machine {
+        /// The file.
+        file: PathBuf,
+        /// Its machine.
+        found: String,
+        /// This machine.
+        own: &'static str,
+    },
+    /// The system's loader refuses it.
+    #[error("the library `{}` cannot be loaded: {reason}; {remedy}", file.display())]
+    Refused {
+        /// The file.
+        file: PathBuf,
+        /// In the loader's words.
+        reason: String,
+        /// What can be done.
+        remedy: &'static str,
+    },
+    /// It is a library of something else.
+    #[error(
+        "the library `{}` is no plug-in: it has no function `escapement_plugin`; end its source with ESCAPEMENT_PLUGIN(&table) of \
+         escapement.h, or with plugin::export! in Rust, and keep the symbol visible",
+        file.display()
+    )]
+    NoPlugin {
+        /// The file.
+        file: PathBuf,
+    },
+    /// One of its tables cannot be used.
+    #[error("the library `{}`, participant number {}: {reason}", file.display(), .number + 1)]
+    Table {
+        /// The file.
+        file: PathBuf,
+        /// Which table, from 0.
+        number: u32,
+        /// What is wrong with it.
+        reason: TableError,
+    },
+    /// It has no such participant, or which one is meant is not clear.
+    #[error("the library `{}` {reason}", file.display())]
+    Which {
+        /// The file.
+        file: PathBuf,
+        /// What it has.
+        reason: String,
+    },
+}
+
+/// A library that has been loaded. It stays so to the end of the process: somebody may have kept the address of a function.
+#[derive(Debug, Clone)]
+pub struct Library {
+    file: PathBuf,
+    tables: Vec<&'static Table>,
+}
+
+impl Library {
+    /// Loads the library in `file` and looks at its tables. Loading runs code of the library.
+    ///
+    /// # Errors
+    /// It is no library, not for this machine, no plug-in, or one of another version.
+    pub fn open(file: &Path) -> Result<Library, LoadError> {
+        crate::look(file)?;
+        // A name without a slash would be looked for where the system's libraries lie.
+        let full = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+        let refused = |reason: String| LoadError::Refused {
+            remedy: if reason.contains("escapement_participant_main") {
+                "compile a plug-in with -DESCAPEMENT_NO_MAIN: a program alone has a main"
+            } else {
+                "what it needs must be linked with it, and be found by its rpath or LD_LIBRARY_PATH"
+            },
+            file: file.to_owned(),
+            reason,
+        };
+        let name = CString::new(full.as_os_str().as_bytes()).map_err(|error| refused(error.to_string()))?;
+        // SAFETY: the name is a text with a zero byte. That the library's own code keeps the rules is what its user answers for.
+        let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
+        if handle.is_null() {
+            // SAFETY: the loader's message is there until the next call of it by this thread.
+            let reason = unsafe { table::text(libc::dlerror()) }.map_or_else(|| "for no reason".into(), str::to_owned);
+            // The loader begins with the name, which the message has already.
+            let reason = reason
+                .strip_prefix(&*format!("{}: ", full.display()))
+                .unwrap_or(&reason);
+            return Err(refused(reason.to_owned()));
+        }
+        // SAFETY: the handle is a library's.
+        let symbol = unsafe { libc::dlsym(handle, SYMBOL.as_ptr()) };
+        if symbol.is_null() {
+            return Err(LoadError::NoPlugin { file: file.to_owned() });
+        }
+        // SAFETY: whoever calls a function so means this one.
+        let plugin = unsafe { std::mem::transmute::<*mut c_void, Plugin>(symbol) };
+        let mut tables = Vec::new();
+        for number in 0..=PARTICIPANTS_MAX {
+            // SAFETY: it takes any number.
+            let given = unsafe { plugin(number) };
+            if given.is_null() {
+                break;
+            }
+            // SAFETY: it gives the address of a table, which is there as long as the library: to the end.
+            let checked = unsafe { table::check(given) };
+            tables.push(checked.map_err(|reason| LoadError::Table {
+                file: file.to_owned(),
+                number,
+                reason,
+            })?);
+        }
+        let library = Library {
+            file: file.to_owned(),
+            tables,
+        };
+        match library.tables.len() {
+            0 => Err(library.which("has no participant: name one in ESCAPEMENT_PLUGIN(&table)".into())),
+            count if count > PARTICIPANTS_MAX as usize => {
+                Err(library.which(format!("has more than {PARTICIPANTS_MAX} participants")))
+            }
+            _ => Ok(library),
+        }
+    }
+
+    /// The participant called `name`; without a name the only one.
+    ///
+    /// # Errors
+    /// There is none, or several where one was not chosen; the message names them all.
+    pub fn participant(&self, name: Option<&str>) -> Result<&'static Table, LoadError> {
+        let names = || {
+            let names: Vec<String> = self.tables.iter().map(|table| format!("`{}`", table.name())).collect();
+            names.join(", ")
+        };
+        match (name, self.tables.as_slice()) {
+            (None, [only]) => Ok(only),
+            (None, _) => Err(self.which(format!(
+                "has several participants, {}: choose one with participant = \"NAME\"",
+                names()
+            ))),
+            (Some(name), all) => {
+                let found = all.iter().find(|table| table.name() == name);
+                found
+                    .copied()
+                    .ok_or_else(|| self.which(format!("has no participant `{name}`; it has {}", names())))
+            }
+        }
+    }
+
+    fn which(&self, reason: String) -> LoadError {
+        LoadError::Which {
+            file: self.file.clone(),
+            reason,
+        }
+    }
+}

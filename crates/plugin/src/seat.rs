@@ -1,0 +1,451 @@
+//! The host's side of the ABI: what a participant is offered, and what it has said.
+
+use std::cell::{Cell, RefCell};
+use std::ffi::{CString, c_char, c_void};
+use std::io::Write;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use lockstep::participant::{Input, Interface, Kind, Output, ParameterError, Setup};
+use lockstep::port::{Descriptor, Field};
+use lockstep::random::Stream;
+
+use crate::parameters::{Found, Parameters};
+use crate::table::{self, CONTINUOUS, FAILED, Host, Message, OK, SAMPLED, Status};
+
+/// What a participant is offered, with everything behind it. Foreign code sees the first field.
+#[repr(C)]
+pub(crate) struct Seat {
+    pub(crate) host: Host,
+    pub(crate) said: Said,
+}
+
+/// What a participant has said, and what it may ask for.
+pub(crate) struct Said {
+    pub(crate) name: String,
+    /// Where the host's `name` points.
+    _c_name: CString,
+    seed: u64,
+    parameters: Parameters,
+    document: CString,
+    texts: RefCell<Vec<CString>>,
+    /// Whether `describe` is under way.
+    pub(crate) describing: Cell<bool>,
+    pub(crate) kind: Cell<Option<Kind>>,
+    pub(crate) inputs: RefCell<Vec<Input>>,
+    pub(crate) outputs: RefCell<Vec<Output>>,
+    /// The first thing that was refused.
+    pub(crate) refusal: RefCell<Option<ParameterError>>,
+    /// Why the present call fails.
+    pub(crate) failure: RefCell<Option<String>>,
+    /// What `save` gave.
+    pub(crate) state: RefCell<Option<Vec<u8>>>,
+    /// The instant of the present call, s.
+    pub(crate) now: Cell<Option<f64>>,
+}
+
+impl Seat {
+    pub(crate) fn new(setup: &Setup) -> Seat {
+        let c_name = CString::new(setup.name.as_str()).unwrap_or_default();
+        let parameters = Parameters::new(setup.parameters.clone());
+        let document = CString::new(parameters.text()).unwrap_or_default();
+        Seat {
+            host: Host {
+                size: size_of::<Host>() as u32,
+                abi: table::ABI,
+                name: c_name.as_ptr(),
+                seed: setup.seed,
+                period: setup.period,
+                offset: setup.offset,
+                kind,
+                input,
+                output,
+                numbers,
+                integer,
+                flag,
+                text,
+                parameters: whole,
+                refuse,
+                fail,
+                log,
+                state,
+                uniform,
+                normal,
+            },
+            said: Said {
+                name: setup.name.clone(),
+                _c_name: c_name,
+                seed: setup.seed,
+                parameters,
+                document,
+                texts: RefCell::default(),
+                describing: Cell::new(false),
+                kind: Cell::new(None),
+                inputs: RefCell::default(),
+                outputs: RefCell::default(),
+                refusal: RefCell::default(),
+                failure: RefCell::default(),
+                state: RefCell::default(),
+                now: Cell::new(None),
+            },
+        }
+    }
+}
+
+impl Said {
+    /// Keeps the first refusal: those behind it may follow from it.
+    fn refuse(&self, error: ParameterError) -> Status {
+        self.refusal.borrow_mut().get_or_insert(error);
+        FAILED
+    }
+
+    /// What the participant has described, or why that cannot be used.
+    pub(crate) fn interface(&self) -> Result<Interface, ParameterError> {
+        if let Some(refusal) = self.refusal.take() {
+            return Err(refusal);
+        }
+        let Some(kind) = self.kind.get() else {
+            let reason = "its `describe` does not say how outputs depend on inputs: call host->kind(host, ESCAPEMENT_SAMPLED) or \
+                          ESCAPEMENT_CONTINUOUS";
+            return Err(ParameterError::new(crate::NO_PARTICIPANT, reason));
+        };
+        if let Some(unknown) = self.parameters.unknown() {
+            return Err(unknown);
+        }
+        let interface = Interface {
+            kind,
+            inputs: self.inputs.borrow().clone(),
+            outputs: self.outputs.borrow().clone(),
+        };
+        match interface.validate() {
+            Ok(()) => Ok(interface),
+            Err(error) => {
+                let reason = format!("it describes ports that cannot be: {error}");
+                Err(ParameterError::new(crate::NO_PARTICIPANT, reason))
+            }
+        }
+    }
+
+    fn about_ports(&self, reason: impl Into<String>) -> Status {
+        self.refuse(ParameterError::new(crate::NO_PARTICIPANT, reason.into()))
+    }
+
+    /// A value that foreign code asked for: `put` gives it, where there is one.
+    fn answer<T>(&self, found: impl FnOnce() -> Found<T>, put: impl FnOnce(T)) -> Status {
+        if !self.describing.get() {
+            return self.fail("parameters can be read in `describe` only");
+        }
+        match found() {
+            Ok(value) => {
+                if let Some(value) = value {
+                    put(value);
+                }
+                OK
+            }
+            Err(error) => self.refuse(error),
+        }
+    }
+
+    fn fail(&self, reason: &str) -> Status {
+        self.failure.borrow_mut().get_or_insert_with(|| reason.to_owned());
+        FAILED
+    }
+}
+
+/// Does `work` for the participant behind `host`. No panic crosses into foreign code.
+///
+/// # Safety
+/// `host` is what the participant was given.
+unsafe fn with(host: *const Host, work: impl FnOnce(&Said) -> Status) -> Status {
+    if host.is_null() {
+        return FAILED;
+    }
+    // SAFETY: every host that foreign code has is the first field of a seat, which lives to the end of `terminate`.
+    let said = unsafe { &(*host.cast::<Seat>()).said };
+    catch_unwind(AssertUnwindSafe(|| work(said))).unwrap_or(FAILED)
+}
+
+/// A text of foreign code.
+///
+/// # Safety
+/// As for [`table::text`].
+unsafe fn word<'a>(at: *const c_char) -> Option<&'a str> {
+    // SAFETY: as the caller says.
+    unsafe { table::text(at) }
+}
+
+unsafe extern "C" fn kind(host: *const Host, kind: u32) -> Status {
+    let work = |said: &Said| {
+        said.kind.set(match kind {
+            SAMPLED => Some(Kind::Sampled),
+            CONTINUOUS => Some(Kind::Continuous),
+            other => return said.about_ports(format!("its kind is {other}: 1 is sampled, 2 is continuous")),
+        });
+        OK
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) }
+}
+
+/// The descriptor that a message of foreign code stands for.
+///
+/// # Safety
+/// The message is null or as the ABI says.
+unsafe fn descriptor(message: *const Message) -> Result<Descriptor, String> {
+    if message.is_null() {
+        return Err("its message is NULL".into());
+    }
+    // SAFETY: as the caller says.
+    let message = unsafe { &*message };
+    // SAFETY: as above.
+    let name = unsafe { word(message.name) }.ok_or("its message has no name (it is NULL, or not UTF-8)")?;
+    if message.fields.is_null() || message.field_count > Descriptor::MAX_SIZE {
+        return Err(format!("message `{name}` has no fields"));
+    }
+    // SAFETY: the list is as long as the message says.
+    let list = unsafe { std::slice::from_raw_parts(message.fields, message.field_count as usize) };
+    let mut fields = Vec::new();
+    for (number, field) in list.iter().enumerate() {
+        let odd = |what: String| format!("message `{name}`, field number {}: {what}", number + 1);
+        // SAFETY: as above.
+        let (own, unit) = unsafe { (word(field.name), word(field.unit)) };
+        let (Some(own), Some(unit)) = (own, unit) else {
+            return Err(odd("its name or unit is NULL, or not UTF-8".into()));
+        };
+        let element = (field.element as usize).checked_sub(1);
+        let element = element.and_then(|element| table::ELEMENTS.get(element));
+        let element = element.ok_or_else(|| odd(format!("there is no element type {}", field.element)))?;
+        let shape = field.extents.get(..field.rank as usize).ok_or_else(|| {
+            odd(format!(
+                "it has {} extents; at most {} are allowed",
+                field.rank,
+                table::RANK_MAX
+            ))
+        })?;
+        fields.push(Field {
+            name: own.to_owned(),
+            element: *element,
+            shape: shape.to_vec(),
+            unit: unit.to_owned(),
+            // SAFETY: as above.
+            frame: unsafe { word(field.frame) }.unwrap_or_default().to_owned(),
+            offset: field.offset,
+        });
+    }
+    Ok(Descriptor {
+        name: name.to_owned(),
+        size: message.size,
+        fields,
+    })
+}
+
+/// Adds a port, which `put` does with its name and descriptor.
+///
+/// # Safety
+/// All are as the ABI says.
+unsafe fn port(
+    host: *const Host,
+    name: *const c_char,
+    message: *const Message,
+    what: &str,
+    put: impl FnOnce(&Said, String, Descriptor),
+) -> Status {
+    let work = |said: &Said| {
+        if !said.describing.get() {
+            return said.fail("ports can be added in `describe` only");
+        }
+        // SAFETY: as the caller says.
+        let (name, descriptor) = unsafe { (word(name), descriptor(message)) };
+        let Some(name) = name else {
+            return said.about_ports(format!("an {what} has no name (it is NULL, or not UTF-8)"));
+        };
+        match descriptor {
+            Ok(descriptor) => put(said, name.to_owned(), descriptor),
+            Err(reason) => return said.about_ports(format!("{what} `{name}`: {reason}")),
+        }
+        OK
+    };
+    // SAFETY: as the caller says.
+    unsafe { with(host, work) }
+}
+
+unsafe extern "C" fn input(host: *const Host, name: *const c_char, message: *const Message, required: u32) -> Status {
+    let put = |said: &Said, name, descriptor| {
+        said.inputs.borrow_mut().push(Input {
+            name,
+            descriptor,
+            required: required != 0,
+        });
+    };
+    // SAFETY: foreign code keeps the rules of the ABI.
+    unsafe { port(host, name, message, "input", put) }
+}
+
+unsafe extern "C" fn output(host: *const Host, name: *const c_char, message: *const Message) -> Status {
+    let put = |said: &Said, name, descriptor| said.outputs.borrow_mut().push(Output { name, descriptor });
+    // SAFETY: foreign code keeps the rules of the ABI.
+    unsafe { port(host, name, message, "output", put) }
+}
+
+/// The key of a parameter.
+///
+/// # Safety
+/// As for [`table::text`].
+unsafe fn key<'a>(key: *const c_char) -> Result<&'a str, ParameterError> {
+    // SAFETY: as the caller says.
+    unsafe { word(key) }.ok_or_else(|| {
+        ParameterError::new(
+            crate::NO_PARTICIPANT,
+            "it asks for a parameter whose key is NULL or not UTF-8",
+        )
+    })
+}
+
+unsafe extern "C" fn numbers(
+    host: *const Host,
+    name: *const c_char,
+    unit: *const c_char,
+    required: u32,
+    values: *mut f64,
+    count: u32,
+) -> Status {
+    let work = |said: &Said| {
+        // SAFETY: texts are as the ABI says.
+        let found = || unsafe {
+            let unit = word(unit).unwrap_or_default();
+            said.parameters.numbers(key(name)?, unit, required != 0, count as usize)
+        };
+        let put = |found: Vec<f64>| {
+            // SAFETY: there is room for as many as were asked for, and so many were found.
+            unsafe { std::ptr::copy_nonoverlapping(found.as_ptr(), values, found.len()) };
+        };
+        said.answer(found, put)
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) }
+}
+
+unsafe extern "C" fn integer(host: *const Host, name: *const c_char, required: u32, value: *mut i64) -> Status {
+    let work = |said: &Said| {
+        // SAFETY: texts and places are as the ABI says.
+        let found = || unsafe { said.parameters.integer(key(name)?, required != 0) };
+        // SAFETY: as above.
+        said.answer(found, |found| unsafe { value.write(found) })
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) }
+}
+
+unsafe extern "C" fn flag(host: *const Host, name: *const c_char, required: u32, value: *mut u8) -> Status {
+    let work = |said: &Said| {
+        // SAFETY: texts and places are as the ABI says.
+        let found = || unsafe { said.parameters.flag(key(name)?, required != 0) };
+        // SAFETY: as above.
+        said.answer(found, |found| unsafe { value.write(found.into()) })
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) }
+}
+
+unsafe extern "C" fn text(host: *const Host, name: *const c_char, required: u32, value: *mut *const c_char) -> Status {
+    let work = |said: &Said| {
+        // SAFETY: texts and places are as the ABI says.
+        let key = unsafe { key(name) };
+        let found = || {
+            let key = key?;
+            let found = said.parameters.string(key, required != 0)?;
+            let own = found.map(CString::new).transpose();
+            own.map_err(|_| ParameterError::new(key, "the text has a zero byte in it"))
+        };
+        said.answer(found, |found| {
+            // SAFETY: the place is one for an address; the text stays where it is when the list grows.
+            unsafe { value.write(found.as_ptr()) };
+            said.texts.borrow_mut().push(found);
+        })
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) }
+}
+
+unsafe extern "C" fn whole(host: *const Host) -> *const c_char {
+    let mut document = std::ptr::null();
+    let work = |said: &Said| {
+        said.parameters.all_are_read();
+        document = said.document.as_ptr();
+        OK
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) };
+    document
+}
+
+unsafe extern "C" fn refuse(host: *const Host, name: *const c_char, reason: *const c_char) -> Status {
+    let work = |said: &Said| {
+        // SAFETY: texts are as the ABI says.
+        let (key, reason) = unsafe { (word(name).unwrap_or_default(), word(reason)) };
+        said.refuse(ParameterError::new(key, reason.unwrap_or("refused without a reason")))
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) }
+}
+
+unsafe extern "C" fn fail(host: *const Host, reason: *const c_char) -> Status {
+    // SAFETY: texts are as the ABI says; foreign code gives what it was given.
+    unsafe { with(host, |said| said.fail(word(reason).unwrap_or("without a reason"))) }
+}
+
+unsafe extern "C" fn log(host: *const Host, text: *const c_char) {
+    let work = |said: &Said| {
+        // SAFETY: texts are as the ABI says.
+        let text = unsafe { word(text) }.unwrap_or("(not UTF-8)");
+        let time = said.now.get().map(|t| format!(" at t = {t} s")).unwrap_or_default();
+        // Nobody may read it any more; that is no reason to fail.
+        let _ = writeln!(std::io::stderr(), "{}{time}: {text}", said.name);
+        OK
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) };
+}
+
+unsafe extern "C" fn state(host: *const Host, bytes: *const c_void, size: u64) -> Status {
+    let work = |said: &Said| {
+        let bytes = match (bytes.is_null(), usize::try_from(size)) {
+            (true, Ok(0)) => Vec::new(),
+            // SAFETY: there are as many bytes as foreign code says.
+            (false, Ok(size)) => unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size) }.to_vec(),
+            _ => return said.fail("its `save` gave a state at NULL"),
+        };
+        *said.state.borrow_mut() = Some(bytes);
+        OK
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) }
+}
+
+/// A draw of a stream of the run's seed.
+///
+/// # Safety
+/// As for [`with`].
+unsafe fn draw(host: *const Host, stream: *const c_char, number: impl FnOnce(&Stream) -> f64) -> f64 {
+    let mut drawn = f64::NAN;
+    let work = |said: &Said| {
+        // SAFETY: texts are as the ABI says.
+        let Some(name) = (unsafe { word(stream) }) else {
+            return said.fail("it draws from a stream whose name is NULL or not UTF-8");
+        };
+        drawn = number(&Stream::new(said.seed, name));
+        OK
+    };
+    // SAFETY: as the caller says.
+    unsafe { with(host, work) };
+    drawn
+}
+
+unsafe extern "C" fn uniform(host: *const Host, stream: *const c_char, index: u64) -> f64 {
+    // SAFETY: foreign code gives what it was given.
+    unsafe { draw(host, stream, |stream| stream.uniform(index)) }
+}
+
+unsafe extern "C" fn normal(host: *const Host, stream: *const c_char, index: u64) -> f64 {
+    // SAFETY: foreign code gives what it was given.
+    unsafe { draw(host, stream, |stream| stream.normal(index)) }
+}

@@ -1,0 +1,321 @@
+//! The types of the C ABI. `escapement.h` has the same with the same names in C; a test compares sizes and offsets.
+//!
+//! A struct that may grow begins with its size: whoever reads it uses no field that lies behind that size. [`Field`] and [`Message`]
+//! stand in lists and never change within one version. Texts are UTF-8 and end with a zero byte.
+
+use std::ffi::{CStr, c_char, c_void};
+
+/// The version of the ABI. A table of another version is refused.
+pub const ABI: u32 = 1;
+
+/// What a function returns: [`OK`] or [`FAILED`].
+pub type Status = i32;
+/// It is done.
+pub const OK: Status = 0;
+/// It is not; [`Host::fail`] or [`Host::refuse`] says why. Any other value means the same.
+pub const FAILED: Status = 1;
+
+/// Computes at t from the inputs at t: [`lockstep::participant::Kind::Sampled`].
+pub const SAMPLED: u32 = 1;
+/// Integrates from t to the next instant: [`lockstep::participant::Kind::Continuous`].
+pub const CONTINUOUS: u32 = 2;
+
+/// The element types of fields: f64, f32, i64, i32, u64, u32, u8 are 1 to 7.
+pub const ELEMENTS: [lockstep::port::Element; 7] = {
+    use lockstep::port::Element;
+    [
+        Element::F64,
+        Element::F32,
+        Element::I64,
+        Element::I32,
+        Element::U64,
+        Element::U32,
+        Element::U8,
+    ]
+};
+
+/// The most extents that a field may have.
+pub const RANK_MAX: usize = 4;
+
+/// A field of a message.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct Field {
+    /// Its name, unique in the message.
+    pub name: *const c_char,
+    /// The unit of every element; `1` for a pure number.
+    pub unit: *const c_char,
+    /// The frame in which a vector's components are given; empty or null where that means nothing.
+    pub frame: *const c_char,
+    /// The type of each element: one more than its place in [`ELEMENTS`].
+    pub element: u32,
+    /// Where the field starts in the payload, bytes.
+    pub offset: u32,
+    /// How many extents it has; 0 for a scalar.
+    pub rank: u32,
+    /// The extents, outermost first.
+    pub extents: [u32; RANK_MAX],
+}
+
+/// The description of a payload.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct Message {
+    /// The name of the message type.
+    pub name: *const c_char,
+    /// The fields in the order of their offsets, without gaps between them.
+    pub fields: *const Field,
+    /// How many there are.
+    pub field_count: u32,
+    /// The size of a payload, bytes.
+    pub size: u32,
+}
+
+/// The instant of an activation.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// Of this struct, bytes.
+    pub size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// The number of the activation, from 0.
+    pub index: u64,
+    /// Its instant, s.
+    pub t: f64,
+    /// The next instant, s.
+    pub t_next: f64,
+    /// The period, s.
+    pub period: f64,
+}
+
+/// What whoever runs a participant offers to it. It is there from the call of `describe` to the end of `terminate`, at the same
+/// address, and for this participant alone.
+#[repr(C)]
+#[derive(Debug)]
+pub struct Host {
+    /// Of this struct, bytes.
+    pub size: u32,
+    /// The host's [`ABI`].
+    pub abi: u32,
+    /// The participant's name in the scenario.
+    pub name: *const c_char,
+    /// The seed of the run.
+    pub seed: u64,
+    /// The sample period, s.
+    pub period: f64,
+    /// The first activation, s.
+    pub offset: f64,
+    /// In `describe`: how outputs depend on inputs, [`SAMPLED`] or [`CONTINUOUS`]. Must be said.
+    pub kind: unsafe extern "C" fn(host: *const Host, kind: u32) -> Status,
+    /// In `describe`: adds an input, which the scenario must connect if `required` is not 0. The message is copied.
+    pub input:
+        unsafe extern "C" fn(host: *const Host, name: *const c_char, message: *const Message, required: u32) -> Status,
+    /// In `describe`: adds an output. The message is copied.
+    pub output: unsafe extern "C" fn(host: *const Host, name: *const c_char, message: *const Message) -> Status,
+    /// In `describe`: `count` numbers below the dotted `key`. With a `unit`, the scenario says them as text with any unit of its
+    /// dimension; without one (null, empty, `1`) as plain numbers. A `count` of 0 means one number that does not stand in brackets.
+    pub numbers: unsafe extern "C" fn(
+        host: *const Host,
+        key: *const c_char,
+        unit: *const c_char,
+        required: u32,
+        values: *mut f64,
+        count: u32,
+    ) -> Status,
+    /// In `describe`: a whole number.
+    pub integer: unsafe extern "C" fn(host: *const Host, key: *const c_char, required: u32, value: *mut i64) -> Status,
+    /// In `describe`: true (1) or false (0).
+    pub flag: unsafe extern "C" fn(host: *const Host, key: *const c_char, required: u32, value: *mut u8) -> Status,
+    /// In `describe`: a text, which the host owns and keeps to the end of `terminate`.
+    pub text:
+        unsafe extern "C" fn(host: *const Host, key: *const c_char, required: u32, value: *mut *const c_char) -> Status,
+    /// All parameters as a TOML document, for a participant that reads them itself. The host owns the text and keeps it.
+    pub parameters: unsafe extern "C" fn(host: *const Host) -> *const c_char,
+    /// In `describe`: refuses the parameter `key`; null or empty when it is about all of them. Both texts are copied. Returns [`FAILED`].
+    pub refuse: unsafe extern "C" fn(host: *const Host, key: *const c_char, reason: *const c_char) -> Status,
+    /// Says why the present call fails. The text is copied. Returns [`FAILED`].
+    pub fail: unsafe extern "C" fn(host: *const Host, reason: *const c_char) -> Status,
+    /// Writes a line into the participant's log, with the simulated time.
+    pub log: unsafe extern "C" fn(host: *const Host, text: *const c_char),
+    /// In `save`: the state. The bytes are copied.
+    pub state: unsafe extern "C" fn(host: *const Host, bytes: *const c_void, size: u64) -> Status,
+    /// Draw number `index` of the random stream `stream` of the run's seed, uniform in [0, 1).
+    pub uniform: unsafe extern "C" fn(host: *const Host, stream: *const c_char, index: u64) -> f64,
+    /// The same with the standard normal distribution.
+    pub normal: unsafe extern "C" fn(host: *const Host, stream: *const c_char, index: u64) -> f64,
+}
+
+/// A participant: what it is called and its functions. `own` is whatever the participant keeps of itself.
+///
+/// The calls of one participant come one after the other, not always from the same thread; those of different ones may come at the
+/// same time. So everything that is kept belongs into `own`, not into globals.
+#[repr(C)]
+#[derive(Debug, Clone, Copy)]
+pub struct Table {
+    /// Of this struct, bytes.
+    pub size: u32,
+    /// The [`ABI`] that the table is made for.
+    pub abi: u32,
+    /// What the participant is called.
+    pub name: *const c_char,
+    /// Its version.
+    pub version: *const c_char,
+    /// How many bytes the host gives as `own`: zeros, aligned to 16, freed by the host after `terminate`. With 0 the participant makes
+    /// `own` itself in `describe`.
+    pub own_size: u64,
+    /// How many of them, from the first on, are the whole state: saved and restored as they are, so without pointers. With
+    /// [`STATELESS`] there is nothing to save; with 0, unless there is a `save`, the participant cannot be saved.
+    pub state_size: u64,
+    /// Makes the participant: says its ports and reads its parameters. Must not be null. When it fails, it frees what it has made.
+    pub describe: Option<unsafe extern "C-unwind" fn(host: *const Host, own: *mut *mut c_void) -> Status>,
+    /// Called once before the first step; a continuous participant writes its outputs at t. May be null.
+    pub initialise: Option<
+        unsafe extern "C-unwind" fn(host: *const Host, own: *mut c_void, t: f64, outputs: *const *mut c_void) -> Status,
+    >,
+    /// One activation: reads the inputs, in the order in which they were added, and writes the outputs. Must not be null.
+    pub step: Option<
+        unsafe extern "C-unwind" fn(
+            host: *const Host,
+            own: *mut c_void,
+            step: *const Step,
+            inputs: *const *const c_void,
+            outputs: *const *mut c_void,
+        ) -> Status,
+    >,
+    /// Gives the whole state with [`Host::state`]. May be null.
+    pub save: Option<unsafe extern "C-unwind" fn(host: *const Host, own: *mut c_void) -> Status>,
+    /// Takes a state that `save` gave, maybe in another process, and checks it: it may come from a file. Null exactly if `save` is.
+    pub restore: Option<
+        unsafe extern "C-unwind" fn(host: *const Host, own: *mut c_void, bytes: *const c_void, size: u64) -> Status,
+    >,
+    /// Frees what `describe` has made. May be null.
+    pub terminate: Option<unsafe extern "C-unwind" fn(host: *const Host, own: *mut c_void)>,
+}
+
+// SAFETY: a table is read only, and its functions may be called from any thread: that is part of its contract.
+unsafe impl Sync for Table {}
+// SAFETY: as above.
+unsafe impl Send for Table {}
+
+/// The function by which a library gives its tables: number `index`, null behind the last one. Called `escapement_plugin`.
+pub type Plugin = unsafe extern "C" fn(index: u32) -> *const Table;
+
+/// Why a table cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TableError {
+    /// There is none.
+    #[error("the table of its functions is NULL")]
+    Missing,
+    /// It was compiled for another version.
+    #[error("its table is of ABI version {0}, and this program has {ABI}: compile it with this program's escapement.h")]
+    Version(u32),
+    /// It is too small for its version.
+    #[error(
+        "its table says that it has {0} bytes, and one of ABI version {ABI} has {size}: begin it with ESCAPEMENT_TABLE of \
+         escapement.h",
+        size = size_of::<Table>()
+    )]
+    Size(u32),
+    /// A name that is missing or no text.
+    #[error("its table has no {0} (it is NULL, or not UTF-8)")]
+    Text(&'static str),
+    /// A function that is needed.
+    #[error("its function `{0}` is NULL: every participant needs `describe` and `step`")]
+    Function(&'static str),
+    /// One of two that belong together.
+    #[error("its function `{missing}` is NULL, but `{there}` is not: give both or none")]
+    Half {
+        /// What is there.
+        there: &'static str,
+        /// What is not.
+        missing: &'static str,
+    },
+    /// A size that cannot be meant.
+    #[error("its own_size is {0} bytes; at most {OWN_MAX} are allowed: make `own` in `describe`, with own_size 0")]
+    Own(u64),
+    /// A state that is not there.
+    #[error("its state_size is {state} bytes, and its own_size {own}: the state is the beginning of `own`")]
+    State {
+        /// `state_size`, bytes.
+        state: u64,
+        /// `own_size`, bytes.
+        own: u64,
+    },
+}
+
+/// The largest `own_size`, bytes.
+pub const OWN_MAX: u64 = 1 << 30;
+
+/// A `state_size`: the participant has no state.
+pub const STATELESS: u64 = u64::MAX;
+
+/// Looks whether a table can be used.
+///
+/// # Errors
+/// The first thing that is wrong with it.
+///
+/// # Safety
+/// `table` is null, or points to a table whose first two fields can be read, and all of it if they are right; it stays there to the end.
+pub unsafe fn check(table: *const Table) -> Result<&'static Table, TableError> {
+    if table.is_null() {
+        return Err(TableError::Missing);
+    }
+    // SAFETY: the caller says that the first two fields can be read.
+    let (size, abi) = unsafe { ((*table).size, (*table).abi) };
+    if abi != ABI {
+        return Err(TableError::Version(abi));
+    }
+    if (size as usize) < size_of::<Table>() {
+        return Err(TableError::Size(size));
+    }
+    // SAFETY: they are right, so all of it can be read.
+    let table = unsafe { &*table };
+    // SAFETY: texts of a table end with a zero byte and stay.
+    unsafe {
+        text(table.name).ok_or(TableError::Text("name"))?;
+        text(table.version).ok_or(TableError::Text("version"))?;
+    }
+    let missing = [("describe", table.describe.is_none()), ("step", table.step.is_none())];
+    if let Some((function, _)) = missing.into_iter().find(|(_, missing)| *missing) {
+        return Err(TableError::Function(function));
+    }
+    let half = |there, missing| Err(TableError::Half { there, missing });
+    match (table.save.is_some(), table.restore.is_some()) {
+        (true, false) => half("save", "restore"),
+        (false, true) => half("restore", "save"),
+        _ if table.own_size > OWN_MAX => Err(TableError::Own(table.own_size)),
+        _ if table.state_size != STATELESS && table.state_size > table.own_size => Err(TableError::State {
+            state: table.state_size,
+            own: table.own_size,
+        }),
+        _ => Ok(table),
+    }
+}
+
+impl Table {
+    /// What the participant is called.
+    pub fn name(&self) -> &str {
+        // SAFETY: looked at in `check`.
+        unsafe { text(self.name) }.unwrap_or_default()
+    }
+
+    /// Name and version.
+    pub fn program(&self) -> String {
+        // SAFETY: looked at in `check`.
+        let version = unsafe { text(self.version) }.unwrap_or_default();
+        format!("{} {version}", self.name())
+    }
+}
+
+/// The text at `at`; nothing when it is null or not UTF-8.
+///
+/// # Safety
+/// `at` is null or points to bytes with a zero at their end, which are not changed as long as `'a`.
+pub(crate) unsafe fn text<'a>(at: *const c_char) -> Option<&'a str> {
+    if at.is_null() {
+        return None;
+    }
+    // SAFETY: as the caller says.
+    unsafe { CStr::from_ptr(at) }.to_str().ok()
+}

@@ -1,0 +1,77 @@
+/* A participant that does one thing wrong: MISUSE says which. Else it counts. */
+#include <escapement.h>
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <signal.h>
+
+typedef struct { double value; uint64_t count; } Count;
+ESCAPEMENT_MESSAGE(Count, ESCAPEMENT_FIELD(Count, value, "1", ""), ESCAPEMENT_FIELD(Count, count, "1", ""));
+
+static escapement_status describe(const escapement_host *host, void **own) {
+    (void)own;
+    if (strcmp(MISUSE, "no-kind") != 0)
+        host->kind(host, ESCAPEMENT_SAMPLED);
+    ESCAPEMENT_OUTPUT(host, "count", Count);
+    if (strcmp(MISUSE, "port-twice") == 0)
+        ESCAPEMENT_OUTPUT(host, "count", Count);
+    if (strcmp(MISUSE, "padding") == 0) {
+        static const escapement_message odd = {"Odd", Count_fields, 1, sizeof(Count)};
+        host->output(host, "odd", &odd);
+    }
+    if (strcmp(MISUSE, "own-past-end") == 0)
+        memset(*own, 0, sizeof(Count) + 1);
+    if (strcmp(MISUSE, "no-reason") == 0)
+        return 7;
+    return ESCAPEMENT_OK;
+}
+
+static escapement_status step(const escapement_host *host, void *own, const escapement_step *step, const void *const *inputs,
+                              void *const *outputs) {
+    Count *count = own, *output = outputs[0];
+    (void)inputs;
+    count->count += 1;
+    *output = *count;
+    if (step->index == 5) {
+        if (strcmp(MISUSE, "past-end") == 0)
+            memset(output + 1, 0, 1);
+        if (strcmp(MISUSE, "before-start") == 0)
+            memset((char *)output - 8, 0, 8);
+        if (strcmp(MISUSE, "exit") == 0)
+            exit(0);
+        if (strcmp(MISUSE, "fails") == 0)
+            return escapement_fail(host, "the count is %d; at most %d are allowed", (int)count->count, 5);
+        if (strcmp(MISUSE, "late-parameter") == 0)
+            escapement_number(host, "late", NULL, &count->value);
+    }
+    return ESCAPEMENT_OK;
+}
+
+static escapement_status save(const escapement_host *host, void *own) {
+    return host->state(host, own, sizeof(Count));
+}
+
+static escapement_participant table = {
+    ESCAPEMENT_TABLE, .name = "misuse", .version = "1.0", .own_size = sizeof(Count), .state_size = sizeof(Count),
+    .describe = describe, .step = step,
+};
+
+const escapement_participant *escapement_plugin(uint32_t index) {
+    if (strcmp(MISUSE, "version") == 0)
+        table.abi = 7;
+    if (strcmp(MISUSE, "size") == 0)
+        table.size = 16;
+    if (strcmp(MISUSE, "null-step") == 0)
+        table.step = NULL;
+    if (strcmp(MISUSE, "half") == 0)
+        table.save = save;
+    if (strcmp(MISUSE, "no-name") == 0)
+        table.name = NULL;
+    if (strcmp(MISUSE, "state-size") == 0)
+        table.state_size = 100;
+    if (strcmp(MISUSE, "empty") == 0)
+        return NULL;
+    return index == 0 ? &table : NULL;
+}
+ESCAPEMENT_MAIN(escapement_plugin(0));

@@ -1,0 +1,125 @@
+//! Participants in C and C++, built as their users build them: over what `install.sh` installs.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use crate::program::{built, root, text};
+
+/// Flags under which our headers and examples give no warning.
+pub const STRICT: [&str; 6] = ["-O2", "-g", "-Wall", "-Wextra", "-Werror", "-pedantic"];
+
+/// A folder with everything installed below `prefix`, and whatever is built.
+pub struct Workshop {
+    folder: PathBuf,
+}
+
+/// Does `command` to its end.
+///
+/// # Panics
+/// When it fails, with what it said.
+pub fn must(command: &mut Command) -> String {
+    let said = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
+    let words = [said.stdout, said.stderr].concat();
+    let words = String::from_utf8_lossy(&words).into_owned();
+    assert!(said.status.success(), "{command:?}: {words}");
+    words
+}
+
+impl Workshop {
+    /// The one of this test, called `name`: anew in each process.
+    pub fn open(name: &str) -> Workshop {
+        let folder = built().join("tmp").join(format!("workshop-{name}"));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).expect("the build's folder can be written");
+        let workshop = Workshop { folder };
+        must(
+            Command::new(root().join("crates/escapement-c/install.sh"))
+                .current_dir(&workshop.folder)
+                .arg("prefix")
+                .arg(built()),
+        );
+        workshop
+    }
+
+    /// A file in it.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// What pkg-config says of the installed package `package`.
+    fn flags(&self, package: &str) -> Vec<String> {
+        let mut command = Command::new("pkg-config");
+        command.env("PKG_CONFIG_PATH", self.path("prefix/lib/pkgconfig"));
+        let said = must(command.args(["--cflags", "--libs", package]));
+        said.split_whitespace().map(str::to_owned).collect()
+    }
+
+    /// Compiles `source`, which is relative to the project, into `name`; a plug-in or a program.
+    fn compile(&self, package: &str, source: &str, name: &str, more: &[&str]) -> PathBuf {
+        let out = self.path(name);
+        std::fs::create_dir_all(out.parent().expect("a name has a folder")).expect("the folder can be written");
+        let mut compiler = if source.ends_with(".cpp") {
+            let mut compiler = Command::new("c++");
+            compiler.arg("-std=c++17");
+            compiler
+        } else {
+            let mut compiler = Command::new("cc");
+            compiler.args(["-std=c11", "-D_GNU_SOURCE"]);
+            compiler
+        };
+        compiler.args(STRICT).args(more);
+        must(
+            compiler
+                .arg(root().join(source))
+                .arg("-o")
+                .arg(&out)
+                .args(self.flags(package)),
+        );
+        out
+    }
+
+    /// A plug-in of `source`.
+    pub fn plugin(&self, source: &str, name: &str, more: &[&str]) -> PathBuf {
+        self.compile("escapement-plugin", source, name, more)
+    }
+
+    /// A program of `source`.
+    pub fn program(&self, source: &str, name: &str, more: &[&str]) -> PathBuf {
+        self.compile("escapement", source, name, more)
+    }
+}
+
+/// The examples in C and C++ as programs (`c/spring`) and plug-ins (`c/libspring.so`).
+pub fn examples() -> &'static Workshop {
+    static EXAMPLES: OnceLock<Workshop> = OnceLock::new();
+    EXAMPLES.get_or_init(|| {
+        let workshop = Workshop::open("examples");
+        for name in ["spring", "plant", "pid", "reference"] {
+            let source = format!("examples/c/{name}.c");
+            workshop.program(&source, &format!("c/{name}"), &[]);
+            workshop.plugin(&source, &format!("c/lib{name}.so"), &[]);
+        }
+        workshop.program(
+            "examples/cpp/spring.cpp",
+            "cpp/spring",
+            &["-fno-exceptions", "-fno-rtti"],
+        );
+        workshop.plugin("examples/cpp/spring.cpp", "cpp/libspring.so", &[]);
+        workshop.plugin("examples/cpp/loop.cpp", "cpp/libloop.so", &[]);
+        workshop
+    })
+}
+
+/// `participants.NAME.run` for a plug-in.
+pub fn library(participant: &str, file: &Path, which: Option<&str>) -> String {
+    let which = which
+        .map(|which| format!(", participant = {which:?}"))
+        .unwrap_or_default();
+    format!("participants.{participant}.run={{ library = {:?}{which} }}", text(file))
+}
+
+/// `participants.NAME.run` for a program.
+pub fn exe(participant: &str, file: &Path) -> String {
+    format!("participants.{participant}.run={{ exe = {:?} }}", text(file))
+}

@@ -1,0 +1,355 @@
+//! What can be wrong with a table of functions or a library: each time one clear error, with file, line, participant and remedy, and
+//! never the end of the program that runs the others.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use escapement_tests::compiler::{Workshop, must};
+use escapement_tests::program::{Folder, Said, orchestrate, text};
+
+fn workshop() -> &'static Workshop {
+    static SHOP: OnceLock<Workshop> = OnceLock::new();
+    SHOP.get_or_init(|| Workshop::open("misuse"))
+}
+
+/// The participant that does `misuse` as a plug-in.
+fn misuse(misuse: &str) -> PathBuf {
+    let define = format!("-DMISUSE=\"{misuse}\"");
+    workshop().plugin("tests/plugins/misuse.c", &format!("lib{misuse}.so"), &[&define])
+}
+
+/// A scenario with one participant, `counter`, whose `run` stands in line 4.
+fn scenario(folder: &Folder, run: &str) -> PathBuf {
+    let text = format!(
+        "title = \"One participant\"\nduration = \"1 s\"\n[participants.counter]\nrun = {run}\nperiod = \"10 ms\"\n"
+    );
+    folder.write("one.toml", &text)
+}
+
+fn run(folder: &Folder, scenario: &Path, how: &[&str]) -> Said {
+    let out = folder.path().join("run");
+    let _ = std::fs::remove_dir_all(&out);
+    orchestrate(&[&["run", text(scenario), "--quiet", "--out", text(&out)], how].concat())
+}
+
+/// Runs a library in a process of its own and in this one, and expects `code` and all of `words` each time.
+fn refused(library: &Path, code: i32, words: &[&str]) {
+    let folder = Folder::new("misuse");
+    let file = scenario(&folder, &format!("{{ library = {:?} }}", text(library)));
+    for how in [&[][..], &["--in-process"]] {
+        let said = run(&folder, &file, how);
+        assert_eq!(said.code, Some(code), "{}: {said:?}", library.display());
+        for word in words {
+            assert!(
+                said.err.contains(word),
+                "{} {how:?}: no `{word}` in {}",
+                library.display(),
+                said.err
+            );
+        }
+        assert!(!said.err.contains("panicked"), "{}", said.err);
+    }
+}
+
+#[test]
+fn healthy_one_runs() {
+    let folder = Folder::new("healthy");
+    let library = misuse("nothing");
+    let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&library)));
+    for how in [&[][..], &["--in-process"]] {
+        let said = run(&folder, &file, how);
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
+}
+
+#[test]
+fn unusable_tables_are_refused_before_anything_runs() {
+    for (wrong, words) in [
+        (
+            "version",
+            &["ABI version 7", "compile it with this program's escapement.h"][..],
+        ),
+        ("size", &["16 bytes", "ESCAPEMENT_TABLE"]),
+        ("null-step", &["`step` is NULL"]),
+        ("half", &["`restore` is NULL", "`save` is not"]),
+        ("no-name", &["has no name"]),
+        ("state-size", &["state_size is 100 bytes", "own_size 16"]),
+        ("empty", &["has no participant", "ESCAPEMENT_PLUGIN"]),
+        ("no-kind", &["ESCAPEMENT_SAMPLED", "counter"]),
+        ("port-twice", &["`count` is declared twice", "counter"]),
+        ("padding", &["do not fill the payload", "counter"]),
+        (
+            "own-past-end",
+            &["`describe` wrote past the end of its own memory", "16 bytes", "counter"],
+        ),
+    ] {
+        refused(
+            &misuse(wrong),
+            2,
+            &[words, &["one.toml:4", "participants.counter.run"]].concat(),
+        );
+    }
+    refused(
+        &misuse("no-reason"),
+        2,
+        &["one.toml", "participants.counter", "`describe` returned 7"],
+    );
+}
+
+#[test]
+fn what_a_step_does_wrong_is_the_participants_failure() {
+    for (wrong, words) in [
+        (
+            "past-end",
+            &[
+                "counter",
+                "`step` wrote past the end of output `count`",
+                "16 bytes",
+                "0.05",
+            ][..],
+        ),
+        (
+            "before-start",
+            &["counter", "`step` wrote before the start of output `count`"],
+        ),
+        ("fails", &["counter", "the count is 6; at most 5 are allowed", "0.05"]),
+        ("late-parameter", &["counter", "in `describe` only"]),
+        ("exit", &["counter", "`step` called exit()"]),
+    ] {
+        refused(&misuse(wrong), 1, words);
+    }
+}
+
+#[test]
+fn program_with_an_unusable_table_is_refused_by_its_name() {
+    let folder = Folder::new("misuse-program");
+    for (wrong, word) in [("version", "ABI version 7"), ("null-step", "`step` is NULL")] {
+        let define = format!("-DMISUSE=\"{wrong}\"");
+        let program = workshop().program("tests/plugins/misuse.c", &format!("program-{wrong}"), &[&define]);
+        let file = scenario(&folder, &format!("{{ exe = {:?} }}", text(&program)));
+        let said = run(&folder, &file, &[]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        for word in [word, "one.toml:4", "counter"] {
+            assert!(said.err.contains(word), "{said:?}");
+        }
+        // Nobody has started it for a run.
+        let alone = std::process::Command::new(&program)
+            .output()
+            .expect("it can be started");
+        assert_eq!(alone.status.code(), Some(2), "{alone:?}");
+    }
+}
+
+#[test]
+fn exceptions_become_the_failure_in_their_own_words() {
+    let library = workshop().plugin("tests/plugins/throws.cpp", "libthrows.so", &[]);
+    let folder = Folder::new("throws");
+    let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&library)));
+    for (parameters, code, words) in [
+        (
+            "pair = \"[1, 2] m\"",
+            1,
+            &["counter", "the fifth step is one too many", "0.05"][..],
+        ),
+        (
+            "pair = \"[1, 2] m\", something = true",
+            1,
+            &["counter", "no std::exception"],
+        ),
+        (
+            "early = true",
+            2,
+            &["participants.counter", "it cannot be made on a Tuesday"],
+        ),
+        (
+            "something = true",
+            2,
+            &["participants.counter.parameters.pair", "missing"],
+        ),
+        (
+            "pair = \"[1, 2, 3] m\"",
+            2,
+            &["one.toml", "parameters.pair", "2 numbers"],
+        ),
+        ("pair = \"[1, 2] kg\"", 2, &["parameters.pair", "dimension"]),
+        ("pair = \"[1, 2] m\", number = 4", 2, &["parameters.number", "it is 3"]),
+        (
+            "pair = \"[1, 2] m\", numbr = 3",
+            2,
+            &["parameters.numbr", "knows no such parameter", "`number`"],
+        ),
+    ] {
+        let set = format!("participants.counter.parameters={{ {parameters} }}");
+        for how in [&["--set", &set][..], &["--set", &set, "--in-process"]] {
+            let said = run(&folder, &file, how);
+            assert_eq!(said.code, Some(code), "{parameters}: {said:?}");
+            for word in words {
+                assert!(said.err.contains(word), "{parameters}: no `{word}` in {}", said.err);
+            }
+        }
+    }
+}
+
+#[test]
+fn files_that_are_no_plugin_are_refused_with_their_place() {
+    let (folder, shop) = (Folder::new("no-plugin"), workshop());
+    let text_file = folder.write("libtext.so", "this is a text and no library at all\n");
+    let place = &["one.toml:4", "participants.counter.run"][..];
+    let place = |words: &[&'static str]| [words, place].concat();
+    refused(&text_file, 2, &place(&["is not an ELF file"]));
+    refused(&folder.path().join("gone.so"), 2, &place(&["No such file"]));
+    refused(folder.path(), 2, &place(&["is not a file"]));
+    let source = folder.write("other.c", "int other(void) { return 1; }\n");
+    let object = folder.path().join("other.o");
+    must(
+        std::process::Command::new("cc")
+            .arg("-c")
+            .arg(&source)
+            .arg("-o")
+            .arg(&object),
+    );
+    refused(&object, 2, &place(&["not a shared library"]));
+    let other = folder.path().join("libother.so");
+    must(
+        std::process::Command::new("cc")
+            .args(["-shared", "-fPIC"])
+            .arg(&source)
+            .arg("-o")
+            .arg(&other),
+    );
+    refused(
+        &other,
+        2,
+        &place(&["no function `escapement_plugin`", "ESCAPEMENT_PLUGIN"]),
+    );
+    // A plug-in that still has its main looks for the host of a program.
+    let with_main = shop.plugin("tests/plugins/misuse.c", "libmain.so", &["-DMISUSE=\"nothing\""]);
+    let mut bytes = std::fs::read(&with_main).expect("it was just made");
+    // Of another machine: e_machine is 183, AArch64, or 62 where this is one.
+    bytes[18] = if bytes[18] == 183 { 62 } else { 183 };
+    let foreign = folder.path().join("libforeign.so");
+    std::fs::write(&foreign, &bytes).expect("the folder can be written");
+    refused(&foreign, 2, &place(&["compile it for this machine"]));
+    let needy = folder.write(
+        "needy.c",
+        "extern int nobody_has_this(void);\nint other(void) { return nobody_has_this(); }\n",
+    );
+    let library = folder.path().join("libneedy.so");
+    must(
+        std::process::Command::new("cc")
+            .args(["-shared", "-fPIC"])
+            .arg(&needy)
+            .arg("-o")
+            .arg(&library),
+    );
+    refused(&library, 2, &place(&["nobody_has_this", "must be linked with it"]));
+}
+
+#[test]
+fn run_tables_that_make_no_sense_are_refused() {
+    let folder = Folder::new("run-table");
+    let library = misuse("nothing");
+    let file = text(&library);
+    for (run, word) in [
+        (
+            format!("{{ library = {file:?}, participant = \"other\" }}"),
+            "it has `misuse`",
+        ),
+        (
+            format!("{{ library = {file:?}, args = [\"x\"] }}"),
+            "a library takes no args",
+        ),
+        (
+            format!("{{ library = {file:?}, builtin = \"plant\" }}"),
+            "library = \"FILE.so\"",
+        ),
+        (
+            "{ builtin = \"plant\", participant = \"x\" }".to_owned(),
+            "chooses one of a library",
+        ),
+    ] {
+        let scenario = scenario(&folder, &run);
+        let said = self::run(&folder, &scenario, &[]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        for word in [word, "one.toml:4"] {
+            assert!(said.err.contains(word), "no `{word}` in {said:?}");
+        }
+    }
+}
+
+/// `escapement.h` and the types of the package `plugin` have the same sizes, offsets and numbers.
+#[test]
+fn header_says_what_the_library_does() {
+    use std::mem::offset_of;
+
+    use plugin::table::{Field, Host, Message, Step, Table};
+    let mut lines: Vec<(String, usize)> = Vec::new();
+    macro_rules! layout {
+        ($($c:literal: $rust:ty { $($field:ident),* })*) => {$(
+            lines.push((format!("sizeof({})", $c), size_of::<$rust>()));
+            $(lines.push((format!("offsetof({}, {})", $c, stringify!($field)), offset_of!($rust, $field)));)*
+        )*};
+    }
+    layout! {
+        "escapement_field": Field { name, unit, frame, element, offset, rank, extents }
+        "escapement_message": Message { name, fields, field_count, size }
+        "escapement_step": Step { size, reserved, index, t, t_next, period }
+        "escapement_host": Host {
+            size, abi, name, seed, period, offset, kind, input, output, numbers, integer, flag, text, parameters, refuse, fail,
+            log, state, uniform, normal
+        }
+        "escapement_participant": Table {
+            size, abi, name, version, own_size, state_size, describe, initialise, step, save, restore, terminate
+        }
+    }
+    for (name, value) in [
+        ("ESCAPEMENT_ABI", plugin::table::ABI as usize),
+        ("ESCAPEMENT_SAMPLED", plugin::table::SAMPLED as usize),
+        ("ESCAPEMENT_CONTINUOUS", plugin::table::CONTINUOUS as usize),
+        ("ESCAPEMENT_RANK_MAX", plugin::table::RANK_MAX),
+        ("ESCAPEMENT_OK", plugin::table::OK as usize),
+        ("ESCAPEMENT_FAILED", plugin::table::FAILED as usize),
+        ("ESCAPEMENT_STATELESS", plugin::table::STATELESS as usize),
+    ] {
+        lines.push((name.to_owned(), value));
+    }
+    for (at, element) in plugin::table::ELEMENTS.iter().enumerate() {
+        lines.push((format!("ESCAPEMENT_{}", element.name().to_uppercase()), at + 1));
+    }
+    let asserts: String = lines
+        .iter()
+        .map(|(what, value)| format!("_Static_assert({what} == {value}ull, \"{what}\");\n"))
+        .collect();
+    let folder = Folder::new("header");
+    let source = folder.write("layout.c", &format!("#include <escapement.h>\n{asserts}"));
+    let include = workshop().path("prefix/include");
+    let compile = |compiler: &str, standard: &str, source: &Path| {
+        must(
+            std::process::Command::new(compiler)
+                .args([
+                    standard,
+                    "-Wall",
+                    "-Wextra",
+                    "-Werror",
+                    "-pedantic",
+                    "-fsyntax-only",
+                    "-I",
+                ])
+                .arg(&include)
+                .arg(source),
+        )
+    };
+    compile("cc", "-std=c11", &source);
+    // Both headers stand alone, and once more in one file, in every language that they are for.
+    for (name, compiler, standards, header) in [
+        ("alone.c", "cc", &["-std=c11", "-std=c17"][..], "escapement.h"),
+        ("alone.cpp", "c++", &["-std=c++17", "-std=c++20"], "escapement.h"),
+        ("over.cpp", "c++", &["-std=c++17", "-std=c++20"], "escapement.hpp"),
+    ] {
+        let twice = format!("#include <{header}>\n#include <{header}>\nint x(void);\n");
+        let source = folder.write(name, &twice);
+        standards.iter().for_each(|standard| {
+            compile(compiler, standard, &source);
+        });
+    }
+}
