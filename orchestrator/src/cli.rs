@@ -8,10 +8,13 @@ use clap::{Args, Parser, Subcommand};
 use lockstep::time::{Rational, TimeError};
 
 use crate::commands::compare::CompareArgs;
+use crate::commands::completions::CompletionsArgs;
 use crate::commands::export::ExportArgs;
 use crate::commands::faults::FaultsArgs;
+use crate::commands::man::ManArgs;
 #[cfg(feature = "capture")]
 use crate::commands::margins::MarginsArgs;
+use crate::commands::new::NewArgs;
 use crate::commands::replay::ReplayArgs;
 use crate::commands::report::ReportArgs;
 use crate::commands::sweep::SweepArgs;
@@ -35,6 +38,8 @@ pub struct Cli {
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Write a project to start from
+    New(NewArgs),
     /// Run a scenario
     Run(RunArgs),
     /// Go on with a run from one of its checkpoints, also with changes
@@ -68,6 +73,10 @@ pub enum Command {
     Margins(MarginsArgs),
     /// Measure what lockstep costs on this machine
     Bench(BenchArgs),
+    /// Print a script that completes commands and options in a shell
+    Completions(CompletionsArgs),
+    /// Print the manual page, or write one for each command
+    Man(ManArgs),
     /// Be a participant of a run (started by the orchestrator itself)
     #[command(hide = true)]
     Participant(ParticipantArgs),

@@ -14,10 +14,15 @@ mod commands;
 #[cfg(feature = "capture")]
 pub mod decoders;
 mod limits;
+mod line;
 mod program;
 mod signals;
 #[cfg(feature = "capture")]
+mod spring;
+#[cfg(feature = "capture")]
 pub mod stock;
+mod templates;
 mod terminal;
+mod version;
 
 pub use program::Program;

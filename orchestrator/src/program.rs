@@ -8,14 +8,15 @@ use engine::Catalogue;
 use lockstep::participant::{ParameterError, Participant, Setup};
 
 use crate::cli::{Cli, Command};
-use crate::{bench, commands, limits};
+use crate::templates::Template;
+use crate::{bench, commands, limits, version};
 
 /// The catalogue of the program that runs.
 static CATALOGUE: OnceLock<Arc<Catalogue>> = OnceLock::new();
 
 /// What the program that runs contains; nothing when no program runs, as in a test.
 pub(crate) fn catalogue() -> &'static Arc<Catalogue> {
-    CATALOGUE.get_or_init(|| Arc::new(Catalogue::new(env!("CARGO_PKG_VERSION"))))
+    CATALOGUE.get_or_init(|| Arc::new(Catalogue::new(version::ESCAPEMENT)))
 }
 
 /// A program with the whole command line, and with participants and assessments of its own inside.
@@ -36,8 +37,10 @@ pub(crate) fn catalogue() -> &'static Arc<Catalogue> {
 /// started once more, or with `--in-process` and in campaigns in this one.
 pub struct Program {
     name: String,
-    version: String,
+    /// Its own; what it is built on says its own version besides.
+    version: Option<String>,
     catalogue: Catalogue,
+    templates: &'static [Template],
 }
 
 impl Program {
@@ -45,16 +48,24 @@ impl Program {
     pub fn new(name: impl Into<String>) -> Program {
         Program {
             name: name.into(),
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            catalogue: Catalogue::new(env!("CARGO_PKG_VERSION")),
+            version: None,
+            catalogue: Catalogue::new(version::ESCAPEMENT),
+            templates: &[],
         }
     }
 
     /// With a version of its own, as `--version` prints it and `run.json` keeps it: `env!("CARGO_PKG_VERSION")` mostly.
     #[must_use]
     pub fn version(mut self, version: impl Into<String>) -> Program {
-        self.version = version.into();
-        self.catalogue = self.catalogue.with_version(&self.version);
+        self.version = Some(version.into());
+        self
+    }
+
+    /// With projects to start from, of which `new` writes one.
+    #[cfg(feature = "capture")]
+    #[must_use]
+    pub(crate) fn templates(mut self, templates: &'static [Template]) -> Program {
+        self.templates = templates;
         self
     }
 
@@ -98,18 +109,23 @@ impl Program {
         }
         // The command line's texts live as long as the program.
         let name: &'static str = self.name.leak();
-        let command = Cli::command().name(name).version(&*self.version.leak());
-        let cli = match Cli::from_arg_matches(&command.get_matches()) {
+        let version: &'static str = version::of_program(name, self.version.as_deref()).leak();
+        let mut line = Cli::command().name(name).bin_name(name).version(version);
+        if self.templates.is_empty() {
+            line = line.mut_subcommand("new", |new| new.hide(true));
+        }
+        let cli = match Cli::from_arg_matches(&line.clone().get_matches()) {
             Ok(cli) => cli,
             Err(error) => error.exit(),
         };
-        let known = CATALOGUE.set(Arc::new(bench::register(self.catalogue)));
+        let catalogue = self.catalogue.with_version(version);
+        let known = CATALOGUE.set(Arc::new(bench::register(catalogue)));
         assert!(known.is_ok(), "a process is one program");
-        execute(&cli.command)
+        execute(&cli.command, line, self.templates)
     }
 }
 
-fn execute(command: &Command) -> ExitCode {
+fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> ExitCode {
     limits::refuse_large_files();
     // A participant is a program of its own that happens to live in this file: it reports as one.
     if let Command::Participant(args) = command {
@@ -134,6 +150,9 @@ fn execute(command: &Command) -> ExitCode {
         Command::Sweep(args) => commands::sweep::run(args),
         Command::Faults(args) => commands::faults::run(args),
         Command::Bench(args) => commands::bench::run(args),
+        Command::New(args) => Ok(commands::new::run(args, line.get_name(), templates)),
+        Command::Completions(args) => Ok(commands::completions::run(args, &line)),
+        Command::Man(args) => commands::man::run(args, line),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::CampaignWorker => engine::campaign::serve(catalogue(), std::io::stdin().lock(), std::io::stdout())
             .map(|()| 0)

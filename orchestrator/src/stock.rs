@@ -1,12 +1,15 @@
-//! The stock program: the participants of the capture, its assessment, its failures, and what is to be said of its gains.
+//! The stock program: the participants of the capture, its assessment, its failures, and what is to be said of its gains; a
+//! spring for a first scenario; and the templates of `new`.
 
 use engine::Catalogue;
 
-use crate::Program;
+use crate::{Program, spring, templates};
 
 /// Escapement's own program.
 pub fn program() -> Program {
-    Program::new("escapement").contents(contents)
+    Program::new("escapement")
+        .contents(contents)
+        .templates(&templates::STOCK)
 }
 
 fn contents(catalogue: Catalogue) -> Catalogue {
@@ -14,6 +17,7 @@ fn contents(catalogue: Catalogue) -> Catalogue {
         .participant("plant", plant_proc::factory)
         .participant("controller", controller_proc::factory)
         .participant("guidance", guidance_proc::factory)
+        .participant("spring", spring::make)
         .assessment("capture", capture::assessment::from_table)
         .remark(capture::provenance::remarks)
         .finding(capture::velocity_loop::findings)

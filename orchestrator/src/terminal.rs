@@ -1,22 +1,21 @@
-//! The terminal: a line that moves while a run or a campaign goes on, notices, and Enter at a pause.
+//! The terminal: a line about how far a run or a campaign is, notices, and Enter at a pause.
 
-use std::io::{IsTerminal, Write, stderr, stdin};
+use std::io::stdin;
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::sync::{Mutex, OnceLock, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use engine::{Answer, Event, Observer, Progress};
 
-/// The line is written at most this often.
-const BETWEEN: Duration = Duration::from_millis(100);
+use crate::line::{Line, left, percent};
 
-/// Reports on standard error: a moving line in a terminal, notices everywhere.
+/// Reports on standard error: a line about the progress, and notices.
 struct Terminal {
-    shown: bool,
+    line: Line,
     started: Instant,
-    last: Option<Instant>,
+    /// Simulated time at which the progress is measured from, s; after a rest from where it goes on.
+    from_s: Option<f64>,
     duration_s: f64,
-    width: usize,
     /// Whether a pause has asked for a line.
     asks: bool,
 }
@@ -24,64 +23,46 @@ struct Terminal {
 /// A terminal's observer. With `quiet`, notices alone.
 pub fn progress(quiet: bool) -> Progress {
     Progress::new(Terminal {
-        shown: !quiet && stderr().is_terminal(),
+        line: Line::new(quiet),
         started: Instant::now(),
-        last: None,
+        from_s: None,
         duration_s: 0.0,
-        width: 0,
         asks: false,
     })
 }
 
-impl Terminal {
-    /// Shows what `text` says, at most ten times a second.
-    fn show(&mut self, text: impl FnOnce(&Self) -> String) {
-        let now = Instant::now();
-        if !self.shown || self.last.is_some_and(|last| now - last < BETWEEN) {
-            return;
+/// `t = 12.300 s of 35 s (35 %), 3.1 times real time, 8 s left`
+fn run_line(t_s: f64, from_s: f64, duration_s: f64, wall_s: f64) -> String {
+    let factor = (t_s - from_s).max(0.0) / wall_s.max(1e-3);
+    let rest = if factor > 0.0 {
+        left((duration_s - t_s) / factor)
+    } else {
+        String::new()
+    };
+    format!(
+        "t = {t_s:.3} s of {duration_s} s ({:.0} %), {} times real time{rest}",
+        percent(t_s, duration_s),
+        if factor < 100.0 {
+            format!("{factor:.1}")
+        } else {
+            format!("{factor:.0}")
         }
-        self.last = Some(now);
-        let text = text(self);
-        self.print(&text);
-    }
+    )
+}
 
-    fn notice(&mut self, text: &str) {
-        self.clear();
-        eprintln!("{text}");
+/// `42 of 84 points (50 %), 3.1 a second, 14 s left`
+fn campaign_line(done: usize, all: usize, resumed: usize, wall_s: f64) -> String {
+    let own = done.saturating_sub(resumed) as f64;
+    let mut text = format!("{done} of {all} points ({:.0} %)", percent(done as f64, all as f64));
+    if own > 0.0 {
+        let each = wall_s / own;
+        text += &match each {
+            1.0.. => format!(", {each:.1} s each"),
+            _ => format!(", {:.1} a second", 1.0 / each.max(1e-6)),
+        };
+        text += &left((all - done) as f64 * each);
     }
-
-    fn clear(&mut self) {
-        if self.width > 0 {
-            self.print("");
-            eprint!("\r");
-            self.width = 0;
-        }
-    }
-
-    fn print(&mut self, text: &str) {
-        let width = self.width.max(text.len());
-        eprint!("\r{text:width$}");
-        let _ = stderr().flush();
-        self.width = text.len();
-    }
-
-    fn run_line(&self, t_s: f64) -> String {
-        let wall = self.started.elapsed().as_secs_f64();
-        let factor = if wall > 0.0 { t_s.max(0.0) / wall } else { 0.0 };
-        format!("t = {t_s:8.3} s of {} s   {factor:6.1} x real time", self.duration_s)
-    }
-
-    /// `[#####     ] 42 of 84   3.1 a second   14 s left`
-    fn campaign_line(&self, done: usize, all: usize, resumed: usize) -> String {
-        let rate = done.saturating_sub(resumed) as f64 / self.started.elapsed().as_secs_f64().max(1e-3);
-        let filled = 30 * done / all.max(1);
-        let mut text = format!("[{:<30}] {done} of {all}", "#".repeat(filled));
-        if rate > 0.0 {
-            let left = (all - done) as f64 / rate;
-            text += &format!("   {rate:.1} a second   {left:.0} s left");
-        }
-        text
-    }
+    text
 }
 
 impl Observer for Terminal {
@@ -89,18 +70,30 @@ impl Observer for Terminal {
         match event {
             Event::Begun { duration_s } => {
                 self.duration_s = duration_s;
-                self.started = Instant::now();
+                self.from_s = None;
             }
-            Event::Time { t_s } => self.show(|line| line.run_line(t_s)),
-            Event::Points { done, all, resumed } => self.show(|line| line.campaign_line(done, all, resumed)),
-            Event::Notice { text } => self.notice(text),
+            Event::Time { t_s } => {
+                let Some(from_s) = self.from_s else {
+                    self.started = Instant::now();
+                    self.from_s = Some(t_s);
+                    return;
+                };
+                let wall_s = self.started.elapsed().as_secs_f64();
+                self.line.show(|| run_line(t_s, from_s, self.duration_s, wall_s));
+            }
+            Event::Points { done, all, resumed } => {
+                let wall_s = self.started.elapsed().as_secs_f64();
+                self.line.show(|| campaign_line(done, all, resumed, wall_s));
+            }
+            Event::Notice { text } => self.line.notice(text),
             Event::Paused { t_s, processes } => {
-                self.notice(&format!(
+                self.line.notice(&format!(
                     "paused at t = {t_s} s ({processes}): Enter goes on, q and Enter ends the run"
                 ));
                 self.asks = true;
+                self.from_s = None;
             }
-            Event::Over => self.clear(),
+            Event::Over => self.line.clear(),
             _ => {}
         }
     }
@@ -135,4 +128,39 @@ fn typed() -> &'static Mutex<Receiver<String>> {
         });
         Mutex::new(receiver)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_says_how_far_it_is_and_how_long_it_takes_still() {
+        assert_eq!(
+            run_line(12.25, 0.0, 35.0, 4.0),
+            "t = 12.250 s of 35 s (35 %), 3.1 times real time, 7 s left"
+        );
+        // Taken up at 10 s: what was done before took no time now.
+        assert_eq!(
+            run_line(12.0, 10.0, 1000.0, 1.0),
+            "t = 12.000 s of 1000 s (1 %), 2.0 times real time, 8 min left"
+        );
+        assert_eq!(
+            run_line(0.0, 0.0, 5.0, 30.0),
+            "t = 0.000 s of 5 s (0 %), 0.0 times real time"
+        );
+    }
+
+    #[test]
+    fn a_campaign_counts_its_points_and_estimates_from_its_own() {
+        assert_eq!(
+            campaign_line(42, 84, 0, 14.0),
+            "42 of 84 points (50 %), 3.0 a second, 14 s left"
+        );
+        assert_eq!(
+            campaign_line(12, 20, 10, 30.0),
+            "12 of 20 points (60 %), 15.0 s each, 2 min left"
+        );
+        assert_eq!(campaign_line(10, 20, 10, 60.0), "10 of 20 points (50 %)");
+    }
 }

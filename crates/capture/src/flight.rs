@@ -13,7 +13,8 @@ use lockstep::time::Rational;
 use synthesis::robot::{FlightSpec, FlownEntry, GainTable, Gains, ModelSpec, Robot, Spec, spectral_radius};
 use toml::{Table, Value};
 
-/// Flies the gains through every configuration and delay that the specification asks for, until `stop` says so.
+/// Flies the gains through every configuration and delay that the specification asks for. `next` is told before each how many
+/// of how many are done, and says whether to stop.
 ///
 /// # Errors
 /// A scenario that is missing or wrong, a participant that fails for another reason than a diverging loop.
@@ -23,7 +24,7 @@ pub fn fly(
     spec: &Spec,
     robot: &Robot,
     gains: &Gains,
-    stop: &dyn Fn() -> bool,
+    next: &dyn Fn(usize, usize) -> bool,
 ) -> anyhow::Result<Vec<FlownEntry>> {
     let Some(flight) = &spec.flight else {
         return Ok(Vec::new());
@@ -39,9 +40,11 @@ pub fn fly(
     let folder = scope.scratch()?.join("flight");
     let mut flown = Vec::new();
     // A payload is a body that the simulator has only after a grasp.
-    for model in spec.models.iter().filter(|model| model.payload.is_none()) {
+    let models: Vec<&ModelSpec> = spec.models.iter().filter(|model| model.payload.is_none()).collect();
+    let count = models.len() * flight.delays_s.len();
+    for model in models {
         for &delay in &flight.delays_s {
-            if stop() {
+            if next(flown.len(), count) {
                 return Ok(flown);
             }
             let overrides = overrides(flight, gains, model, delay)?;

@@ -9,6 +9,7 @@ use report::export;
 use report::geometry::Geometry;
 
 use super::trust::{Trust, told};
+use crate::line::Busy;
 use engine::scenario::in_path;
 
 /// Exit code: the folder is not a run, or a file of it cannot be read.
@@ -73,6 +74,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
         );
     }
     let out = args.out.clone().unwrap_or_else(|| args.run.join("export"));
+    let busy = Busy::reading("exporting", &args.run);
     let result = match args.to {
         Format::Csv => export::csv(&reader, &out),
         Format::Parquet => export::parquet(&reader, &out),
@@ -89,6 +91,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             export::mcap(&reader, &path, Some(&geometry)).map(|()| vec![path])
         }
     };
+    drop(busy);
     match result {
         Ok(mut files) => {
             if let (Some(Some(rerun)), [mcap]) = (rerun, &files[..]) {

@@ -3,6 +3,7 @@
 use crate::program::catalogue;
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use synthesis::linalg::singular_values;
@@ -16,7 +17,7 @@ use synthesis::robot::{
 use synthesis::tuner::{Problem, controllers};
 
 use super::tune::{
-    channel_entries, contradictions, load, optima, print_validation, recall, sampled_entries, sliding_gain,
+    Reporter, channel_entries, contradictions, load, optima, print_validation, recall, sampled_entries, sliding_gain,
     stated_margins, take_sliding_gain, threads, validation_entry, write,
 };
 use capture::flight::fly;
@@ -46,6 +47,9 @@ pub struct MarginsArgs {
     /// Only the first so many models of the specification (a margin takes seconds)
     #[arg(long, value_name = "COUNT")]
     pub models: Option<usize>,
+    /// Go on with links of the robot that no distribution of mass has; they are warned of
+    #[arg(long)]
+    pub allow_unphysical: bool,
     /// Leave out the flights in the non-linear simulator
     #[arg(long)]
     pub no_flights: bool,
@@ -76,7 +80,7 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
             .unwrap_or_else(|| PathBuf::from(&file.provenance.specification));
         let text =
             std::fs::read_to_string(&path).map_err(|e| anyhow::anyhow!("specification {}: {e}", path.display()))?;
-        let (mut spec, robot, urdf) = load(&path, &text)?;
+        let (mut spec, robot, urdf) = load(&path, &text, args.allow_unphysical)?;
         recall(&path, &mut spec, &file.models)?;
         file.models.clone_from(&spec.models);
         let provenance = &mut file.provenance;
@@ -128,12 +132,23 @@ pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
     if spec.validation.samples > 0 {
         file.validation = Some(validation_entry(&validate(&spec, &robot, &gains, threads(), &|_| {})?));
     }
+    let never = AtomicBool::new(false);
+    let reporter = Reporter::new(&never);
     file.flown = if args.no_flights {
         Vec::new()
     } else {
-        fly(catalogue(), &path, &spec, &robot, &gains, &|| false)?
+        fly(catalogue(), &path, &spec, &robot, &gains, &|done, all| {
+            reporter.next("flight", done, all)
+        })?
     };
-    file.margins = stated_margins(&spec, &robot, &gains, args.models.unwrap_or(usize::MAX), &|| false)?;
+    file.margins = stated_margins(
+        &spec,
+        &robot,
+        &gains,
+        args.models.unwrap_or(usize::MAX),
+        &|done, all| reporter.next("margins of model", done, all),
+    )?;
+    reporter.over();
     if let Some(path) = &args.export_problem {
         let (blocks, controllers) = controllers(&problem)?;
         let exported = export(&problem, &blocks, &controllers, &evaluation, None);

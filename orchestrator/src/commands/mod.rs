@@ -3,14 +3,17 @@
 pub mod bench;
 pub mod check;
 pub mod compare;
+pub mod completions;
 pub mod doctor;
 pub mod export;
 pub mod faults;
 pub mod graph;
+pub mod man;
 #[cfg(feature = "capture")]
 pub mod margins;
 #[cfg(feature = "capture")]
 pub mod model;
+pub mod new;
 pub mod participant;
 pub mod replay;
 pub mod report;

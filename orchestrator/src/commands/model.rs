@@ -36,7 +36,7 @@ pub fn run(args: &ModelArgs) -> Result<()> {
 }
 
 /// Reads a file; warnings go to the standard error.
-fn read(file: &Path, allow_unphysical: bool) -> Result<Description> {
+pub(super) fn read(file: &Path, allow_unphysical: bool) -> Result<Description> {
     let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
     let at = |line: Option<u32>| {
         line.map_or_else(

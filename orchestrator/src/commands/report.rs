@@ -9,6 +9,7 @@ use clap::Args;
 use report::page::Report;
 
 use super::trust::{Trust, told};
+use crate::line::Busy;
 
 /// Exit code: a folder is not a run, or a file of it cannot be read.
 const UNREADABLE: i32 = 2;
@@ -44,6 +45,7 @@ pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
             return Ok(UNREADABLE);
         }
     }
+    let busy = Busy::with("reading and drawing".to_owned(), None);
     let report = match Report::read(&args.runs, &args.model) {
         Ok(report) => report,
         Err(error) => {
@@ -58,6 +60,7 @@ pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
         let count = report.write_figures(dir)?;
         println!("{} ({count} figures)", dir.display());
     }
+    drop(busy);
     println!(
         "{} ({:.1} MB, {:.2} s)",
         page.display(),

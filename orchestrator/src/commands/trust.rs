@@ -5,6 +5,8 @@ use std::path::Path;
 use clap::Args;
 use tape::{ReadError, Reader};
 
+use crate::line::Busy;
+
 /// Whether the command accepts a tape that differs from its seal.
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct Trust {
@@ -20,6 +22,7 @@ impl Trust {
     /// Unreadable files, and a difference from the seal; with `--unverified` a difference is a warning.
     pub fn open(self, folder: &Path) -> Result<Reader, ReadError> {
         let reader = Reader::open(folder)?;
+        let _busy = Busy::reading("comparing with its seal:", folder);
         match reader.verify() {
             Err(error) if self.unverified => eprintln!("warning: {error}"),
             verified => verified?,

@@ -9,7 +9,7 @@ mod path;
 use interfaces::files::Servicer;
 use lockstep::link::Timing;
 use lockstep::participant::Setup;
-use multibody::Description;
+use multibody::{Description, UrdfOptions};
 use serde::Serialize;
 use synthesis::linalg::{self, Matrix};
 use synthesis::robot::{LoopTiming, ModelSpec, Robot, RobotError, RobotSpec, SampledLoop};
@@ -235,7 +235,10 @@ fn giver<'a>(scenario: &'a Scenario, input: &str, builtin: &str, port: &str) -> 
 fn robot(plant: &Setup) -> Option<Robot> {
     let servicer: Servicer = lockstep::units::read(table(&plant.parameters, "servicer")?).ok()?;
     let urdf = plant.parameters.get("urdf").and_then(Value::as_str)?;
-    let mut description = Description::from_urdf(urdf).ok()?;
+    let options = UrdfOptions {
+        allow_unphysical: servicer.allow_unphysical,
+    };
+    let mut description = Description::read_urdf(urdf, options).ok()?.description;
     for (joint, inertia) in servicer.arm.joints.iter().zip(servicer.arm.motor_inertia.si()) {
         description.add_motor_inertia(joint, inertia).ok()?;
     }

@@ -31,7 +31,7 @@ pub enum TreeError {
     },
     /// The type's algorithms have no joints that follow others.
     #[error(
-        "joint `{joint}` mimics `{leader}`: a tree of static size has no joints that follow others; freeze one of the two, or use DynTree"
+        "joint `{joint}` mimics `{leader}`: a tree of static size has no joints that follow others; make `{joint}` fixed in the URDF (or use DynTree, in code)"
     )]
     Mimic {
         /// The joint.

@@ -1,7 +1,6 @@
 //! Tuning of a static output feedback for a plant given as plain matrices.
 
 use std::io::Write as _;
-use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
 use synthesis::linalg::to_rows;
@@ -54,11 +53,12 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
         seed: args.seed.unwrap_or(1),
         ..Options::default()
     };
-    let reporter = Reporter {
-        stop,
-        last: Mutex::new(None),
-    };
-    let tuned = match tune(&problem, &options, &|p| reporter.say(|| progress_line(p))) {
+    let reporter = Reporter::new(stop);
+    let tuned = tune(&problem, &options, &|p| {
+        reporter.say(|| progress_line(p, options.starts))
+    });
+    reporter.over();
+    let tuned = match tuned {
         Ok(tuned) => tuned,
         Err(error) => {
             eprintln!("error: {}: {error}", args.spec.display());

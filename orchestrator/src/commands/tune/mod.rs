@@ -9,14 +9,15 @@ mod verify;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::Args;
 use synthesis::robot::{Robot, Spec, Step, design, export};
 use synthesis::tuner::{Flow, Phase, Progress, TuneError};
 
+use crate::line::Line;
 use capture::flight::find;
 use capture::provenance::{digest, plant_digest};
 pub(super) use lookup::{look_up, recall};
@@ -66,6 +67,9 @@ pub struct TuneArgs {
     /// Write singular values against weights, sensitivity and mu as SVG into this folder
     #[arg(long, value_name = "FOLDER")]
     pub plots: Option<PathBuf>,
+    /// Go on with links of the robot that no distribution of mass has; they are warned of
+    #[arg(long)]
+    pub allow_unphysical: bool,
     /// Leave out the margins
     #[arg(long)]
     pub no_margins: bool,
@@ -100,32 +104,54 @@ pub fn run(args: &TuneArgs) -> anyhow::Result<i32> {
     }
 }
 
-/// Prints progress on standard error, at most a few times a second.
-struct Reporter<'a> {
+/// Says on standard error how far the work is, and passes on a request for its end.
+pub(in crate::commands) struct Reporter<'a> {
     stop: &'a AtomicBool,
-    last: Mutex<Option<Instant>>,
+    line: Mutex<Line>,
+    started: Instant,
 }
 
-impl Reporter<'_> {
-    fn say(&self, line: impl FnOnce() -> String) -> Flow {
-        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if last.is_none_or(|t| t.elapsed() > Duration::from_millis(400)) {
-            *last = Some(Instant::now());
-            eprintln!("{}", line());
+impl<'a> Reporter<'a> {
+    pub(in crate::commands) fn new(stop: &'a AtomicBool) -> Reporter<'a> {
+        Reporter {
+            stop,
+            line: Mutex::new(Line::new(false)),
+            started: Instant::now(),
         }
+    }
+
+    fn line(&self) -> MutexGuard<'_, Line> {
+        self.line.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Says what `text` says, if it is time.
+    fn say(&self, text: impl FnOnce() -> String) -> Flow {
+        self.line()
+            .show(|| format!("{}, {:.0} s so far", text(), self.started.elapsed().as_secs_f64()));
         if self.stop.load(Ordering::Relaxed) {
             Flow::Stop
         } else {
             Flow::Continue
         }
     }
+
+    /// Whether to stop before `what` number `done` of `all`, which is said.
+    pub(in crate::commands) fn next(&self, what: &str, done: usize, all: usize) -> bool {
+        self.say(|| format!("{what} {} of {all}", done + 1)) == Flow::Stop
+    }
+
+    /// The work that was reported is over.
+    pub(in crate::commands) fn over(&self) {
+        self.line().clear();
+    }
 }
 
-fn progress_line(p: Progress) -> String {
+fn progress_line(p: Progress, starts: usize) -> String {
+    let (start, value) = (p.start + 1, p.value);
     match p.phase {
-        Phase::Stabilise => format!("start {}: stabilising, spectral abscissa {:.4e}", p.start + 1, p.value),
-        Phase::Descend => format!("start {}: descending, gamma {:.5}", p.start + 1, p.value),
-        Phase::Finish => format!("start {}: finishing, gamma {:.5}", p.start + 1, p.value),
+        Phase::Stabilise => format!("start {start} of {starts}: stabilising, spectral abscissa {value:.4e}"),
+        Phase::Descend => format!("start {start} of {starts}: descending, gamma {value:.5}"),
+        Phase::Finish => format!("start {start} of {starts}: finishing, gamma {value:.5}"),
     }
 }
 
@@ -138,7 +164,7 @@ fn failure(error: &TuneError) -> i32 {
 }
 
 fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<i32> {
-    let loaded = load(&args.spec, text).and_then(|(mut spec, robot, urdf)| {
+    let loaded = load(&args.spec, text, args.allow_unphysical).and_then(|(mut spec, robot, urdf)| {
         lookup::override_with(&mut spec, &args.at)?;
         look_up(&args.spec, &mut spec)?;
         let proportional = sliding_gain(&args.spec, &spec, &urdf)?;
@@ -153,20 +179,18 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
     };
     spec.search.starts = args.starts.unwrap_or(spec.search.starts);
     spec.search.seed = args.seed.unwrap_or(spec.search.seed);
-    let reporter = Reporter {
-        stop,
-        last: Mutex::new(None),
-    };
+    let reporter = Reporter::new(stop);
     let clock = Instant::now();
     let design = match design(&spec, &robot, threads(), &|step| {
         reporter.say(|| match step {
-            Step::Tune(p) => progress_line(p),
+            Step::Tune(p) => progress_line(p, spec.search.starts),
             Step::Validate(done) => format!("validating: {done} of {}", spec.validation.samples),
             Step::Adversary(gamma) => format!("the adversary adds a situation with gamma {gamma:.3}"),
         })
     }) {
         Ok(design) => design,
         Err(error) => {
+            reporter.over();
             eprintln!("error: {}: {error}", args.spec.display());
             return Ok(match &error {
                 synthesis::robot::ValidateError::Tune(error) => failure(error),
@@ -174,6 +198,7 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
             });
         }
     };
+    reporter.over();
     let tuning = clock.elapsed().as_secs_f64();
     if let Some(path) = &args.export_problem {
         let d = &design;
@@ -186,7 +211,7 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
         );
         write(path, &serde_json::to_string(&exported)?)?;
     }
-    let (mut file, mut complaints) = verify::verify(args, &spec, &robot, &design, &|| stop.load(Ordering::Relaxed))?;
+    let (mut file, mut complaints) = verify::verify(args, &spec, &robot, &design, &reporter)?;
     file.provenance.specification = args.spec.display().to_string();
     file.provenance.specification_digest = digest(text);
     file.provenance.plant_digest = plant_digest(&urdf).unwrap_or_default();
@@ -208,7 +233,7 @@ fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<
 
 /// Reads a specification and the robot it names. The description's path is taken from the working directory, from the
 /// folder of the specification, or from the folder above it, whichever has it.
-pub(super) fn load(path: &Path, text: &str) -> anyhow::Result<(Spec, Robot, String)> {
+pub(super) fn load(path: &Path, text: &str, allow_unphysical: bool) -> anyhow::Result<(Spec, Robot, String)> {
     let spec: Spec = toml::from_str(text)?;
     let Some(found) = find(path, &spec.robot.urdf) else {
         bail!(
@@ -217,7 +242,7 @@ pub(super) fn load(path: &Path, text: &str) -> anyhow::Result<(Spec, Robot, Stri
         )
     };
     let urdf = std::fs::read_to_string(&found).with_context(|| found.display().to_string())?;
-    let robot = Robot::new(&urdf, &spec.robot)?;
+    let robot = Robot::from_description(super::model::read(&found, allow_unphysical)?, &spec.robot)?;
     spec.check(robot.channels())?;
     Ok((spec, robot, urdf))
 }

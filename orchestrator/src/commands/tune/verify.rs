@@ -9,7 +9,7 @@ use synthesis::robot::{
 use synthesis::tuner::{Evaluation, Verdict};
 
 use super::super::margins::figures;
-use super::{TuneArgs, write};
+use super::{Reporter, TuneArgs, write};
 use capture::flight;
 
 /// Margins, sampled loops, flights, validation: the file of gains, and what contradicts what.
@@ -18,7 +18,7 @@ pub(super) fn verify(
     spec: &Spec,
     robot: &Robot,
     design: &Design,
-    stop: &dyn Fn() -> bool,
+    reporter: &Reporter<'_>,
 ) -> anyhow::Result<(GainsFile, Vec<String>)> {
     let mut file = gains_file(spec, design);
     file.full_order = optima(spec, robot, &design.adversary);
@@ -29,17 +29,22 @@ pub(super) fn verify(
     }
     // The gains were expensive: what fails from here on is said beside them, not in place of them.
     if !args.no_margins {
-        match stated_margins(spec, robot, &design.gains, usize::MAX, stop) {
+        match stated_margins(spec, robot, &design.gains, usize::MAX, &|done, all| {
+            reporter.next("margins of model", done, all)
+        }) {
             Ok(margins) => file.margins = margins,
             Err(error) => complaints.push(format!("margins: {error:#}")),
         }
     }
     if !args.no_flights {
-        match flight::fly(catalogue(), &args.spec, spec, robot, &design.gains, stop) {
+        match flight::fly(catalogue(), &args.spec, spec, robot, &design.gains, &|done, all| {
+            reporter.next("flight", done, all)
+        }) {
             Ok(flown) => file.flown = flown,
             Err(error) => complaints.push(format!("flights: {error:#}")),
         }
     }
+    reporter.over();
     if let Some(v) = &design.validation {
         file.validation = Some(validation_entry(v));
     }
@@ -173,20 +178,21 @@ pub(in crate::commands) fn optima(spec: &Spec, robot: &Robot, adversary: &[Model
     all
 }
 
-/// Both margins of the first `count` models of the specification, until `stop` says so.
+/// Both margins of the first `count` models of the specification. `next` is told how many of how many are done, and says whether
+/// to stop.
 pub(in crate::commands) fn stated_margins(
     spec: &Spec,
     robot: &Robot,
     gains: &Gains,
     count: usize,
-    stop: &dyn Fn() -> bool,
+    next: &dyn Fn(usize, usize) -> bool,
 ) -> anyhow::Result<Vec<MarginEntry>> {
     let mut all = Vec::new();
-    for model in spec.models.iter().take(count) {
-        if stop() {
+    let count = count.min(spec.models.len());
+    for (done, model) in spec.models.iter().take(count).enumerate() {
+        if next(done, count) {
             break;
         }
-        eprintln!("margins of {}", model.name);
         for stated in margins(spec, robot, model, gains, &MarginOptions::default())? {
             all.push(MarginEntry {
                 set: stated.set,

@@ -1,0 +1,44 @@
+//! `escapement completions SHELL`: a script that completes commands and options.
+
+use clap::{Args, Command, ValueEnum};
+
+/// Print a script that completes commands, options and files.
+///
+/// bash: `escapement completions bash > ~/.local/share/bash-completion/completions/escapement`.
+/// zsh: `escapement completions zsh > FOLDER/_escapement`, with a folder of `$fpath`.
+/// fish: `escapement completions fish > ~/.config/fish/completions/escapement.fish`.
+#[derive(Debug, Args)]
+pub struct CompletionsArgs {
+    /// The shell
+    pub shell: Shell,
+}
+
+/// The shells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Shell {
+    /// The Bourne-again shell
+    Bash,
+    /// The Z shell
+    Zsh,
+    /// The friendly interactive shell
+    Fish,
+}
+
+/// Prints the script for `whole`, the whole command line.
+pub fn run(args: &CompletionsArgs, whole: &Command) -> i32 {
+    use clap_complete::{generate, shells};
+    // The command line's texts live as long as the program.
+    let name: &'static str = whole.get_name().to_owned().leak();
+    // The generators would offer hidden commands too.
+    let shown = whole.get_subcommands().filter(|own| !own.is_hide_set());
+    let mut command = Command::new(name).version("").subcommands(shown.cloned());
+    // Written at once: the generators give up at the first reader that leaves.
+    let mut script = Vec::new();
+    match args.shell {
+        Shell::Bash => generate(shells::Bash, &mut command, name, &mut script),
+        Shell::Zsh => generate(shells::Zsh, &mut command, name, &mut script),
+        Shell::Fish => generate(shells::Fish, &mut command, name, &mut script),
+    }
+    print!("{}", String::from_utf8_lossy(&script));
+    0
+}

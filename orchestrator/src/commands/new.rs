@@ -1,0 +1,133 @@
+//! `escapement new FOLDER`: a project to start from.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use crate::templates::{Project, Template};
+
+/// Exit code: the folder or the template is not what it should be.
+const REFUSED: i32 = 2;
+
+/// Write a project to start from into a folder: scenarios, models, or a program of your own.
+///
+/// The folder is made; one that is there must be empty. What was written is listed, and what to do next.
+#[derive(Debug, Args)]
+pub struct NewArgs {
+    /// The folder of the project
+    #[arg(required_unless_present = "list")]
+    pub folder: Option<PathBuf>,
+    /// What to write; --list tells what there is
+    #[arg(long, short, value_name = "NAME")]
+    pub template: Option<String>,
+    /// List the templates
+    #[arg(long, conflicts_with_all = ["folder", "template", "escapement"])]
+    pub list: bool,
+    /// For a template in Rust: a checkout of Escapement, or the address of its repository for git [default: the sources that
+    /// this program was built from]
+    #[arg(long, value_name = "FOLDER|URL")]
+    pub escapement: Option<String>,
+}
+
+/// Writes the project out of one of `templates` of the program `name`.
+pub fn run(args: &NewArgs, name: &str, templates: &[Template]) -> i32 {
+    if templates.is_empty() {
+        eprintln!("error: {name} has no templates");
+        return REFUSED;
+    }
+    if args.list {
+        for template in templates {
+            println!("{:<10} {}", template.name, template.about);
+        }
+        return 0;
+    }
+    let folder = args.folder.as_deref().unwrap_or(Path::new("."));
+    match write(args, folder, templates) {
+        Ok(()) => 0,
+        Err(refusal) => {
+            eprintln!("error: {refusal}");
+            REFUSED
+        }
+    }
+}
+
+fn write(args: &NewArgs, folder: &Path, templates: &[Template]) -> Result<(), String> {
+    let template = match &args.template {
+        None => &templates[0],
+        Some(name) => templates.iter().find(|one| one.name == *name).ok_or_else(|| {
+            let all: Vec<String> = templates.iter().map(|one| format!("`{}`", one.name)).collect();
+            format!(
+                "--template {name}: there is no such template; there is {}",
+                all.join(", ")
+            )
+        })?,
+    };
+    if args.escapement.is_some() && !template.builds {
+        return Err(format!(
+            "--escapement: the template `{}` has nothing to build; leave the option out",
+            template.name
+        ));
+    }
+    check_empty(folder)?;
+    let files = (template.files)(&Project {
+        name: project_name(folder),
+        escapement: args.escapement.as_deref(),
+    })?;
+    for file in &files {
+        let path = folder.join(&file.path);
+        let wrong = |error: std::io::Error| format!("{} cannot be written: {error}", path.display());
+        if let Some(parent) = path.parent() {
+            std::fs::create_dir_all(parent).map_err(wrong)?;
+        }
+        std::fs::write(&path, file.text.as_bytes()).map_err(wrong)?;
+        println!("{}", path.display());
+    }
+    println!("\n{}: {} files. What to do next:\n", template.name, files.len());
+    if folder != Path::new(".") {
+        println!("    cd {}", quoted(folder));
+    }
+    for command in template.next {
+        println!("    {command}");
+    }
+    Ok(())
+}
+
+/// Refuses a folder in which something would be mixed with what is there.
+fn check_empty(folder: &Path) -> Result<(), String> {
+    use std::io::ErrorKind::{NotADirectory, NotFound};
+    match std::fs::read_dir(folder) {
+        Ok(mut entries) => match entries.next() {
+            None => Ok(()),
+            Some(_) => Err(format!(
+                "{}: the folder is not empty; name a new one, or empty this one",
+                folder.display()
+            )),
+        },
+        Err(error) if error.kind() == NotFound => Ok(()),
+        Err(error) if error.kind() == NotADirectory => Err(format!(
+            "{}: it is a file; name a folder that is new or empty",
+            folder.display()
+        )),
+        Err(error) => Err(format!("{}: {error}", folder.display())),
+    }
+}
+
+/// The name of the folder, also of `.`.
+fn project_name(folder: &Path) -> String {
+    let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    let last = whole.components().next_back();
+    last.map_or_else(String::new, |last| last.as_os_str().to_string_lossy().into_owned())
+}
+
+/// A path as a shell reads it.
+fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = |c: char| c.is_alphanumeric() || "/._-+,:@%".contains(c);
+    if text.chars().all(plain) && !text.starts_with('-') {
+        text
+    } else if text.starts_with('-') {
+        format!("-- '{}'", text.replace('\'', "'\\''"))
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}

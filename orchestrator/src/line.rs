@@ -1,0 +1,239 @@
+//! A line about work that goes on, on standard error: in a terminal it moves; elsewhere one is written every ten seconds, so that a log
+//! says how far the work is.
+
+use std::io::{IsTerminal, Write, stderr};
+use std::path::Path;
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// A moving line is drawn at most this often.
+const MOVES: Duration = Duration::from_millis(100);
+/// A line is written this often where nothing can move. Work that is over sooner says nothing.
+const WRITTEN: Duration = Duration::from_secs(10);
+
+/// How the line is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum How {
+    Moving,
+    Written,
+    Never,
+}
+
+/// The line.
+#[derive(Debug)]
+pub struct Line {
+    how: How,
+    last: Option<Instant>,
+    width: usize,
+}
+
+impl Line {
+    /// A line that nobody has seen yet; with `quiet`, nobody ever will.
+    pub fn new(quiet: bool) -> Line {
+        let how = match (quiet, stderr().is_terminal()) {
+            (true, _) => How::Never,
+            (false, true) => How::Moving,
+            (false, false) => How::Written,
+        };
+        Line::shown(how, Instant::now())
+    }
+
+    fn shown(how: How, now: Instant) -> Line {
+        let last = (how == How::Written).then_some(now);
+        Line { how, last, width: 0 }
+    }
+
+    /// Whether it is time to show something at `now`; then it has been shown.
+    fn due(&mut self, now: Instant) -> bool {
+        let every = match self.how {
+            How::Moving => MOVES,
+            How::Written => WRITTEN,
+            How::Never => return false,
+        };
+        let due = self
+            .last
+            .is_none_or(|last| now.saturating_duration_since(last) >= every);
+        if due {
+            self.last = Some(now);
+        }
+        due
+    }
+
+    /// Shows what `text` says, if it is time.
+    pub fn show(&mut self, text: impl FnOnce() -> String) {
+        if !self.due(Instant::now()) {
+            return;
+        }
+        match self.how {
+            How::Moving => self.draw(&text()),
+            How::Written => eprintln!("{}", text()),
+            How::Never => {}
+        }
+    }
+
+    /// Says `text` in lines of its own.
+    pub fn notice(&mut self, text: &str) {
+        self.clear();
+        eprintln!("{text}");
+    }
+
+    /// Takes a moving line away.
+    pub fn clear(&mut self) {
+        if self.width > 0 {
+            self.draw("");
+            eprint!("\r");
+            self.width = 0;
+        }
+    }
+
+    fn draw(&mut self, text: &str) {
+        let count = text.chars().count();
+        let width = self.width.max(count);
+        eprint!("\r{text:width$}");
+        let _ = stderr().flush();
+        self.width = count;
+    }
+}
+
+/// How long work takes that still needs `seconds`, rounded as an estimate deserves.
+pub fn left(seconds: f64) -> String {
+    if !seconds.is_finite() {
+        return String::new();
+    }
+    let seconds = seconds.max(0.0).round() as u64;
+    match seconds {
+        0..120 => format!(", {seconds} s left"),
+        120..7200 => format!(", {} min left", (seconds + 30) / 60),
+        _ => format!(", {} h left", (seconds + 1800) / 3600),
+    }
+}
+
+/// `done` of `all` in percent, rounded down: it is 100 at the end only.
+pub fn percent(done: f64, all: f64) -> f64 {
+    if all > 0.0 {
+        (100.0 * done / all).clamp(0.0, 100.0).floor()
+    } else {
+        100.0
+    }
+}
+
+/// Work that reports nothing itself. As long as this lives, the line says what it is and for how long it has gone on.
+pub struct Busy {
+    over: Arc<(Mutex<bool>, Condvar)>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Busy {
+    /// Work called `what`, which reads `bytes` from files, where that is known.
+    pub fn with(what: String, bytes: Option<u64>) -> Busy {
+        let over = Arc::new((Mutex::new(false), Condvar::new()));
+        let seen = over.clone();
+        let (started, begun) = (Instant::now(), read_so_far());
+        let say = move || {
+            let wall = started.elapsed().as_secs_f64();
+            let read = read_so_far()
+                .zip(begun)
+                .map(|(now, begun)| now.saturating_sub(begun) as f64);
+            match (bytes.map(|bytes| bytes as f64), read) {
+                (Some(all), Some(read)) if read > 0.0 => {
+                    let rest = left((all - read).max(0.0) * wall / read);
+                    let (read_mb, all_mb) = (read.min(all) / 1e6, all / 1e6);
+                    format!(
+                        "{what}: {read_mb:.0} of {all_mb:.0} MB read ({:.0} %){rest}",
+                        percent(read, all)
+                    )
+                }
+                _ => format!("{what}: {wall:.0} s so far"),
+            }
+        };
+        let thread = std::thread::spawn(move || {
+            let mut line = Line::new(false);
+            let mut over = seen.0.lock().unwrap_or_else(PoisonError::into_inner);
+            // What is over in a moment is not worth a line.
+            let mut wait = Duration::from_secs(1);
+            while !*over {
+                over =
+                    (seen.1.wait_timeout(over, wait)).map_or_else(|poisoned| poisoned.into_inner().0, |woken| woken.0);
+                if !*over {
+                    line.show(&say);
+                }
+                wait = MOVES;
+            }
+            line.clear();
+        });
+        Busy {
+            over,
+            thread: Some(thread),
+        }
+    }
+
+    /// Reading the tape in `run`, a run folder or its tape.
+    pub fn reading(what: &str, run: &Path) -> Busy {
+        Busy::with(
+            format!("{what} {}", run.display()),
+            Some(size(run) + size(&run.join("tape"))),
+        )
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        *self.over.0.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.over.1.notify_all();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Bytes of the streams in `folder`.
+fn size(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let streams = entries.filter(|entry| entry.path().extension().is_some_and(|ending| ending == "bin"));
+    streams.filter_map(|entry| Some(entry.metadata().ok()?.len())).sum()
+}
+
+/// Bytes that this process has read from files.
+fn read_so_far() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/io").ok()?;
+    text.lines().find_map(|line| line.strip_prefix("rchar: "))?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_a_terminal_a_line_is_due_every_ten_seconds() {
+        let start = Instant::now();
+        let mut line = Line::shown(How::Written, start);
+        let due: Vec<u64> = (0..42_000)
+            .step_by(7)
+            .filter(|ms| line.due(start + Duration::from_millis(*ms)))
+            .collect();
+        assert_eq!(due, [10_003, 20_006, 30_009, 40_012]);
+    }
+
+    #[test]
+    fn in_a_terminal_it_moves_at_once_and_quiet_it_never_does() {
+        let start = Instant::now();
+        let count = |how: How| {
+            let mut line = Line::shown(how, start);
+            (0..1000)
+                .filter(|ms| line.due(start + Duration::from_millis(*ms)))
+                .count()
+        };
+        assert_eq!((count(How::Moving), count(How::Never)), (10, 0));
+    }
+
+    #[test]
+    fn an_estimate_is_rounded_as_it_deserves() {
+        let said: Vec<String> = [0.2, 119.4, 150.0, 8000.0, f64::INFINITY].map(left).into();
+        assert_eq!(said, [", 0 s left", ", 119 s left", ", 3 min left", ", 2 h left", ""]);
+        assert_eq!(
+            (percent(199.0, 200.0), percent(200.0, 200.0), percent(0.0, 0.0)),
+            (99.0, 100.0, 100.0)
+        );
+    }
+}

@@ -1,0 +1,43 @@
+//! How far a long run is, where nobody sits in front of a terminal.
+
+use std::process::{Child, Command, Stdio};
+
+use escapement_tests::program::{Folder, Said, built, finish, root, text};
+
+/// Twelve seconds at the wall clock's pace, whatever the machine.
+fn long_run(out: &str, more: &[&str]) -> Child {
+    let mut command = Command::new(built().join("lander"));
+    command
+        .args(["run", "examples/lander/lander.toml", "--real-time", "--duration", "12s"])
+        .args(["--in-process", "--out", out])
+        .args(more)
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    command.spawn().expect("the program can be started")
+}
+
+#[test]
+fn a_long_run_without_a_terminal_writes_lines_on_standard_error_alone() {
+    let folder = Folder::new("progress");
+    let out = |name: &str| text(&folder.path().join(name)).to_owned();
+    let runs = [
+        long_run(&out("plain"), &[]),
+        long_run(&out("json"), &["--json"]),
+        long_run(&out("quiet"), &["--quiet"]),
+    ];
+    let [plain, json, quiet]: [Said; 3] = runs.map(finish);
+    for said in [&plain, &json] {
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert!(!said.out.contains("times real time,"), "{said:?}");
+        let line = said.err.lines().find(|line| line.starts_with("t = "));
+        let line = line.unwrap_or_else(|| panic!("no line after ten seconds: {said:?}"));
+        for part in [" s of 12 s (", " %), ", " times real time, ", " s left"] {
+            assert!(line.contains(part), "{line}");
+        }
+        assert!(!said.err.contains('\r'), "nothing moves in a file: {said:?}");
+    }
+    assert_eq!(json.json()["simulated_time_s"], 12.0);
+    assert_eq!((quiet.code, quiet.out.as_str(), quiet.err.as_str()), (Some(0), "", ""));
+}

@@ -1,0 +1,229 @@
+//! What `new` writes runs where nothing of the project's tree is.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use escapement_tests::program::{Said, built, orchestrate, orchestrator, root, text};
+
+/// A folder outside of the workspace.
+struct Outside(PathBuf);
+
+impl Outside {
+    fn new() -> Outside {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let name = format!("escapement-new-{}-{number}", std::process::id());
+        let folder = std::env::temp_dir().join(name);
+        std::fs::create_dir_all(&folder).expect("the folder for temporary files can be written");
+        assert!(!folder.starts_with(root()), "{}", folder.display());
+        Outside(folder)
+    }
+
+    /// The program with `arguments`, in this folder.
+    fn escapement(&self, arguments: &[&str]) -> Said {
+        let mut command = Command::new(orchestrator());
+        command.args(arguments);
+        self.finish(command)
+    }
+
+    /// What a user would type, in this folder.
+    fn shell(&self, script: &str) -> Said {
+        let mut command = Command::new("sh");
+        let path = format!("{}:{}", built().display(), std::env::var("PATH").unwrap_or_default());
+        command
+            .args(["-ec", script])
+            .env("PATH", path)
+            // A user's own folder `target` would compile everything that lies ready here.
+            .env("CARGO_TARGET_DIR", root().join("target"))
+            .env("CARGO_NET_OFFLINE", "true");
+        self.finish(command)
+    }
+
+    fn finish(&self, mut command: Command) -> Said {
+        let said = command.current_dir(&self.0).stdin(Stdio::null()).output();
+        said.expect("the program can be started").into()
+    }
+}
+
+impl Drop for Outside {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// The commands that `new` printed.
+fn commands(said: &Said) -> String {
+    let (_, next) = said.out.split_once("What to do next:").expect("commands are printed");
+    let lines: Vec<&str> = next.lines().filter_map(|line| line.strip_prefix("    ")).collect();
+    assert!(lines.len() > 2 && lines[0].starts_with("cd "), "{said:?}");
+    lines.join("\n")
+}
+
+/// The files below `folder`, from it.
+fn files(folder: &Path) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(one) = folders.pop() {
+        for entry in std::fs::read_dir(&one).expect("a folder").flatten() {
+            let path = entry.path();
+            match path.is_dir() {
+                true => folders.push(path),
+                false => found.push(path.strip_prefix(folder).expect("it lies there").display().to_string()),
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// Writes `template` into a folder of that name and does what is printed then.
+fn follow(outside: &Outside, template: &str, folder: &str) -> Said {
+    let said = outside.escapement(&["new", folder, "--template", template]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let listed = said.out.lines().take_while(|line| !line.is_empty());
+    let mut listed: Vec<&str> = listed
+        .filter_map(|line| line.strip_prefix(&format!("{folder}/")))
+        .collect();
+    listed.sort_unstable();
+    assert_eq!(
+        listed,
+        files(&outside.0.join(folder)),
+        "what is listed is what is there"
+    );
+    let script = commands(&said);
+    let done = outside.shell(&script);
+    assert_eq!(done.code, Some(0), "{script}\n{done:?}");
+    done
+}
+
+fn same_tape(a: &Path, b: &Path) {
+    let said = orchestrate(&["compare", text(a), text(b)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+}
+
+#[test]
+fn the_capture_runs_from_its_own_folder() {
+    let outside = Outside::new();
+    follow(&outside, "capture", "a capture");
+    let project = outside.0.join("a capture");
+    for folder in ["scenarios", "models", "gains"] {
+        assert_eq!(
+            files(&project.join(folder)),
+            files(&root().join(folder)),
+            "{folder}: the template has every file"
+        );
+    }
+    let here = outside.0.join("here");
+    let said = orchestrate(&[
+        "run",
+        "scenarios/close.toml",
+        "--out",
+        text(&here),
+        "--quiet",
+        "--in-process",
+    ]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    same_tape(&here, &project.join("runs/close"));
+    // Every scenario finds its files, from another folder too.
+    for name in files(&project.join("scenarios")) {
+        let path = format!("a capture/scenarios/{name}");
+        let said = outside.escapement(&["check", &path, "--json"]);
+        assert_eq!(said.code, Some(0), "{path}: {said:?}");
+    }
+    // Gains find their specification, and that the robot.
+    let margins = "cd 'a capture'; escapement margins gains/pi-diagonal.toml --models 0 --no-flights";
+    let said = outside.shell(margins);
+    assert!(said.out.contains("gamma"), "{said:?}");
+}
+
+#[test]
+fn the_spring_is_the_example_without_a_program_of_its_own() {
+    let outside = Outside::new();
+    follow(&outside, "spring", "spring");
+    let example = outside.0.join("example");
+    let scenario = std::fs::read_to_string(root().join("examples/spring/spring.toml")).expect("the example is there");
+    let program = text(&built().join("spring")).to_owned();
+    let file = outside.0.join("example.toml");
+    std::fs::write(&file, scenario.replace("../../target/release/spring", &program))
+        .expect("the folder can be written");
+    let said = orchestrate(&["run", text(&file), "--out", text(&example), "--quiet"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    same_tape(&example, &outside.0.join("spring/runs/first"));
+    // It can be taken up, and says what is wrong with its parameters.
+    let said = outside.escapement(&[
+        "run",
+        "spring/spring.toml",
+        "--checkpoint-at",
+        "3s",
+        "--out",
+        "cut",
+        "--quiet",
+    ]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let said = outside.escapement(&["resume", "cut", "--out", "again", "--quiet", "--in-process"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    same_tape(&example, &outside.0.join("again"));
+    for (set, reason) in [
+        ("participants.left.parameters.mass=0 kg", "mass"),
+        ("participants.left.parameters.coupling=-1 N/m", "coupling"),
+        ("participants.left.parameters.stiffness=9000 kN/m", "shorten the period"),
+    ] {
+        let said = outside.escapement(&["check", "spring/spring.toml", "--set", set]);
+        assert!(said.code == Some(2) && said.err.contains(reason), "{set}: {said:?}");
+    }
+}
+
+#[test]
+fn a_program_of_ones_own_builds_and_runs() {
+    let outside = Outside::new();
+    let done = follow(&outside, "rust", "own-lander");
+    assert!(done.out.contains("run folder: runs/lander"), "{done:?}");
+    let version = outside.shell("cd own-lander; cargo run --release --quiet -- --version");
+    assert!(
+        version.out.starts_with("own-lander 0.1.0, built on escapement"),
+        "{version:?}"
+    );
+    let refused = outside.shell("cd own-lander; cargo run --release --quiet -- new more");
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    assert!(refused.err.contains("own-lander has no templates"), "{refused:?}");
+}
+
+#[test]
+fn what_cannot_be_written_is_refused_with_what_can_be_done() {
+    let outside = Outside::new();
+    let refuse = |arguments: &[&str], words: &[&str]| {
+        let said = outside.escapement(arguments);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(words.iter().all(|word| said.err.contains(word)), "{said:?}");
+    };
+    std::fs::create_dir(outside.0.join("full")).expect("a folder");
+    std::fs::write(outside.0.join("full/x"), "x").expect("a file");
+    refuse(&["new", "full"], &["full: the folder is not empty", "name a new one"]);
+    refuse(&["new", "full/x"], &["full/x: it is a file"]);
+    refuse(
+        &["new", "it", "--template", "boat"],
+        &["boat", "`capture`, `spring`, `rust`"],
+    );
+    refuse(&["new", "it", "--escapement", "."], &["--escapement", "`capture`"]);
+    refuse(
+        &["new", "it", "--template", "rust", "--escapement", "full"],
+        &["--escapement full", "crates/escapement/Cargo.toml"],
+    );
+    refuse(&["new"], &["FOLDER"]);
+    assert_eq!(files(&outside.0), ["full/x"], "a refusal leaves nothing");
+    let said = outside.escapement(&["new", "--list"]);
+    let names: Vec<&str> = said.out.lines().filter_map(|line| line.split(' ').next()).collect();
+    assert_eq!((said.code, names), (Some(0), vec!["capture", "spring", "rust"]));
+    // Where one is, and where the address of a repository is enough.
+    std::fs::create_dir(outside.0.join("here")).expect("a folder");
+    let said = outside.shell("cd here; escapement new . --template rust --escapement https://host/escapement.git");
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(!said.out.contains("    cd "), "{said:?}");
+    let manifest = std::fs::read_to_string(outside.0.join("here/Cargo.toml")).expect("a manifest");
+    assert!(manifest.contains("name = \"here\""), "{manifest}");
+    assert!(
+        manifest.contains("escapement = { git = \"https://host/escapement.git\" }"),
+        "{manifest}"
+    );
+}
