@@ -3,24 +3,24 @@
 use std::time::Duration;
 
 use crate::control::Waiting;
-use crate::transport::Broken;
-use crate::transport::iceoryx::{Sleeper, Sleeping, StatusWriter};
+use crate::transport::interface::Broken;
+use crate::transport::lock_free::asleep::{Announce, Sleep, Sleeping};
 
 /// The longest sleep without a look around, so that a waker that died between publishing and waking costs no more.
 const SLEEP_MAX: Duration = Duration::from_millis(20);
 
 /// The patience of one participant.
-pub(super) struct Patience {
+pub(crate) struct Patience {
     strategy: Waiting,
     looks: u32,
     turns: Turns,
     asleep: Option<Sleeping>,
     /// How often it slept.
-    pub(super) sleeps: u64,
+    pub(crate) sleeps: u64,
 }
 
 impl Patience {
-    pub(super) fn new(strategy: Waiting) -> Patience {
+    pub(crate) fn new(strategy: Waiting) -> Patience {
         Patience {
             strategy,
             looks: 0,
@@ -31,7 +31,7 @@ impl Patience {
     }
 
     /// What was waited for has come.
-    pub(super) fn rest(&mut self, status: &mut StatusWriter) {
+    pub(crate) fn rest(&mut self, status: &mut impl Announce) {
         let yields = self.looks.saturating_sub(self.strategy.spins);
         if (1..=self.strategy.yields).contains(&yields) {
             self.turns.came_after(yields);
@@ -43,21 +43,21 @@ impl Patience {
     }
 
     /// True when it is time to look at the stop flag and to say what is waited for: at every sleep, not at every spin.
-    pub(super) fn is_long(&self) -> bool {
+    pub(crate) fn is_long(&self) -> bool {
         self.asleep.is_some() || (self.looks > self.strategy.spins && self.looks.is_multiple_of(64))
     }
 
     /// Whether the last pause was longer than a look at the watch, or there were enough of them since the last time.
-    pub(super) fn took_time(&self) -> bool {
+    pub(crate) fn took_time(&self) -> bool {
         self.looks > self.strategy.spins || self.looks.is_multiple_of(16)
     }
 
     /// Lets some time pass before the next look for `what`.
-    pub(super) fn pause(
+    pub(crate) fn pause(
         &mut self,
         what: Sleeping,
-        status: &mut StatusWriter,
-        sleeper: &mut Sleeper,
+        status: &mut impl Announce,
+        sleeper: &mut impl Sleep,
     ) -> Result<(), Broken> {
         self.looks = self.looks.saturating_add(1);
         if self.looks <= self.strategy.spins {
@@ -79,7 +79,7 @@ impl Patience {
     }
 
     /// Sleeps at once, for waits that are known to be long.
-    pub(super) fn doze(&mut self, sleeper: &mut Sleeper) -> Result<(), Broken> {
+    pub(crate) fn doze(&mut self, sleeper: &mut impl Sleep) -> Result<(), Broken> {
         sleeper.sleep(SLEEP_MAX)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::{Broken, Header, Receiver, Sender};
+use super::interface::{Broken, Header, Receiver, Sender};
 
 struct Ring {
     headers: Vec<Header>,

@@ -5,8 +5,8 @@ use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::domain::{Domain, DomainError};
-use super::{Ipc, broken};
-use crate::transport::Broken;
+use super::ipc::{Ipc, broken};
+use crate::transport::interface::Broken;
 
 /// What goes each way: as many doubles as a measured state of the stock plant.
 pub type Payload = [f64; 27];

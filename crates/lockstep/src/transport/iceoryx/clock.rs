@@ -4,34 +4,20 @@ use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 
-use super::Ipc;
 use super::domain::{Domain, DomainError};
+use super::ipc::Ipc;
 use crate::time::Ticks;
+use crate::transport::lock_free::clock::{self, GO_ON, Horizon, Order};
 
 const SERVICE: &str = "clock";
 const HORIZON: u64 = 0;
 const ORDER: u64 = 1;
 
-const GO_ON: u64 = 0;
-const LEAVE: u64 = 1;
-const REST: u64 = 2;
-
-/// What everybody is to do besides stepping up to the horizon.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
-    /// Nothing else.
-    GoOn,
-    /// Come to rest wherever you are, and wait for requests.
-    Rest,
-    /// Leave.
-    Leave,
-}
-
 /// The orchestrator's end. Before the horizon is moved for the first time nobody does anything.
 pub struct ClockWriter {
     horizon: EntryHandleMut<Ipc, u64, i64>,
     order: EntryHandleMut<Ipc, u64, u64>,
-    now: Ticks,
+    now: Horizon,
     _writer: Writer<Ipc, u64>,
     _service: PortFactory<Ipc, u64>,
 }
@@ -53,7 +39,7 @@ impl ClockWriter {
         Ok(ClockWriter {
             horizon: writer.entry::<i64>(&HORIZON).map_err(|error| failed(&error))?,
             order: writer.entry::<u64>(&ORDER).map_err(|error| failed(&error))?,
-            now: Ticks::MIN,
+            now: Horizon::START,
             _writer: writer,
             _service: service,
         })
@@ -61,25 +47,22 @@ impl ClockWriter {
 
     /// Moves the horizon; it only goes forward.
     pub fn extend(&mut self, horizon: Ticks) {
-        if horizon > self.now {
-            self.now = horizon;
-            self.horizon.update_with_copy(horizon);
-        }
+        self.now.extend(&self.horizon, horizon);
     }
 
     /// Where the horizon is.
     pub fn horizon(&self) -> Ticks {
-        self.now
+        self.now.now()
     }
 
     /// Tells everybody to leave at the next opportunity.
     pub fn stop(&mut self) {
-        self.order.update_with_copy(LEAVE);
+        clock::give(&self.order, Order::Leave);
     }
 
     /// Tells everybody to come to rest wherever they are.
     pub fn recall(&mut self) {
-        self.order.update_with_copy(REST);
+        clock::give(&self.order, Order::Rest);
     }
 }
 
@@ -114,12 +97,8 @@ impl ClockReader {
         *self.horizon.get()
     }
 
-    /// What everybody is to do. An order that is not known is one to leave.
+    /// What everybody is to do.
     pub fn order(&self) -> Order {
-        match *self.order.get() {
-            GO_ON => Order::GoOn,
-            REST => Order::Rest,
-            _ => Order::Leave,
-        }
+        clock::order(&self.order)
     }
 }

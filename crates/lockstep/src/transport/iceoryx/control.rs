@@ -10,9 +10,9 @@ use iceoryx2::service::port_factory::PortFactory as _;
 use iceoryx2::service::port_factory::request_response::PortFactory;
 
 use super::domain::{Domain, DomainError};
-use super::{Ipc, broken};
+use super::ipc::{Ipc, broken};
 use crate::control::{Reply, Request};
-use crate::transport::Broken;
+use crate::transport::interface::Broken;
 use crate::wire;
 
 type Factory = PortFactory<Ipc, [u8], (), [u8], ()>;

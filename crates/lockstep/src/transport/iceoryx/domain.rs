@@ -7,7 +7,7 @@ use std::str::FromStr;
 use iceoryx2::prelude::*;
 use iceoryx2::service::builder::Builder;
 
-use super::Ipc;
+use super::ipc::Ipc;
 
 /// Why a run's part of shared memory cannot be set up.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -6,8 +6,8 @@
 use std::ops::RangeInclusive;
 
 use super::link::ring_bytes;
-use super::record::record_room;
 use crate::plan::Plan;
+use crate::transport::lock_free::entries::record_room;
 
 /// What shared memory is given out in.
 const PAGE: u64 = 4096;

@@ -1,48 +1,10 @@
-//! Links: a ring of slots in shared memory, one sender, one receiver, nothing lost.
-//!
-//! A slot is a whole number of cache lines: the number of the sample among all of the link (from 1 on; 0 while there is none), its
-//! index, its stamp, its payload. The number is written last. What the receiver counts are samples.
+//! Links in shared memory: a ring of slots in one sample of publish-subscribe.
 
 use super::domain::{Domain, DomainError};
 use super::ring::{RingReader, RingService, RingWriter};
-use super::words::{LINE, Word, put, take};
-use crate::transport::{Broken, Header, Receiver, Sender};
-
-/// Words in front of a payload: number, index, stamp.
-const HEAD: usize = 3;
-
-/// The shape of a ring of slots.
-#[derive(Debug, Clone, Copy)]
-struct Slots {
-    /// Bytes of a payload.
-    size: usize,
-    capacity: usize,
-}
-
-impl Slots {
-    /// Words of a slot.
-    fn stride(self) -> usize {
-        (HEAD + self.size.div_ceil(8)).next_multiple_of(LINE)
-    }
-
-    fn words(self) -> usize {
-        self.stride() * self.capacity
-    }
-
-    /// The slot of the sample that `before` others precede.
-    fn slot(self, words: &[Word], before: u64) -> &[Word] {
-        let first = (before % self.capacity as u64) as usize * self.stride();
-        &words[first..first + self.stride()]
-    }
-
-    fn fits(self, payload: usize) -> Result<(), Broken> {
-        if payload == self.size {
-            return Ok(());
-        }
-        let size = self.size;
-        Err(Broken(format!("a sample of {payload} bytes on a link of {size}")))
-    }
-}
+use crate::transport::interface::{Broken, Header, Receiver, Sender};
+use crate::transport::lock_free::slots::{SlotReceiver, SlotSender, Slots};
+use crate::transport::lock_free::words::LINE;
 
 /// The bytes of the ring of a link for `capacity` samples of `size` bytes.
 pub(super) fn ring_bytes(size: usize, capacity: usize) -> u64 {
@@ -78,8 +40,7 @@ impl LinkService {
             ring: self
                 .ring
                 .writer(domain, self.slots.words() / LINE, self.slots.stride() / LINE)?,
-            slots: self.slots,
-            sent: 0,
+            sender: SlotSender::new(self.slots),
         })
     }
 
@@ -88,7 +49,7 @@ impl LinkService {
         Ok(LinkReceiver {
             ring: self.ring.reader(domain)?,
             slots: self.slots,
-            taken: 0,
+            receiver: SlotReceiver::new(self.slots),
         })
     }
 }
@@ -96,30 +57,19 @@ impl LinkService {
 /// The sending end of a link in shared memory.
 pub struct LinkSender {
     ring: RingWriter,
-    slots: Slots,
-    sent: u64,
+    sender: SlotSender,
 }
 
 impl Sender for LinkSender {
     fn prepare(&mut self) -> Result<(), Broken> {
-        self.ring.words().map(|_| ())
+        self.ring.memory().map(|_| ())
     }
 
     fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken> {
-        self.slots.fits(payload.len())?;
-        if !self.ring.has_room(self.slots.capacity as u64, self.sent, 1)? {
-            return Ok(false);
+        match self.ring.memory()? {
+            Some((words, count)) => self.sender.try_send(words, count, header, payload),
+            None => Ok(false),
         }
-        let Some(words) = self.ring.words()? else {
-            return Ok(false);
-        };
-        let slot = self.slots.slot(words, self.sent);
-        slot[1].set(header.index);
-        slot[2].set(header.stamp as u64);
-        put(&slot[HEAD..], payload);
-        self.sent += 1;
-        slot[0].announce(self.sent);
-        Ok(true)
     }
 }
 
@@ -127,43 +77,20 @@ impl Sender for LinkSender {
 pub struct LinkReceiver {
     ring: RingReader,
     slots: Slots,
-    taken: u64,
+    receiver: SlotReceiver,
 }
 
 impl Receiver for LinkReceiver {
     fn prepare(&mut self) -> Result<(), Broken> {
-        self.ring.words().map(|_| ())
+        self.ring.memory().map(|_| ())
     }
 
     fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
         self.slots.fits(payload.len())?;
-        let Some(words) = self.ring.words()? else {
-            return Ok(None);
-        };
-        if words.len() != self.slots.words() {
-            let (came, due) = (words.len(), self.slots.words());
-            return Err(Broken(format!("a ring of {came} words where {due} are expected")));
+        match self.ring.memory()? {
+            Some((words, count)) => self.receiver.try_receive(words, count, payload),
+            None => Ok(None),
         }
-        let slot = self.slots.slot(words, self.taken);
-        let (number, due) = (slot[0].heard(), self.taken + 1);
-        if number != due {
-            // The slot is empty, or still has what was taken out of it one round ago.
-            return match number == due.saturating_sub(self.slots.capacity as u64) {
-                true => Ok(None),
-                false => Err(Broken(format!(
-                    "sample number {number} of the link where number {due} is due"
-                ))),
-            };
-        }
-        let header = Header {
-            index: slot[1].get(),
-            stamp: slot[2].get() as i64,
-        };
-        // A copy, so that what is checked is what is used, whatever the sender does to its memory afterwards.
-        take(&slot[HEAD..], payload);
-        self.taken = due;
-        self.ring.took(due);
-        Ok(Some(header))
     }
 }
 
@@ -171,6 +98,7 @@ impl Receiver for LinkReceiver {
 mod tests {
     use super::super::place::Place;
     use super::*;
+    use crate::transport::lock_free::slots::HEAD;
     use std::sync::atomic::{AtomicBool, Ordering};
 
     #[test]
@@ -185,7 +113,7 @@ mod tests {
             let header = Header { index, stamp: 0 };
             assert_eq!(sender.try_send(header, &[7; 64]), Ok(true));
         }
-        let words = sender.ring.words().expect("handed over").expect("taken");
+        let words = sender.ring.memory().expect("handed over").expect("taken").0;
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 for value in (0..).take_while(|_| !done.load(Ordering::Relaxed)) {

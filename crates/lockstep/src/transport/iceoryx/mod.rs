@@ -14,6 +14,7 @@ mod clock;
 mod control;
 mod domain;
 mod footprint;
+mod ipc;
 mod link;
 #[cfg(test)]
 #[path = "../../../tests/place/mod.rs"]
@@ -22,25 +23,16 @@ mod record;
 mod ring;
 mod status;
 mod wake;
-mod words;
 
-pub use clock::{ClockReader, ClockWriter, Order};
+pub use crate::transport::lock_free::asleep::Sleeping;
+pub use crate::transport::lock_free::clock::Order;
+pub use crate::transport::lock_free::entries::{Recorded, record_room, unpack};
+pub use clock::{ClockReader, ClockWriter};
 pub use control::{ControlClient, ControlServer};
 pub use domain::{Address, Domain, DomainError};
 pub use footprint::{Footprint, footprint};
+pub use ipc::VERSION;
 pub use link::{LinkReceiver, LinkSender, LinkService};
-pub use record::{RecordReceiver, RecordSender, Recorded, SharedRecord, record_room, unpack};
-pub use status::{Activity, Sleeping, Status, StatusReader, StatusService, StatusWriter};
+pub use record::{RecordReceiver, RecordSender, SharedRecord};
+pub use status::{Activity, Status, StatusReader, StatusService, StatusWriter};
 pub use wake::{Bell, Sleeper, WakeService, Waker};
-
-use iceoryx2::prelude::*;
-
-/// The version of iceoryx2 that this transport is built on; participants in other languages need the same.
-pub const VERSION: &str = "0.10.0";
-
-/// One kind of service for the whole run: every port belongs to one thread.
-type Ipc = ipc::Service;
-
-fn broken(what: impl std::fmt::Display, error: impl std::fmt::Debug) -> super::Broken {
-    super::Broken(format!("{what}: {error:?}"))
-}

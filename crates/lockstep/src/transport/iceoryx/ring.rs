@@ -17,14 +17,45 @@ use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::{blackboard, publish_subscribe};
 
 use super::domain::{Domain, DomainError};
-use super::words::{LINE, Line, Word};
-use super::{Ipc, broken};
-use crate::transport::Broken;
+use super::ipc::{Ipc, broken};
+use crate::transport::interface::Broken;
+use crate::transport::lock_free::board::{Get, Set};
+use crate::transport::lock_free::words::{LINE, Word};
 
 /// Lines of a page of memory.
 const PAGE: usize = 64;
 /// The key of the reader's count.
 const TAKEN: u64 = 0;
+
+/// A cache line of words: what shared memory is counted in.
+#[derive(Debug)]
+#[repr(transparent)]
+pub(super) struct Line([Word; LINE]);
+
+// SAFETY: 64-bit integers in a row: no pointers, no padding, no drop.
+unsafe impl ZeroCopySend for Line {
+    unsafe fn type_name() -> &'static str {
+        "EscapementLine"
+    }
+}
+
+// A blackboard publishes with a release and is read with an acquire (`UnrestrictedAtomic` of iceoryx2).
+impl<T: ZeroCopySend + Copy + std::fmt::Debug + 'static> Get<T> for EntryHandle<Ipc, u64, T> {
+    #[inline]
+    fn get(&self) -> T {
+        *EntryHandle::get(self)
+    }
+}
+
+impl<T: ZeroCopySend + Copy + std::fmt::Debug + 'static> Set<T> for EntryHandleMut<Ipc, u64, T> {
+    #[inline]
+    fn set(&self, value: T) {
+        self.update_with_copy(value);
+    }
+}
+
+/// The memory of a ring, and one end of the reader's count.
+type Shared<'a, Count> = (&'a [Word], &'a Count);
 
 /// The two services of one ring. Whoever holds them keeps them alive.
 pub(super) struct RingService {
@@ -98,7 +129,7 @@ impl RingService {
             .initial_max_slice_len(lines)
             .max_loaned_samples(1)
             .override_sample_preallocation(|_| 1)
-            // Memory that nobody takes is not lost: `words` sees that, and sends it again.
+            // Memory that nobody takes is not lost: `memory` sees that, and sends it again.
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
@@ -108,7 +139,6 @@ impl RingService {
             words: None,
             lines,
             cleared,
-            taken: 0,
             count: reader.entry::<u64>(&TAKEN).map_err(|error| failed(&error))?,
             _reader: reader,
             publisher,
@@ -142,23 +172,21 @@ pub(super) struct RingWriter {
     words: Option<NonNull<[Word]>>,
     lines: usize,
     cleared: usize,
-    /// How much the reader had taken when that was last looked at.
-    taken: u64,
     count: EntryHandle<Ipc, u64, u64>,
     _reader: Reader<Ipc, u64>,
     publisher: Publisher<Ipc, [Line], ()>,
 }
 
 impl RingWriter {
-    /// The memory; `None` while nobody is there to read it.
+    /// The memory, and what the reader has counted; `None` while nobody is there to read it.
     #[inline]
-    pub(super) fn words(&mut self) -> Result<Option<&[Word]>, Broken> {
+    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, EntryHandle<Ipc, u64, u64>>>, Broken> {
         if self.words.is_none() {
             self.words = self.hand_over()?;
         }
         // SAFETY: the words lie in the publisher's segment, which is mapped as long as the publisher lives and of fixed size. Nobody
         // reuses them: a sample that was taken is the last one that the publisher sends, and the reader holds it to its end.
-        Ok(self.words.map(|words| unsafe { words.as_ref() }))
+        Ok(self.words.map(|words| (unsafe { words.as_ref() }, &self.count)))
     }
 
     fn hand_over(&self) -> Result<Option<NonNull<[Word]>>, Broken> {
@@ -179,26 +207,6 @@ impl RingWriter {
         let taken_by = sample.send().map_err(|error| broken("sending", error))?;
         Ok((taken_by > 0).then_some(words))
     }
-
-    /// Whether a ring of `size`, into which `written` were ever written, has room for `more`.
-    pub(super) fn has_room(&mut self, size: u64, written: u64, more: u64) -> Result<bool, Broken> {
-        let fits = |taken| written + more - taken <= size;
-        if !fits(self.taken) {
-            self.taken = self.taken(self.taken, written)?;
-        }
-        Ok(fits(self.taken))
-    }
-
-    /// What the reader has counted, which was `before` when it was last asked for; `written` is there to be counted.
-    fn taken(&self, before: u64, written: u64) -> Result<u64, Broken> {
-        let taken = *self.count.get();
-        if (before..=written).contains(&taken) {
-            return Ok(taken);
-        }
-        Err(Broken(format!(
-            "its reader says that it took {taken} of {written}, after {before}"
-        )))
-    }
 }
 
 /// The reading end.
@@ -217,9 +225,9 @@ struct Held {
 }
 
 impl RingReader {
-    /// The memory, when it has come.
+    /// The memory when it has come, and where to count what has been taken.
     #[inline]
-    pub(super) fn words(&mut self) -> Result<Option<&[Word]>, Broken> {
+    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, EntryHandleMut<Ipc, u64, u64>>>, Broken> {
         if self.held.is_none() {
             let sample = self.subscriber.receive().map_err(|error| broken("receiving", error))?;
             self.held = sample.map(|sample| {
@@ -231,7 +239,7 @@ impl RingReader {
             });
         }
         // SAFETY: the sample keeps its memory mapped, and this borrow keeps the sample. All access is through atomics.
-        Ok(self.held.as_ref().map(|held| unsafe { held.words.as_ref() }))
+        Ok((self.held.as_ref()).map(|held| (unsafe { held.words.as_ref() }, &self.taken)))
     }
 
     /// Whether more memory has been sent, which nobody will read.
@@ -240,17 +248,13 @@ impl RingReader {
             .has_samples()
             .map_err(|error| broken("receiving", error))
     }
-
-    /// Says how much has been taken.
-    pub(super) fn took(&self, count: u64) {
-        self.taken.update_with_copy(count);
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::place::Place;
     use super::*;
+    use crate::transport::lock_free::room::taken;
 
     #[test]
     fn a_count_of_what_cannot_have_been_taken_is_refused() {
@@ -258,11 +262,11 @@ mod tests {
         let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
         let reader = service.reader(&place.domain).expect("the only reader");
         let writer = service.writer(&place.domain, 4, 2).expect("the only writer");
-        assert_eq!(writer.taken(0, 0), Ok(0));
-        reader.took(3);
-        assert_eq!(writer.taken(0, 5), Ok(3));
-        assert!(writer.taken(0, 2).is_err(), "more than there is");
-        assert!(writer.taken(4, 5).is_err(), "less than before");
+        assert_eq!(taken(&writer.count, 0, 0), Ok(0));
+        reader.taken.set(3);
+        assert_eq!(taken(&writer.count, 0, 5), Ok(3));
+        assert!(taken(&writer.count, 0, 2).is_err(), "more than there is");
+        assert!(taken(&writer.count, 4, 5).is_err(), "less than before");
     }
 
     #[test]
@@ -271,22 +275,22 @@ mod tests {
         let service = RingService::create(&place.domain, "ring", 1).expect("a new domain has room");
         let mut writer = service.writer(&place.domain, 4, 2).expect("the only writer");
         assert_eq!(
-            writer.words().map(|words| words.is_some()),
+            writer.memory().map(|memory| memory.is_some()),
             Ok(false),
             "nobody is there"
         );
         let mut reader = service.reader(&place.domain).expect("the only reader");
         assert_eq!(
-            reader.words().map(|words| words.is_some()),
+            reader.memory().map(|memory| memory.is_some()),
             Ok(false),
             "nothing has been sent"
         );
-        let words = writer.words().expect("sent").expect("taken");
+        let (words, _) = writer.memory().expect("sent").expect("taken");
         assert_eq!((words.len(), words[0].get(), words[16].get()), (32, 0, 0));
         assert_eq!(words.as_ptr() as usize % 64, 0);
         words[9].set(7);
         words[0].announce(1);
-        let words = reader.words().expect("received").expect("there");
+        let (words, _) = reader.memory().expect("received").expect("there");
         assert_eq!((words.len(), words[0].heard(), words[9].get()), (32, 1, 7));
         assert_eq!(reader.is_offered_more(), Ok(false));
     }

@@ -1,36 +1,16 @@
 //! What a participant is doing, for those who may have to wake it or to explain why nothing moves.
 
-use std::sync::atomic::{Ordering, fence};
-
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
 use iceoryx2::prelude::*;
 use iceoryx2::service::port_factory::blackboard::PortFactory;
 
-use super::Ipc;
 use super::domain::{Domain, DomainError};
+use super::ipc::Ipc;
+use crate::transport::lock_free::asleep::{self, Announce, Sleeping};
 
 const ASLEEP: u64 = 0;
 const STATUS: u64 = 1;
-
-/// For what a participant sleeps, as it stands in its *asleep* word: others wake it for nothing else.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sleeping(u64);
-
-impl Sleeping {
-    /// For whatever may come.
-    pub const FOR_ANYTHING: Sleeping = Sleeping(1);
-
-    /// For a sample on link number `link`.
-    pub fn for_sample(link: u32) -> Sleeping {
-        Sleeping(2 * u64::from(link) + 2)
-    }
-
-    /// For room on link number `link`.
-    pub fn for_room(link: u32) -> Sleeping {
-        Sleeping(2 * u64::from(link) + 3)
-    }
-}
 
 /// What a participant does at the moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -159,12 +139,11 @@ impl StatusWriter {
             second,
         });
     }
+}
 
-    /// Says that the participant is about to sleep and for what, or that it is awake again. Before it sleeps it must look
-    /// once more: whoever publishes after that look sees the word.
-    pub fn set_asleep(&mut self, what: Option<Sleeping>) {
-        self.asleep.update_with_copy(what.map_or(0, |what| what.0));
-        fence(Ordering::SeqCst);
+impl Announce for StatusWriter {
+    fn set_asleep(&mut self, what: Option<Sleeping>) {
+        asleep::set_asleep(&self.asleep, what);
     }
 }
 
@@ -197,7 +176,12 @@ impl StatusReader {
 
     /// For what the participant sleeps, or is about to.
     pub fn asleep(&self) -> Option<Sleeping> {
-        Some(*self.asleep.get()).filter(|&word| word != 0).map(Sleeping)
+        asleep::asleep(&self.asleep)
+    }
+
+    /// Whether the participant must be woken for something that `came` and has been published.
+    pub(super) fn must_be_woken(&self, came: impl Fn(Sleeping) -> bool) -> bool {
+        asleep::must_be_woken(&self.asleep, came)
     }
 
     /// What it does. The row is written by another process, so an unknown word is taken for `Starting`.

@@ -1,6 +1,5 @@
 //! Waking a participant that sleeps.
 
-use std::sync::atomic::{Ordering, fence};
 use std::time::Duration;
 
 use iceoryx2::port::listener::{Listener, ListenerWaitError};
@@ -8,9 +7,10 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::service::port_factory::event::PortFactory;
 
 use super::domain::{Domain, DomainError};
-use super::status::{Sleeping, StatusReader};
-use super::{Ipc, broken};
-use crate::transport::Broken;
+use super::ipc::{Ipc, broken};
+use super::status::StatusReader;
+use crate::transport::interface::Broken;
+use crate::transport::lock_free::asleep::{Sleep, Sleeping};
 
 fn name(participant: &str) -> String {
     format!("wake/{participant}")
@@ -90,6 +90,12 @@ impl Sleeper {
     }
 }
 
+impl Sleep for Sleeper {
+    fn sleep(&mut self, limit: Duration) -> Result<(), Broken> {
+        Sleeper::sleep(self, limit)
+    }
+}
+
 /// The end of somebody for whom the participant may be waiting.
 pub struct Waker {
     status: StatusReader,
@@ -118,9 +124,7 @@ impl Waker {
     /// Wakes the participant if it sleeps for something that `came`. To be called after that has been published; costs a look
     /// at its row while it is awake.
     pub fn wake(&self, came: impl Fn(Sleeping) -> bool) {
-        fence(Ordering::SeqCst);
-        let asleep = self.status.asleep();
-        if asleep.is_some_and(|what| what == Sleeping::FOR_ANYTHING || came(what)) {
+        if self.status.must_be_woken(came) {
             let _ = self.notifier.notify();
         }
     }

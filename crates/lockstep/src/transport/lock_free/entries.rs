@@ -1,0 +1,287 @@
+//! A ring of entries: what a participant has for the tape, in words that the recorder holds.
+//!
+//! Appending a sample is a copy into shared memory, and one store commits those of an activation. From then on the recorder finds them,
+//! whatever becomes of the participant. The first word of the memory says how many words of entries were ever committed; the ring
+//! begins on the next cache line. What the recorder counts are words too.
+//!
+//! An entry is a header of four 64-bit words (stream or [`NOTE`], bytes, index, stamp), then the payload, filled up to a
+//! multiple of 8. Where the ring ends, it goes on at the ring's beginning.
+
+use std::ops::RangeInclusive;
+
+use super::board::{Get, Set};
+use super::room::Room;
+use super::words::{LINE, Word, put};
+use crate::control::Note;
+use crate::transport::interface::{Broken, Header};
+use crate::wire;
+
+/// Stands where the stream's number does, for a note.
+pub(super) const NOTE: u64 = u64::MAX;
+/// Words of an entry's header.
+const HEAD: usize = 4;
+/// The room of a ring where there is enough memory, words: enough for participants that exchange samples every microsecond while the
+/// recorder naps, and little enough to stay in a core's own cache.
+const ROOM: usize = 1 << 17;
+/// The least room of a ring, words: a longest note and those that may come with it.
+const ROOM_MIN: usize = 1 << 11;
+/// Activations for which there is room in any ring.
+const ACTIVATIONS: usize = 4;
+/// Words that are taken at a time, if there is a whole entry in them.
+const BATCH: usize = 1 << 12;
+/// The longest reason that a failing participant may give, bytes: a note fits into a ring.
+const REASON: usize = 6 * 1024;
+
+/// The words of an entry with a payload of `size` bytes.
+fn words_of(size: usize) -> usize {
+    HEAD + size.div_ceil(8)
+}
+
+/// The words of the entries of one activation with payloads of these sizes.
+fn activation_words(sizes: &[usize]) -> usize {
+    sizes.iter().map(|&size| words_of(size)).sum()
+}
+
+/// How large a record's ring may be, bytes, for a participant that appends payloads of `sizes` bytes in each of its `activations`: from
+/// what its work takes to what serves it best. More than it ever records is of no use.
+pub fn record_room(sizes: &[usize], activations: u64) -> RangeInclusive<u64> {
+    let activation = activation_words(sizes);
+    let least = ROOM_MIN.max(ACTIVATIONS * activation).next_multiple_of(LINE);
+    // A continuous participant has one sample more than activations.
+    let all = (activations.saturating_add(1)).saturating_mul(activation as u64);
+    let all = usize::try_from(all.saturating_add(ROOM_MIN as u64)).unwrap_or(usize::MAX);
+    let best = all.min(ROOM).next_multiple_of(LINE).max(least);
+    8 * least as u64..=8 * best as u64
+}
+
+/// The words of the ring of a participant whose activations append payloads of `sizes` bytes, where it may have `room` bytes: that, or
+/// what four activations take if that is more.
+pub(crate) fn ring_words(sizes: &[usize], room: u32) -> usize {
+    (room as usize / 8)
+        .max(ROOM_MIN)
+        .max(ACTIVATIONS * activation_words(sizes))
+        .next_multiple_of(LINE)
+}
+
+/// What the participant knows of its ring.
+pub(crate) struct EntrySender {
+    /// Words of the ring.
+    size: usize,
+    /// Where in the ring the next entry begins.
+    at: usize,
+    /// Words that were ever written.
+    written: u64,
+    room: Room,
+    /// The stream that an activation begins with, and the words of the entries of one activation.
+    first: u32,
+    activation: usize,
+}
+
+impl EntrySender {
+    /// For a ring of `size` words, and activations that append payloads of `sizes` bytes, that of stream `first` at first.
+    pub(crate) fn new(size: usize, first: u32, sizes: &[usize]) -> EntrySender {
+        EntrySender {
+            size,
+            at: 0,
+            written: 0,
+            room: Room::default(),
+            first,
+            activation: activation_words(sizes),
+        }
+    }
+
+    /// Whether there is room for `words` more.
+    fn has_room(&mut self, words: usize, count: &impl Get<u64>) -> Result<bool, Broken> {
+        self.room.fits(self.size as u64, self.written, words as u64, count)
+    }
+
+    /// Writes an entry for which there is room.
+    fn append(&mut self, words: &[Word], head: [u64; HEAD], payload: &[u8]) {
+        let ring = &words[LINE..];
+        for bytes in [bytemuck::cast_slice(&head), payload] {
+            let (before, after) = bytes.split_at(bytes.len().min(8 * (self.size - self.at)));
+            put(&ring[self.at..], before);
+            put(ring, after);
+            self.at += bytes.len().div_ceil(8);
+            if self.at >= self.size {
+                self.at -= self.size;
+            }
+        }
+        self.written += words_of(payload.len()) as u64;
+    }
+
+    /// Puts a sample into `words`, of which the recorder has taken as many as `count` says; `false` when there is no room.
+    #[inline]
+    pub(crate) fn sample(
+        &mut self,
+        words: &[Word],
+        count: &impl Get<u64>,
+        stream: u32,
+        header: Header,
+        payload: &[u8],
+    ) -> Result<bool, Broken> {
+        // The samples of one activation are committed together, so that whoever dies leaves whole activations.
+        let need = if stream == self.first {
+            self.activation
+        } else {
+            words_of(payload.len())
+        };
+        if !self.has_room(need, count)? {
+            return Ok(false);
+        }
+        let head = [
+            u64::from(stream),
+            payload.len() as u64,
+            header.index,
+            header.stamp as u64,
+        ];
+        self.append(words, head, payload);
+        Ok(true)
+    }
+
+    /// Everything so far is there for the recorder.
+    #[inline]
+    pub(crate) fn commit(&self, words: &[Word]) {
+        words[0].announce(self.written);
+    }
+
+    /// Puts a note behind the samples so far. `false` when there is no room now.
+    pub(crate) fn note(&mut self, words: &[Word], count: &impl Get<u64>, note: &Note) -> Result<bool, Broken> {
+        let mut note = note.clone();
+        if let Note::Failed { reason, .. } = &mut note {
+            let end = (0..=REASON.min(reason.len()))
+                .rev()
+                .find(|&end| reason.is_char_boundary(end));
+            reason.truncate(end.unwrap_or(0));
+        }
+        let bytes = wire::encode("a note", &note).map_err(|error| Broken(error.to_string()))?;
+        if !self.has_room(words_of(bytes.len()), count)? {
+            return Ok(false);
+        }
+        self.append(words, [NOTE, bytes.len() as u64, 0, 0], &bytes);
+        self.commit(words);
+        Ok(true)
+    }
+}
+
+/// What came out of a record.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Recorded<'a> {
+    /// A sample of stream number `stream`.
+    Sample {
+        /// The stream.
+        stream: u32,
+        /// Index and stamp.
+        header: Header,
+        /// The payload.
+        payload: &'a [u8],
+    },
+    /// A note.
+    Note(Note),
+}
+
+/// What the recorder knows of a ring.
+pub(crate) struct EntryReceiver {
+    /// Words that were ever taken.
+    taken: u64,
+    /// What is looked at: a copy, so that what is checked is what is used, whatever the sender does to its memory.
+    copy: Vec<u64>,
+}
+
+impl EntryReceiver {
+    pub(crate) fn new() -> EntryReceiver {
+        EntryReceiver {
+            taken: 0,
+            copy: Vec::with_capacity(BATCH),
+        }
+    }
+
+    /// Hands the entries that have come in `words` to `take`, a batch of them at most, and counts them; `false` when there is none.
+    pub(crate) fn receive<E: From<Broken>>(
+        &mut self,
+        words: &[Word],
+        count: &impl Set<u64>,
+        mut take: impl FnMut(Recorded<'_>) -> Result<(), E>,
+    ) -> Result<bool, E> {
+        let (size, new) = committed(words, self.taken)?;
+        if new == 0 {
+            return Ok(false);
+        }
+        let ring = &words[LINE..];
+        let at = (self.taken % size as u64) as usize;
+        let mut used = 0;
+        for batch in [BATCH.min(new), new] {
+            self.copy.clear();
+            let before = batch.min(size - at);
+            self.copy.extend(ring[at..at + before].iter().map(|word| word.get()));
+            self.copy.extend(ring[..batch - before].iter().map(|word| word.get()));
+            used = unpack(&self.copy, &mut take)?;
+            if used == new || (0 < used && batch < new) {
+                break;
+            }
+            if batch == new {
+                return Err(Broken("recorded an entry that goes on behind what it committed".to_owned()).into());
+            }
+        }
+        self.taken += used as u64;
+        count.set(self.taken);
+        Ok(true)
+    }
+}
+
+/// The size of the ring in a record's memory and the words in it that are committed and not taken.
+pub(super) fn committed(words: &[Word], taken: u64) -> Result<(usize, usize), Broken> {
+    let odd = |what: String| Err(Broken(format!("keeps a record {what}")));
+    if words.len() <= LINE {
+        return odd(format!("of {} words", words.len()));
+    }
+    let (size, fill) = (words.len() - LINE, words[0].heard());
+    match fill.checked_sub(taken) {
+        None => odd(format!("that shrank from {taken} words to {fill}")),
+        Some(new) if new > size as u64 => odd(format!("of {size} words with {new} committed at once")),
+        Some(new) => Ok((size, new as usize)),
+    }
+}
+
+/// Hands the whole entries at the beginning of `words` to `take`, and says how many words they are.
+///
+/// # Errors
+/// What is wrong with them, or what `take` says.
+pub fn unpack<E: From<Broken>>(words: &[u64], mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<usize, E> {
+    let mut rest = words;
+    while let Some((entry, after)) = split_entry(rest)? {
+        take(entry)?;
+        rest = after;
+    }
+    Ok(words.len() - rest.len())
+}
+
+/// The first entry and what follows it; `None` when it is not all there.
+fn split_entry(words: &[u64]) -> Result<Option<(Recorded<'_>, &[u64])>, Broken> {
+    let Some((&[stream, size, index, stamp], rest)) = words.split_first_chunk::<HEAD>() else {
+        return Ok(None);
+    };
+    let bytes: &[u8] = bytemuck::cast_slice(rest);
+    let Some(payload) = usize::try_from(size).ok().and_then(|size| bytes.get(..size)) else {
+        return Ok(None);
+    };
+    let rest = &rest[payload.len().div_ceil(8)..];
+    let entry = if stream == NOTE {
+        Recorded::Note(
+            wire::decode("a note", payload)
+                .map_err(|error| Broken(format!("recorded a note that is none: {error}")))?,
+        )
+    } else {
+        let stream = u32::try_from(stream).map_err(|_| Broken(format!("recorded a sample of stream {stream}")))?;
+        let header = Header {
+            index,
+            stamp: stamp as i64,
+        };
+        Recorded::Sample {
+            stream,
+            header,
+            payload,
+        }
+    };
+    Ok(Some((entry, rest)))
+}

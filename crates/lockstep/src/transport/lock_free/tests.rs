@@ -1,0 +1,64 @@
+//! What foreign words may do to a ring of entries: nothing. Beside the file, because the tests of memory ordering include the file.
+
+use super::entries::{NOTE, committed, unpack};
+use super::words::{LINE, Word};
+use crate::transport::interface::Broken;
+
+/// How many entries there are and how many words they have, or what is wrong.
+fn read(words: &[u64]) -> Result<(usize, usize), Broken> {
+    let mut count = 0;
+    let used = unpack(words, |_| {
+        count += 1;
+        Ok::<(), Broken>(())
+    })?;
+    Ok((count, used))
+}
+
+fn shared(words: &[u64]) -> Vec<Word> {
+    words.iter().map(|&word| Word::new(word)).collect()
+}
+
+#[test]
+fn whatever_a_record_holds_it_ends_with_a_reason() {
+    let sample = [3, 9, 5, 50, 1, 2];
+    assert_eq!(read(&[sample, sample].concat()), Ok((2, 12)));
+    for torn in [
+        &[3, 17, 5, 50, 1, 2][..],
+        &[3, u64::MAX, 5, 50, 1, 2],
+        &[3, 1 << 63, 5, 50],
+        &[3, 9, 5],
+    ] {
+        assert_eq!(read(torn), Ok((0, 0)), "{torn:?}");
+        assert_eq!(read(&[&sample[..], torn].concat()), Ok((1, 6)), "{torn:?}");
+    }
+    for bad in [
+        &[1 << 40, 0, 5, 50][..],       // a stream that nobody can have
+        &[NOTE, 8, 0, 0, 77],           // no such note
+        &[NOTE, 16, 0, 0, 0, u64::MAX], // a count without end
+    ] {
+        assert!(read(bad).is_err(), "{bad:?}");
+    }
+    for (words, taken) in [
+        (&[][..], 0),
+        (&[8; LINE], 0),
+        (&[5; 20], 6),
+        (&[13; 20], 0),
+        (&[u64::MAX; 20], 3),
+    ] {
+        assert!(committed(&shared(words), taken).is_err(), "{words:?} {taken}");
+    }
+    assert_eq!(committed(&shared(&[13; 20]), 4), Ok((12, 9)));
+}
+
+#[test]
+fn random_words_never_panic() {
+    let draws = crate::random::Stream::new(1, "records");
+    for round in 0..20_000 {
+        let word = |at: u64| draws.bits(64 * round + at);
+        let words: Vec<u64> = (0..word(0) % 40)
+            .map(|at| word(1 + at) >> (word(1 + at) % 64))
+            .collect();
+        let _ = read(&words);
+        let _ = committed(&shared(&words), 1);
+    }
+}

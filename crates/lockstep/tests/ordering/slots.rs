@@ -1,0 +1,125 @@
+//! A link's ring: samples arrive whole, in order, once each.
+
+use loom::thread;
+
+use crate::model::{Board, check, memory};
+use crate::transport::interface::Header;
+use crate::transport::lock_free::slots::{SlotReceiver, SlotSender, Slots};
+use crate::transport::lock_free::sync::{Ordering, lack};
+
+/// Which ordering a thread does without.
+#[derive(Default, Clone, Copy)]
+struct Lacks {
+    sender: Option<Ordering>,
+    receiver: Option<Ordering>,
+}
+
+fn payload_of(index: u64) -> [u8; 8] {
+    (1000 + index).to_ne_bytes()
+}
+
+/// Hands `samples` samples through a ring for `capacity` of them.
+fn hand_over(samples: u64, capacity: usize, lacks: Lacks) {
+    check(3, move || {
+        let slots = Slots { size: 8, capacity };
+        let (words, count) = (memory(slots.words()), Board::new(0));
+        let (sender_words, sender_count) = (words.clone(), count.clone());
+        let sending = thread::spawn(move || {
+            lack(lacks.sender);
+            let mut sender = SlotSender::new(slots);
+            for index in 0..samples {
+                let header = Header {
+                    index,
+                    stamp: 10 * index as i64,
+                };
+                while !sender
+                    .try_send(&sender_words, &*sender_count, header, &payload_of(index))
+                    .expect("the receiver counts rightly")
+                {
+                    thread::yield_now();
+                }
+            }
+        });
+        lack(lacks.receiver);
+        let mut receiver = SlotReceiver::new(slots);
+        for index in 0..samples {
+            let mut payload = [0; 8];
+            let header = loop {
+                let received = receiver.try_receive(&words, &*count, &mut payload);
+                if let Some(header) = received.expect("the sender numbers rightly") {
+                    break header;
+                }
+                thread::yield_now();
+            };
+            assert_eq!((header.index, header.stamp), (index, 10 * index as i64));
+            assert_eq!(payload, payload_of(index));
+        }
+        sending.join().expect("it sent everything");
+    });
+}
+
+#[test]
+fn samples_arrive_whole_and_in_order_round_the_ring() {
+    hand_over(5, 2, Lacks::default());
+}
+
+#[test]
+fn full_ring_is_not_overwritten() {
+    hand_over(3, 1, Lacks::default());
+}
+
+#[test]
+#[should_panic(expected = "Causality violation")]
+fn announcement_needs_its_release() {
+    let sender = Some(Ordering::Release);
+    hand_over(
+        1,
+        1,
+        Lacks {
+            sender,
+            ..Lacks::default()
+        },
+    );
+}
+
+#[test]
+#[should_panic(expected = "Causality violation")]
+fn hearing_needs_its_acquire() {
+    let receiver = Some(Ordering::Acquire);
+    hand_over(
+        1,
+        1,
+        Lacks {
+            receiver,
+            ..Lacks::default()
+        },
+    );
+}
+
+#[test]
+#[should_panic(expected = "Causality violation")]
+fn counting_needs_its_release() {
+    let receiver = Some(Ordering::Release);
+    hand_over(
+        2,
+        1,
+        Lacks {
+            receiver,
+            ..Lacks::default()
+        },
+    );
+}
+
+#[test]
+#[should_panic(expected = "Causality violation")]
+fn looking_for_room_needs_its_acquire() {
+    let sender = Some(Ordering::Acquire);
+    hand_over(
+        2,
+        1,
+        Lacks {
+            sender,
+            ..Lacks::default()
+        },
+    );
+}

@@ -1,0 +1,80 @@
+//! The atomics of the model checker, in the place of `src/transport/lock_free/sync.rs`.
+//!
+//! They also know two things that a processor does not: an access that is not atomic must not meet another one, and a thread can
+//! [`lack`] an ordering, to show that it is needed.
+
+use std::cell::Cell;
+pub(crate) use std::sync::atomic::Ordering;
+
+use loom::cell::UnsafeCell;
+use loom::sync::atomic;
+
+loom::thread_local! {
+    static LACKING: Cell<Option<Ordering>> = Cell::new(None);
+}
+
+/// From here on, this thread's accesses and fences are made without `ordering`.
+pub(crate) fn lack(ordering: Option<Ordering>) {
+    LACKING.with(|lacking| lacking.set(ordering));
+}
+
+fn is_lacking(ordering: Ordering) -> bool {
+    LACKING.with(|lacking| lacking.get() == Some(ordering))
+}
+
+fn kept(ordering: Ordering) -> Ordering {
+    if is_lacking(ordering) {
+        Ordering::Relaxed
+    } else {
+        ordering
+    }
+}
+
+#[derive(Debug)]
+pub(crate) struct AtomicU64 {
+    value: atomic::AtomicU64,
+    /// Follows accesses that are not atomic.
+    plain: UnsafeCell<()>,
+}
+
+// SAFETY: the cell holds nothing; it is there for the model checker to follow.
+unsafe impl Sync for AtomicU64 {}
+
+impl AtomicU64 {
+    pub(crate) fn new(value: u64) -> AtomicU64 {
+        AtomicU64 {
+            value: atomic::AtomicU64::new(value),
+            plain: UnsafeCell::new(()),
+        }
+    }
+
+    pub(crate) fn load(&self, ordering: Ordering) -> u64 {
+        self.plain.with(|_| ());
+        self.value.load(kept(ordering))
+    }
+
+    pub(crate) fn store(&self, value: u64, ordering: Ordering) {
+        self.value.store(value, kept(ordering));
+    }
+}
+
+pub(crate) fn fence(ordering: Ordering) {
+    match (ordering, is_lacking(ordering)) {
+        (_, false) => atomic::fence(ordering),
+        (Ordering::SeqCst, true) => atomic::fence(Ordering::AcqRel),
+        (_, true) => {}
+    }
+}
+
+/// Writes `bytes` over `words`, the last word filled up with zeros, not atomically.
+///
+/// # Safety
+/// None is needed: the model checker looks for itself.
+pub(crate) unsafe fn write_bytes(words: &[AtomicU64], bytes: &[u8]) {
+    for (word, bytes) in words.iter().zip(bytes.chunks(8)) {
+        let mut whole = [0; 8];
+        whole[..bytes.len()].copy_from_slice(bytes);
+        word.plain.with_mut(|_| ());
+        word.value.store(u64::from_ne_bytes(whole), Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,146 @@
+//! Sleep and wake-up: nobody sleeps on while what it waits for is there.
+
+use loom::sync::Arc;
+use loom::thread;
+
+use crate::control::Waiting;
+use crate::model::{AsleepWord, Board, Event, check, memory};
+use crate::transport::interface::Header;
+use crate::transport::lock_free::asleep::{Sleeping, must_be_woken};
+use crate::transport::lock_free::slots::{SlotReceiver, SlotSender, Slots};
+use crate::transport::lock_free::sync::{Ordering, lack};
+use crate::transport::lock_free::words::Word;
+use crate::waiting::Patience;
+
+const SLOTS: Slots = Slots { size: 8, capacity: 1 };
+
+/// One end of a link, with what it has to sleep and to wake the other.
+struct End {
+    words: Arc<Vec<Word>>,
+    count: Arc<Board>,
+    patience: Patience,
+    own: AsleepWord,
+    bed: Event,
+    other: Arc<Board>,
+    bell: Event,
+}
+
+impl End {
+    /// Tries until it works, and sleeps in between at once: no spinning, no yielding.
+    fn until<T>(&mut self, what: Sleeping, mut attempt: impl FnMut(&[Word], &Board) -> Option<T>) -> T {
+        loop {
+            if let Some(done) = attempt(&self.words, &self.count) {
+                self.patience.rest(&mut self.own);
+                return done;
+            }
+            let slept = self.patience.pause(what, &mut self.own, &mut self.bed);
+            slept.expect("an event");
+        }
+    }
+
+    fn wake(&self, came: Sleeping) {
+        if must_be_woken(&*self.other, |what| what == came) {
+            self.bell.ring();
+        }
+    }
+}
+
+/// The sending and the receiving end of one link.
+fn ends() -> [End; 2] {
+    let (words, count) = (memory(SLOTS.words()), Board::new(0));
+    let asleep = [Board::new(0), Board::new(0)];
+    let events = [Event::new(), Event::new()];
+    [0, 1].map(|own| End {
+        words: words.clone(),
+        count: count.clone(),
+        patience: Patience::new(Waiting { spins: 0, yields: 0 }),
+        own: AsleepWord(asleep[own].clone()),
+        bed: events[own].clone(),
+        other: asleep[1 - own].clone(),
+        bell: events[1 - own].clone(),
+    })
+}
+
+fn send(end: &mut End, sender: &mut SlotSender, index: u64) {
+    let header = Header { index, stamp: 0 };
+    end.until(Sleeping::for_room(0), |words, count| {
+        let sent = sender.try_send(words, count, header, &[7; 8]);
+        sent.expect("the receiver counts rightly").then_some(())
+    });
+}
+
+fn receive(end: &mut End, receiver: &mut SlotReceiver) -> u64 {
+    let header = end.until(Sleeping::for_sample(0), |words, count| {
+        let received = receiver.try_receive(words, count, &mut [0; 8]);
+        received.expect("the sender numbers rightly")
+    });
+    header.index
+}
+
+/// Sends `samples` through a ring for one; each end sleeps when it has to wait.
+fn send_sleeping(samples: u64, lacks: [Option<Ordering>; 2]) {
+    check(3, move || {
+        let [mut sending, mut receiving] = ends();
+        let thread = thread::spawn(move || {
+            lack(lacks[0]);
+            let mut sender = SlotSender::new(SLOTS);
+            for index in 0..samples {
+                send(&mut sending, &mut sender, index);
+                sending.wake(Sleeping::for_sample(0));
+            }
+        });
+        lack(lacks[1]);
+        let mut receiver = SlotReceiver::new(SLOTS);
+        for index in 0..samples {
+            assert_eq!(receive(&mut receiving, &mut receiver), index);
+            receiving.wake(Sleeping::for_room(0));
+        }
+        thread.join().expect("it sent everything");
+    });
+}
+
+#[test]
+fn no_wake_up_is_lost_in_either_direction() {
+    send_sleeping(3, [None, None]);
+}
+
+#[test]
+#[should_panic(expected = "deadlock")]
+fn waker_needs_its_fence() {
+    send_sleeping(1, [Some(Ordering::SeqCst), None]);
+}
+
+#[test]
+#[should_panic(expected = "deadlock")]
+fn sleeper_needs_its_fence() {
+    send_sleeping(1, [None, Some(Ordering::SeqCst)]);
+}
+
+/// The sender dies between its store and the wake-up. `noticed`: somebody rings for it.
+fn die_before_waking(noticed: bool) {
+    check(3, move || {
+        let [mut sending, mut receiving] = ends();
+        let bell = sending.bell.clone();
+        let dying = thread::spawn(move || send(&mut sending, &mut SlotSender::new(SLOTS), 5));
+        let orchestrator = thread::spawn(move || {
+            dying.join().expect("it dies in silence");
+            if noticed {
+                bell.ring();
+            }
+        });
+        assert_eq!(receive(&mut receiving, &mut SlotReceiver::new(SLOTS)), 5);
+        orchestrator.join().expect("it looked on");
+    });
+}
+
+#[test]
+fn death_between_store_and_wake_up_loses_nothing_once_noticed() {
+    die_before_waking(true);
+}
+
+/// What the longest sleep of [`Patience`] is for: nothing else would end it before the death is noticed.
+#[test]
+#[should_panic(expected = "deadlock")]
+fn death_between_store_and_wake_up_is_slept_through_until_noticed() {
+    die_before_waking(false);
+}
