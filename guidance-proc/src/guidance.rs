@@ -8,6 +8,7 @@ use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Parameter
 
 use crate::kinematics::Kinematics;
 use crate::law::{Answer, Law};
+use crate::navigation::Navigation;
 use crate::parameters::{Parameters, refused};
 use crate::saved;
 
@@ -28,19 +29,6 @@ pub struct Guidance {
     pub(crate) navigation: Option<Navigation>,
     /// For moving a late target state on to the present.
     prediction: Option<TargetModel>,
-}
-
-/// The filter with what it needs to be restored.
-#[derive(Debug)]
-pub struct Navigation {
-    /// The filter.
-    pub filter: NavigationFilter,
-    /// What it was made from.
-    pub parameters: guidance_laws::navigation::Parameters,
-    /// Pictures refused so far.
-    pub refused: u64,
-    /// Normalised innovation squared of the last picture.
-    pub innovation: f64,
 }
 
 /// The target as it is believed to be.
@@ -161,11 +149,11 @@ impl Participant for Guidance {
     }
 
     fn save(&self) -> Option<Vec<u8>> {
-        saved::save(self)
+        saved::save(&self.law, self.navigation.as_ref())
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
-        saved::restore(self, state)
+        saved::restore(&mut self.law, self.navigation.as_mut(), state)
     }
 }
 

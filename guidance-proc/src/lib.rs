@@ -15,6 +15,7 @@
 mod guidance;
 mod kinematics;
 mod law;
+mod navigation;
 mod parameters;
 mod saved;
 

@@ -7,6 +7,7 @@ use serde::Deserialize;
 
 use crate::actuators::ActuatorParameters;
 use crate::actuators::FaultParameters;
+pub use crate::dynamics::SloshModel;
 use crate::sensors::SensorParameters;
 
 /// `participants.NAME.parameters` of a plant.
@@ -40,17 +41,6 @@ pub struct Parameters {
     /// Actuators that fail.
     #[serde(default)]
     pub faults: Vec<FaultParameters>,
-}
-
-/// The propellant's pendulum.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SloshModel {
-    /// Two perpendicular hinges, singular where the bob lies along the first.
-    #[default]
-    Hinges,
-    /// A direction and its rate, singular nowhere.
-    Spherical,
 }
 
 /// The servicer at the first instant.

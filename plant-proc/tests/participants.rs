@@ -2,37 +2,11 @@
 
 mod common;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
 use common::{load, make};
 use interfaces::{CameraPose, Command, Housekeeping, Measured, SetPoint, TargetState};
 use lockstep::participant::{Inputs, Outputs, Participant, Setup, Step};
+use testing::allocation::{Counting, taken_by};
 use toml::Table;
-
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -140,9 +114,8 @@ fn no_step_allocates() {
     for name in ["close", "realistic", "reference-close", "capture-and-stabilise"] {
         let mut world = World::new(name);
         world.advance();
-        let before = ALLOCATIONS.with(Cell::get);
-        (0..40).for_each(|_| world.advance());
-        assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0, "{name}");
+        let taken = taken_by(|| (0..40).for_each(|_| world.advance()));
+        assert_eq!(taken.times, 0, "{name}");
     }
 }
 

@@ -8,7 +8,7 @@ use crate::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-pub const ARROWS: [(&str, &[&str]); 17] = [
+pub const ARROWS: [(&str, &[&str]); 18] = [
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &[]),
@@ -17,6 +17,7 @@ pub const ARROWS: [(&str, &[&str]); 17] = [
     ("interfaces", &["lockstep", "multibody"]),
     ("tape", &["lockstep"]),
     ("plugin", &["lockstep"]),
+    ("testing", &[]),
     ("report", &["lockstep", "multibody", "tape"]),
     ("engine", &["lockstep", "plugin", "report", "tape"]),
     (
@@ -71,6 +72,8 @@ pub struct Package {
     pub folder: PathBuf,
     /// What it is linked with, tests and benches left out.
     pub dependencies: Vec<String>,
+    /// The root file of each of its targets.
+    pub targets: Vec<PathBuf>,
 }
 
 /// The packages of the workspace.
@@ -98,6 +101,10 @@ pub fn packages() -> &'static [Package] {
                     .iter()
                     .filter(|one| one["kind"] != "dev")
                     .map(|one| text(&one["name"]))
+                    .collect(),
+                targets: list(&package["targets"])
+                    .iter()
+                    .map(|target| PathBuf::from(text(&target["src_path"])))
                     .collect(),
             })
             .collect()

@@ -2,124 +2,14 @@
 //! said where. `ARCHITECTURE.md` gives the reasons.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use escapement_tests::program::root;
-use escapement_tests::workspace::{ARROWS, Package, package, packages};
+use escapement_tests::sources::{files, lines, none, says, shipped, sources};
+use escapement_tests::workspace::{ARROWS, package, packages};
 
 /// Values in, values out.
 const MODELS: [&str; 4] = ["multibody", "control-laws", "guidance-laws", "synthesis"];
-
-/// A line of a source file.
-struct Line {
-    path: String,
-    number: usize,
-    /// Everything.
-    whole: String,
-    /// Without what stands behind `//`.
-    code: String,
-    /// Part of what `#[cfg(test)]` is about.
-    test: bool,
-}
-
-/// Where a line stands.
-#[derive(Clone, Copy, PartialEq)]
-enum Part {
-    Shipped,
-    /// The line `#[cfg(test)]`, or another attribute below it.
-    Marked,
-    /// In a module or function of tests.
-    Test,
-    /// The one line, or the last line, that belongs to the tests.
-    Single,
-}
-
-/// The files with the given ending below `folder`, build products left out.
-fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
-            let path = entry.path();
-            let name = entry.file_name().to_string_lossy().into_owned();
-            if path.is_dir() {
-                if !matches!(name.as_str(), "target" | "runs") && !name.starts_with('.') {
-                    folders.push(path);
-                }
-            } else if name.ends_with(ending) {
-                found.push(path);
-            }
-        }
-    }
-    found.sort();
-    found
-}
-
-fn lines(path: &Path) -> Vec<Line> {
-    let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
-    let shown = path.strip_prefix(root()).unwrap_or(path).display().to_string();
-    let mut part = Part::Shipped;
-    let numbered = text.lines().enumerate().map(|(number, whole)| {
-        part = match part {
-            Part::Shipped | Part::Single if whole == "#[cfg(test)]" => Part::Marked,
-            Part::Marked if whole.starts_with('#') => Part::Marked,
-            Part::Marked if whole.ends_with('{') => Part::Test,
-            Part::Marked => Part::Single,
-            Part::Test if whole == "}" => Part::Single,
-            Part::Single => Part::Shipped,
-            other => other,
-        };
-        let test = part != Part::Shipped;
-        // Two slashes behind a colon are an address, not a comment.
-        let comment = whole.match_indices("//").find(|&(at, _)| !whole[..at].ends_with(':'));
-        Line {
-            path: shown.clone(),
-            number: number + 1,
-            code: comment.map_or(whole, |(at, _)| &whole[..at]).to_owned(),
-            whole: whole.to_owned(),
-            test,
-        }
-    });
-    numbered.collect()
-}
-
-/// The lines of the sources that a package ships.
-fn shipped(package: &Package) -> Vec<Line> {
-    files(&package.folder.join("src"), ".rs")
-        .iter()
-        .flat_map(|path| lines(path))
-        .collect()
-}
-
-/// Every Rust source of the workspace.
-fn sources() -> Vec<PathBuf> {
-    files(&root(), ".rs")
-}
-
-/// Fails with file and line of everything found.
-fn none(rule: &str, found: impl IntoIterator<Item = (Line, String)>) {
-    let found: Vec<String> = found
-        .into_iter()
-        .map(|(line, what)| format!("  {}:{}: {what}: {}", line.path, line.number, line.whole.trim()))
-        .collect();
-    assert!(found.is_empty(), "{rule}\n{}", found.join("\n"));
-}
-
-/// The words in `words` that occur in `text` as words of their own, capital letters or not.
-fn says<'a>(text: &str, words: &[&'a str]) -> Option<&'a str> {
-    let lower = text.to_lowercase();
-    let parts: Vec<&str> = lower.split(|c: char| !c.is_ascii_alphanumeric()).collect();
-    // A plural is the same word.
-    words
-        .iter()
-        .find(|word| {
-            parts
-                .iter()
-                .any(|part| part.strip_suffix('s').unwrap_or(part) == **word || part == *word)
-        })
-        .copied()
-}
 
 /// The modules of the standard library that a line of code names, also in `use std::{a, b::c}`.
 fn of_std(code: &str, modules: &[&str]) -> Option<String> {
@@ -336,18 +226,6 @@ fn matrices_have_static_sizes() {
 }
 
 #[test]
-fn files_are_short() {
-    const MAX: usize = 600;
-    let long: Vec<String> = sources()
-        .into_iter()
-        .map(|file| (lines(&file).len(), file))
-        .filter(|(count, _)| *count > MAX)
-        .map(|(count, file)| format!("  {}:{count}: more than {MAX} lines", file.display()))
-        .collect();
-    assert!(long.is_empty(), "split these files:\n{}", long.join("\n"));
-}
-
-#[test]
 fn nothing_is_left_for_later() {
     // Put together here, so that this file does not find itself.
     let words = [
@@ -449,70 +327,4 @@ fn failed_step_lets_the_others_run_and_is_listed() {
         !text.contains("behind an error"),
         "a step ends at its first error: {text}"
     );
-}
-
-#[test]
-fn the_readme_quotes_the_example_that_compiles() {
-    let readme = read("README.md");
-    for file in ["examples/spring/src/main.rs", "examples/spring/spring.toml"] {
-        assert!(
-            readme.contains(read(file).trim_end()),
-            "README.md: its copy of {file} differs from the file"
-        );
-    }
-}
-
-#[test]
-fn the_architecture_page_stays_short() {
-    let count = read("ARCHITECTURE.md").lines().count();
-    assert!(count < 400, "ARCHITECTURE.md:{count}: 400 lines are the limit");
-}
-
-/// The pages for people, with their names.
-fn pages() -> Vec<(PathBuf, String)> {
-    let pages = files(&root(), ".md").into_iter();
-    pages
-        .map(|path| (path.clone(), std::fs::read_to_string(&path).unwrap_or_default()))
-        .collect()
-}
-
-#[test]
-fn tests_that_pages_name_exist() {
-    let mut missing = Vec::new();
-    for (page, text) in pages() {
-        for (number, line) in text.lines().enumerate() {
-            // `path/to/file.rs::name`
-            for quoted in line.split('`').skip(1).step_by(2) {
-                let Some((file, name)) = quoted.split_once(".rs::") else {
-                    continue;
-                };
-                let source = std::fs::read_to_string(root().join(format!("{file}.rs"))).unwrap_or_default();
-                if !source.contains(&format!("fn {name}(")) {
-                    missing.push(format!("  {}:{}: {quoted}", page.display(), number + 1));
-                }
-            }
-        }
-    }
-    assert!(
-        missing.is_empty(),
-        "pages name tests that are not there:\n{}",
-        missing.join("\n")
-    );
-}
-
-#[test]
-fn links_between_pages_lead_somewhere() {
-    let mut broken = Vec::new();
-    for (page, text) in pages() {
-        for (number, line) in text.lines().enumerate() {
-            for target in line.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
-                let file = target.split('#').next().unwrap_or_default();
-                let outside = file.is_empty() || file.contains("://") || file.contains(char::is_whitespace);
-                if !outside && !page.parent().unwrap_or(&root()).join(file).exists() {
-                    broken.push(format!("  {}:{}: {target}", page.display(), number + 1));
-                }
-            }
-        }
-    }
-    assert!(broken.is_empty(), "links lead nowhere:\n{}", broken.join("\n"));
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use escapement_tests::program::{Folder, Said, orchestrate, root, text};
 use escapement_tests::world::{World, substitution};
+use testing::random::SplitMix;
 
 /// The close capture, with a setpoint that moves from the start on, and `faults`.
 fn scenario(folder: &Folder, name: &str, faults: &str) -> PathBuf {
@@ -115,14 +116,8 @@ fn substitute_without_parameters_has_the_participants_own() {
 #[test]
 fn any_substitutions_give_one_tape_in_every_way() {
     let folder = Folder::new("any");
-    // SplitMix64 from a fixed seed.
-    let mut state = 20_261_126_u64;
-    let mut draw = |below: u64| {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (z ^ (z >> 31)) % below
-    };
+    let mut random = SplitMix(20_261_126);
+    let mut draw = |below: u64| random.bits() % below;
     let mut tapes = std::collections::HashSet::new();
     for round in 0..4 {
         let mut faults = String::new();

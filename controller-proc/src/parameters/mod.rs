@@ -1,6 +1,7 @@
 //! What a scenario may say about the controller. Every default is the paper's, or where it is silent the baseline's.
 
 mod beyond;
+mod channels;
 mod gains;
 mod model;
 
@@ -8,7 +9,7 @@ use control_laws::filter::FilterParameters;
 use control_laws::inner::{Bound, Discretisation, FeedbackLaw};
 use control_laws::outer::{ArmWeight, AttitudeLaw, OuterParameters, Weights};
 use control_laws::tracker::{Followed, TrackerParameters};
-use control_laws::{Dof, hierarchical, reference};
+use control_laws::{hierarchical, reference};
 use guidance_laws::Between;
 use interfaces::JOINTS;
 use interfaces::files::{Servicer, Target};
@@ -16,6 +17,8 @@ use lockstep::participant::ParameterError;
 use lockstep::units::{AngularRate, Each, Force, Length, PerTime, Quantity, Torque};
 use nalgebra::Vector3;
 use serde::Deserialize;
+
+pub use channels::channels;
 
 pub use beyond::{Allocation, Avoidance, Stabilise, payload};
 pub use gains::GainsFile;
@@ -424,11 +427,6 @@ impl Parameters {
             allocation: self.allocation.as_ref().map(Allocation::law),
         })
     }
-}
-
-/// Base rotation, base translation and joints in the order of the generalised velocity.
-pub fn channels(rotation: [f64; 3], translation: [f64; 3], joints: [f64; JOINTS]) -> Dof {
-    Dof::from_iterator(rotation.into_iter().chain(translation).chain(joints))
 }
 
 /// A law's refusal under the key that the scenario uses. Fields of the laws carry their units in their names, which the

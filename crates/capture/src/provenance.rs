@@ -7,10 +7,7 @@ use engine::scenario::Scenario;
 
 /// Digest of a text, to notice a change: 64-bit FNV-1a.
 pub fn digest(text: &str) -> String {
-    let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
-        (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
-    });
-    format!("fnv1a64:{hash:016x}")
+    format!("fnv1a64:{:016x}", lockstep::fnv::fnv1a(text))
 }
 
 /// Digest of the physics of a robot description: masses, inertias, joints, frames and limits, not what it looks like. `None` when

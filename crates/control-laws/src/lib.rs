@@ -30,6 +30,7 @@
 
 pub mod allocation;
 pub mod avoidance;
+mod dof;
 pub mod filter;
 pub mod hierarchical;
 pub mod inner;
@@ -40,25 +41,10 @@ pub mod reference;
 pub mod stabilise;
 pub mod tracker;
 
+pub use dof::{DOF, Dof, JOINTS, Jacobian, Matrix13, Twist};
 pub use guidance_laws::ParameterError;
 pub use hierarchical::HierarchicalLaw;
 pub use measured::Measured;
 pub use model::{ControlModel, ModelOptions, Payload};
 pub use reference::ReferenceLaw;
 pub use stabilise::StabilisingLaw;
-
-use nalgebra::{SMatrix, SVector};
-
-/// Degrees of freedom of the servicer without its propellant.
-pub const DOF: usize = 13;
-/// Joints of the arm.
-pub const JOINTS: usize = 7;
-
-/// Generalised velocity, acceleration or force.
-pub type Dof = SVector<f64, DOF>;
-/// Twist of the end effector, `[w; v]` in end-effector axes.
-pub type Twist = SVector<f64, 6>;
-/// Body Jacobian of the end effector: generalised velocity to [`Twist`].
-pub type Jacobian = SMatrix<f64, 6, DOF>;
-/// Matrix between generalised vectors.
-pub type Matrix13 = SMatrix<f64, DOF, DOF>;

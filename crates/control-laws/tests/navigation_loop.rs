@@ -9,6 +9,7 @@ use guidance_laws::{Pose, TargetState, so3};
 use nalgebra::Vector3;
 use plant::loops::{baseline, model};
 use plant::{DEGREE, Figures, Plant, grasp, run, target_model};
+use testing::random::SplitMix;
 
 const CAMERA: PositionAttitude = PositionAttitude {
     position: 0.003,
@@ -37,9 +38,9 @@ fn navigation() -> NavigationFilter {
     .unwrap()
 }
 
-/// First-order Gauss-Markov errors at 10 Hz: normal numbers by Box and Muller over a 64-bit generator (splitmix).
+/// First-order Gauss-Markov errors at 10 Hz: normal numbers by Box and Muller.
 struct Drift {
-    random: u64,
+    random: SplitMix,
     position: Vector3<f64>,
     attitude: Vector3<f64>,
 }
@@ -47,7 +48,7 @@ struct Drift {
 impl Drift {
     fn new(seed: u64) -> Self {
         let mut drift = Self {
-            random: seed,
+            random: SplitMix(seed),
             position: Vector3::zeros(),
             attitude: Vector3::zeros(),
         };
@@ -56,17 +57,9 @@ impl Drift {
         drift
     }
 
-    fn uniform(&mut self) -> f64 {
-        self.random = self.random.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.random;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
     fn normal(&mut self, sigma: f64) -> Vector3<f64> {
         Vector3::from_fn(|_, _| {
-            let (a, b) = (1.0 - self.uniform(), self.uniform());
+            let (a, b) = self.random.pair();
             sigma * (-2.0 * libm::log(a)).sqrt() * libm::cos(std::f64::consts::TAU * b)
         })
     }

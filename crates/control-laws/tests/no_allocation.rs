@@ -2,51 +2,25 @@
 
 mod plant;
 
-use control_laws::inner::Gains;
+use control_laws::inner::{Bound, Discretisation, FeedbackLaw, Gains, InnerLoop};
 use control_laws::stabilise::{self, StabilisingLaw};
 use control_laws::{Dof, HierarchicalLaw, Matrix13, ModelOptions, ReferenceLaw, hierarchical, reference};
 use guidance_laws::capture::{self, CaptureGuidance, Schedule};
 use nalgebra::Vector3;
 use plant::loops::{baseline, model, tracker};
 use plant::{LIMITS, Plant, grasp};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes to the system's allocator unchanged; counting touches a thread-local without a destructor.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's obligations are those of `System`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the pointer came from `System`, with this layout.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
+use testing::allocation::{Counting, taken_by};
+use testing::random::SplitMix;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-fn allocations(mut work: impl FnMut()) -> u64 {
-    let before = ALLOCATIONS.with(Cell::get);
-    work();
-    ALLOCATIONS.with(Cell::get) - before
+fn allocations(work: impl FnMut()) -> u64 {
+    taken_by(work).times
 }
 
 #[test]
 fn a_step_of_any_law_allocates_nothing() {
-    assert!(
-        allocations(|| drop(std::hint::black_box(Box::new(1)))) > 0,
-        "the counter counts"
-    );
     let plant = Plant::new(1.2, 1.0);
     let (measured, target) = (plant.measured(), plant.target);
     let mut guidance = CaptureGuidance::new(capture::Parameters {
@@ -108,4 +82,45 @@ fn a_step_of_any_law_allocates_nothing() {
         }
     });
     assert_eq!(count, 0);
+}
+
+/// Whether the fixed point of the saturated step settles within `rounds`, as the inner loop looks for it at first.
+fn settles(kp: &Matrix13, ki: &Matrix13, period_s: f64, sigma: &Dof, error: &Dof, bound: f64) -> bool {
+    let drive = kp.try_inverse().unwrap() * period_s;
+    let carry = (Matrix13::identity() + drive * ki).try_inverse().unwrap();
+    let mut next = *sigma;
+    (0..200).any(|_| {
+        let force = (ki * next + kp * error).map(|value| value.clamp(-bound, bound));
+        let candidate = carry * (sigma + drive * force);
+        let settled = (candidate - next).amax() <= 4.0 * f64::EPSILON * candidate.amax();
+        next = candidate;
+        settled
+    })
+}
+
+/// Gains that have nothing to do with each other: the fixed point of the implicit step diverges, and pivoting solves it.
+#[test]
+fn pivoting_allocates_nothing() {
+    const BOUND: f64 = 1.0;
+    const PERIOD_S: f64 = 0.5;
+    let mut random = SplitMix(7);
+    let factor = Matrix13::from_fn(|_, _| 2.0 * random.uniform() - 1.0);
+    let kp = factor * factor.transpose() + Matrix13::identity() * 0.01;
+    let ki = Matrix13::from_diagonal(&Dof::from_fn(|_, _| libm::pow(10.0, 6.0 * random.uniform() - 2.0)));
+    let law = FeedbackLaw::ConditionalIntegrator {
+        bound: Bound::Scalar(BOUND),
+        discretisation: Discretisation::Exact,
+    };
+    let mut inner = InnerLoop::new(Gains::full(kp, ki), &law, PERIOD_S).unwrap();
+    let errors: [Dof; 40] = std::array::from_fn(|_| Dof::from_fn(|_, _| 60.0 * random.uniform() - 30.0));
+    let mut pivoted = 0;
+    for error in &errors {
+        let before = *inner.sigma();
+        let mut feedback = None;
+        let count = allocations(|| feedback = Some(inner.step(error)));
+        assert_eq!(count, 0);
+        assert!(feedback.is_some_and(|feedback| feedback.converged));
+        pivoted += usize::from(!settles(&kp, &ki, PERIOD_S, &before, error, BOUND));
+    }
+    assert!(pivoted > 10, "the fixed point settled in all steps but {pivoted}");
 }

@@ -4,6 +4,7 @@ use guidance_laws::navigation::{CameraPose, NavigationFilter, Parameters, Positi
 use guidance_laws::target::TargetModel;
 use guidance_laws::{Pose, TargetState, so3};
 use nalgebra::{Matrix3, SVector, Vector3};
+use testing::random::SplitMix;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 const CAMERA_PERIOD_S: f64 = 0.1;
@@ -35,21 +36,13 @@ fn parameters() -> Parameters {
     }
 }
 
-/// Numbers from a normal distribution, by Box and Muller over a 64-bit generator (splitmix).
-struct Normal(u64);
+/// Numbers from a normal distribution, by Box and Muller.
+struct Normal(SplitMix);
 
 impl Normal {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
     fn vector(&mut self, sigma: f64) -> Vector3<f64> {
         Vector3::from_fn(|_, _| {
-            let (a, b) = (1.0 - self.uniform(), self.uniform());
+            let (a, b) = self.0.pair();
             sigma * (-2.0 * libm::log(a)).sqrt() * libm::cos(std::f64::consts::TAU * b)
         })
     }
@@ -64,7 +57,7 @@ struct Camera {
 
 impl Camera {
     fn new(parameters: &Parameters, seed: u64) -> Self {
-        let mut normal = Normal(seed);
+        let mut normal = Normal(SplitMix(seed));
         Self {
             position_drift: normal.vector(parameters.drift_sigma.position),
             attitude_drift: normal.vector(parameters.drift_sigma.attitude),
@@ -91,7 +84,7 @@ impl Camera {
 
 /// A target whose velocities are drawn as the filter expects them.
 fn drawn_target(parameters: &Parameters, seed: u64) -> TargetState {
-    let mut normal = Normal(seed ^ 0xabcd);
+    let mut normal = Normal(SplitMix(seed ^ 0xabcd));
     TargetState {
         pose: Pose {
             position: Vector3::new(0.1, -0.2, 0.3),

@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::fnv::fnv1a;
+
 /// A stream of random numbers, addressed by index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stream {
@@ -24,11 +26,8 @@ impl Stream {
     /// The stream called `name` in a run with seed `seed`. Names that differ give unrelated streams.
     pub fn new(seed: u64, name: &str) -> Stream {
         // FNV-1a over the name; then two rounds of mixing, so that neighbouring seeds share nothing.
-        let hash = name.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-        });
         Stream {
-            key: mix(mix(seed.wrapping_add(GOLDEN)) ^ hash),
+            key: mix(mix(seed.wrapping_add(GOLDEN)) ^ fnv1a(name)),
         }
     }
 

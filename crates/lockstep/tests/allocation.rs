@@ -2,9 +2,6 @@
 
 mod place;
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
 use lockstep::executor::{InLoop, assemble};
 use lockstep::link::Timing;
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
@@ -13,58 +10,10 @@ use lockstep::time::Rational;
 use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
 use lockstep::transport::{Broken, Header, NoRecording, Receiver, Recording, Sender};
 use place::Place;
-
-/// What this thread has taken: how often, the largest piece, and the bytes that it has not given back.
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-struct Taken {
-    times: u64,
-    largest: usize,
-    held: i64,
-}
-
-struct Counting;
-
-thread_local! {
-    static TAKEN: Cell<Taken> = const { Cell::new(Taken { times: 0, largest: 0, held: 0 }) };
-}
-
-fn count(size: usize, given_back: usize) {
-    TAKEN.with(|cell| {
-        let mut taken = cell.get();
-        taken.times += u64::from(size > 0);
-        taken.largest = taken.largest.max(size);
-        taken.held += size as i64 - given_back as i64;
-        cell.set(taken);
-    });
-}
-
-// SAFETY: every call goes to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size(), 0);
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count(0, layout.size());
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(size, layout.size());
-        // SAFETY: the caller's promise is passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
+use testing::allocation::{Counting, Taken, taken_by};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
-
-fn taken_by(work: impl FnOnce()) -> Taken {
-    TAKEN.set(Taken::default());
-    work();
-    TAKEN.get()
-}
 
 lockstep::message! {
     /// What the two tell each other.

@@ -4,28 +4,7 @@ mod common;
 
 use multibody::{F64x4, Method, SloshState, SloshTree, SphericalSlosh, State, Tree, rk4};
 use nalgebra::{SVector, Vector3};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-struct Counting;
-
-thread_local! {
-    static COUNT: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: every call is handed to the system allocator unchanged; the counter is a plain thread-local cell that needs
-// neither allocation nor a destructor.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.with(|c| c.set(c.get() + 1));
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, p: *mut u8, layout: Layout) {
-        // SAFETY: `p` came from `System.alloc` with this layout.
-        unsafe { System.dealloc(p, layout) }
-    }
-}
+use testing::allocation::{Counting, taken_by};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -49,29 +28,28 @@ fn no_algorithm_allocates() {
     let mut state = common::load_reference()[3].state;
     let tau = SVector::repeat(0.1);
 
-    let before = COUNT.with(Cell::get);
-    for method in [Method::Rk4, Method::Rkmk4, Method::Dop853] {
-        state = tree.step(method, &state, &tau, 1e-3);
-    }
-    let k = tree.kinematics(&state.q, &state.nu);
-    let (m, c) = tree.mass_and_coriolis(&k);
-    let force = tree.rnea(&state.q, &state.nu, &tree.aba(&state.q, &state.nu, &tau));
-    let product = tree.mass_coriolis_product(&state.q, &state.nu, &force, &tau);
-    let j = tree.jacobian(&k, frame) + tree.jacobian_rate(&k, frame);
-    let lanes = tree.aba_x4(
-        &state.q.data.0[0].map(|x| F64x4::new([x; 4])),
-        &state.nu.data.0[0].map(|x| F64x4::new([x; 4])),
-        &tau.data.0[0].map(|x| F64x4::new([x; 4])),
-    );
-    let energy = tree.kinetic_energy(&k) + tree.potential_energy(&state) + tree.momentum(&k).mass;
-    let start = SloshState {
-        tree: State::rest(),
-        d: -Vector3::z(),
-        w: Vector3::x() * 0.1,
-    };
-    let slosh = rk4(&sloshing, &start, &SVector::repeat(0.1), 1e-3);
-    let after = COUNT.with(Cell::get);
-
-    std::hint::black_box((m, c, product, j, lanes, energy, slosh));
-    assert_eq!(after - before, 0);
+    let taken = taken_by(|| {
+        for method in [Method::Rk4, Method::Rkmk4, Method::Dop853] {
+            state = tree.step(method, &state, &tau, 1e-3);
+        }
+        let k = tree.kinematics(&state.q, &state.nu);
+        let (m, c) = tree.mass_and_coriolis(&k);
+        let force = tree.rnea(&state.q, &state.nu, &tree.aba(&state.q, &state.nu, &tau));
+        let product = tree.mass_coriolis_product(&state.q, &state.nu, &force, &tau);
+        let j = tree.jacobian(&k, frame) + tree.jacobian_rate(&k, frame);
+        let lanes = tree.aba_x4(
+            &state.q.data.0[0].map(|x| F64x4::new([x; 4])),
+            &state.nu.data.0[0].map(|x| F64x4::new([x; 4])),
+            &tau.data.0[0].map(|x| F64x4::new([x; 4])),
+        );
+        let energy = tree.kinetic_energy(&k) + tree.potential_energy(&state) + tree.momentum(&k).mass;
+        let start = SloshState {
+            tree: State::rest(),
+            d: -Vector3::z(),
+            w: Vector3::x() * 0.1,
+        };
+        let slosh = rk4(&sloshing, &start, &SVector::repeat(0.1), 1e-3);
+        std::hint::black_box((m, c, product, j, lanes, energy, slosh));
+    });
+    assert_eq!(taken.times, 0);
 }

@@ -13,7 +13,7 @@ fn lanes<const K: usize>(columns: [&SVector<f64, K>; 4]) -> [F64x4; K] {
 
 #[test]
 fn each_lane_has_the_bits_of_the_scalar() {
-    let mut rng = Rng(3);
+    let mut rng = Rng::new(3);
     for _ in 0..500 {
         let tree = Tree::<7, 13>::new(&mechanism(&mut rng, 7)).expect("valid");
         let q: [SVector<f64, 7>; 4] = std::array::from_fn(|_| SVector::from_column_slice(&rng.list(7, 4.0)));
@@ -52,7 +52,7 @@ fn each_lane_has_the_bits_of_the_scalar() {
 
 #[test]
 fn static_and_dynamic_trees_have_the_same_bits() {
-    let mut rng = Rng(5);
+    let mut rng = Rng::new(5);
     for _ in 0..300 {
         let d = mechanism(&mut rng, 4);
         let s = state(&mut rng, 4);
@@ -110,7 +110,7 @@ fn the_bits_of_a_short_motion_are_these() {
 
 #[test]
 fn a_dynamic_tree_without_joints_is_a_rigid_body() {
-    let mut rng = Rng(9);
+    let mut rng = Rng::new(9);
     let body = common::random::inertia(&mut rng);
     let d = multibody::Description::rigid_body("target", body).expect("valid");
     let tree = DynTree::new(&d, true).expect("valid");

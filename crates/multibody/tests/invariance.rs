@@ -54,7 +54,7 @@ proptest! {
     /// A link cut in two and welded together again.
     #[test]
     fn welding_a_split_body_changes_nothing(seed: u64, n in 1_usize..=12) {
-        let mut rng = Rng(seed);
+        let mut rng = Rng::new(seed);
         let d = mechanism(&mut rng, n);
         let (s, tau) = (state(&mut rng, n), rng.list(n + 6, 5.0));
         let mut split = d.clone();
@@ -80,7 +80,7 @@ proptest! {
     /// Another choice of axes for a link and its joint.
     #[test]
     fn re_framing_a_joint_changes_nothing(seed: u64, n in 1_usize..=12) {
-        let mut rng = Rng(seed);
+        let mut rng = Rng::new(seed);
         let d = mechanism(&mut rng, n);
         let (s, tau) = (state(&mut rng, n), rng.list(n + 6, 5.0));
         let mut other = d.clone();
@@ -106,7 +106,7 @@ proptest! {
     /// The same base, seen from another point and in other axes.
     #[test]
     fn moving_the_base_frame_moves_only_the_base_coordinates(seed: u64, n in 1_usize..=12) {
-        let mut rng = Rng(seed);
+        let mut rng = Rng::new(seed);
         let d = mechanism(&mut rng, n);
         let (s, tau) = (state(&mut rng, n), rng.list(n + 6, 5.0));
         let mut other = d.clone();
@@ -139,7 +139,7 @@ proptest! {
     /// A branched tree whose file names children before parents keeps its coordinates in the order of the file.
     #[test]
     fn the_order_of_the_file_is_the_order_of_the_coordinates(seed: u64, n in 2_usize..=12) {
-        let mut rng = Rng(seed);
+        let mut rng = Rng::new(seed);
         let d = mechanism(&mut rng, n);
         let (s, tau) = (state(&mut rng, n), rng.list(n + 6, 5.0));
         let mut shuffled = d.clone();
@@ -164,7 +164,7 @@ proptest! {
     /// itself, its joints not at all.
     #[test]
     fn gravity_and_the_pose_of_the_base(seed: u64) {
-        let mut rng = Rng(seed);
+        let mut rng = Rng::new(seed);
         let d = mechanism(&mut rng, 5);
         let s = state(&mut rng, 5);
         let tau = SVector::<f64, 11>::from_column_slice(&rng.list(11, 5.0));
@@ -195,7 +195,7 @@ proptest! {
     /// A joint frozen in the description moves as one held still by hand would.
     #[test]
     fn freezing_joints_gives_the_block_of_the_mass_matrix(seed: u64, n in 2_usize..=12) {
-        let mut rng = Rng(seed);
+        let mut rng = Rng::new(seed);
         let d = mechanism(&mut rng, n);
         let mut s = state(&mut rng, n);
         let k = rng.below(n);
@@ -226,7 +226,7 @@ fn less_rows(m: &[Vec<f64>], at: usize) -> Vec<Vec<f64>> {
 /// A fixed base is a floating one that something holds.
 #[test]
 fn fixed_base_is_a_held_floating_base() {
-    let mut rng = Rng(11);
+    let mut rng = Rng::new(11);
     for _ in 0..500 {
         let d = mechanism(&mut rng, 6);
         let s = state(&mut rng, 6);

@@ -92,7 +92,7 @@ proptest! {
 
     #[test]
     fn followers_move_as_if_held_by_constraint_forces(seed: u64, n in 2_usize..=10) {
-        let mut rng = Rng(seed);
+        let mut rng = Rng::new(seed);
         let mut d = mechanism(&mut rng, n);
         let free = DynTree::new(&d, true).expect("valid");
         let followers = follow(&mut d, &mut rng, n);

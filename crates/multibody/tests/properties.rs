@@ -21,7 +21,7 @@ struct Case {
 }
 
 fn case(seed: u64, n: usize) -> Case {
-    let mut rng = Rng(seed);
+    let mut rng = Rng::new(seed);
     let d = mechanism(&mut rng, n);
     let tree = DynTree::new(&d, true).expect("a random mechanism is valid");
     let s = state(&mut rng, n);

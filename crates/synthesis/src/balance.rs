@@ -1,13 +1,12 @@
 //! Diagonal similarity scalings by powers of two, which change no bit of any mantissa.
 
 use crate::linalg::{CMatrix, Matrix};
-use crate::state_space::StateSpace;
 
 /// Scale factors `t` (powers of two) such that `diag(t)⁻¹ M diag(t)` has rows and columns of comparable 1-norm.
 /// `off(i, j)` is |M(i, j)|, `row(i)` and `column(i)` what is attached to state i outside M.
 ///
 /// Source: Parlett and Reinsch 1969; the variant with input and output matrices is Varga's (SLICOT TB01ID describes it).
-fn scalings(
+pub(crate) fn scalings(
     n: usize,
     off: impl Fn(usize, usize) -> f64,
     row: impl Fn(usize) -> f64,
@@ -59,18 +58,4 @@ pub fn balanced_complex(m: &CMatrix) -> CMatrix {
     let n = m.nrows();
     let t = scalings(n, |i, j| m[(i, j)].norm(), |_| 0.0, |_| 0.0);
     CMatrix::from_fn(n, n, |i, j| m[(i, j)] * (t[j] / t[i]))
-}
-
-/// The same transfer matrix in scaled state coordinates, so that A, B and C are of comparable size per state.
-pub fn balanced_system(g: &StateSpace) -> StateSpace {
-    let n = g.states();
-    let row = |i: usize| (0..g.inputs()).map(|j| g.b[(i, j)].abs()).sum::<f64>();
-    let column = |i: usize| (0..g.outputs()).map(|j| g.c[(j, i)].abs()).sum::<f64>();
-    let t = scalings(n, |i, j| g.a[(i, j)].abs(), row, column);
-    StateSpace {
-        a: Matrix::from_fn(n, n, |i, j| g.a[(i, j)] * t[j] / t[i]),
-        b: Matrix::from_fn(n, g.inputs(), |i, j| g.b[(i, j)] / t[i]),
-        c: Matrix::from_fn(g.outputs(), n, |i, j| g.c[(i, j)] * t[j]),
-        d: g.d.clone(),
-    }
 }

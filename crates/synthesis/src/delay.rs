@@ -51,5 +51,5 @@ pub fn pade(delay: f64, order: usize) -> Result<StateSpace, DelayError> {
     let per_second = 1.0 / delay;
     g.a = &g.a * faer::Scale(per_second);
     g.b = &g.b * faer::Scale(per_second);
-    Ok(crate::balance::balanced_system(&g))
+    Ok(g.balanced())
 }

@@ -48,7 +48,7 @@ pub fn gain_at(g: &StateSpace, omega: f64) -> Result<f64, LinalgError> {
 /// # Errors
 /// [`NormError::Unstable`] when a pole is not in the open left half-plane.
 pub fn hinf_norm(g: &StateSpace, tolerance: f64) -> Result<HinfNorm, NormError> {
-    let g = balance::balanced_system(g);
+    let g = g.balanced();
     let poles = g.poles()?;
     let abscissa = poles.iter().map(|p| p.re).fold(f64::NEG_INFINITY, f64::max);
     if abscissa >= 0.0 {

@@ -136,6 +136,21 @@ impl StateSpace {
         self.d.nrows()
     }
 
+    /// The same transfer matrix in scaled state coordinates, so that A, B and C are of comparable size per state.
+    pub fn balanced(&self) -> StateSpace {
+        let g = self;
+        let n = g.states();
+        let row = |i: usize| (0..g.inputs()).map(|j| g.b[(i, j)].abs()).sum::<f64>();
+        let column = |i: usize| (0..g.outputs()).map(|j| g.c[(j, i)].abs()).sum::<f64>();
+        let t = balance::scalings(n, |i, j| g.a[(i, j)].abs(), row, column);
+        StateSpace {
+            a: Matrix::from_fn(n, n, |i, j| g.a[(i, j)] * t[j] / t[i]),
+            b: Matrix::from_fn(n, g.inputs(), |i, j| g.b[(i, j)] / t[i]),
+            c: Matrix::from_fn(g.outputs(), n, |i, j| g.c[(i, j)] * t[j]),
+            d: g.d.clone(),
+        }
+    }
+
     /// The eigenvalues of A, after balancing.
     ///
     /// # Errors

@@ -187,7 +187,7 @@ pub enum ReadError {
     },
     /// Another program's file, or another version's.
     #[error("{}: format `{format}` version {version}; this program reads `{expected}` version {expected_version}: use the program that recorded it",
-        path.display(), expected = super::spec::FORMAT_NAME, expected_version = super::FORMAT_VERSION)]
+        path.display(), expected = super::format::FORMAT_NAME, expected_version = super::FORMAT_VERSION)]
     Format {
         /// The file.
         path: PathBuf,

@@ -23,6 +23,8 @@ mod digest;
 mod error;
 mod events;
 pub mod folder;
+mod format;
+mod hash;
 mod memory;
 mod reader;
 mod selection;
@@ -32,17 +34,20 @@ mod spec;
 #[cfg(test)]
 mod testing;
 mod track;
+mod whole;
 mod writer;
 
-pub use digest::{Digest, ParseDigestError, digest_of};
+pub use digest::{Digest, ParseDigestError};
 pub use error::{AppendError, CreateError, ReadError, SpecError};
 pub use events::{Event, EventKind};
+pub use format::FORMAT_VERSION;
 pub use memory::{DigestSink, MemoryTape};
-pub use reader::{Reader, Torn};
+pub use reader::{Reader, Torn, digest_of};
 pub use selection::Selection;
 pub use sink::Sink;
 pub use source::{FieldRef, Record, Records, Source, split as split_record};
-pub use spec::{FORMAT_VERSION, StreamSpec};
+pub use spec::StreamSpec;
+pub use whole::write_whole;
 pub use writer::Writer;
 
 #[cfg(test)]

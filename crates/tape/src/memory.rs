@@ -1,6 +1,6 @@
 //! Tapes without files, for campaigns and tests.
 
-use super::digest::combine;
+use super::hash::combine;
 use super::spec::validate_all;
 use super::track::Track;
 use super::{AppendError, Digest, ReadError, Sink, Source, SpecError, StreamSpec};

@@ -5,8 +5,10 @@ use std::io::{self, Read};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use super::digest::{combine, hash_stream};
-use super::spec::{FORMAT_NAME, Index, Seal, validate_all};
+use super::format::FORMAT_NAME;
+use super::hash::combine;
+use super::source::hash_stream;
+use super::spec::{Index, Seal, validate_all};
 use super::{Digest, Event, FORMAT_VERSION, ReadError, Source, StreamSpec};
 
 /// A larger index or event file is not one of ours.
@@ -269,4 +271,10 @@ fn read_seal(dir: &Path) -> Result<Option<Seal>, ReadError> {
     serde_json::from_slice(&text)
         .map(Some)
         .map_err(|error| damaged(&path, error.to_string()))
+}
+
+/// The digest of the tape in the folder `dir`, from its bytes; what the writer stated when it finished is not consulted.
+pub fn digest_of(dir: &Path) -> Result<Digest, ReadError> {
+    let reader = Reader::open(dir)?;
+    reader.digest()
 }

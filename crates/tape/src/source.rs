@@ -2,7 +2,7 @@
 
 use lockstep::port::Field;
 
-use super::digest::{combine, hash_stream};
+use super::hash::combine;
 use super::spec::STAMP_BYTES;
 use super::{Digest, ReadError, StreamSpec};
 
@@ -190,4 +190,21 @@ pub fn split(bytes: &[u8], index: u64) -> Record<'_> {
         stamp_s: f64::from_le_bytes(raw),
         payload,
     }
+}
+
+/// The hash of one stream's complete records.
+pub(crate) fn hash_stream(source: &(impl Source + ?Sized), stream: usize) -> Result<Digest, ReadError> {
+    let stride = source.streams()[stream].stride();
+    let at_once = (1 << 20) / stride + 1;
+    let mut buffer = vec![0; at_once * stride];
+    let mut hasher = blake3::Hasher::new();
+    let (mut next, count) = (0, source.count(stream));
+    while next < count {
+        let records = (count - next).min(at_once as u64);
+        let bytes = &mut buffer[..records as usize * stride];
+        source.read(stream, next, bytes)?;
+        hasher.update(bytes);
+        next += records;
+    }
+    Ok(hasher.finalize().into())
 }

@@ -2,23 +2,22 @@
 
 use std::collections::HashSet;
 
+use lockstep::name::is_name;
 use lockstep::port::Descriptor;
 use lockstep::time::Rational;
 use serde::{Deserialize, Serialize};
 
 use super::SpecError;
-
-/// The version of the folder's format that this program writes, and the only one it reads.
-pub const FORMAT_VERSION: u32 = 1;
-
-/// What marks `index.json` as ours.
-pub(crate) const FORMAT_NAME: &str = "escapement-tape";
+use super::format::{FORMAT_NAME, FORMAT_VERSION};
 
 /// The stamp in front of every payload, bytes.
 pub(crate) const STAMP_BYTES: usize = 8;
 
 /// What stands before the name of an input in the name of the stream that has what the participant saw there.
 const SEEN: &str = "seen.";
+
+/// The longest name of a participant or port on a tape, bytes.
+const NAME_MAX: usize = 96;
 
 /// No run has more output ports than this; an index that claims so is damaged.
 const MAX_STREAMS: usize = 1 << 16;
@@ -101,15 +100,9 @@ impl StreamSpec {
 
     /// Checks what everything later relies on: names that are safe as file names, a sound descriptor, a positive period.
     pub fn validate(&self) -> Result<(), SpecError> {
-        let plain = |text: &str| {
-            (1..=96).contains(&text.len())
-                && text
-                    .bytes()
-                    .all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-')
-        };
         let port = self.port.strip_prefix(SEEN).unwrap_or(&self.port);
         for (what, text) in [("participant", self.participant.as_str()), ("port", port)] {
-            if !plain(text) {
+            if !is_name(text, NAME_MAX) {
                 return Err(SpecError::Name {
                     what,
                     name: text.to_owned(),

@@ -4,9 +4,10 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use super::digest::combine;
+use super::hash::combine;
 use super::spec::{Index, Seal, SealEntry, validate_all};
 use super::track::Track;
+use super::whole::write_whole;
 use super::{AppendError, CreateError, Digest, Event, Sink, StreamSpec};
 
 /// Bytes that one stream collects before they go to its file. Large enough that hashing and the system call are cheap
@@ -84,7 +85,7 @@ impl Writer {
         }
         let events = create(&dir.join("events.jsonl"))?;
         let path = dir.join("index.json");
-        write_whole(&path, &index).map_err(io(&path, "write the index"))?;
+        write_json(&path, &index).map_err(io(&path, "write the index"))?;
         Ok(Writer {
             dir: dir.to_owned(),
             lanes,
@@ -170,7 +171,7 @@ impl Writer {
                 .collect(),
         };
         let path = self.dir.join("seal.json");
-        write_whole(&path, &seal).map_err(|source| failed(path, 0, source))?;
+        write_json(&path, &seal).map_err(|source| failed(path, 0, source))?;
         Ok(digest)
     }
 }
@@ -217,16 +218,10 @@ fn failed(path: PathBuf, written: u64, source: io::Error) -> AppendError {
     }
 }
 
-/// Writes a file so that it is there whole or not at all.
-fn write_whole(path: &Path, content: &impl serde::Serialize) -> io::Result<()> {
+fn write_json(path: &Path, content: &impl serde::Serialize) -> io::Result<()> {
     let mut text = serde_json::to_vec_pretty(content)?;
     text.push(b'\n');
-    let draft = path.with_extension("json.part");
-    fs::write(&draft, &text)
-        .and_then(|()| fs::rename(&draft, path))
-        .inspect_err(|_| {
-            let _ = fs::remove_file(&draft);
-        })
+    write_whole(path, text)
 }
 
 #[cfg(test)]

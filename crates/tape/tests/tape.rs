@@ -47,7 +47,7 @@ fn a_tape_comes_back_bit_for_bit() {
         time: "1/3 s".parse().unwrap(),
         kind: EventKind::Fault,
         participant: Some("plant".into()),
-        text: "wheel 2 stuck".into(),
+        text: "valve 2 stuck".into(),
     };
     writer.event(&event).unwrap();
     let digest = writer.finish().unwrap();

@@ -8,10 +8,8 @@ use lockstep::units::{Force, Length};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::parameters::THRUSTERS;
 use super::{Channel, ChannelState, Effect, Shape, ThrusterParameters, not_negative};
-
-/// How many there are.
-pub const THRUSTERS: usize = 12;
 
 /// All that the thrusters remember.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

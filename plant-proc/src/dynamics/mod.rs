@@ -2,28 +2,18 @@
 
 mod books;
 mod constraint;
+mod coordinates;
 mod flow;
 mod model;
+mod motion;
+mod slosh_model;
 mod sphere;
 
 pub use books::{Books, Totals};
 pub use constraint::stop_joints;
-pub use flow::{Forces, Mechanics, Motion};
+pub use coordinates::{COORDINATES, Generalised, Servicer, Target, TargetTree, Tree, VELOCITIES};
+pub use flow::Mechanics;
 pub use model::{Grasp, Model, quaternion_of};
+pub use motion::{Forces, Motion};
+pub use slosh_model::SloshModel;
 pub use sphere::Bob;
-
-/// Joint coordinates: arm and pendulum.
-pub const COORDINATES: usize = interfaces::JOINTS + interfaces::SLOSH;
-/// Velocity coordinates: the base's six, then the joints'.
-pub const VELOCITIES: usize = 6 + COORDINATES;
-
-/// The servicer's tree.
-pub type Tree = multibody::Tree<COORDINATES, VELOCITIES>;
-/// State of the servicer.
-pub type Servicer = multibody::State<COORDINATES, VELOCITIES>;
-/// Generalised velocity or force.
-pub type Generalised = nalgebra::SVector<f64, VELOCITIES>;
-/// The target's tree: one body.
-pub type TargetTree = multibody::Tree<0, 6>;
-/// State of the target.
-pub type Target = multibody::State<0, 6>;

@@ -6,8 +6,7 @@ use multibody::{Description, FrameId, Inertia, Kinematics, Placement, Quaternion
 use nalgebra::{Matrix3, Rotation3, SMatrix, UnitQuaternion, Vector3};
 
 use super::sphere::{Sphere, across};
-use super::{COORDINATES, Generalised, Motion, Servicer, Target, TargetTree, Tree, VELOCITIES};
-use crate::parameters::SloshModel;
+use super::{COORDINATES, Generalised, Motion, Servicer, SloshModel, Target, TargetTree, Tree, VELOCITIES};
 
 /// The constants of a run.
 #[derive(Debug, Clone)]

@@ -5,35 +5,18 @@
 
 mod camera;
 mod errors;
+mod parameters;
 mod servicer;
+mod source;
 
 use lockstep::participant::ParameterError;
-use lockstep::units::{Angle, AngularRate, Length, Speed};
 use serde::{Deserialize, Serialize};
 
 pub use camera::{Camera, CameraParameters, CameraState};
 pub use errors::{ErrorParameters, ErrorState, Errors};
+pub use parameters::SensorParameters;
 pub use servicer::{ServicerSensors, ServicerSensorsState};
-
-/// The sensors of a scenario; exact, at the plant's own rate, unless something is given.
-#[derive(Debug, Clone, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SensorParameters {
-    /// Position of the base, world axes.
-    pub position: ErrorParameters<Length, 3>,
-    /// Attitude of the base: small turns about base axes.
-    pub attitude: ErrorParameters<Angle, 3>,
-    /// Angular velocity of the base, base axes.
-    pub rate: ErrorParameters<AngularRate, 3>,
-    /// Velocity of the base, base axes.
-    pub velocity: ErrorParameters<Speed, 3>,
-    /// Joint angles.
-    pub joint_angle: ErrorParameters<Angle, 7>,
-    /// Joint rates.
-    pub joint_rate: ErrorParameters<AngularRate, 7>,
-    /// The camera.
-    pub camera: CameraParameters,
-}
+pub use source::Source;
 
 /// All that the sensors remember.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -51,17 +34,6 @@ pub struct Sensors {
     pub servicer: ServicerSensors,
     /// Of the target's pose.
     pub camera: Camera,
-}
-
-/// Where a sensor's draws come from.
-#[derive(Debug, Clone, Copy)]
-pub struct Source<'a> {
-    /// The seed of the run.
-    pub seed: u64,
-    /// The participant's name.
-    pub participant: &'a str,
-    /// The period of the plant, s.
-    pub period: f64,
 }
 
 impl Sensors {

@@ -19,6 +19,7 @@ use engine::Finding;
 use engine::scenario::{Entry, Program, Scenario};
 
 pub use path::Configuration;
+use path::time;
 
 /// The stated margin: the loop stays stable with all gains this much larger …
 pub const GAIN_MARGIN: f64 = 1.25;
@@ -296,10 +297,4 @@ fn sampling_delay(plant: &Entry, link: &Timing, period: f64) -> f64 {
 
 fn table<'a>(table: &'a Table, key: &str) -> Option<&'a Table> {
     table.get(key).and_then(Value::as_table)
-}
-
-/// A time as a scenario writes it, s.
-fn time(table: &Table, key: &str) -> Option<f64> {
-    let text = table.get(key).and_then(Value::as_str)?;
-    lockstep::units::convert(text, "s").ok()?.0.first().copied()
 }

@@ -9,7 +9,7 @@ use interfaces::files::Target;
 use interfaces::{ControlTelemetry, Measured, SetPoint, TargetState, Truth};
 use lockstep::participant::{Inputs, Outputs, ParameterError, Participant, Setup, Step};
 use multibody::nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use toml::Value;
+use toml::{Table, Value};
 
 /// Time between two looks of both laws, s: the outer loop answers within a second, and joints turn by less than 0.2 deg in it.
 const STEP_S: f64 = 0.05;
@@ -171,7 +171,7 @@ fn target_model(plant: &Setup) -> Option<TargetModel> {
 
 fn instant(guidance: &Setup, key: &str) -> Option<f64> {
     let schedule = guidance.parameters.get("schedule").and_then(Value::as_table)?;
-    super::time(schedule, key)
+    time(schedule, key)
 }
 
 fn configuration(name: &'static str, joints_rad: &[f64]) -> Configuration {
@@ -183,4 +183,10 @@ fn configuration(name: &'static str, joints_rad: &[f64]) -> Configuration {
 
 fn unit([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k))
+}
+
+/// A time as a scenario writes it, s.
+pub(super) fn time(table: &Table, key: &str) -> Option<f64> {
+    let text = table.get(key).and_then(Value::as_str)?;
+    lockstep::units::convert(text, "s").ok()?.0.first().copied()
 }

@@ -16,7 +16,7 @@ use crate::{DOF, Dof, Matrix13};
 /// not commute and `T G` is large, it may grow instead.
 const ROUNDS_MAX: usize = 200;
 
-/// Pieces that pivoting may cross. Random gains with `T G` up to 1e6 need no more than 30.
+/// Pieces that pivoting may cross: each channel may enter and leave its bounds several times. It ends, whatever rounding does.
 const PIECES_MAX: usize = 16 * DOF;
 
 /// What an implicit step found.

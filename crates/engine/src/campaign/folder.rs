@@ -221,15 +221,7 @@ impl Folder {
 }
 
 fn whole(path: &Path, content: impl AsRef<[u8]>) -> std::result::Result<(), CampaignError> {
-    let mut draft = path.as_os_str().to_owned();
-    draft.push(".part");
-    let draft = PathBuf::from(draft);
-    fs::write(&draft, content)
-        .and_then(|()| fs::rename(&draft, path))
-        .map_err(|error| {
-            let _ = fs::remove_file(&draft);
-            failed(path, "write the file")(error)
-        })
+    tape::write_whole(path, content).map_err(failed(path, "write the file"))
 }
 
 /// Opens the journal behind its last whole line. Who crashed is run again: that may have been the machine's doing.

@@ -161,12 +161,7 @@ impl Checkpoint {
         fs::create_dir_all(folder).map_err(io(folder))?;
         let name = self.time.to_string().replace(' ', "").replace('/', "-");
         let path = folder.join(format!("{name}{ENDING}"));
-        let draft = folder.join(format!("{name}.part"));
-        let written = fs::write(&draft, self.encode()?).and_then(|()| fs::rename(&draft, &path));
-        written.map_err(|error| {
-            let _ = fs::remove_file(&draft);
-            io(&path)(error)
-        })?;
+        tape::write_whole(&path, self.encode()?).map_err(io(&path))?;
         Ok(path)
     }
 

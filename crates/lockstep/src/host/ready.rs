@@ -163,29 +163,8 @@ impl Ready {
             };
             self.neighbours.wake();
             if let Progress::Waiting(wait) = progress {
-                if waiting.is_none_or(|known| known.what != wait) {
-                    let now = Instant::now();
-                    let begun = Waited {
-                        what: wait,
-                        since: now,
-                        until: now,
-                    };
-                    if let Some(known) = waiting.replace(begun) {
-                        self.account(Waited { until: now, ..known });
-                    }
-                }
-                if self.patience.is_long() {
-                    status.set(Status {
-                        next: activation,
-                        activity: activity(wait),
-                    });
-                    if self.clock.order() != Order::GoOn {
-                        return Ok(Pause::Ordered);
-                    }
-                }
-                self.patience.pause(self.sleeping(wait), status, sleeper)?;
-                if let Some(waiting) = waiting.as_mut().filter(|_| self.patience.took_time()) {
-                    waiting.until = Instant::now();
+                if self.wait(wait, &mut waiting, status, sleeper)? {
+                    return Ok(Pause::Ordered);
                 }
                 continue;
             }
@@ -231,6 +210,41 @@ impl Ready {
                 Progress::Waiting(_) => {}
             }
         }
+    }
+
+    /// Lets some time pass before the next look; whether the clock has an order.
+    fn wait(
+        &mut self,
+        wait: Wait,
+        waiting: &mut Option<Waited>,
+        status: &mut StatusWriter,
+        sleeper: &mut Sleeper,
+    ) -> Result<bool, HostError> {
+        if waiting.is_none_or(|known| known.what != wait) {
+            let now = Instant::now();
+            let begun = Waited {
+                what: wait,
+                since: now,
+                until: now,
+            };
+            if let Some(known) = waiting.replace(begun) {
+                self.account(Waited { until: now, ..known });
+            }
+        }
+        if self.patience.is_long() {
+            status.set(Status {
+                next: self.stepper.next_activation(),
+                activity: activity(wait),
+            });
+            if self.clock.order() != Order::GoOn {
+                return Ok(true);
+            }
+        }
+        self.patience.pause(self.sleeping(wait), status, sleeper)?;
+        if let Some(waiting) = waiting.as_mut().filter(|_| self.patience.took_time()) {
+            waiting.until = Instant::now();
+        }
+        Ok(false)
     }
 
     fn failed(&self, source: StepError) -> HostError {

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use serde::{Deserialize, Serialize};
 
+use crate::name::{NAME_MAX, is_name};
 use crate::port::{Descriptor, DescriptorError, Message};
 
 /// How a participant's outputs depend on its inputs in time.
@@ -100,8 +101,7 @@ impl Interface {
             }
             let mut names = HashSet::new();
             for (name, descriptor) in &ports {
-                let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-                if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
+                if !is_name(name, NAME_MAX) {
                     return Err(InterfaceError::Name((*name).clone()));
                 }
                 if !names.insert(*name) {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{Initial, Link, PARTICIPANTS_MAX, Participant, Plan, PlanError, capacity, order};
 use crate::fault::{Disturbance, LinkFault, Place};
 use crate::link::{ReadSchedule, Timing, Visibility};
+use crate::name::{NAME_MAX, is_name};
 use crate::participant::{Interface, Kind};
 use crate::port::Descriptor;
 use crate::time::{Rational, SampleTime, Ticks, Timebase};
@@ -154,35 +155,7 @@ impl Plan {
                 difference,
             });
         }
-        let size = sends.size as usize;
-        let initial = spec.initial.clone().unwrap_or_else(|| Initial::Value(vec![0; size]));
-        match &initial {
-            Initial::Value(bytes) if bytes.len() != size => {
-                return Err(PlanError::InitialSize {
-                    link: spec.name.clone(),
-                    given: bytes.len(),
-                    needed: size,
-                });
-            }
-            Initial::FirstSample => {
-                let from_name = format!("{}.{}", spec.from.0, spec.from.1);
-                if from.interface.kind == Kind::Sampled {
-                    return Err(PlanError::FirstSample {
-                        link: spec.name.clone(),
-                        from: from_name,
-                    });
-                }
-                if from.sample_time.offset > to.sample_time.offset {
-                    return Err(PlanError::FirstSampleLate {
-                        link: spec.name.clone(),
-                        from: from_name,
-                        starts: from.offset,
-                        reads: to.offset,
-                    });
-                }
-            }
-            Initial::Value(_) => {}
-        }
+        let initial = initial(spec, from, to, sends.size as usize)?;
         // An input has one source, so its name names the link: the draws stay when a connection is renamed or gets more readers.
         let draws = format!("{}.{}", spec.to.0, spec.to.1);
         let visibility = Visibility::new(
@@ -260,6 +233,39 @@ impl Plan {
 /// So many names that would fit stand in a message.
 const SHOWN_MAX: usize = 24;
 
+/// What the link from `from` to `to` delivers at first, for payloads of `size` bytes.
+fn initial(spec: &LinkSpec, from: &Participant, to: &Participant, size: usize) -> Result<Initial, PlanError> {
+    let initial = spec.initial.clone().unwrap_or_else(|| Initial::Value(vec![0; size]));
+    match &initial {
+        Initial::Value(bytes) if bytes.len() != size => {
+            return Err(PlanError::InitialSize {
+                link: spec.name.clone(),
+                given: bytes.len(),
+                needed: size,
+            });
+        }
+        Initial::FirstSample => {
+            let from_name = format!("{}.{}", spec.from.0, spec.from.1);
+            if from.interface.kind == Kind::Sampled {
+                return Err(PlanError::FirstSample {
+                    link: spec.name.clone(),
+                    from: from_name,
+                });
+            }
+            if from.sample_time.offset > to.sample_time.offset {
+                return Err(PlanError::FirstSampleLate {
+                    link: spec.name.clone(),
+                    from: from_name,
+                    starts: from.offset,
+                    reads: to.offset,
+                });
+            }
+        }
+        Initial::Value(_) => {}
+    }
+    Ok(initial)
+}
+
 fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let mut names = names.into_iter();
     let shown: Vec<String> = names.by_ref().take(SHOWN_MAX).map(|name| format!("`{name}`")).collect();
@@ -305,9 +311,8 @@ fn check_participants(specs: &[ParticipantSpec]) -> Vec<PlanError> {
     }
     let mut names = HashSet::new();
     for spec in specs {
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-        let named = spec.name.starts_with(|c: char| c.is_ascii_alphabetic()) && spec.name.chars().all(plain);
-        if !named || spec.name.len() > 64 {
+        let begins = spec.name.starts_with(|c: char| c.is_ascii_alphabetic());
+        if !begins || !is_name(&spec.name, NAME_MAX) {
             errors.push(PlanError::Name(spec.name.clone()));
         }
         if !names.insert(spec.name.as_str()) {

@@ -1,11 +1,9 @@
 //! How many samples a link must be able to hold.
 
 use super::PlanError;
+use super::limits::CAPACITY_MAX;
 use crate::link::Visibility;
 use crate::time::SampleTime;
-
-/// The most samples that one link may hold.
-pub(super) const CAPACITY_MAX: u128 = 1 << 16;
 
 /// Room for the samples in flight, so that a producer that waits for room always waits for somebody who is behind it in
 /// simulated time.

@@ -11,7 +11,7 @@ pub enum PlanError {
     #[error("there are no participants")]
     Empty,
     /// Too many participants.
-    #[error("{0} participants; at most {max} are allowed", max = super::PARTICIPANTS_MAX)]
+    #[error("{0} participants; at most {max} are allowed", max = super::limits::PARTICIPANTS_MAX)]
     TooMany(usize),
     /// Two participants or two links of one name.
     #[error("the name `{0}` is used twice")]
@@ -146,7 +146,7 @@ pub enum PlanError {
         reads: Rational,
     },
     /// The delay holds more samples than anybody can buffer.
-    #[error("connection `{link}`: {samples} samples would be in flight; at most {max} are allowed: shorten the delay", max = super::capacity::CAPACITY_MAX)]
+    #[error("connection `{link}`: {samples} samples would be in flight; at most {max} are allowed: shorten the delay", max = super::limits::CAPACITY_MAX)]
     Capacity {
         /// The link.
         link: String,

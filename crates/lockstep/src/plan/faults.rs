@@ -1,22 +1,11 @@
 //! Signal faults in a plan: where they act, and the streams that show what came of them.
 
-use serde::{Deserialize, Serialize};
-
-use super::{Cut, Held, Initial, Plan, PlanError};
+use super::{Cut, Held, Initial, Plan, PlanError, Seen};
 use crate::fault::{Disturbance, Effect, Injector, Place, SignalFault, Slot};
 use crate::link::Read;
 use crate::port::Descriptor;
 use crate::random::Stream;
 use crate::time::{Rational, TickError, Ticks};
-
-/// An input of which the tape has what the participant saw: a sample for each activation, stamped with its instant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct Seen {
-    /// The participant.
-    pub participant: usize,
-    /// The input.
-    pub input: usize,
-}
 
 impl Plan {
     /// Adds signal faults. Whatever an input shows, it shows disturbed by them, and every input that they reach gets a

@@ -255,9 +255,7 @@ impl Descriptor {
     /// every machine and in every language; the text that is hashed is one line per field, as [`Descriptor::canonical`]
     /// gives it.
     pub fn hash64(&self) -> u64 {
-        self.canonical().bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-        })
+        crate::fnv::fnv1a(&self.canonical())
     }
 
     /// The text behind [`Descriptor::hash64`]: `name size\n`, then `name|element|extents|unit|frame|offset\n` per field.

@@ -62,8 +62,8 @@ pub mod __private {
 ///
 /// ```
 /// lockstep::message! {
-///     /// What the wheel reports.
-///     pub struct Wheel {
+///     /// What the motor reports.
+///     pub struct Motor {
 ///         /// Momentum stored, body axes.
 ///         pub momentum: [f64; 3] = "N m s" in "B",
 ///         /// Speed of the rotor.
@@ -71,7 +71,7 @@ pub mod __private {
 ///     }
 /// }
 /// use lockstep::port::Message;
-/// assert_eq!(Wheel::descriptor().fields[0].unit, "N m s");
+/// assert_eq!(Motor::descriptor().fields[0].unit, "N m s");
 /// ```
 ///
 /// A struct with padding does not compile: make the padding a field.

@@ -8,83 +8,25 @@ mod error;
 mod input;
 mod output;
 mod position;
+mod progress;
 
 pub use error::{PositionError, StepError};
 
 pub use position::settle;
+pub use progress::{Ends, Progress, Wait};
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use input::InputState;
 use output::{ConsumerState, Disturbed, OutputState};
+use progress::Phase;
 
 use crate::fault::Injector;
 use crate::link::Read;
 use crate::participant::{Failure, FiniteCheck, Inputs, Kind, Outputs, Participant, Step, first_not_finite};
 use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
-use crate::transport::{Header, Receiver, Recording, Sender};
-
-/// What a stepper cannot go on without.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wait {
-    /// Sample `index` of the link that feeds input `input`.
-    Sample {
-        /// The input.
-        input: usize,
-        /// The sample.
-        index: u64,
-    },
-    /// Room on the way to consumer `consumer` of output `output`.
-    Room {
-        /// The output.
-        output: usize,
-        /// The consumer's position among those of the output.
-        consumer: usize,
-    },
-    /// Room in the recording.
-    Recording,
-}
-
-/// How far a call of [`Stepper::poll`] came.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Progress {
-    /// One activation is complete: stepped, recorded and published.
-    Stepped,
-    /// The next activation lies at or past the horizon; everything before it is complete and handed over.
-    AtHorizon,
-    /// All activations are complete and handed over.
-    Finished,
-    /// It needs something first.
-    Waiting(Wait),
-}
-
-/// Where the work on an activation stands.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Phase {
-    /// The outputs for the first instant have not been made.
-    Initialise,
-    /// Between activations.
-    Rest,
-    /// Getting the sample for this input; what it reads is asked once.
-    Gather { input: usize, read: Option<Read> },
-    /// Putting this output on the tape.
-    Record { output: usize },
-    /// Putting on the tape what this input has shown, where a fault may have changed it.
-    Look { input: usize },
-    /// Sending this output to this consumer.
-    Publish { output: usize, consumer: usize },
-}
-
-/// The ends of the links of one participant, in the order of its assignment.
-pub struct Ends {
-    /// One receiver per connected input.
-    pub receivers: Vec<Option<Box<dyn Receiver>>>,
-    /// One sender per consumer of each output.
-    pub senders: Vec<Vec<Box<dyn Sender>>>,
-    /// The way to the tape.
-    pub recording: Box<dyn Recording>,
-}
+use crate::transport::{Header, Recording};
 
 /// A participant with its links, driven by [`Stepper::poll`].
 pub struct Stepper {

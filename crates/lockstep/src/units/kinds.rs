@@ -23,7 +23,7 @@ kinds! {
     Mass: "a mass", "12 kg", [0, 1, 0, 0];
     /// A time, s.
     Time: "a time", "10 ms", [0, 0, 1, 0];
-    /// A rate without angle, such as a gain, 1/s.
+    /// A rate without angle, such as a bandwidth, 1/s.
     PerTime: "a rate", "0.3 1/s", [0, 0, -1, 0];
     /// An angle, rad.
     Angle: "an angle", "30 deg", [0, 0, 0, 1];
@@ -45,7 +45,7 @@ kinds! {
     AngularMomentum: "an angular momentum", "12 N m s", [2, 1, -1, 0];
     /// A linear momentum or impulse, N s.
     Impulse: "an impulse", "0.1 N s", [1, 1, -1, 0];
-    /// Torque per angular velocity, N m s/rad: rotational damping or gain.
+    /// Torque per angular velocity, N m s/rad: rotational damping.
     RotationalDamping: "a torque per angular rate", "0.0131 kg m^2/s", [2, 1, -1, -1];
     /// Torque per angle, N m/rad.
     RotationalStiffness: "a torque per angle", "0.5 N m/rad", [2, 1, -2, -1];

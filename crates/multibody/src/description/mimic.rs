@@ -2,17 +2,6 @@
 
 use super::{Description, DescriptionError as E, Joint, JointKind};
 
-/// How a joint follows another: its position is `multiplier · q + offset` of the other's position q.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Mimic {
-    /// Name of the joint it follows; that one may follow a third.
-    pub joint: String,
-    /// Ratio of the rates (rad or m for each rad or m of the other joint).
-    pub multiplier: f64,
-    /// Position while the other is at zero (rad or m).
-    pub offset: f64,
-}
-
 /// Where a moving joint gets its position from: `multiplier · q + offset` of the joint coordinate with that index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Tie {

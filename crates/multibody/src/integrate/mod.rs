@@ -10,34 +10,16 @@
 //! | `dop853` | Dormand and Prince, 12 stages, fixed step; the truth in convergence tests | 8 |
 
 mod dop853;
+mod flow;
 mod rk4;
 mod rkmk4;
+
+pub use flow::Flow;
 
 use crate::rotation::Quaternion;
 use crate::state::State;
 use crate::tree::Tree;
 use nalgebra::{SVector, Vector3};
-
-/// A first-order differential equation in coordinates, with a held input.
-pub trait Flow {
-    /// A point of the state space.
-    type State: Copy;
-    /// Rates of the coordinates of a point.
-    type Rate: Copy;
-    /// The input, held over a step.
-    type Force;
-
-    /// Rates at `state` under `force`.
-    fn rate(&self, state: &Self::State, force: &Self::Force) -> Self::Rate;
-
-    /// `state + Σ kᵢ rateᵢ`, coordinate by coordinate.
-    fn moved(&self, state: &Self::State, by: &[(f64, &Self::Rate)]) -> Self::State;
-
-    /// Back onto the constraints the coordinates carry (unit quaternions, unit vectors), after a step.
-    fn restored(&self, state: Self::State) -> Self::State {
-        state
-    }
-}
 
 /// An integration method, by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

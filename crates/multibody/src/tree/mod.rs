@@ -1,10 +1,13 @@
 //! [`Tree`]: a description turned into constants of static size, and the algorithms on it.
 
 mod constants;
+mod total;
 
 pub(crate) use constants::Constants;
 use constants::find_frame;
 pub use constants::{FrameId, TreeError, UnknownFrame};
+pub use total::Momentum;
+pub(crate) use total::{matrix, vector};
 
 use crate::description::{Description, Inertia, Placement};
 use crate::kernel::jacobian::FrameConsts;
@@ -36,33 +39,6 @@ pub struct Kinematics<const N: usize, const V: usize, T: Real = f64> {
     placed: Fixed<Placed<T>, N>,
     rates: Fixed<Rates<T>, N>,
     nu: [T; V],
-}
-
-/// Momentum of the whole tree.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Momentum {
-    /// Total mass (kg).
-    pub mass: f64,
-    /// Centre of mass C from B's origin, B axes (m).
-    pub p_bc: Vector3<f64>,
-    /// Linear momentum, B axes (kg m/s).
-    pub linear_b: Vector3<f64>,
-    /// Angular momentum about the centre of mass, B axes (kg m²/s).
-    pub angular_b: Vector3<f64>,
-}
-
-impl Momentum {
-    /// From the sums over a tree whose base moves at `v`.
-    pub(crate) fn of(s: &momentum::Sums<f64>, v: V3<f64>) -> Self {
-        let p_bc = s.h * (1.0 / s.mass);
-        Self {
-            mass: s.mass,
-            p_bc: vector(p_bc),
-            linear_b: vector(v.mul_add(s.mass, s.p)),
-            // v drops out: the angular momentum about C of a common velocity is zero
-            angular_b: vector(s.l - p_bc.cross(s.p)),
-        }
-    }
 }
 
 impl<const N: usize, const V: usize> Tree<N, V> {
@@ -459,12 +435,4 @@ impl<const N: usize, const V: usize, T: Real> Kinematics<N, V, T> {
     fn omega(&self) -> V3<T> {
         if V == N { V3::zero() } else { V3::read(&self.nu, 0) }
     }
-}
-
-pub(crate) fn vector(v: V3<f64>) -> Vector3<f64> {
-    Vector3::new(v.x, v.y, v.z)
-}
-
-pub(crate) fn matrix(m: &crate::num::Mat3<f64>) -> Matrix3<f64> {
-    Matrix3::from_columns(&m.c.map(vector))
 }

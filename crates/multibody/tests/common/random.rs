@@ -2,26 +2,23 @@
 
 use multibody::{Description, DynState, Inertia, Joint, JointKind, Link, Placement, Quaternion};
 use nalgebra::{Matrix3, Vector3};
+use testing::random::SplitMix;
 
-/// SplitMix64.
-pub(crate) struct Rng(pub(crate) u64);
+/// Draws from a seed.
+pub(crate) struct Rng(SplitMix);
 
 impl Rng {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(SplitMix(seed))
     }
 
     /// Uniform in [-1, 1).
     pub(crate) fn unit(&mut self) -> f64 {
-        2.0 * ((self.next() >> 11) as f64 / (1_u64 << 53) as f64) - 1.0
+        2.0 * self.0.uniform() - 1.0
     }
 
     pub(crate) fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
+        (self.0.bits() % n as u64) as usize
     }
 
     pub(crate) fn chance(&mut self, percent: usize) -> bool {

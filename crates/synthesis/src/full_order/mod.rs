@@ -6,24 +6,16 @@
 //! bisection does the rest. Plants without full effort weights or measurement noise, or with zeros on the imaginary axis,
 //! are bracketed by regular ones (`singular.rs`).
 
+mod regular;
 mod riccati;
 mod singular;
 
-use crate::balance;
-use crate::linalg::{self, LinalgError, Matrix, blocks};
-use crate::state_space::StateSpace;
-use riccati::riccati;
+pub use regular::FullOrderError;
 
-/// Why the optimum cannot be computed.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum FullOrderError {
-    /// No level up to the largest tried can be reached.
-    #[error("no controller reaches gamma = {0:.3e}: the plant cannot be stabilised")]
-    Infeasible(f64),
-    /// A matrix computation failed.
-    #[error(transparent)]
-    Linalg(#[from] LinalgError),
-}
+use crate::linalg::{self, LinalgError, Matrix};
+use crate::state_space::StateSpace;
+use regular::{Parts, bisect, normalised, reference};
+use riccati::riccati;
 
 /// The optimum γ of all linear controllers for `plant` (inputs [w; u], outputs [z; y]): no controller reaches less than the
 /// first number, and some controller reaches less than the second.
@@ -41,7 +33,7 @@ pub fn full_order_optimum(
 ) -> Result<(f64, f64), FullOrderError> {
     let plant = normalised(plant, controls, measurements);
     let (nw, nz) = (plant.inputs() - controls, plant.outputs() - measurements);
-    let loop_part = balance::balanced_system(&plant.select(nz..plant.outputs(), nw..plant.inputs()));
+    let loop_part = plant.select(nz..plant.outputs(), nw..plant.inputs()).balanced();
     for inputs in [true, false] {
         if !loop_part.fixed_unstable_modes(inputs)?.is_empty() {
             return Err(FullOrderError::Infeasible(f64::INFINITY));
@@ -90,159 +82,4 @@ pub(crate) fn state_feedbacks(plant: &StateSpace, controls: usize) -> Result<Vec
         }
     }
     Ok(out)
-}
-
-/// The plant with every column of D12 and every row of D21 of size one, which only changes the units of control and
-/// measurement; balanced.
-fn normalised(plant: &StateSpace, controls: usize, measurements: usize) -> StateSpace {
-    let (first_u, first_y) = (plant.inputs() - controls, plant.outputs() - measurements);
-    let size = |x: f64| if x > 0.0 { 1.0 / x.sqrt() } else { 1.0 };
-    let mut right = vec![1.0; plant.inputs()];
-    let mut left = vec![1.0; plant.outputs()];
-    for (j, r) in right.iter_mut().enumerate().skip(first_u) {
-        *r = size((0..first_y).map(|i| plant.d[(i, j)].powi(2)).sum());
-    }
-    for (i, l) in left.iter_mut().enumerate().skip(first_y) {
-        *l = size((0..first_u).map(|j| plant.d[(i, j)].powi(2)).sum());
-    }
-    balance::balanced_system(&plant.scaled(&left, &right))
-}
-
-/// A level of the order of what the plant does by itself, from the sizes of its matrices.
-fn reference(plant: &StateSpace, nw: usize, nz: usize) -> f64 {
-    let size = |m: &Matrix, row, column, height, width| linalg::max_abs(&linalg::sub(m, row, column, height, width));
-    let n = plant.states();
-    let speed = linalg::max_abs(&plant.a);
-    let through = size(&plant.b, 0, 0, n, nw) * size(&plant.c, 0, 0, nz, n);
-    let direct = size(&plant.d, 0, 0, nz, nw);
-    let level = direct + if speed > 0.0 { through / speed } else { through };
-    if level > 0.0 { level } else { 1.0 }
-}
-
-/// The least level above `floor` that is `reachable`, as a bracket of relative width `tolerance`; `None` when none is.
-fn bisect<E>(
-    start: f64,
-    floor: f64,
-    tolerance: f64,
-    reachable: impl Fn(f64) -> Result<bool, E>,
-) -> Result<Option<(f64, f64)>, E> {
-    const LOWEST: f64 = 1e-7;
-    const HIGHEST: f64 = 1e12;
-    let mut high = start.max(1.01 * floor);
-    let mut low = floor;
-    if reachable(high)? {
-        let mut trial = 0.25 * high;
-        while trial > floor && reachable(trial)? {
-            high = trial;
-            if high <= LOWEST * start {
-                return Ok(Some((floor, high)));
-            }
-            trial *= 0.25;
-        }
-        low = low.max(trial);
-    } else {
-        loop {
-            low = high;
-            high *= 4.0;
-            if high > HIGHEST * start {
-                return Ok(None);
-            }
-            if reachable(high)? {
-                break;
-            }
-        }
-    }
-    while high - low > tolerance * high {
-        let middle = if low > 0.0 { (low * high).sqrt() } else { 0.5 * high };
-        if middle <= low || middle >= high {
-            break;
-        }
-        if reachable(middle)? {
-            high = middle
-        } else {
-            low = middle
-        }
-    }
-    Ok(Some((low, high)))
-}
-
-/// The part of `m` outside the range of `d`, whose columns must be independent.
-fn project_out(d: &Matrix, m: &Matrix) -> Result<Option<Matrix>, LinalgError> {
-    let gram = d.transpose() * d;
-    if linalg::reciprocal_condition(&gram)? < 1e-15 {
-        return Ok(None);
-    }
-    Ok(Some(m - d * linalg::solve(&gram, &(d.transpose() * m))?))
-}
-
-/// A regular problem: D12 has full column rank, D21 full row rank.
-struct Parts {
-    plant: StateSpace,
-    b1: Matrix,
-    c1: Matrix,
-    d11: Matrix,
-    d12: Matrix,
-    d21: Matrix,
-    nw: usize,
-    nz: usize,
-    /// The least level from the feedthrough alone (Parrott): what no controller can move at infinite frequency.
-    floor: f64,
-}
-
-impl Parts {
-    /// `None` for a plant without full effort weights or without full measurement noise.
-    fn new(p: &StateSpace, controls: usize, measurements: usize) -> Result<Option<Self>, LinalgError> {
-        let n = p.states();
-        let (nw, nz) = (p.inputs() - controls, p.outputs() - measurements);
-        let d11 = linalg::sub(&p.d, 0, 0, nz, nw);
-        let d12 = linalg::sub(&p.d, 0, nw, nz, controls);
-        let d21 = linalg::sub(&p.d, nz, 0, measurements, nw);
-        let Some(outputs) = project_out(&d12, &d11)? else {
-            return Ok(None);
-        };
-        let Some(inputs) = project_out(&d21.transpose().to_owned(), &d11.transpose().to_owned())? else {
-            return Ok(None);
-        };
-        // What projecting out leaves of rounding is no obstacle.
-        let rounding = 1e-14 * linalg::norm2(&d11)?;
-        let floor = linalg::norm2(&outputs)?.max(linalg::norm2(&inputs)?);
-        Ok(Some(Self {
-            b1: linalg::sub(&p.b, 0, 0, n, nw),
-            c1: linalg::sub(&p.c, 0, 0, nz, n),
-            d11,
-            d12,
-            d21,
-            nw,
-            nz,
-            plant: p.clone(),
-            floor: if floor > rounding { floor } else { 0.0 },
-        }))
-    }
-
-    /// The bracket of the optimum; `None` when no level is reached.
-    fn search(&self, tolerance: f64) -> Result<Option<(f64, f64)>, LinalgError> {
-        let start = reference(&self.plant, self.nw, self.nz);
-        bisect(start, self.floor, tolerance, |level| self.reachable(level))
-    }
-
-    /// Whether some controller keeps the norm below `level`.
-    fn reachable(&self, level: f64) -> Result<bool, LinalgError> {
-        let p = &self.plant;
-        // Control: D1• = [D11 D12], all inputs.
-        let d1 = blocks(&[&[&self.d11, &self.d12]]);
-        let Some(x) = riccati(&p.a, &p.b, &self.c1, &d1, self.nw, level)? else {
-            return Ok(false);
-        };
-        // Filtering: the same for the transposed plant.
-        let t = |m: &Matrix| m.transpose().to_owned();
-        let d1t = blocks(&[&[&t(&self.d11), &t(&self.d21)]]);
-        let Some(y) = riccati(&t(&p.a), &t(&p.c), &t(&self.b1), &d1t, self.nz, level)? else {
-            return Ok(false);
-        };
-        let coupling = linalg::eigenvalues(&(&x * &y))?
-            .iter()
-            .map(|l| l.norm())
-            .fold(0.0, f64::max);
-        Ok(coupling < level * level)
-    }
 }

@@ -9,8 +9,8 @@
 //!   to 1/ε). What is stable and small on the half-plane is so on the disc (maximum modulus), and the zeros of the boundary
 //!   are outside. A zero on the boundary itself adds what no controller can move there (Parrott).
 
+use super::regular::{FullOrderError, Parts, normalised};
 use super::riccati::riccati;
-use super::{FullOrderError, Parts};
 use crate::linalg::{self, CMatrix, LinalgError, Matrix, blocks};
 use crate::state_space::StateSpace;
 
@@ -26,11 +26,7 @@ pub(super) fn bracket(
     for exponent in 1..=7 {
         let epsilon = 10f64.powi(-exponent);
         let raised = augmented(plant, controls, measurements, epsilon);
-        if let Some(parts) = Parts::new(
-            &super::normalised(&raised, controls, measurements),
-            controls,
-            measurements,
-        )? {
+        if let Some(parts) = Parts::new(&normalised(&raised, controls, measurements), controls, measurements)? {
             match parts.search(tolerance)? {
                 // The levels fall with ε; one that rises is rounding.
                 Some((_, level)) if level < high => high = level,
@@ -39,11 +35,7 @@ pub(super) fn bracket(
             }
         }
         if let Some(inside) = disc(plant, epsilon)
-            && let Some(parts) = Parts::new(
-                &super::normalised(&inside, controls, measurements),
-                controls,
-                measurements,
-            )?
+            && let Some(parts) = Parts::new(&normalised(&inside, controls, measurements), controls, measurements)?
             && let Some((level, _)) = parts.search(tolerance)?
             && level < high
         {

@@ -1,6 +1,6 @@
 //! The proof of a margin: scalings that prove a level on intervals, until the intervals cover all frequencies.
 
-use super::margin::MarginOptions;
+use super::options::MarginOptions;
 use super::scalings::{Scalings, bound_until, holds};
 use super::structure::{MuError, Structure};
 use crate::balance;

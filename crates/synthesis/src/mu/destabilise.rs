@@ -1,7 +1,7 @@
 //! The other side of a margin: perturbations that put an eigenvalue of the closed loop on the imaginary axis.
 
 use super::lower::{lower_bound, mix, random_delta};
-use super::margin::{Destabilising, MarginOptions};
+use super::options::{Destabilising, MarginOptions};
 use super::structure::{MuError, Structure};
 use crate::balance;
 use crate::linalg::{self, CMatrix, LinalgError, c64};

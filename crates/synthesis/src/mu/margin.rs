@@ -10,47 +10,12 @@
 
 use super::cover::{STEEPEST, cover};
 use super::destabilise::destabilise;
+use super::options::{Destabilising, MarginOptions};
 use super::scalings::bound_until;
 use super::structure::{MuError, Structure};
-use crate::balance;
-use crate::linalg::{CMatrix, LinalgError, c64};
+use crate::linalg::{LinalgError, c64};
 use crate::norm;
 use crate::state_space::StateSpace;
-
-/// How to compute a margin.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MarginOptions {
-    /// Relative slack between the proved bound and the largest bound found on the grid: smaller needs more intervals.
-    pub slack: f64,
-    /// Most certified intervals before giving up.
-    pub intervals: usize,
-    /// Starts of the search for destabilising perturbations.
-    pub starts: usize,
-    /// Seed of that search.
-    pub seed: u64,
-}
-
-impl Default for MarginOptions {
-    fn default() -> Self {
-        Self {
-            slack: 1e-3,
-            intervals: 3000,
-            starts: 12,
-            seed: 1,
-        }
-    }
-}
-
-/// A perturbation that makes the closed loop marginally stable.
-#[derive(Debug, Clone)]
-pub struct Destabilising {
-    /// The perturbation Δ, closed as `w = Δ z`.
-    pub delta: CMatrix,
-    /// Its size: the largest norm of a block.
-    pub size: f64,
-    /// The frequency of the eigenvalue on the axis, rad/s.
-    pub omega: f64,
-}
 
 /// A stability margin: multiples of the stated uncertainty that are tolerated.
 #[derive(Debug, Clone)]
@@ -75,7 +40,7 @@ pub struct Margin {
 /// An unstable M, blocks that do not fit, an axis that could not be covered within the limit.
 pub fn margin(m: &StateSpace, structure: &Structure, options: &MarginOptions) -> Result<Margin, MuError> {
     structure.check(m.outputs(), m.inputs())?;
-    let m = balance::balanced_system(&crate::reduce::on_path(m));
+    let m = crate::reduce::on_path(m).balanced();
     let poles = m.poles()?;
     let abscissa = poles.iter().map(|p| p.re).fold(f64::NEG_INFINITY, f64::max);
     if abscissa >= 0.0 {

@@ -9,10 +9,12 @@ mod cover;
 mod destabilise;
 mod lower;
 mod margin;
+mod options;
 mod scalings;
 mod structure;
 
 pub use lower::{Singular, lower_bound};
-pub use margin::{Destabilising, Margin, MarginOptions, margin};
+pub use margin::{Margin, margin};
+pub use options::{Destabilising, MarginOptions};
 pub use scalings::{Scalings, UpperBound, upper_bound};
 pub use structure::{Block, MuError, Structure};

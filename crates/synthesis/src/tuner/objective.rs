@@ -7,7 +7,6 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::problem::{Checked, Model};
-use crate::balance;
 use crate::linalg::{self, CMatrix, LinalgError, Matrix, c64};
 use crate::norm;
 use crate::parallel;
@@ -419,9 +418,7 @@ impl<'a> Objective<'a> {
 
 /// The closed loop of one channel with only the states that lie on a path from its inputs to its outputs, balanced.
 fn channel_system(closed: &StateSpace, channel: &super::problem::Channel) -> StateSpace {
-    balance::balanced_system(&crate::reduce::on_path(
-        &closed.select(channel.outputs.clone(), channel.inputs.clone()),
-    ))
+    crate::reduce::on_path(&closed.select(channel.outputs.clone(), channel.inputs.clone())).balanced()
 }
 
 /// Keeps the last few distinct peak frequencies.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::gains::{GainBlock, GainError, Parametrised};
-use super::region::Yardstick;
+use super::yardstick::Yardstick;
 use crate::linalg::{LinalgError, Matrix, c64};
 use crate::state_space::StateSpace;
 
@@ -124,7 +124,7 @@ impl Checked {
         for model in &mut models {
             check_model(model, &problem.gains)?;
             // Scaling of the states changes no transfer function and every eigenvalue computation gets better for it.
-            model.plant = crate::balance::balanced_system(&model.plant);
+            model.plant = model.plant.balanced();
             let n = model.plant.states();
             let (inputs, outputs) = (model.plant.inputs(), model.plant.outputs());
             let loop_part = StateSpace {
@@ -146,7 +146,10 @@ impl Checked {
                 });
             }
         }
-        let yardsticks = models.iter().map(Yardstick::new).collect();
+        let yardsticks = models
+            .iter()
+            .map(|model| Yardstick::new(&model.plant, model.controls, model.measurements))
+            .collect();
         let fastest = models
             .iter()
             .map(|m| Ok(m.plant.poles()?.iter().map(|p| p.norm()).fold(0.0, f64::max)))

@@ -5,9 +5,9 @@ use std::cell::Cell;
 use super::bundle;
 use super::descent::{self, Limits};
 use super::objective::{Objective, Piece, Value};
+use super::options::{Options, Phase, Progress};
 use super::problem::Checked;
 use super::region;
-use super::run::{Options, Phase, Progress};
 use crate::linalg::LinalgError;
 
 /// While searching, a channel whose known peaks all lie below this part of the largest one is believed without a proof.

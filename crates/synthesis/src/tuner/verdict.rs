@@ -1,9 +1,9 @@
 //! What a result is worth: norms that rounding has not touched, and whether an optimum was attained at all.
 
 use super::objective::{ChannelNorm, Objective, Value};
+use super::options::Options;
 use super::problem::{Channel, Checked, Model};
 use super::region;
-use super::run::Options;
 use super::search::Search;
 use crate::interconnect;
 use crate::linalg::{LinalgError, Matrix, c64};

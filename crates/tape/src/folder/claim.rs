@@ -3,8 +3,10 @@
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
-use super::{FolderError, RunFolder, io_error, private};
+use super::place::{FolderError, RunFolder, io_error, private};
+use super::utc::utc_compact;
 
 /// What a run, its checkpoints and shadows, an export and a report put into a run folder.
 const OWN: [&str; 9] = [
@@ -27,7 +29,7 @@ fn is_own(name: &str) -> bool {
 }
 
 /// The first of the folders on the way to `path` that does not exist yet.
-pub(super) fn outermost_missing(path: &Path) -> Option<PathBuf> {
+fn outermost_missing(path: &Path) -> Option<PathBuf> {
     let missing = path.ancestors().take_while(|folder| {
         let named = !folder.as_os_str().is_empty();
         named && fs::symlink_metadata(folder).is_err()
@@ -77,7 +79,7 @@ impl Claim {
     }
 
     /// Takes the folder `root`, which was just made, and `made` with it.
-    pub(super) fn made(root: &Path, made: Option<PathBuf>) -> Result<Claim, FolderError> {
+    fn made(root: &Path, made: Option<PathBuf>) -> Result<Claim, FolderError> {
         Claim::furnish(root, made, false, locked(root)?)
     }
 
@@ -213,6 +215,39 @@ fn only_a_run(root: &Path) -> Result<(), FolderError> {
     Ok(())
 }
 
+impl RunFolder {
+    /// Makes the folder `root` with its parents, for the user alone, or takes an empty one as it is; refuses one that has anything
+    /// in it.
+    pub fn create(root: &Path) -> Result<RunFolder, FolderError> {
+        Claim::of(root, false).map(Claim::keep)
+    }
+
+    /// Makes `<runs>/<scenario>-<UTC time>-<n>` with the first n from 1 that is free. Runs that start in the same instant
+    /// get different folders: whoever creates it has it.
+    pub fn create_default(runs: &Path, scenario: &str) -> Result<Claim, FolderError> {
+        let outermost = outermost_missing(runs);
+        private()
+            .recursive(true)
+            .create(runs)
+            .map_err(io_error(runs, "create the folder"))?;
+        let plain: String = scenario
+            .chars()
+            .map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' })
+            .collect();
+        let plain = if plain.is_empty() { "run" } else { &plain };
+        let time = utc_compact(SystemTime::now());
+        let mut n = 1_u32;
+        loop {
+            let root = runs.join(format!("{plain}-{time}-{n}"));
+            match private().create(&root) {
+                Ok(()) => return Claim::made(&root, Some(outermost.unwrap_or_else(|| root.clone()))),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => n += 1,
+                Err(error) => return Err(io_error(&root, "create the folder")(error)),
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -293,5 +328,38 @@ mod tests {
         fs::remove_file(root.join("precious.txt")).unwrap();
         drop(Claim::of(&root, true).unwrap());
         assert_eq!(names(&root), ["plan.toml", "run.json"]);
+    }
+
+    #[test]
+    fn a_folder_with_something_in_it_is_refused_and_left_alone() {
+        let root = crate::scratch_for_tests("folder");
+        let first = RunFolder::create(&root).unwrap();
+        first.write_json(&first.run(), &serde_json::json!({"a": 1})).unwrap();
+        let text = RunFolder::create(&root).unwrap_err().to_string();
+        assert!(text.contains("not empty") && text.contains("--out"), "{text}");
+        assert!(first.run().is_file());
+        let error = RunFolder::create(&first.run()).unwrap_err();
+        assert!(matches!(error, FolderError::NotAFolder { .. }), "{error}");
+    }
+
+    #[test]
+    fn runs_of_the_same_instant_never_meet() {
+        let runs = crate::scratch_for_tests("runs");
+        let roots: Vec<PathBuf> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..8)
+                .map(|_| {
+                    scope.spawn(|| {
+                        (0..20)
+                            .map(|_| RunFolder::create_default(&runs, "a/b é").unwrap())
+                            .map(|claim| claim.keep().root().to_owned())
+                            .collect::<Vec<_>>()
+                    })
+                })
+                .collect();
+            threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect()
+        });
+        let unique: std::collections::HashSet<_> = roots.iter().collect();
+        assert_eq!(unique.len(), 160);
+        assert!(roots.iter().all(|root| root.parent() == Some(runs.as_path())));
     }
 }

@@ -51,7 +51,7 @@ pub(crate) fn pose() -> Descriptor {
         fields: vec![
             field("p_NB_N", Element::F64, &[3], "m", 0),
             field("count", Element::U64, &[], "1", 24),
-            field("gain", Element::F32, &[2], "N m", 32),
+            field("scale", Element::F32, &[2], "N m", 32),
             field("flag", Element::U8, &[], "1", 40),
             field("padding", Element::U8, &[7], "1", 41),
         ],

@@ -106,8 +106,7 @@ pub(super) fn read(
     for (position, value) in entries.into_iter().enumerate() {
         let name = super::source::fault_name(value.get("name").and_then(Value::as_str), position);
         let key = format!("faults.{name}");
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-        if name.is_empty() || name.len() > 64 || !name.chars().all(plain) {
+        if !lockstep::name::is_name(&name, lockstep::name::NAME_MAX) {
             let reason = format!("`{name}` is not a name: use up to 64 letters, digits, `_` and `-`");
             mistakes.push(source.mistake(&format!("{key}.name"), reason));
         } else if names.contains(&name) {

@@ -56,6 +56,8 @@ impl<T: ZeroCopySend + Copy + std::fmt::Debug + 'static> Set<T> for EntryHandleM
 
 /// The memory of a ring, and one end of the reader's count.
 type Shared<'a, Count> = (&'a [Word], &'a Count);
+type CountReader = EntryHandle<Ipc, u64, u64>;
+type CountWriter = EntryHandleMut<Ipc, u64, u64>;
 
 /// The two services of one ring. Whoever holds them keeps them alive.
 pub(super) struct RingService {
@@ -172,7 +174,7 @@ pub(super) struct RingWriter {
     words: Option<NonNull<[Word]>>,
     lines: usize,
     cleared: usize,
-    count: EntryHandle<Ipc, u64, u64>,
+    count: CountReader,
     _reader: Reader<Ipc, u64>,
     publisher: Publisher<Ipc, [Line], ()>,
 }
@@ -180,7 +182,7 @@ pub(super) struct RingWriter {
 impl RingWriter {
     /// The memory, and what the reader has counted; `None` while nobody is there to read it.
     #[inline]
-    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, EntryHandle<Ipc, u64, u64>>>, Broken> {
+    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, CountReader>>, Broken> {
         if self.words.is_none() {
             self.words = self.hand_over()?;
         }
@@ -212,7 +214,7 @@ impl RingWriter {
 /// The reading end.
 pub(super) struct RingReader {
     held: Option<Held>,
-    taken: EntryHandleMut<Ipc, u64, u64>,
+    taken: CountWriter,
     _writer: Writer<Ipc, u64>,
     subscriber: Subscriber<Ipc, [Line], ()>,
 }
@@ -227,7 +229,7 @@ struct Held {
 impl RingReader {
     /// The memory when it has come, and where to count what has been taken.
     #[inline]
-    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, EntryHandleMut<Ipc, u64, u64>>>, Broken> {
+    pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, CountWriter>>, Broken> {
         if self.held.is_none() {
             let sample = self.subscriber.receive().map_err(|error| broken("receiving", error))?;
             self.held = sample.map(|sample| {

@@ -1,0 +1,129 @@
+//! A participant with its ends of local links, and why a run in one process ends early.
+
+use crate::participant::Participant;
+use crate::plan::{Assignment, Plan, Position};
+use crate::stepper::{Ends, PositionError, StepError, Stepper};
+use crate::transport::local::{self, LocalReceiver, LocalSender};
+use crate::transport::{Receiver, Recording, Sender};
+
+/// Why a run in one process ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A participant failed.
+    #[error("participant `{participant}` failed at t = {t} s (activation {activation}): {source}")]
+    Participant {
+        /// Who.
+        participant: String,
+        /// The instant of the activation, s.
+        t: f64,
+        /// The number of the activation.
+        activation: u64,
+        /// Why.
+        source: StepError,
+    },
+    /// Nobody can go on. This is a mistake in the plan, not in a participant.
+    #[error(
+        "nobody can go on at t = {t} s; {waiting} (this is a defect of the planner: please report it with the scenario)"
+    )]
+    Stuck {
+        /// The earliest instant, s.
+        t: f64,
+        /// Who waits for what.
+        waiting: String,
+    },
+}
+
+impl RunError {
+    pub(crate) fn of(stepper: &Stepper, source: StepError) -> RunError {
+        RunError::Participant {
+            participant: stepper.assignment().name.clone(),
+            t: stepper.next_seconds(),
+            activation: stepper.next_activation(),
+            source,
+        }
+    }
+}
+
+/// A participant with its ends of local links, before it is driven by anybody.
+pub struct Part {
+    participant: Box<dyn Participant>,
+    assignment: Assignment,
+    receivers: Vec<Option<LocalReceiver>>,
+    senders: Vec<Vec<LocalSender>>,
+    recording: Box<dyn Recording + Send>,
+}
+
+impl Part {
+    /// The stepper of this participant.
+    pub fn stepper(self) -> Stepper {
+        let (participant, assignment, ends) = self.ends();
+        Stepper::new(participant, assignment, ends)
+    }
+
+    /// The stepper of this participant where others have done the work before.
+    pub fn stepper_at(self, position: Position) -> Result<Stepper, PositionError> {
+        let (participant, assignment, ends) = self.ends();
+        Stepper::resume(participant, assignment, ends, position)
+    }
+
+    fn ends(self) -> (Box<dyn Participant>, Assignment, Ends) {
+        let boxed = |sender| Box::new(sender) as Box<dyn Sender>;
+        let ends = Ends {
+            receivers: self
+                .receivers
+                .into_iter()
+                .map(|end| end.map(|end| Box::new(end) as Box<dyn Receiver>))
+                .collect(),
+            senders: self
+                .senders
+                .into_iter()
+                .map(|ends| ends.into_iter().map(boxed).collect())
+                .collect(),
+            recording: self.recording,
+        };
+        (self.participant, self.assignment, ends)
+    }
+}
+
+/// Connects the participants of a plan inside this process. `recording` gives each its way to the tape.
+pub fn assemble(
+    plan: &Plan,
+    participants: Vec<Box<dyn Participant>>,
+    mut recording: impl FnMut(usize) -> Box<dyn Recording + Send>,
+) -> Vec<Part> {
+    let (mut senders, mut receivers) = (Vec::new(), Vec::new());
+    for link in &plan.links {
+        let size = plan.participants[link.from.0].interface.outputs[link.from.1]
+            .descriptor
+            .size as usize;
+        let (sender, receiver) = local::link(size, link.capacity);
+        senders.push(Some(sender));
+        receivers.push(Some(receiver));
+    }
+    let mut parts = Vec::with_capacity(participants.len());
+    for (number, participant) in participants.into_iter().enumerate() {
+        let assignment = plan.assignment(number);
+        let own = assignment.inputs.iter();
+        let receivers = own
+            .map(|link| link.as_ref().and_then(|link| receivers[link.link as usize].take()))
+            .collect();
+        let own = assignment.outputs.iter();
+        let senders = own
+            .map(|output| {
+                output
+                    .consumers
+                    .iter()
+                    .filter_map(|to| senders[to.link as usize].take())
+                    .collect()
+            })
+            .collect();
+        parts.push(Part {
+            participant,
+            assignment,
+            receivers,
+            senders,
+            recording: recording(number),
+        });
+    }
+    parts
+}

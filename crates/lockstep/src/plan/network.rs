@@ -1,0 +1,129 @@
+//! Participants and links of a plan, with everything that was found out about them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::fault::{LinkFault, SignalFault};
+use crate::link::{ReadSchedule, Timing, Visibility};
+use crate::participant::Interface;
+use crate::time::{Rational, SampleTime, Ticks, Timebase};
+
+/// What a link delivers before the first sample is visible.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Initial {
+    /// This payload.
+    Value(Vec<u8>),
+    /// The producer's sample 0, which exists before the run starts. Only for outputs without feedthrough.
+    FirstSample,
+}
+
+/// A participant with its place in the plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Participant {
+    /// The name, unique in the run.
+    pub name: String,
+    /// The ports.
+    pub interface: Interface,
+    /// The period as the user wrote it.
+    pub period: Rational,
+    /// The first activation as the user wrote it.
+    pub offset: Rational,
+    /// The activations in ticks.
+    pub sample_time: SampleTime,
+    /// How many activations lie before the end.
+    pub activations: u64,
+    /// Among activations at the same instant, lower ranks come first.
+    pub rank: u32,
+    /// The link that feeds each input; an input that need not be connected may have none.
+    pub inputs: Vec<Option<usize>>,
+    /// The number of the first output in the run's list of streams; the others follow.
+    pub first_stream: u32,
+}
+
+/// A connection of one output to one input.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Link {
+    /// The name in the scenario.
+    pub name: String,
+    /// Participant and output number.
+    pub from: (usize, usize),
+    /// Participant and input number.
+    pub to: (usize, usize),
+    /// The timing as the user wrote it.
+    pub timing: Timing,
+    /// What is wrong with it for a while, as the user wrote it.
+    pub faults: Vec<LinkFault>,
+    /// The rule of visibility in ticks.
+    pub visibility: Visibility,
+    /// What is read before anything is visible.
+    pub initial: Initial,
+    /// How many samples may be in flight: enough for the delay, so that nobody ever waits in a circle.
+    pub capacity: usize,
+}
+
+/// An input of which the tape has what the participant saw: a sample for each activation, stamped with its instant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Seen {
+    /// The participant.
+    pub participant: usize,
+    /// The input.
+    pub input: usize,
+}
+
+/// The plan of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// The tick.
+    pub timebase: Timebase,
+    /// No activation happens at or after this instant.
+    pub end: Ticks,
+    /// The seed of every random stream.
+    pub seed: u64,
+    /// The participants in the order of the scenario.
+    pub participants: Vec<Participant>,
+    /// The links.
+    pub links: Vec<Link>,
+    /// What is wrong with signals for a while, in the order of the scenario.
+    pub faults: Vec<SignalFault>,
+    /// What participants see where a fault is on the way: streams behind those of the outputs, in this order.
+    pub seen: Vec<Seen>,
+}
+
+impl Plan {
+    /// The reads of link number `link`.
+    pub fn schedule(&self, link: usize) -> ReadSchedule {
+        let link = &self.links[link];
+        let consumer = self.participants[link.to.0].sample_time;
+        ReadSchedule::new(link.visibility.clone(), consumer, link.initial == Initial::FirstSample)
+    }
+
+    /// `producer.port` or `consumer.port`.
+    pub fn output_name(&self, (participant, output): (usize, usize)) -> String {
+        let participant = &self.participants[participant];
+        format!("{}.{}", participant.name, participant.interface.outputs[output].name)
+    }
+
+    /// `consumer.port`.
+    pub fn input_name(&self, (participant, input): (usize, usize)) -> String {
+        let participant = &self.participants[participant];
+        format!("{}.{}", participant.name, participant.interface.inputs[input].name)
+    }
+
+    /// The number of the participant called `name`.
+    pub fn participant(&self, name: &str) -> Option<usize> {
+        self.participants
+            .iter()
+            .position(|participant| participant.name == name)
+    }
+
+    /// How many streams the run has: one for each output, and one for each input that a fault may disturb.
+    pub fn stream_count(&self) -> usize {
+        self.output_count() + self.seen.len()
+    }
+
+    pub(super) fn output_count(&self) -> usize {
+        self.participants
+            .iter()
+            .map(|participant| participant.interface.outputs.len())
+            .sum()
+    }
+}

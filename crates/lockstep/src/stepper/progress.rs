@@ -1,0 +1,65 @@
+//! What a stepper is given, how far it came, and what it waits for.
+
+use crate::link::Read;
+use crate::transport::{Receiver, Recording, Sender};
+
+/// What a stepper cannot go on without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wait {
+    /// Sample `index` of the link that feeds input `input`.
+    Sample {
+        /// The input.
+        input: usize,
+        /// The sample.
+        index: u64,
+    },
+    /// Room on the way to consumer `consumer` of output `output`.
+    Room {
+        /// The output.
+        output: usize,
+        /// The consumer's position among those of the output.
+        consumer: usize,
+    },
+    /// Room in the recording.
+    Recording,
+}
+
+/// How far a call of [`Stepper::poll`](super::Stepper::poll) came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// One activation is complete: stepped, recorded and published.
+    Stepped,
+    /// The next activation lies at or past the horizon; everything before it is complete and handed over.
+    AtHorizon,
+    /// All activations are complete and handed over.
+    Finished,
+    /// It needs something first.
+    Waiting(Wait),
+}
+
+/// The ends of the links of one participant, in the order of its assignment.
+pub struct Ends {
+    /// One receiver per connected input.
+    pub receivers: Vec<Option<Box<dyn Receiver>>>,
+    /// One sender per consumer of each output.
+    pub senders: Vec<Vec<Box<dyn Sender>>>,
+    /// The way to the tape.
+    pub recording: Box<dyn Recording>,
+}
+
+/// Where the work on an activation stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Phase {
+    /// The outputs for the first instant have not been made.
+    Initialise,
+    /// Between activations.
+    Rest,
+    /// Getting the sample for this input; what it reads is asked once.
+    Gather { input: usize, read: Option<Read> },
+    /// Putting this output on the tape.
+    Record { output: usize },
+    /// Putting on the tape what this input has shown, where a fault may have changed it.
+    Look { input: usize },
+    /// Sending this output to this consumer.
+    Publish { output: usize, consumer: usize },
+}

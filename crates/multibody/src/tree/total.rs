@@ -1,0 +1,40 @@
+//! The momentum of a whole tree, and the kernels' vectors as those of nalgebra.
+
+use crate::kernel::momentum;
+use crate::num::V3;
+use nalgebra::{Matrix3, Vector3};
+
+/// Momentum of the whole tree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Momentum {
+    /// Total mass (kg).
+    pub mass: f64,
+    /// Centre of mass C from B's origin, B axes (m).
+    pub p_bc: Vector3<f64>,
+    /// Linear momentum, B axes (kg m/s).
+    pub linear_b: Vector3<f64>,
+    /// Angular momentum about the centre of mass, B axes (kg m²/s).
+    pub angular_b: Vector3<f64>,
+}
+
+impl Momentum {
+    /// From the sums over a tree whose base moves at `v`.
+    pub(crate) fn of(s: &momentum::Sums<f64>, v: V3<f64>) -> Self {
+        let p_bc = s.h * (1.0 / s.mass);
+        Self {
+            mass: s.mass,
+            p_bc: vector(p_bc),
+            linear_b: vector(v.mul_add(s.mass, s.p)),
+            // v drops out: the angular momentum about C of a common velocity is zero
+            angular_b: vector(s.l - p_bc.cross(s.p)),
+        }
+    }
+}
+
+pub(crate) fn vector(v: V3<f64>) -> Vector3<f64> {
+    Vector3::new(v.x, v.y, v.z)
+}
+
+pub(crate) fn matrix(m: &crate::num::Mat3<f64>) -> Matrix3<f64> {
+    Matrix3::from_columns(&m.c.map(vector))
+}

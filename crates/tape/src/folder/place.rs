@@ -1,0 +1,118 @@
+//! Where each thing of a run lies in its folder.
+
+use std::fs::DirBuilder;
+use std::io;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+/// A run folder that exists.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunFolder {
+    pub(super) root: PathBuf,
+}
+
+/// Why a run folder cannot be made or written.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// The folder has something in it.
+    #[error("{} is not empty: name a new folder with `--out`; `--force` replaces what is in it, if that is a run", path.display())]
+    NotEmpty {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// What is in the folder is no run, or not a run alone.
+    #[error("{} is not replaced: {reason}; name a new folder with `--out`", path.display())]
+    NotARun {
+        /// The folder.
+        path: PathBuf,
+        /// What is there, or is not.
+        reason: String,
+    },
+    /// There is something of that name which is not a folder.
+    #[error("{} is not a folder: name a new one with `--out`", path.display())]
+    NotAFolder {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The file system refused.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried.
+        action: &'static str,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+pub(super) fn io_error(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> FolderError {
+    let path = path.to_owned();
+    move |source| FolderError::Io { path, action, source }
+}
+
+/// Makes folders for the user alone, whatever the user's mask says: what a run holds is for others only when its owner opens it to
+/// them.
+pub fn private() -> DirBuilder {
+    let mut builder = DirBuilder::new();
+    builder.mode(0o700);
+    builder
+}
+
+impl RunFolder {
+    /// Takes a folder as it is; nothing needs to be in it.
+    pub fn open(root: &Path) -> RunFolder {
+        RunFolder { root: root.to_owned() }
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The scenario with every default filled in.
+    pub fn plan(&self) -> PathBuf {
+        self.root.join("plan.toml")
+    }
+
+    /// Versions, host, command line, files.
+    pub fn run(&self) -> PathBuf {
+        self.root.join("run.json")
+    }
+
+    /// Verdict and figures of merit.
+    pub fn summary(&self) -> PathBuf {
+        self.root.join("summary.json")
+    }
+
+    /// The tape's folder; [`crate::Writer::create`] makes it.
+    pub fn tape(&self) -> PathBuf {
+        self.root.join("tape")
+    }
+
+    /// The folder of the checkpoints; there when the first one is.
+    pub fn checkpoints(&self) -> PathBuf {
+        self.root.join("checkpoints")
+    }
+
+    /// Where a participant's standard error goes.
+    pub fn stderr(&self, participant: &str) -> PathBuf {
+        self.root.join("log").join(format!("{participant}.stderr"))
+    }
+
+    /// Writes `text` to `path`, a path of this folder, so that it is there whole or not at all.
+    pub fn write(&self, path: &Path, text: &str) -> Result<(), FolderError> {
+        crate::write_whole(path, text).map_err(io_error(path, "write the file"))
+    }
+
+    /// Writes `content` as indented JSON, like [`RunFolder::write`].
+    pub fn write_json(&self, path: &Path, content: &impl Serialize) -> Result<(), FolderError> {
+        let mut text = serde_json::to_string_pretty(content)
+            .map_err(io::Error::from)
+            .map_err(io_error(path, "put the content into JSON"))?;
+        text.push('\n');
+        self.write(path, &text)
+    }
+}

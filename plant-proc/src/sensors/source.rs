@@ -1,0 +1,12 @@
+//! Where the draws of sensors come from.
+
+/// Where a sensor's draws come from.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a> {
+    /// The seed of the run.
+    pub seed: u64,
+    /// The participant's name.
+    pub participant: &'a str,
+    /// The period of the plant, s.
+    pub period: f64,
+}

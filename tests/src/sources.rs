@@ -1,0 +1,125 @@
+//! The lines of the sources, for rules about what must not be said where.
+
+use std::path::{Path, PathBuf};
+
+use crate::program::root;
+use crate::workspace::Package;
+
+/// A line of a source file.
+pub struct Line {
+    /// The file, from the root of the workspace.
+    pub path: String,
+    /// From 1 on.
+    pub number: usize,
+    /// Everything.
+    pub whole: String,
+    /// Without what stands behind `//`.
+    pub code: String,
+    /// Part of what `#[cfg(test)]` is about.
+    pub test: bool,
+}
+
+/// Where a line stands.
+#[derive(Clone, Copy, PartialEq)]
+enum Part {
+    Shipped,
+    /// The line `#[cfg(test)]`, or another attribute below it.
+    Marked,
+    /// In a module or function of tests.
+    Test,
+    /// The one line, or the last line, that belongs to the tests.
+    Single,
+}
+
+/// The files with the given ending below `folder`, build products left out.
+pub fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if path.is_dir() {
+                if !matches!(name.as_str(), "target" | "runs") && !name.starts_with('.') {
+                    folders.push(path);
+                }
+            } else if name.ends_with(ending) {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+/// The lines of a file.
+///
+/// # Panics
+/// When it cannot be read.
+pub fn lines(path: &Path) -> Vec<Line> {
+    let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let shown = path.strip_prefix(root()).unwrap_or(path).display().to_string();
+    let mut part = Part::Shipped;
+    let numbered = text.lines().enumerate().map(|(number, whole)| {
+        part = match part {
+            Part::Shipped | Part::Single if whole == "#[cfg(test)]" => Part::Marked,
+            Part::Marked if whole.starts_with('#') => Part::Marked,
+            Part::Marked if whole.ends_with('{') => Part::Test,
+            Part::Marked => Part::Single,
+            Part::Test if whole == "}" => Part::Single,
+            Part::Single => Part::Shipped,
+            other => other,
+        };
+        let test = part != Part::Shipped;
+        // Two slashes behind a colon are an address, not a comment.
+        let comment = whole.match_indices("//").find(|&(at, _)| !whole[..at].ends_with(':'));
+        Line {
+            path: shown.clone(),
+            number: number + 1,
+            code: comment.map_or(whole, |(at, _)| &whole[..at]).to_owned(),
+            whole: whole.to_owned(),
+            test,
+        }
+    });
+    numbered.collect()
+}
+
+/// The lines of the sources that a package ships.
+pub fn shipped(package: &Package) -> Vec<Line> {
+    files(&package.folder.join("src"), ".rs")
+        .iter()
+        .flat_map(|path| lines(path))
+        .collect()
+}
+
+/// Every Rust source of the workspace.
+pub fn sources() -> Vec<PathBuf> {
+    files(&root(), ".rs")
+}
+
+/// Fails with file and line of everything found.
+///
+/// # Panics
+/// When there is something.
+pub fn none(rule: &str, found: impl IntoIterator<Item = (Line, String)>) {
+    let found: Vec<String> = found
+        .into_iter()
+        .map(|(line, what)| format!("  {}:{}: {what}: {}", line.path, line.number, line.whole.trim()))
+        .collect();
+    assert!(found.is_empty(), "{rule}\n{}", found.join("\n"));
+}
+
+/// The words in `words` that occur in `text` as words of their own, capital letters or not.
+pub fn says<'a>(text: &str, words: &[&'a str]) -> Option<&'a str> {
+    let lower = text.to_lowercase();
+    let parts: Vec<&str> = lower.split(|c: char| !c.is_ascii_alphanumeric()).collect();
+    // A plural is the same word.
+    words
+        .iter()
+        .find(|word| {
+            parts
+                .iter()
+                .any(|part| part.strip_suffix('s').unwrap_or(part) == **word || part == *word)
+        })
+        .copied()
+}

@@ -1,0 +1,76 @@
+//! The pages for people: what they quote, name and link is there.
+
+use std::path::PathBuf;
+
+use escapement_tests::program::root;
+use escapement_tests::sources::files;
+
+fn read(name: &str) -> String {
+    std::fs::read_to_string(root().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+#[test]
+fn the_readme_quotes_the_example_that_compiles() {
+    let readme = read("README.md");
+    for file in ["examples/spring/src/main.rs", "examples/spring/spring.toml"] {
+        assert!(
+            readme.contains(read(file).trim_end()),
+            "README.md: its copy of {file} differs from the file"
+        );
+    }
+}
+
+#[test]
+fn the_architecture_page_stays_short() {
+    let count = read("ARCHITECTURE.md").lines().count();
+    assert!(count < 400, "ARCHITECTURE.md:{count}: 400 lines are the limit");
+}
+
+/// The pages for people, with their names.
+fn pages() -> Vec<(PathBuf, String)> {
+    let pages = files(&root(), ".md").into_iter();
+    pages
+        .map(|path| (path.clone(), std::fs::read_to_string(&path).unwrap_or_default()))
+        .collect()
+}
+
+#[test]
+fn tests_that_pages_name_exist() {
+    let mut missing = Vec::new();
+    for (page, text) in pages() {
+        for (number, line) in text.lines().enumerate() {
+            // `path/to/file.rs::name`
+            for quoted in line.split('`').skip(1).step_by(2) {
+                let Some((file, name)) = quoted.split_once(".rs::") else {
+                    continue;
+                };
+                let source = std::fs::read_to_string(root().join(format!("{file}.rs"))).unwrap_or_default();
+                if !source.contains(&format!("fn {name}(")) {
+                    missing.push(format!("  {}:{}: {quoted}", page.display(), number + 1));
+                }
+            }
+        }
+    }
+    assert!(
+        missing.is_empty(),
+        "pages name tests that are not there:\n{}",
+        missing.join("\n")
+    );
+}
+
+#[test]
+fn links_between_pages_lead_somewhere() {
+    let mut broken = Vec::new();
+    for (page, text) in pages() {
+        for (number, line) in text.lines().enumerate() {
+            for target in line.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+                let file = target.split('#').next().unwrap_or_default();
+                let outside = file.is_empty() || file.contains("://") || file.contains(char::is_whitespace);
+                if !outside && !page.parent().unwrap_or(&root()).join(file).exists() {
+                    broken.push(format!("  {}:{}: {target}", page.display(), number + 1));
+                }
+            }
+        }
+    }
+    assert!(broken.is_empty(), "links lead nowhere:\n{}", broken.join("\n"));
+}

@@ -1,0 +1,212 @@
+//! The shape of the sources: no circles between modules, short files, short functions, and libraries that know no example.
+
+use std::path::Path;
+
+use escapement_tests::modules::Modules;
+use escapement_tests::program::root;
+use escapement_tests::rust::{code_of, functions, tokens};
+use escapement_tests::sources::{files, lines, none, says, sources};
+use escapement_tests::workspace::{package, packages};
+
+/// Where modules still use each other in a circle. The command line's commands and arguments, the engine's scenario and run, and the report's
+/// figures and page have grown together; lanes and sines are one kernel, of which instructions are counted.
+const CIRCLES: [&str; 9] = [
+    "orchestrator/src/commands",
+    "crates/engine/src/campaign",
+    "crates/engine/src/measures",
+    "crates/engine/src/replay",
+    "crates/multibody/src/num",
+    "crates/plugin/src",
+    "crates/report/src/export",
+    "crates/report/src/figures",
+    "crates/report/src/page",
+];
+
+fn shown(path: &Path) -> String {
+    path.strip_prefix(root()).unwrap_or(path).display().to_string()
+}
+
+#[test]
+fn modules_use_each_other_in_no_circle() {
+    let mut found = Vec::new();
+    for target in packages().iter().flat_map(|package| &package.targets) {
+        let modules = Modules::read(target);
+        for circle in modules.circles() {
+            let waived = |file: &&Path| CIRCLES.iter().any(|folder| file.starts_with(root().join(folder)));
+            if circle.iter().any(waived) {
+                continue;
+            }
+            found.push(format!("a circle of {} files:", circle.len()));
+            let uses = modules.uses_within(&circle).into_iter();
+            found.extend(uses.map(|(from, to, path)| format!("  {} uses {}: {path}", shown(from), shown(to))));
+        }
+    }
+    assert!(
+        found.is_empty(),
+        "move what both sides use into a file below them:\n{}",
+        found.join("\n")
+    );
+}
+
+#[test]
+fn waived_circles_are_there() {
+    let targets = packages().iter().flat_map(|package| &package.targets);
+    let circles: Vec<Modules> = targets.map(|target| Modules::read(target)).collect();
+    for folder in CIRCLES {
+        let mut files = circles.iter().flat_map(Modules::circles).flatten();
+        assert!(
+            files.any(|file| file.starts_with(root().join(folder))),
+            "{folder} has no circle any more: take it out of the list CIRCLES of this test"
+        );
+    }
+}
+
+/// Every line counts: code, comments, tests.
+#[test]
+fn files_are_short() {
+    const MAX: usize = 500;
+    let long: Vec<String> = sources()
+        .into_iter()
+        .map(|file| (lines(&file).len(), file))
+        .filter(|(count, _)| *count > MAX)
+        .map(|(count, file)| format!("  {}:{count}: more than {MAX} lines", shown(&file)))
+        .collect();
+    assert!(long.is_empty(), "split these files:\n{}", long.join("\n"));
+}
+
+/// Functions that are longer than the others may be, with their files. The kernels of `multibody` are one loop each, of which
+/// instructions are counted; the rest is to be split, and nothing is to be added.
+const LONG: [(&str, &str); 32] = [
+    ("crates/capture/src/assessment/criteria.rs", "judge"),
+    ("crates/engine/src/campaign/folder.rs", "open"),
+    ("crates/engine/src/campaign/picture.rs", "chart"),
+    ("crates/engine/src/replay/reduce.rs", "reduce"),
+    ("crates/engine/tests/limits.rs", "what_does_not_fit_is_refused_with_its_key"),
+    (
+        "crates/engine/tests/measures.rs",
+        "figures_are_those_of_a_plain_computation_in_any_order_of_arrival",
+    ),
+    ("crates/engine/src/run/conduct.rs", "run_in"),
+    ("crates/engine/src/run/in_process.rs", "run_in"),
+    ("crates/engine/src/run/set_up.rs", "set_up"),
+    ("crates/lockstep/tests/common/mod.rs", "reference"),
+    ("crates/multibody/src/description/urdf/mod.rs", "joint"),
+    ("crates/multibody/src/kernel/aba.rs", "aba"),
+    ("crates/multibody/src/kernel/inertia.rs", "mass_and_coriolis"),
+    ("crates/multibody/src/kernel/newton_euler.rs", "newton_euler"),
+    ("crates/multibody/tests/common/slow.rs", "evaluate"),
+    (
+        "crates/multibody/tests/reference.rs",
+        "every_quantity_of_the_reference_states",
+    ),
+    (
+        "crates/multibody/tests/urdf.rs",
+        "refusals_name_the_culprit_and_a_remedy",
+    ),
+    ("crates/report/src/figures/chart.rs", "drawing"),
+    ("crates/report/src/figures/svg.rs", "svg"),
+    ("crates/synthesis/src/plot.rs", "figure"),
+    ("crates/synthesis/src/robot/plant.rs", "generalised_plant"),
+    ("crates/synthesis/src/tuner/bundle.rs", "finish"),
+    ("crates/synthesis/src/tuner/run.rs", "tune"),
+    ("crates/synthesis/src/tuner/search.rs", "improve"),
+    (
+        "crates/synthesis/tests/tuner.rs",
+        "a_scheduled_gain_serves_two_mass_matrices",
+    ),
+    ("orchestrator/src/commands/check.rs", "describe"),
+    ("orchestrator/src/commands/margins.rs", "figures"),
+    ("orchestrator/src/commands/margins.rs", "run"),
+    ("orchestrator/src/commands/tune/matrices.rs", "tune_matrices"),
+    (
+        "tests/tests/faults.rs",
+        "what_cannot_be_is_refused_with_key_value_and_remedy",
+    ),
+    ("tests/tests/live.rs", "nobody_else_can_see_or_steer_the_run"),
+    (
+        "tests/tests/paths.rs",
+        "refused_run_leaves_nothing_and_force_replaces_a_run",
+    ),
+];
+
+/// Lines from `fn` to the closing brace, comments among them; those of tests too.
+#[test]
+fn functions_are_short() {
+    const MAX: usize = 80;
+    let mut long = Vec::new();
+    for file in sources() {
+        let text = std::fs::read_to_string(&file).expect("a source is text");
+        for function in functions(&code_of(&text)) {
+            let known = LONG.contains(&(shown(&file).as_str(), function.name.as_str()));
+            if function.lines > MAX && !known {
+                long.push(format!(
+                    "  {}:{}: `{}` has {} lines, more than {MAX}",
+                    shown(&file),
+                    function.line,
+                    function.name,
+                    function.lines
+                ));
+            }
+        }
+    }
+    assert!(long.is_empty(), "split these functions:\n{}", long.join("\n"));
+}
+
+/// Files of the report that still draw one system by its name.
+const DRAWS_BY_NAME: [&str; 1] = ["crates/report/"];
+
+/// What runs, records and draws any system says nothing of the one that comes with it, in code, comments, texts and tests.
+#[test]
+fn libraries_of_any_system_know_no_example() {
+    let words = ["capture", "grasp", "slosh", "wheel", "thruster", "arm", "gain", "joint"];
+    for name in ["lockstep", "tape", "report", "engine"] {
+        let found = files(&package(name).folder, ".rs")
+            .into_iter()
+            .filter(|path| !DRAWS_BY_NAME.iter().any(|part| shown(path).starts_with(part)))
+            .flat_map(|path| lines(&path))
+            .filter_map(|line| says(&line.whole, &words).map(|word| (line, word.to_owned())));
+        none(&format!("{name} is for any system:"), found);
+    }
+}
+
+/// What is computed, recorded and drawn needs no `unsafe`; where it stands, clippy wants a reason beside each block.
+#[test]
+fn unsafe_code_stands_in_few_packages_and_is_always_explained() {
+    const WITH: [&str; 8] = [
+        "engine",
+        "escapement-c",
+        "lockstep",
+        "multibody",
+        "orchestrator",
+        "plugin",
+        "testing",
+        "escapement-tests",
+    ];
+    for package in packages() {
+        let manifest = std::fs::read_to_string(package.folder.join("Cargo.toml")).expect("a manifest");
+        let manifest: toml::Table = manifest.parse().expect("a manifest is TOML");
+        let inherits = manifest.get("lints").and_then(|lints| lints.get("workspace"));
+        assert_eq!(
+            inherits.and_then(toml::Value::as_bool),
+            Some(true),
+            "{}: `[lints] workspace = true` is missing",
+            package.name
+        );
+        if WITH.contains(&package.name.as_str()) {
+            continue;
+        }
+        for file in files(&package.folder, ".rs") {
+            let text = std::fs::read_to_string(&file).expect("a source is text");
+            let found = tokens(&code_of(&text)).into_iter().find(|token| token.text == "unsafe");
+            assert_eq!(found, None, "{}: {} does without `unsafe`", shown(&file), package.name);
+        }
+    }
+    let workspace: toml::Table = std::fs::read_to_string(root().join("Cargo.toml"))
+        .expect("a manifest")
+        .parse()
+        .expect("a manifest is TOML");
+    assert_eq!(
+        workspace["workspace"]["lints"]["clippy"]["undocumented_unsafe_blocks"].as_str(),
+        Some("deny")
+    );
+}
