@@ -81,7 +81,10 @@ const LONG: [(&str, &str); 32] = [
     ("crates/engine/src/campaign/folder.rs", "open"),
     ("crates/engine/src/campaign/picture.rs", "chart"),
     ("crates/engine/src/replay/reduce.rs", "reduce"),
-    ("crates/engine/tests/limits.rs", "what_does_not_fit_is_refused_with_its_key"),
+    (
+        "crates/engine/tests/limits.rs",
+        "what_does_not_fit_is_refused_with_its_key",
+    ),
     (
         "crates/engine/tests/measures.rs",
         "figures_are_those_of_a_plain_computation_in_any_order_of_arrival",

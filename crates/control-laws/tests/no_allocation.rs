@@ -106,13 +106,16 @@ fn pivoting_allocates_nothing() {
     let mut random = SplitMix(7);
     let factor = Matrix13::from_fn(|_, _| 2.0 * random.uniform() - 1.0);
     let kp = factor * factor.transpose() + Matrix13::identity() * 0.01;
-    let ki = Matrix13::from_diagonal(&Dof::from_fn(|_, _| libm::pow(10.0, 6.0 * random.uniform() - 2.0)));
+    let ki = Matrix13::from_diagonal(&Dof::from_fn(|_, _| libm::pow(10.0, 9.0 * random.uniform() - 3.0)));
     let law = FeedbackLaw::ConditionalIntegrator {
         bound: Bound::Scalar(BOUND),
         discretisation: Discretisation::Exact,
     };
     let mut inner = InnerLoop::new(Gains::full(kp, ki), &law, PERIOD_S).unwrap();
-    let errors: [Dof; 40] = std::array::from_fn(|_| Dof::from_fn(|_, _| 60.0 * random.uniform() - 30.0));
+    let errors: [Dof; 200] = std::array::from_fn(|step| {
+        let size = [0.01, 0.1, 1.0, 10.0][step % 4];
+        Dof::from_fn(|_, _| size * (2.0 * random.uniform() - 1.0))
+    });
     let mut pivoted = 0;
     for error in &errors {
         let before = *inner.sigma();
@@ -122,5 +125,5 @@ fn pivoting_allocates_nothing() {
         assert!(feedback.is_some_and(|feedback| feedback.converged));
         pivoted += usize::from(!settles(&kp, &ki, PERIOD_S, &before, error, BOUND));
     }
-    assert!(pivoted > 10, "the fixed point settled in all steps but {pivoted}");
+    assert!(pivoted > 0, "the fixed point settled in every step");
 }

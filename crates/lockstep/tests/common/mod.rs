@@ -2,6 +2,7 @@
 //! enough to be obviously right.
 
 mod faults;
+mod mixed;
 
 use std::sync::{Arc, Mutex};
 
@@ -13,15 +14,8 @@ use lockstep::time::{Rational, Ticks};
 use lockstep::transport::{Broken, Header, Recording};
 use proptest::prelude::*;
 
-lockstep::message! {
-    /// A value that remembers.
-    pub struct Mixed {
-        /// A hash of all that went in.
-        pub hash: u64 = "1",
-        /// The same as a number.
-        pub x: f64 = "m",
-    }
-}
+pub use mixed::Mixed;
+use mixed::time;
 
 /// Mixes the inputs of every activation into a state and gives it out.
 pub struct Mixer {
@@ -178,11 +172,6 @@ impl World {
         plan.disturb(self.faults.signals(&plan))?;
         Ok(plan)
     }
-}
-
-fn time(range: std::ops::Range<i128>) -> impl Strategy<Value = Rational> {
-    // Odd denominators: thirds and sevenths of milliseconds are as good as any other time.
-    (range, prop_oneof![Just(1_i128), Just(2), Just(3), Just(7)]).prop_map(|(n, d)| Rational::new(n, d * 1000).unwrap())
 }
 
 /// Worlds of 1 to 6 participants with any mix of kinds, periods, offsets, delays, jitter, drops and shapes.

@@ -1,0 +1,19 @@
+//! What the participants of random plans tell each other, and random times.
+
+use lockstep::time::Rational;
+use proptest::prelude::*;
+
+lockstep::message! {
+    /// A value that remembers.
+    pub struct Mixed {
+        /// A hash of all that went in.
+        pub hash: u64 = "1",
+        /// The same as a number.
+        pub x: f64 = "m",
+    }
+}
+
+pub fn time(range: std::ops::Range<i128>) -> impl Strategy<Value = Rational> {
+    // Odd denominators: thirds and sevenths of milliseconds are as good as any other time.
+    (range, prop_oneof![Just(1_i128), Just(2), Just(3), Just(7)]).prop_map(|(n, d)| Rational::new(n, d * 1000).unwrap())
+}
