@@ -2,37 +2,14 @@
 //! stands in `examples/c` and `examples/cpp`.
 
 pub mod controller;
+mod messages;
 pub mod plant;
 pub mod reference;
+
+pub use messages::{Motion, Push, Target};
 
 plugin::export! {
     "plant" => plant::make,
     "pid" => controller::make,
     "reference" => reference::make,
-}
-
-lockstep::message! {
-    /// Where the mass is and how fast it moves.
-    pub struct Motion {
-        /// Distance from where the spring is slack, along x.
-        pub position: f64 = "m" in "N",
-        /// Velocity along x.
-        pub velocity: f64 = "m/s" in "N",
-    }
-}
-
-lockstep::message! {
-    /// What pushes the mass.
-    pub struct Push {
-        /// Force along x.
-        pub force: f64 = "N" in "N",
-    }
-}
-
-lockstep::message! {
-    /// Where the mass shall be.
-    pub struct Target {
-        /// Distance from where the spring is slack, along x.
-        pub position: f64 = "m" in "N",
-    }
 }
