@@ -18,6 +18,13 @@ fn the_readme_quotes_the_example_that_compiles() {
             "README.md: its copy of {file} differs from the file"
         );
     }
+    let languages = read("docs/languages.md");
+    for file in ["examples/c/spring.c", "examples/cpp/spring.cpp"] {
+        assert!(
+            languages.contains(read(file).trim_end()),
+            "docs/languages.md: its copy of {file} differs from the file"
+        );
+    }
 }
 
 #[test]
