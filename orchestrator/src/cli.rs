@@ -25,8 +25,11 @@ use engine::scenario::{Program, Scenario};
 
 /// Co-simulation in lockstep over shared memory.
 ///
-/// Exit codes: 0 success criteria met; 1 the run failed or was stopped; 2 the scenario or the command line is wrong; 3 the run
-/// ended but a criterion was not met.
+/// A scenario file says who takes part, at which rate, and who reads whom; `run` runs it and leaves a folder with everything
+/// that is known of the run. `COMMAND --help` has all options of a command.
+///
+/// Exit codes: 0 all went well, and every criterion is met; 1 the run failed or was stopped; 2 the scenario or the command line is wrong,
+/// nothing was run; 3 the run ended but a criterion is not met, or what was compared differs.
 #[derive(Debug, Parser)]
 #[command(version, max_term_width = 110)]
 pub struct Cli {
@@ -58,7 +61,7 @@ pub enum Command {
     Replay(ReplayArgs),
     /// Write a page with figures, summary and 3-D playback of one run or several side by side
     Report(ReportArgs),
-    /// Write the tape of a run as CSV, Parquet or MCAP
+    /// Write the tape of a run as CSV, Parquet, MCAP or a Rerun recording
     Export(ExportArgs),
     /// Look at this machine, and at what dead runs left behind
     Doctor(DoctorArgs),

@@ -82,7 +82,11 @@ fn write(args: &NewArgs, folder: &Path, templates: &[Template]) -> Result<(), St
         std::fs::write(&path, file.text.as_bytes()).map_err(wrong)?;
         println!("{}", path.display());
     }
-    println!("\n{}: {} files. What to do next:\n", template.name, files.len());
+    let count = match files.len() {
+        1 => "1 file".to_owned(),
+        many => format!("{many} files"),
+    };
+    println!("\n{}: {count}. What to do next:\n", template.name);
     if folder != Path::new(".") {
         println!("    cd {}", quoted(folder));
     }
