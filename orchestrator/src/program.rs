@@ -100,6 +100,16 @@ impl Program {
         self
     }
 
+    /// With figures for the reports of its runs; [`Catalogue::view`] says what they are made of.
+    #[must_use]
+    pub fn view(
+        mut self,
+        view: impl Fn(&[StreamSpec], &Table) -> report::view::View + Send + Sync + 'static,
+    ) -> Program {
+        self.catalogue = self.catalogue.view(view);
+        self
+    }
+
     /// Reads the command line and does what it asks for.
     pub fn main(self) -> ExitCode {
         #[cfg(target_arch = "x86_64")]

@@ -21,5 +21,6 @@ fn contents(catalogue: Catalogue) -> Catalogue {
         .assessment("capture", capture::assessment::from_table)
         .remark(capture::provenance::remarks)
         .finding(capture::velocity_loop::findings)
+        .view(capture::pictures::view)
         .failures(capture::actuators::every_actuator)
 }

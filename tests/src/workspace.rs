@@ -31,6 +31,7 @@ pub const ARROWS: [(&str, &[&str]); 18] = [
             "lockstep",
             "multibody",
             "plant-proc",
+            "report",
             "synthesis",
             "tape",
         ],

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use lockstep::participant::{Factory, ParameterError, Participant, Setup};
 use lockstep::time::Rational;
+use report::view::{View, Views};
 use tape::StreamSpec;
 use toml::{Table, Value};
 
@@ -59,6 +60,7 @@ pub struct Catalogue {
     remarks: Vec<Remarks>,
     findings: Vec<Findings>,
     failures: Option<Failures>,
+    views: Vec<Views>,
 }
 
 impl Catalogue {
@@ -72,6 +74,7 @@ impl Catalogue {
             remarks: Vec::new(),
             findings: Vec::new(),
             failures: None,
+            views: Vec::new(),
         };
         catalogue.internal(player::NAME, player::factory)
     }
@@ -134,6 +137,14 @@ impl Catalogue {
         self
     }
 
+    /// With figures for the report of a run, made of its streams and its plan: what the application's users look at first. They
+    /// stand behind those that a scenario asks for itself.
+    #[must_use]
+    pub fn view(mut self, view: impl Fn(&[StreamSpec], &Table) -> View + Send + Sync + 'static) -> Catalogue {
+        self.views.push(Arc::new(view));
+        self
+    }
+
     /// With another version.
     #[must_use]
     pub fn with_version(mut self, version: &str) -> Catalogue {
@@ -177,6 +188,11 @@ impl Catalogue {
                     .into(),
             }),
         }
+    }
+
+    /// The views that reports of this program have.
+    pub fn views(&self) -> &[Views] {
+        &self.views
     }
 
     /// What the program calls itself.

@@ -26,4 +26,6 @@ pub mod shadow;
 mod text;
 
 pub use catalogue::{AssessmentFactory, Catalogue, Finding};
+pub use report::view;
+
 pub use observer::{Answer, Event, Interrupt, Observer, Progress, Silent};

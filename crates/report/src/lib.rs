@@ -2,7 +2,8 @@
 //!
 //! - [`export`]: CSV, Parquet and MCAP;
 //! - [`figures`]: charts and maps as SVG and PNG;
-//! - [`page`]: figures and 3-D playback in one HTML page, with the shapes of [`geometry`].
+//! - [`page`]: figures and 3-D playback in one HTML page, with the shapes of [`geometry`];
+//! - [`view`]: which figures a page draws.
 //!
 //! The crate knows ports only by their [`lockstep::port::Descriptor`]: every field has a name, a shape, a unit and a
 //! frame, and nothing here needs the type that produced it.
@@ -11,3 +12,4 @@ pub mod export;
 pub mod figures;
 pub mod geometry;
 pub mod page;
+pub mod view;

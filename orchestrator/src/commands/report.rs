@@ -6,17 +6,19 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use report::page::Report;
+use report::page::{Report, Request};
 
 use super::trust::{Trust, told};
 use crate::line::Busy;
+use crate::program::catalogue;
 
 /// Exit code: a folder is not a run, or a file of it cannot be read.
 const UNREADABLE: i32 = 2;
 
-/// Write a page with figures, summary and 3-D playback of one run or several side by side.
+/// Write a page with figures, summary and 3-D playback of one run or several laid over each other.
 ///
-/// The page is one HTML file that needs no network and no other file.
+/// The page is one HTML file that needs no network and no other file. It has a figure for every field of every stream, and before
+/// them those that the scenario's table [report] asks for.
 #[derive(Debug, Args)]
 pub struct ReportArgs {
     /// Run folders
@@ -25,7 +27,10 @@ pub struct ReportArgs {
     /// Where to write the page [default: `report.html` in the first run folder]
     #[arg(long, short)]
     pub out: Option<PathBuf>,
-    /// Also write every figure as SVG and PNG into this folder
+    /// A name for a run, as often as there are runs, in their order [default: what differs between the runs, or the folder's name]
+    #[arg(long, value_name = "NAME")]
+    pub label: Vec<String>,
+    /// Also write the figures as SVG and PNG into this folder: those that were asked for, or where none were, all
     #[arg(long, value_name = "DIR")]
     pub figures: Option<PathBuf>,
     /// A URDF for the playback, of the servicer or of the target [default: those that the run names]
@@ -45,8 +50,19 @@ pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
             return Ok(UNREADABLE);
         }
     }
+    if args.label.len() > args.runs.len() {
+        let (labels, runs) = (args.label.len(), args.runs.len());
+        eprintln!("error: {labels} names are given with --label for {runs} run(s): give at most one for each");
+        return Ok(UNREADABLE);
+    }
+    let request = Request {
+        folders: &args.runs,
+        labels: &args.label,
+        models: &args.model,
+        views: catalogue().views(),
+    };
     let busy = Busy::with("reading and drawing".to_owned(), None);
-    let report = match Report::read(&args.runs, &args.model) {
+    let report = match Report::read(&request) {
         Ok(report) => report,
         Err(error) => {
             eprintln!("error: {error}");

@@ -13,6 +13,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use report::page::Live;
+use report::view::Views;
 use serde_json::{Value, json};
 
 use super::Steering;
@@ -56,6 +57,7 @@ struct Shared {
     port: u16,
     token: String,
     steering: Arc<Steering>,
+    views: Vec<Views>,
     /// Opened when the first page asks.
     live: Mutex<Watched>,
     result: Mutex<Option<Arc<Vec<u8>>>>,
@@ -75,8 +77,9 @@ fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 impl Server {
-    /// Listens on `port` of 127.0.0.1, or on one that the system chooses where it is 0.
-    pub fn start(port: u16, steering: Arc<Steering>) -> io::Result<Server> {
+    /// Listens on `port` of 127.0.0.1, or on one that the system chooses where it is 0. The page has the figures of `views`
+    /// besides those of the scenario.
+    pub fn start(port: u16, steering: Arc<Steering>, views: &[Views]) -> io::Result<Server> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
         let mut bits = [0_u8; 16];
         std::fs::File::open("/dev/urandom")?.read_exact(&mut bits)?;
@@ -84,6 +87,7 @@ impl Server {
             port: listener.local_addr()?.port(),
             token: bits.iter().map(|byte| format!("{byte:02x}")).collect(),
             steering,
+            views: views.to_vec(),
             live: Mutex::new(Watched::default()),
             result: Mutex::new(None),
             pages: Mutex::new(BTreeMap::new()),
@@ -312,7 +316,7 @@ impl Shared {
         let began = computed();
         if watched.live.is_none() {
             let duration = course.plan.timebase.seconds(course.plan.end);
-            watched.live = Some(Live::open(&course.folder, duration)?);
+            watched.live = Some(Live::open(&course.folder, duration, &self.views)?);
         }
         let live = watched.live.as_mut().expect("just made");
         let done = match live.ready() {
@@ -387,7 +391,7 @@ impl Shared {
         if let Some(made) = &*result {
             return Ok(made.clone());
         }
-        let data = Live::result(&course.folder).map_err(|error| error.to_string())?;
+        let data = Live::result(&course.folder, &self.views).map_err(|error| error.to_string())?;
         Ok(result.insert(Arc::new(data.to_string().into_bytes())).clone())
     }
 

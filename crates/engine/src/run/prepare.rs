@@ -64,6 +64,7 @@ fn check_made(scenario: &Scenario, made: &[Option<Box<dyn Participant>>]) -> Res
     }
     let plan = scenario.sketch(&interfaces)?;
     scenario.watches(&plan, |participant| interfaces[participant].is_some())?;
+    scenario.check_pictures(&plan, |participant| interfaces[participant].is_some())?;
     if interfaces.iter().all(Option::is_some) {
         assess(scenario, &streams(&plan))?;
     } else {
@@ -104,6 +105,7 @@ pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Kno
     describe::check_substitutes(scenario, &interfaces, options, &Monitor::new(options.interrupt.clone()))?;
     assess(scenario, &streams(&plan))?;
     scenario.watches(&plan, |_| true)?;
+    scenario.check_pictures(&plan, |_| true)?;
     Ok(Known {
         interfaces: interfaces.into_iter().map(Some).collect(),
         plan,
@@ -193,6 +195,7 @@ pub(super) fn recorder(scenario: &Scenario, plan: &Plan, folder: &RunFolder) -> 
     let streams = streams(plan);
     let assessment = assess(scenario, &streams)?;
     let watches = scenario.watches(plan, |_| true)?;
+    scenario.check_pictures(plan, |_| true)?;
     let writer = Writer::create(&folder.tape(), streams)?;
     Ok(Recorder::new(plan.clone(), writer, assessment, watches))
 }

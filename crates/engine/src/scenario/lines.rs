@@ -8,7 +8,7 @@ use toml::de::{DeTable, DeValue};
 use super::source::fault_name;
 
 /// The keys of a text with their lines, as a tree. It is made once for all mistakes of a text.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Lines {
     line: usize,
     below: HashMap<String, Lines>,
@@ -38,12 +38,13 @@ impl Lines {
                         let name = inner.iter().find(|(name, _)| name.get_ref() == "name");
                         let name = name.and_then(|(_, value)| value.get_ref().as_str());
                         let lines = Lines::of_table(line_at(breaks, &item.span()), inner, breaks);
-                        Some((fault_name(name, position), lines))
+                        Some((position, fault_name(name, position), lines))
                     });
                     let mut below = HashMap::new();
-                    // Of two entries with one name, the first one has it.
-                    tables.for_each(|(name, lines)| {
-                        below.entry(name).or_insert(lines);
+                    // Of two entries with one name, the first one has it. Each goes by its number too.
+                    tables.for_each(|(position, name, lines)| {
+                        below.entry(name).or_insert_with(|| lines.clone());
+                        below.entry((position + 1).to_string()).or_insert(lines);
                     });
                     Lines { line, below }
                 }

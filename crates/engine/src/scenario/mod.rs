@@ -10,6 +10,7 @@ mod lines;
 mod make;
 mod measures;
 mod names;
+mod pictures;
 mod plan;
 mod program;
 mod resolve;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use lockstep::link::Timing;
 use lockstep::time::Rational;
+use report::view::View;
 use toml::{Table, Value};
 
 use super::entry::Entry;
@@ -14,6 +15,7 @@ use super::faults::{self, Faults, Substitution};
 use super::guards::{self, Guard};
 use super::measures::{self, DeclaredMeasure};
 use super::names::Names;
+use super::pictures;
 use super::program::Program;
 use super::source::{Source, typed};
 use super::types::{ConnectionEntry, ParticipantEntry, Top};
@@ -42,6 +44,7 @@ pub struct Scenario {
     pub(super) faults: Faults,
     pub(super) guards: Vec<Guard>,
     pub(super) measures: Vec<DeclaredMeasure>,
+    pub(super) pictures: View,
     pub(super) source: Source,
 }
 
@@ -100,6 +103,10 @@ impl Scenario {
             mistakes.extend(wrong);
             Vec::new()
         });
+        let pictures = pictures::read(&source, &names, top.report.as_ref()).unwrap_or_else(|wrong| {
+            mistakes.extend(wrong);
+            View::default()
+        });
         let mut connections = Vec::new();
         for (name, value) in top.connections {
             match typed::<ConnectionEntry>(&source, &format!("connections.{name}"), value) {
@@ -124,6 +131,7 @@ impl Scenario {
             faults,
             guards,
             measures,
+            pictures,
             source,
         })
     }

@@ -154,8 +154,8 @@ impl Source {
         for (depth, part) in above.iter().enumerate() {
             let known: Vec<String> = table.keys().map(|name| format!("`{name}`")).collect();
             // Names of participants and connections must exist; what is below may be a default that the file leaves out. A
-            // guard or a measure may be new.
-            if depth < 2 && !["guards", "measures"].contains(&above[0]) && !table.contains_key(*part) {
+            // guard, a measure or what the report draws may be new.
+            if depth < 2 && !["guards", "measures", "report"].contains(&above[0]) && !table.contains_key(*part) {
                 let place = above[..depth].join(".");
                 let there = if place.is_empty() {
                     "the scenario".to_owned()

@@ -117,6 +117,8 @@ pub(super) struct Top {
     pub(super) guards: BTreeMap<String, Value>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) measures: BTreeMap<String, Value>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) report: Option<Table>,
 }
 
 fn one() -> u64 {

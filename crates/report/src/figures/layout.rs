@@ -3,6 +3,7 @@
 use super::axis::ticks;
 use super::{Anchor, Drawing, Item, Rgb};
 use crate::page::Series;
+use crate::view::{Axis, Drawn, best};
 
 pub(super) const INK: Rgb = [23, 32, 43];
 pub(super) const SOFT: Rgb = [91, 103, 117];
@@ -39,7 +40,7 @@ pub(crate) struct Panel<'a> {
 }
 
 /// Panels side by side with one vertical axis.
-pub(crate) fn layout(title: &str, unit: &str, panels: &[Panel<'_>], limits: &[f64]) -> Drawing {
+pub(crate) fn layout(figure: &Drawn, panels: &[Panel<'_>]) -> Drawing {
     let mut drawing = Drawing {
         width: panels.len().max(1) as f32 * PANEL[0],
         height: PANEL[1],
@@ -56,68 +57,114 @@ pub(crate) fn layout(title: &str, unit: &str, panels: &[Panel<'_>], limits: &[f6
             .flat_map(|panel| &panel.series)
             .map(|(series, ..)| *series)
     };
-    let (mut lo, mut hi) = extent(all().flat_map(|series| series.y.iter().copied()));
-    let times = all().flat_map(|series| [0, series.y.len().saturating_sub(1)].map(|k| series.x(k)));
-    let (start, end) = extent(times);
-    let peak = lo.abs().max(hi.abs());
-    let mut drawn: Vec<f64> = limits.iter().map(|limit| limit.abs()).collect();
-    drawn.sort_by(f64::total_cmp);
-    drawn.dedup();
-    let far: Vec<String> = drawn
-        .iter()
-        .filter(|limit| **limit > 4.0 * peak)
-        .map(f64::to_string)
-        .collect();
-    // A limit far above the curves would flatten them; it is told in words instead.
-    drawn.retain(|limit| *limit <= 4.0 * peak);
-    for limit in &drawn {
-        (lo, hi) = (lo.min(-limit), hi.max(*limit));
-    }
-    let margin = if hi > lo {
-        0.06 * (hi - lo)
-    } else {
-        0.1 * hi.abs().max(1e-12)
+    let (lo, hi) = extent(all().flat_map(|series| series.y.iter().copied()));
+    let start_end = match &figure.against {
+        Some(_) => extent(all().flat_map(|series| series.x.iter().flatten().copied())),
+        None => extent(all().flat_map(|series| [0, series.y.len().saturating_sub(1)].map(|k| series.t(k)))),
     };
-    let (lo, hi) = (lo - margin, hi + margin);
-    let heading = if unit == "1" {
-        title.to_owned()
-    } else {
-        format!("{title} [{unit}]")
+    let (near, far) = limits(figure, lo.abs().max(hi.abs()));
+    let (lo, hi) = near.iter().fold((lo, hi), |(lo, hi), limit| (lo.min(*limit), hi.max(*limit)));
+    let (factor, unit) = best(&figure.axis.scales, lo.abs().max(hi.abs()));
+    let (along, along_unit) = match &figure.against {
+        Some(axis) => best(&axis.scales, start_end.0.abs().max(start_end.1.abs())),
+        None => (1.0, "s"),
     };
-    drawing.text([12.0, 20.0], &heading, 13.0, INK, Anchor::Start);
+    let x = widened(start_end, 0.0, along);
+    let y = widened((lo, hi), 0.06, factor);
+    drawing.text([12.0, 20.0], &heading(figure, unit), 13.0, INK, Anchor::Start);
+    let below = match &figure.against {
+        Some(axis) => named(&axis.name, axis, along_unit),
+        None => "time [s]".to_owned(),
+    };
     for (at, panel) in panels.iter().enumerate() {
         let frame = Frame {
             left: at as f32 * PANEL[0] + LEFT,
             right: (at + 1) as f32 * PANEL[0] - RIGHT,
             top,
             bottom: drawing.height - BOTTOM,
-            x: (start, if end > start { end } else { start + 1.0 }),
-            y: (lo, hi),
+            x,
+            y,
         };
-        drawing.axes(&frame);
-        for limit in drawn.iter().flat_map(|limit| [*limit, -limit]) {
-            let y = frame.y(limit);
-            drawing.line(
-                vec![[frame.left, y], [frame.right, y]],
-                LIMIT,
-                0.9,
-                Some([5.0, 3.0]),
-                None,
-            );
+        drawing.axes(&frame, &below);
+        for limit in &near {
+            let y = frame.y(limit / factor);
+            let points = vec![[frame.left, y], [frame.right, y]];
+            drawing.line(points, LIMIT, 0.9, Some([5.0, 3.0]), None);
         }
         if !far.is_empty() {
-            let text = format!("limit ±{} {unit}, outside the view", far.join(", "));
+            let text = format!("{}, outside the view", far.join(", "));
             drawing.text([frame.right - 4.0, frame.bottom - 5.0], &text, 9.0, LIMIT, Anchor::End);
         }
         for (series, _, color, dashed) in &panel.series {
-            let points = (0..series.y.len()).map(|k| [frame.x(series.x(k)), frame.y(series.y[k])]);
+            let points = (0..series.y.len()).map(|k| [frame.x(series.x(k) / along), frame.y(series.y[k] / factor)]);
             let clip = Some([frame.left, frame.top, frame.right, frame.bottom]);
-            let dash = dash(*dashed, *color);
-            drawing.line(points.collect(), COLORS[color % COLORS.len()], 1.3, dash, clip);
+            let points = if series.step { stairs(points.collect()) } else { points.collect() };
+            drawing.line(points, COLORS[color % COLORS.len()], 1.3, dash(*dashed, *color), clip);
         }
         drawing.legend(&frame, panel);
     }
     drawing
+}
+
+/// The limits that belong into the view, and the others in words: one far from the curves would flatten them.
+fn limits(figure: &Drawn, peak: f64) -> (Vec<f64>, Vec<String>) {
+    let (near, far): (Vec<_>, Vec<_>) = figure.limits.iter().partition(|limit| limit.y.abs() <= 4.0 * peak);
+    let mut values: Vec<f64> = near.iter().map(|limit| limit.y).collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    let mut words: Vec<String> = Vec::new();
+    for limit in far {
+        let (factor, unit) = best(&figure.axis.scales, limit.y.abs());
+        let both = figure.limits.iter().any(|other| other.y == -limit.y && limit.y != 0.0);
+        let sign = if both { "±" } else { "" };
+        let value = if both { limit.y.abs() } else { limit.y };
+        let text = format!("{} {sign}{} {unit}", limit.text, value / factor);
+        if !words.contains(&text) {
+            words.push(text);
+        }
+    }
+    (values, words)
+}
+
+/// The range of an axis in units of `factor`, with a margin.
+fn widened((lo, hi): (f64, f64), margin: f64, factor: f64) -> (f64, f64) {
+    if hi > lo {
+        let pad = margin * (hi - lo);
+        ((lo - pad) / factor, (hi + pad) / factor)
+    } else {
+        let pad = if margin > 0.0 { 0.1 * hi.abs().max(1e-12) } else { 0.5 };
+        ((lo - pad) / factor, (hi + pad) / factor)
+    }
+}
+
+fn heading(figure: &Drawn, unit: &str) -> String {
+    let whole = match figure.signal {
+        true => format!("{}.{}", figure.group, figure.title),
+        false => figure.title.clone(),
+    };
+    named(&whole, &figure.axis, unit)
+}
+
+/// A name with unit and frame.
+fn named(name: &str, axis: &Axis, unit: &str) -> String {
+    let frame = if axis.frame.is_empty() { String::new() } else { format!(" in {}", axis.frame) };
+    match (unit, &*frame) {
+        ("", "") => name.to_owned(),
+        ("", frame) => format!("{name}{frame}"),
+        (unit, frame) => format!("{name} [{unit}]{frame}"),
+    }
+}
+
+/// The same points with each value held up to the next one.
+fn stairs(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
+    let mut out: Vec<[f32; 2]> = Vec::with_capacity(2 * points.len());
+    for point in points {
+        if let Some([_, y]) = out.last() {
+            out.push([point[0], *y]);
+        }
+        out.push(point);
+    }
+    out
 }
 
 /// Least and greatest finite value; (0, 1) when there is none.
@@ -179,7 +226,7 @@ impl Drawing {
         });
     }
 
-    fn axes(&mut self, frame: &Frame) {
+    fn axes(&mut self, frame: &Frame, below: &str) {
         for (value, label) in ticks(frame.x.0, frame.x.1, 6) {
             let x = frame.x(value);
             self.line(vec![[x, frame.top], [x, frame.bottom]], GRID, 0.7, None, None);
@@ -192,7 +239,7 @@ impl Drawing {
         }
         let (l, t, r, b) = (frame.left, frame.top, frame.right, frame.bottom);
         self.line(vec![[l, t], [r, t], [r, b], [l, b], [l, t]], SOFT, 0.7, None, None);
-        self.text([(l + r) / 2.0, b + 30.0], "time [s]", 9.5, SOFT, Anchor::Middle);
+        self.text([(l + r) / 2.0, b + 30.0], below, 9.5, SOFT, Anchor::Middle);
     }
 
     fn legend(&mut self, frame: &Frame, panel: &Panel<'_>) {

@@ -3,10 +3,9 @@
 use serde_json::{Value, json};
 
 use super::motion::Motion;
-use super::series::{FigureData, Series};
+use super::series::Series;
 use super::summary::Row;
-use super::table::FIGURES;
-use super::{Limits, Run};
+use super::{Run, merged};
 
 const TEMPLATE: &str = include_str!("assets/page.html");
 const STYLE: &str = include_str!("assets/style.css");
@@ -24,7 +23,7 @@ const SCRIPTS: [&str; 7] = [
 pub(crate) fn data(title: &str, runs: &[Run], rows: &[Row]) -> Value {
     json!({
         "title": title,
-        "figures": figures(runs),
+        "figures": merged(runs),
         "runs": runs.iter().map(run).collect::<Vec<_>>(),
         "summary": rows,
     })
@@ -68,26 +67,11 @@ pub(crate) fn escape(text: &str) -> String {
     out
 }
 
-/// The figures that any run has curves for.
-fn figures(runs: &[Run]) -> Vec<Value> {
-    let has = |id: &str| runs.iter().any(|run| run.figures.iter().any(|f| f.id == id));
-    let rows = FIGURES.iter().filter(|row| has(row.id));
-    rows.map(|row| {
-        json!({
-            "id": row.id,
-            "group": row.group,
-            "title": row.title,
-            "unit": row.unit,
-        })
-    })
-    .collect()
-}
-
 fn run(run: &Run) -> Value {
-    let figures = run
-        .figures
-        .iter()
-        .map(|figure| (figure.id.clone(), series_list(figure)));
+    let figures = run.figures.iter();
+    let figures = figures.map(|figure| (figure.drawn.id.clone(), series_list(&figure.series)));
+    let differing = run.figures.iter().filter(|figure| !figure.differences.is_empty());
+    let differences = differing.map(|figure| (figure.drawn.id.clone(), series_list(&figure.differences)));
     json!({
         "name": run.name,
         "digest": run.digest,
@@ -96,7 +80,8 @@ fn run(run: &Run) -> Value {
         "plan": run.plan,
         "events": run.events,
         "figures": figures.collect::<serde_json::Map<_, _>>(),
-        "limits": limits(&run.limits),
+        "differences": differences.collect::<serde_json::Map<_, _>>(),
+        "marks": run.marks,
         "motion": run.motion.as_ref().map(motion),
         "model": run.geometry.servicer,
         "target": run.geometry.target,
@@ -106,17 +91,8 @@ fn run(run: &Run) -> Value {
     })
 }
 
-fn limits(limits: &Limits) -> Value {
-    let drawn = FIGURES.iter().filter_map(|row| {
-        let values = limits.0.get(row.limits?)?;
-        let scaled: Vec<f64> = values.iter().map(|value| value * row.scale).collect();
-        Some((row.id.to_owned(), json!(scaled)))
-    });
-    Value::Object(drawn.collect())
-}
-
-fn series_list(figure: &FigureData) -> Value {
-    figure.series.iter().map(series).collect()
+fn series_list(list: &[Series]) -> Value {
+    list.iter().map(series).collect()
 }
 
 fn series(series: &Series) -> Value {
@@ -124,11 +100,13 @@ fn series(series: &Series) -> Value {
     json!({
         "label": series.label,
         "origin": series.origin,
+        "step": series.step,
         "t0": series.offset_s,
         "dt": series.period_s,
         "first": series.first_index,
         "samples": series.samples,
         "index": index.map(|kept| base64(kept.iter().flat_map(|k| k.to_le_bytes()))),
+        "x": series.x.as_ref().map(|x| base64(x.iter().flat_map(|x| x.to_le_bytes()))),
         "y": base64(series.y.iter().flat_map(|y| y.to_le_bytes())),
     })
 }

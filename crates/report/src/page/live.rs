@@ -9,11 +9,12 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value, json};
 
 use super::motion::{MAX_FRAMES, Wanted};
-use super::series::{Binding, FigureData, Figures, Series, bindings, whole};
-use super::table::FIGURES;
-use super::{Report, ReportError, Run, base64, document, limits_of, name_of, read_json, table_of};
+use super::series::{Evaluated, Series, whole};
+use super::{FigureData, Report, ReportError, Request, Run, base64, bound_of, document, marks_of, name_of, read_json, table_of};
 use crate::geometry::Geometry;
 use tape::folder::RunFolder;
+use crate::view::{Binding, Bound, Views};
+use lockstep::time::Rational;
 use tape::{Reader, Source, split_record};
 
 /// At most this many points of a curve.
@@ -24,7 +25,8 @@ pub struct Live {
     folder: PathBuf,
     reader: Reader,
     plan: String,
-    bindings: Vec<Binding>,
+    bound: Bound,
+    marks: Vec<(String, Rational)>,
     motion: Option<Wanted>,
     /// Every n-th sample of each stream is shown.
     strides: Vec<u64>,
@@ -49,7 +51,10 @@ fn missing(count: u64, stride: u64, have: u64) -> Missing {
 
 impl Live {
     /// Opens the folder of a run that is planned to last `duration_s`. Its tape must have been begun.
-    pub fn open(folder: &Path, duration_s: f64) -> Result<Live, ReportError> {
+    ///
+    /// # Errors
+    /// A tape that cannot be read.
+    pub fn open(folder: &Path, duration_s: f64, views: &[Views]) -> Result<Live, ReportError> {
         let reader = Reader::open(folder)?;
         let plan = std::fs::read_to_string(RunFolder::open(folder).plan()).unwrap_or_default();
         let stride = |stream: usize, points: u64| {
@@ -62,9 +67,11 @@ impl Live {
             .collect();
         let motion = Wanted::among(reader.streams());
         let frames = motion.as_ref().map_or(1, |motion| stride(motion.lead, MAX_FRAMES));
+        let (bound, marks) = bound_of(reader.streams(), &table_of(&plan), views);
         Ok(Live {
             folder: folder.to_owned(),
-            bindings: bindings(reader.streams(), &table_of(&plan)),
+            bound,
+            marks,
             plan,
             motion,
             strides,
@@ -96,9 +103,9 @@ impl Live {
             digest: String::new(),
             sealed: false,
             notes: geometry.notes.clone(),
+            marks: marks_of(&self.marks, &[]),
             events: Vec::new(),
             figures: self.figures()?,
-            limits: limits_of(&table_of(&self.plan)),
             participants: Vec::new(),
             plan: self.plan.clone(),
             motion,
@@ -114,46 +121,54 @@ impl Live {
 
     /// The figures with all of their points.
     fn figures(&self) -> Result<Vec<FigureData>, ReportError> {
-        let mut figures = Figures::default();
-        for binding in &self.bindings {
-            let spec = &self.reader.streams()[binding.stream];
-            let samples = self.reader.count(binding.stream);
-            let picks = missing(samples, self.strides[binding.stream], 0).picks;
-            let curves = self.curves(binding, &picks)?;
+        let drawn = self.bound.figures.iter().map(|drawn| FigureData {
+            drawn: drawn.clone(),
+            series: Vec::new(),
+            differences: Vec::new(),
+        });
+        let mut figures: Vec<FigureData> = drawn.collect();
+        for binding in &self.bound.bindings {
+            let lead = binding.streams[0];
+            let spec = &self.reader.streams()[lead];
+            let samples = self.reader.count(lead);
+            let picks = missing(samples, self.strides[lead], 0).picks;
+            let (x, curves) = self.curves(binding, &picks)?;
             let index: Vec<u32> = picks.iter().map(|pick| whole(*pick)).collect();
             for (place, y) in binding.places.iter().zip(curves) {
-                figures.add(
-                    place.figure,
-                    Series {
-                        label: place.label.clone(),
-                        origin: binding.origin.clone(),
-                        offset_s: spec.offset.seconds(),
-                        period_s: spec.period.seconds(),
-                        index: Some(index.clone()),
-                        first_index: spec.first_index,
-                        y,
-                        samples,
-                    },
-                );
+                figures[binding.figure].series.push(Series {
+                    label: place.label.clone(),
+                    origin: binding.origin.clone(),
+                    step: place.step,
+                    offset_s: spec.offset.seconds(),
+                    period_s: spec.period.seconds(),
+                    index: Some(index.clone()),
+                    first_index: spec.first_index,
+                    y,
+                    x: binding.against.is_some().then(|| x.clone()),
+                    samples,
+                });
             }
         }
-        Ok(figures.in_order())
+        Ok(figures)
     }
 
-    /// The values of all curves of a binding at these records.
-    fn curves(&self, binding: &Binding, picks: &[u64]) -> Result<Vec<Vec<f64>>, ReportError> {
-        let spec = &self.reader.streams()[binding.stream];
+    /// The values of all curves of a binding at these records, and what they are drawn against.
+    fn curves(&self, binding: &Binding, picks: &[u64]) -> Result<(Vec<f64>, Vec<Vec<f64>>), ReportError> {
+        let lead = binding.streams[0];
+        let spec = &self.reader.streams()[lead];
         let mut curves = vec![Vec::with_capacity(picks.len()); binding.places.len()];
-        let mut out = vec![0.0; curves.len()];
+        let (mut along, mut out) = (Vec::with_capacity(picks.len()), vec![0.0; curves.len()]);
         let mut record = vec![0; spec.stride()];
+        let mut evaluated = Evaluated::new(binding, &self.reader);
         for &pick in picks {
-            self.reader.read(binding.stream, pick, &mut record)?;
-            binding.values(split_record(&record, 0).payload, &mut out);
+            self.reader.read(lead, pick, &mut record)?;
+            let payload = split_record(&record, 0).payload;
+            along.push(evaluated.values(spec.first_index + pick, payload, &mut out)?);
             for (curve, y) in curves.iter_mut().zip(&out) {
                 curve.push(*y);
             }
         }
-        Ok(curves)
+        Ok((along, curves))
     }
 
     /// What a page needs that has `have[s]` points of each stream, and as many frames as the last number says.
@@ -166,15 +181,19 @@ impl Live {
             .map(|stream| missing(self.reader.count(stream), self.strides[stream], had(stream)))
             .collect();
         let mut figures: Map<String, Value> = Map::new();
-        for binding in &self.bindings {
-            let Missing { keep, picks } = &news[binding.stream];
-            let index = base64(picks.iter().flat_map(|&pick| (pick as u32).to_le_bytes()));
-            let samples = self.reader.count(binding.stream);
-            for (place, y) in binding.places.iter().zip(self.curves(binding, picks)?) {
-                let y = base64(y.iter().flat_map(|y| y.to_le_bytes()));
-                let list = figures.entry(FIGURES[place.figure].id).or_insert_with(|| json!([]));
+        for binding in &self.bound.bindings {
+            let lead = binding.streams[0];
+            let Missing { keep, picks } = &news[lead];
+            let numbers = |values: &[f64]| base64(values.iter().flat_map(|y| y.to_le_bytes()));
+            let index = base64(picks.iter().flat_map(|&pick| whole(pick).to_le_bytes()));
+            let samples = self.reader.count(lead);
+            let (along, curves) = self.curves(binding, picks)?;
+            let x = binding.against.is_some().then(|| numbers(&along));
+            for y in curves {
+                let id = &self.bound.figures[binding.figure].id;
+                let list = figures.entry(id.clone()).or_insert_with(|| json!([]));
                 if let Value::Array(list) = list {
-                    list.push(json!({ "keep": keep, "index": index, "y": y, "samples": samples }));
+                    list.push(json!({ "keep": keep, "index": index, "x": x, "y": numbers(&y), "samples": samples }));
                 }
             }
         }
@@ -194,8 +213,17 @@ impl Live {
     }
 
     /// What the page of the finished run shows.
-    pub fn result(folder: &Path) -> Result<Value, ReportError> {
-        Ok(Report::read(&[folder.to_owned()], &[])?.data())
+    ///
+    /// # Errors
+    /// A tape or a file of the folder that cannot be read.
+    pub fn result(folder: &Path, views: &[Views]) -> Result<Value, ReportError> {
+        let folders = [folder.to_owned()];
+        let request = Request {
+            folders: &folders,
+            views,
+            ..Request::default()
+        };
+        Ok(Report::read(&request)?.data())
     }
 }
 

@@ -1,19 +1,20 @@
 //! The report: one self-contained HTML page about one run or several, and its figures as files.
 //!
-//! The page needs no network, no server and no other file. What it draws is listed in the table of figures
-//! (`table.rs`) by names of ports and fields. Its size is bounded whatever the length of the run: a curve of more than
-//! 8192 samples is thinned to the least and greatest sample of each of 2048 buckets, and the playback to 3000 instants.
+//! The page needs no network, no server and no other file. It draws every field of every stream, and before them the figures
+//! that the scenario's table `[report]` and the program's own views ask for ([`crate::view`]). Its size is bounded whatever
+//! the length of the run: a curve of more than 8192 samples is thinned to the least and greatest sample of each of 2048
+//! buckets, the fields of a tape with hundreds of them to fewer, and the playback to 3000 instants.
 
 mod document;
-mod formula;
+mod held;
 mod live;
-mod momenta;
 mod motion;
+mod plans;
+mod playback;
 mod series;
 mod summary;
-mod table;
+mod times;
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -27,10 +28,13 @@ pub use summary::split_unit;
 
 use crate::figures::{self, Panel};
 use crate::geometry::{Geometry, GeometryError};
+use crate::view::{Bound, Drawn, View, Views, bind, every_field, limits_of};
 use motion::Motion;
-use series::FigureData;
+use plans::Difference;
+use series::Budget;
 use tape::folder::RunFolder;
-use tape::{Event, ReadError, Reader, Source};
+use tape::{Event, ReadError, Reader, Source, StreamSpec};
+use times::ParticipantTime;
 
 /// Why there is no report.
 #[derive(Debug, thiserror::Error)]
@@ -51,10 +55,6 @@ pub enum ReportError {
     Geometry(#[from] GeometryError),
 }
 
-/// What is drawn into the figures as limits: absolute values in the fields' unit, one per channel or one for all.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Limits(BTreeMap<String, Vec<f64>>);
-
 /// Pixels per point of the figures' PNG files: sharp on a slide.
 const PIXELS_PER_POINT: f32 = 2.5;
 
@@ -66,8 +66,8 @@ pub(crate) struct Run {
     notes: Vec<String>,
     plan: String,
     events: Vec<Event>,
+    marks: Vec<Mark>,
     figures: Vec<FigureData>,
-    limits: Limits,
     motion: Option<Motion>,
     geometry: Geometry,
     summary: Value,
@@ -76,28 +76,68 @@ pub(crate) struct Run {
     participants: Vec<ParticipantTime>,
 }
 
-/// How a participant spent its wall time.
+/// A figure with the curves of one run.
+pub(crate) struct FigureData {
+    drawn: Drawn,
+    series: Vec<Series>,
+    /// Less those of the first run, at its instants.
+    differences: Vec<Series>,
+}
+
+/// An instant that every figure marks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub(crate) struct ParticipantTime {
-    name: String,
-    computing_s: f64,
-    /// Seconds waited by what was waited for.
-    waiting_s: BTreeMap<String, f64>,
+pub(crate) struct Mark {
+    t: f64,
+    kind: &'static str,
+    text: String,
+}
+
+/// What a report is made of.
+#[derive(Default)]
+pub struct Request<'a> {
+    /// Run folders, or bare tapes.
+    pub folders: &'a [PathBuf],
+    /// Names for the runs, in their order; those without are named by what differs, or by their folders.
+    pub labels: &'a [String],
+    /// URDF files for the playback: one with moving joints is the servicer, one without is the target; where there are none,
+    /// `*.urdf` in the run folder and files that its `plan.toml` names are taken.
+    pub models: &'a [PathBuf],
+    /// The views of the program's own applications.
+    pub views: &'a [Views],
 }
 
 /// The report of one run or several.
 pub struct Report {
     runs: Vec<Run>,
+    /// In what the scenarios differ.
+    differences: Vec<Difference>,
 }
 
 impl Report {
-    /// Reads the runs in these folders (run folders, or bare tapes). `models` are URDF files for the playback: one with
-    /// moving joints is the servicer, one without is the target; where it is empty, `*.urdf` in the run folder and files
-    /// that its `plan.toml` names are taken.
-    pub fn read(folders: &[PathBuf], models: &[PathBuf]) -> Result<Report, ReportError> {
-        let mut runs = Vec::with_capacity(folders.len());
-        for folder in folders {
-            runs.push(read_run(folder, models)?);
+    /// Reads the runs.
+    ///
+    /// # Errors
+    /// A tape, a file of a run folder or a model that cannot be read.
+    pub fn read(request: &Request<'_>) -> Result<Report, ReportError> {
+        let mut runs: Vec<Run> = Vec::with_capacity(request.folders.len());
+        let mut plans = Vec::new();
+        let mut first = None;
+        for folder in request.folders {
+            let (reader, mut bound, mut run) = read_run(folder, request)?;
+            if let Some((reference, its)) = &first {
+                subtract((reference, its), (&reader, &bound), &mut run)?;
+            }
+            bound.mistakes.clear();
+            plans.push(table_of(&run.plan));
+            runs.push(run);
+            first.get_or_insert((reader, bound));
+        }
+        let differences = plans::differences(&plans);
+        for (run, name) in runs.iter_mut().zip(plans::names(&differences).into_iter().flatten()) {
+            run.name = name;
+        }
+        for (run, label) in runs.iter_mut().zip(request.labels) {
+            run.name.clone_from(label);
         }
         // Two runs of one name would be indistinguishable in a legend.
         for at in 1..runs.len() {
@@ -107,11 +147,14 @@ impl Report {
                 runs[at].name = format!("{name} ({})", earlier + 1);
             }
         }
-        Ok(Report { runs })
+        Ok(Report { runs, differences })
     }
 
-    /// Writes every figure of the page as `<id>.svg` and `<id>.png` into the folder `dir`, which is made where it is
-    /// missing. Gives how many figures there are.
+    /// Writes figures of the page as `<id>.svg` and `<id>.png` into the folder `dir`, which is made where it is missing: those
+    /// that somebody chose, or where nobody did, those of all fields. Gives how many there are.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn write_figures(&self, dir: &Path) -> Result<usize, ReportError> {
         let failed = |path: &Path| {
             let path = path.to_owned();
@@ -121,13 +164,17 @@ impl Report {
             }
         };
         fs::create_dir_all(dir).map_err(failed(dir))?;
+        let all = self.figures();
+        let chosen = all.iter().any(|figure| !figure.signal);
         let mut count = 0;
-        for spec in table::FIGURES {
-            let Some(drawing) = self.draw(spec) else { continue };
-            let path = dir.join(format!("{}.svg", spec.id));
+        for figure in all.iter().filter(|figure| !(chosen && figure.signal)) {
+            let drawing = self.draw(figure);
+            let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+            let id: String = figure.id.chars().map(plain).collect();
+            let path = dir.join(format!("{id}.svg"));
             fs::write(&path, figures::svg(&drawing)).map_err(failed(&path))?;
             if let Some(png) = figures::png(&drawing, PIXELS_PER_POINT) {
-                let path = dir.join(format!("{}.png", spec.id));
+                let path = dir.join(format!("{id}.png"));
                 fs::write(&path, png).map_err(failed(&path))?;
             }
             count += 1;
@@ -135,16 +182,21 @@ impl Report {
         Ok(count)
     }
 
+    /// The figures that any run has, those of the first run first, with the limits of all.
+    fn figures(&self) -> Vec<Drawn> {
+        merged(&self.runs)
+    }
+
     /// One panel for all runs, or one for each where several curves of several runs would be a thicket.
-    fn draw(&self, spec: &table::FigureSpec) -> Option<figures::Drawing> {
-        let series = |run: &'_ Run| run.figures.iter().position(|figure| figure.id == spec.id);
+    fn draw(&self, figure: &Drawn) -> figures::Drawing {
+        let mine = |run: &'_ Run| run.figures.iter().position(|one| one.drawn.id == figure.id);
         let lists: Vec<(&Run, &[Series])> = self
             .runs
             .iter()
-            .filter_map(|run| Some((run, &*run.figures[series(run)?].series)))
+            .filter_map(|run| Some((run, &*run.figures[mine(run)?].series)))
             .collect();
-        let several = lists.len() > 1;
-        let apart = several && lists.iter().any(|(_, list)| list.len() > 1);
+        let several = self.runs.len() > 1;
+        let apart = lists.len() > 1 && lists.iter().any(|(_, list)| list.len() > 1);
         let panels: Vec<Panel<'_>> = if apart {
             lists
                 .iter()
@@ -169,11 +221,7 @@ impl Report {
                 series: all.collect(),
             }]
         };
-        let limits = spec
-            .limits
-            .and_then(|key| self.runs.iter().find_map(|run| run.limits.0.get(key)));
-        let scaled: Vec<f64> = limits.into_iter().flatten().map(|limit| limit * spec.scale).collect();
-        (!lists.is_empty()).then(|| figures::layout(spec.title, spec.unit, &panels, &scaled))
+        figures::layout(figure, &panels)
     }
 
     fn title(&self) -> String {
@@ -184,7 +232,9 @@ impl Report {
     /// What the page shows, for a page that is open already.
     pub fn data(&self) -> Value {
         let summaries: Vec<Value> = self.runs.iter().map(|run| run.summary.clone()).collect();
-        document::data(&self.title(), &self.runs, &summary::rows(&summaries))
+        let mut data = document::data(&self.title(), &self.runs, &summary::rows(&summaries));
+        data["differences"] = serde_json::json!(self.differences);
+        data
     }
 
     /// The page.
@@ -193,13 +243,72 @@ impl Report {
     }
 }
 
-fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
+/// The figures that any of the runs has.
+fn merged(runs: &[Run]) -> Vec<Drawn> {
+    let mut all: Vec<Drawn> = Vec::new();
+    for figure in runs.iter().flat_map(|run| &run.figures) {
+        match all.iter_mut().find(|one| one.id == figure.drawn.id) {
+            None => all.push(figure.drawn.clone()),
+            Some(there) => {
+                for limit in &figure.drawn.limits {
+                    if !there.limits.contains(limit) {
+                        there.limits.push(limit.clone());
+                    }
+                }
+            }
+        }
+    }
+    // What somebody chose stands before everything else, whichever run has it.
+    all.sort_by_key(|figure| figure.signal);
+    all
+}
+
+/// Everything that a run's figures are made of: the panels of its scenario, the views of the program, every field.
+fn bound_of(streams: &[StreamSpec], plan: &toml::Table, views: &[Views]) -> (Bound, Vec<(String, lockstep::time::Rational)>) {
+    let own = plan.get("report").and_then(toml::Value::as_table);
+    // The plan of a run was understood when the run began; one of a later version is drawn without its panels.
+    let own = own.and_then(|table| View::read(table).ok()).unwrap_or_default();
+    let limits = limits_of(plan);
+    let (mut bound, mut marks) = (Bound::default(), own.marks.clone());
+    bind(&own.figures, streams, &limits, false, &mut bound);
+    for view in views {
+        let view = view(streams, plan);
+        bind(&view.figures, streams, &limits, false, &mut bound);
+        marks.extend(view.marks);
+    }
+    bind(&every_field(streams), streams, &limits, true, &mut bound);
+    (bound, marks)
+}
+
+/// How many points the curves of each figure may have.
+fn budgets(bound: &Bound) -> impl Fn(usize) -> Budget {
+    let signal: Vec<bool> = bound.figures.iter().map(|figure| figure.signal).collect();
+    let curves = bound.bindings.iter().filter(|binding| signal[binding.figure]);
+    let others = Budget::among(curves.map(|binding| binding.places.len()).sum());
+    move |figure| if signal[figure] { others } else { Budget::FULL }
+}
+
+/// Gives the figures of `run` their differences to the reference.
+fn subtract(
+    (reference, its): (&Reader, &Bound),
+    (reader, bound): (&Reader, &Bound),
+    run: &mut Run,
+) -> Result<(), ReportError> {
+    let all = series::differences((reference, its), (reader, bound), budgets(its))?;
+    for (figure, differences) in its.figures.iter().zip(all) {
+        if let Some(mine) = run.figures.iter_mut().find(|mine| mine.drawn.id == figure.id) {
+            mine.differences = differences;
+        }
+    }
+    Ok(())
+}
+
+fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bound, Run), ReportError> {
     let reader = Reader::open(root)?;
     let folder = RunFolder::open(root);
     let plan = fs::read_to_string(folder.plan()).unwrap_or_default();
-    let table = table_of(&plan);
     let summary = read_json(&folder.summary())?;
-    let geometry = Geometry::read(&reader, root, models)?;
+    let geometry = Geometry::read(&reader, root, request.models)?;
     let mut notes = geometry.notes.clone();
     for torn in reader.torn() {
         notes.push(format!(
@@ -207,7 +316,15 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
             torn.stream, torn.complete
         ));
     }
-    Ok(Run {
+    let (bound, marks) = bound_of(reader.streams(), &table_of(&plan), request.views);
+    let curves = series::extract(&reader, &bound, budgets(&bound))?;
+    let figures = bound.figures.iter().zip(curves).map(|(drawn, series)| FigureData {
+        drawn: drawn.clone(),
+        series,
+        differences: Vec::new(),
+    });
+    let events = reader.events()?;
+    let run = Run {
         name: name_of(root),
         digest: match reader.sealed_digest() {
             Some(digest) => digest.to_string(),
@@ -215,16 +332,45 @@ fn read_run(root: &Path, models: &[PathBuf]) -> Result<Run, ReportError> {
         },
         sealed: reader.sealed_digest().is_some(),
         notes,
-        events: reader.events()?,
-        figures: series::extract(&reader, &table)?,
-        limits: limits_of(&table),
-        participants: participants_of(&summary),
+        marks: marks_of(&marks, &events),
+        events,
+        figures: figures.collect(),
+        participants: times::participants(&summary),
         plan,
         motion: motion::extract(&reader)?,
         geometry,
         summary,
         about: read_json(&folder.run())?,
-    })
+    };
+    Ok((reader, bound, run))
+}
+
+/// Named instants and events, in the order of time.
+fn marks_of(named: &[(String, lockstep::time::Rational)], events: &[Event]) -> Vec<Mark> {
+    let instants = named.iter().map(|(name, at)| Mark {
+        t: at.seconds(),
+        kind: "instant",
+        text: name.clone(),
+    });
+    let happened = events.iter().map(|event| Mark {
+        t: event.time.seconds(),
+        kind: match event.kind {
+            tape::EventKind::Fault => "fault",
+            tape::EventKind::Substitution => "substitution",
+            tape::EventKind::Failure => "failure",
+            tape::EventKind::Restart => "restart",
+            tape::EventKind::Checkpoint => "checkpoint",
+            tape::EventKind::Resume => "resume",
+            tape::EventKind::Note => "note",
+        },
+        text: match &event.participant {
+            Some(participant) => format!("{participant}: {}", event.text),
+            None => event.text.clone(),
+        },
+    });
+    let mut all: Vec<Mark> = instants.chain(happened).collect();
+    all.sort_by(|a, b| a.t.total_cmp(&b.t));
+    all
 }
 
 /// The name of a run: that of its folder.
@@ -249,144 +395,5 @@ fn read_json(path: &Path) -> Result<Value, ReportError> {
         Ok(text) => serde_json::from_slice(&text).map_err(|error| file(format!("is not JSON: {error}"))),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Value::Null),
         Err(error) => Err(file(error.to_string())),
-    }
-}
-
-/// The limits of the actuators, from the tables `actuators` of the participants in the plan, else from
-/// `assessment.limits`. The plan is the scenario as the user wrote it with its defaults, so quantities are texts with
-/// units; a plan of another program has other tables, and no limits are drawn then.
-fn limits_of(plan: &toml::Table) -> Limits {
-    let mut limits = BTreeMap::new();
-    let lookup = |table: &toml::Table, path: &[&str]| {
-        let (last, folders) = path.split_last()?;
-        let inner = folders
-            .iter()
-            .try_fold(table, |table, key| table.get(*key)?.as_table())?;
-        let numbers = base_units(inner.get(*last)?);
-        (!numbers.is_empty()).then_some(numbers)
-    };
-    let participants = plan
-        .get("participants")
-        .and_then(toml::Value::as_table)
-        .into_iter()
-        .flatten();
-    let actuators = participants.filter_map(|(_, entry)| {
-        let parameters = entry.as_table()?.get("parameters")?.as_table()?;
-        parameters.get("actuators")?.as_table()
-    });
-    for table in actuators {
-        for (key, path) in [
-            ("base_torque", ["wheels", "torque"]),
-            ("wheel_momentum", ["wheels", "momentum"]),
-            ("base_force", ["thrusters", "force"]),
-            ("joint_torque", ["joints", "torque"]),
-        ] {
-            if let Some(numbers) = lookup(table, &path) {
-                limits.insert(key.to_owned(), numbers);
-            }
-        }
-    }
-    for (key, name) in [
-        ("base_torque", "torque"),
-        ("base_force", "force"),
-        ("joint_torque", "joint_torque"),
-    ] {
-        if let (false, Some(numbers)) = (limits.contains_key(key), lookup(plan, &["assessment", "limits", name])) {
-            limits.insert(key.to_owned(), numbers);
-        }
-    }
-    Limits(limits)
-}
-
-/// The numbers of `"0.2 N m"`, `"[320, 40] N m"`, `9.0`; nothing for a unit with a prefix, rather than a wrong line.
-fn base_units(value: &toml::Value) -> Vec<f64> {
-    let text = match value {
-        toml::Value::Float(x) => return vec![*x],
-        toml::Value::Integer(x) => return vec![*x as f64],
-        toml::Value::Array(items) => return items.iter().flat_map(base_units).collect(),
-        toml::Value::String(text) => text.replace(['[', ']', ','], " "),
-        _ => return Vec::new(),
-    };
-    let words = text.split_whitespace();
-    let (numbers, unit): (Vec<&str>, Vec<&str>) = words.partition(|word| word.parse::<f64>().is_ok());
-    if ["N m", "N", "N m s"].contains(&&*unit.join(" ")) {
-        numbers.iter().filter_map(|number| number.parse().ok()).collect()
-    } else {
-        Vec::new()
-    }
-}
-
-/// `timing` of a summary: per participant `total_ns`, and of it `inputs_ns` (one number per input, or by name), `room_ns`,
-/// `recorder_ns` and `horizon_ns` waiting. What is left was computing.
-fn participants_of(summary: &Value) -> Vec<ParticipantTime> {
-    let seconds = |value: &Value| value.as_f64().map(|ns| ns * 1e-9);
-    let entries = summary.get("timing").and_then(Value::as_object).into_iter().flatten();
-    let times = entries.filter_map(|(name, entry)| {
-        let mut waiting_s = BTreeMap::new();
-        match &entry["inputs_ns"] {
-            Value::Array(inputs) => {
-                let numbered = inputs.iter().enumerate();
-                waiting_s.extend(numbered.filter_map(|(i, s)| Some((format!("input {}", i + 1), seconds(s)?))));
-            }
-            Value::Object(inputs) => {
-                waiting_s.extend(inputs.iter().filter_map(|(on, s)| Some((on.clone(), seconds(s)?))))
-            }
-            _ => {}
-        }
-        for (key, on) in [
-            ("room_ns", "room at a reader"),
-            ("recorder_ns", "the recorder"),
-            ("horizon_ns", "the clock"),
-        ] {
-            waiting_s.extend(seconds(&entry[key]).map(|s| (on.to_owned(), s)));
-        }
-        let waited: f64 = waiting_s.values().sum();
-        Some(ParticipantTime {
-            name: name.clone(),
-            computing_s: (seconds(&entry["total_ns"])? - waited).max(0.0),
-            waiting_s,
-        })
-    });
-    times.collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn limits_come_from_the_plan() {
-        let plan = r#"
-            [participants.plant.parameters.actuators]
-            wheels = { torque = "0.2 N m", momentum = "12 N m s" }
-            thrusters = { force = "9 kN" }
-            joints = { torque = "[320, 40.5] N m" }
-            [assessment.limits]
-            force = "[9, 9, 8] N"
-            torque = "1 N m"
-        "#;
-        let limits = limits_of(&table_of(plan)).0;
-        assert_eq!(limits["base_torque"], [0.2]);
-        assert_eq!(limits["wheel_momentum"], [12.0]);
-        assert_eq!(limits["joint_torque"], [320.0, 40.5]);
-        assert_eq!(limits["base_force"], [9.0, 9.0, 8.0]);
-        assert!(limits_of(&table_of("not toml [")).0.is_empty());
-    }
-
-    #[test]
-    fn what_is_not_waiting_is_computing() {
-        let summary = serde_json::json!({ "timing": { "plant": {
-            "total_ns": 5_000_000_000_u64, "inputs_ns": [1_000_000_000, 500_000_000], "room_ns": 250_000_000,
-            "recorder_ns": 0, "horizon_ns": 0, "sleeps": 3,
-        } } });
-        let [plant] = &participants_of(&summary)[..] else {
-            panic!("one participant")
-        };
-        assert_eq!(plant.computing_s, 3.25);
-        assert_eq!(
-            (plant.waiting_s["input 2"], plant.waiting_s["room at a reader"]),
-            (0.5, 0.25)
-        );
-        assert!(participants_of(&Value::Null).is_empty());
     }
 }

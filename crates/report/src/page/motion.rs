@@ -2,8 +2,7 @@
 
 use lockstep::port::Field;
 
-use super::formula::find;
-use super::table::PLAYBACK;
+use super::playback::PLAYBACK;
 use tape::{ReadError, Source, StreamSpec, split_record};
 
 /// At most this many instants; 60 s then have one every 20 ms, and the page draws the instants between.
@@ -58,7 +57,7 @@ impl Wanted {
     }
 
     /// The motion at these records of the leading stream. A stream without samples gives no numbers: NaN.
-    pub(crate) fn at(&self, source: &(impl Source + ?Sized), picks: &[u64]) -> Result<Motion, ReadError> {
+    pub(crate) fn at(&self, source: &dyn Source, picks: &[u64]) -> Result<Motion, ReadError> {
         let spec = &source.streams()[self.lead];
         let stamp = |record: u64| spec.offset.seconds() + (spec.first_index + record) as f64 * spec.period.seconds();
         let t: Vec<f64> = picks.iter().map(|pick| stamp(*pick)).collect();
@@ -96,8 +95,14 @@ impl Wanted {
     }
 }
 
+/// The field of `spec` under one of its names, with at least `least` elements.
+fn find<'a>(spec: &'a StreamSpec, names: &[&str], least: usize) -> Option<&'a Field> {
+    let mut found = names.iter().filter_map(|name| spec.descriptor.field(name));
+    found.find(|field| field.len() >= least)
+}
+
 /// The motion on a tape, if it has a stream with the pose of a base.
-pub(crate) fn extract(source: &(impl Source + ?Sized)) -> Result<Option<Motion>, ReadError> {
+pub(crate) fn extract(source: &dyn Source) -> Result<Option<Motion>, ReadError> {
     let Some(mut wanted) = Wanted::among(source.streams()) else {
         return Ok(None);
     };

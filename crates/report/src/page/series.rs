@@ -1,21 +1,40 @@
 //! Curves from records, in one pass over a tape of any length and in bounded memory.
 
-use std::collections::BTreeMap;
+use tape::{ReadError, Record, Records, Source};
 
-use super::formula::{Evaluate, bind, labels};
-use super::momenta::Momenta;
-use super::table::{FIGURES, Formula};
-use tape::{ReadError, Record, Records, Source, StreamSpec};
+use super::held::Held;
+use crate::view::{Binding, Bound};
 
-/// A curve with more samples than this is thinned out: of every bucket of neighbours the least and the greatest sample
-/// stay, so that no peak is lost.
-const MAX_SAMPLES: u64 = 8192;
+/// How many points a curve may have. One with more samples than `samples` is thinned out: of every bucket of neighbours the
+/// least and the greatest sample stay, so that no peak is lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Budget {
+    pub(crate) samples: u64,
+    pub(crate) buckets: u64,
+}
 
-/// How many buckets a thinned curve has.
-const BUCKETS: u64 = 2048;
+impl Budget {
+    /// For figures that somebody chose, or of a tape with few of them.
+    pub(crate) const FULL: Budget = Budget {
+        samples: 8192,
+        buckets: 2048,
+    };
 
-/// How many points a curve has at most that has to be computed, evenly spaced.
-const COMPUTED: u64 = 2048;
+    /// For each of `curves` curves that nobody chose: a tape with many of them gets a page of bounded size.
+    pub(crate) fn among(curves: usize) -> Budget {
+        let buckets = (BUDGET / curves.max(1) as u64).clamp(256, Budget::FULL.buckets);
+        Budget {
+            samples: 4 * buckets,
+            buckets,
+        }
+    }
+}
+
+/// All curves that nobody chose have so many buckets together; each takes 32 bytes of the page.
+const BUDGET: u64 = 1 << 18;
+
+/// How many points a curve has at most that has to be computed, or that is drawn against another one: evenly spaced.
+const EVENLY: u64 = 2048;
 
 /// One curve of a figure.
 #[derive(Debug, Clone)]
@@ -24,6 +43,8 @@ pub(crate) struct Series {
     pub(crate) label: String,
     /// Where it comes from: `participant.port.field`.
     pub(crate) origin: String,
+    /// Whether it holds its value from one sample to the next.
+    pub(crate) step: bool,
     /// The stamp of index 0, s, and the distance of two samples, s.
     pub(crate) offset_s: f64,
     pub(crate) period_s: f64,
@@ -32,116 +53,30 @@ pub(crate) struct Series {
     pub(crate) first_index: u64,
     /// In the figure's unit.
     pub(crate) y: Vec<f64>,
+    /// What it is drawn against, in place of time.
+    pub(crate) x: Option<Vec<f64>>,
     /// How many samples the stream has.
     pub(crate) samples: u64,
 }
 
 impl Series {
     /// The stamp of point `k`, s.
-    pub(crate) fn x(&self, k: usize) -> f64 {
+    pub(crate) fn t(&self, k: usize) -> f64 {
         let index = match &self.index {
             None => k as u64,
             Some(kept) => u64::from(kept[k]),
         };
         self.offset_s + (self.first_index + index) as f64 * self.period_s
     }
-}
 
-/// A figure with the curves of one run.
-#[derive(Debug, Clone)]
-pub(crate) struct FigureData {
-    pub(crate) id: String,
-    pub(crate) series: Vec<Series>,
-}
-
-/// A curve of a binding: the number of its figure in the table, and its label there.
-pub(super) struct Place {
-    pub(super) figure: usize,
-    pub(super) label: String,
-}
-
-/// Rows of the table of figures bound to the fields of a stream: what gives one curve or several.
-pub(super) struct Binding {
-    pub(super) stream: usize,
-    evaluate: Evaluate,
-    pub(super) places: Vec<Place>,
-    pub(super) origin: String,
-}
-
-impl Binding {
-    /// The values of all curves in one record, in the figure's unit.
-    pub(super) fn values(&self, payload: &[u8], out: &mut [f64]) {
-        self.evaluate.run(payload, out);
-        for (y, place) in out.iter_mut().zip(&self.places) {
-            *y *= FIGURES[place.figure].scale;
-        }
+    /// Where point `k` lies along the horizontal axis.
+    pub(crate) fn x(&self, k: usize) -> f64 {
+        self.x.as_ref().map_or_else(|| self.t(k), |x| x[k])
     }
-
-    /// Every how many-th sample is worth its computing, of `count`. What was published is looked at whole.
-    fn stride(&self, count: u64) -> u64 {
-        match self.evaluate {
-            Evaluate::Bodies(..) => count.div_ceil(COMPUTED),
-            _ => 1,
-        }
-    }
-}
-
-/// Everything of the table that these streams have curves for, in the order of the table.
-pub(super) fn bindings(streams: &[StreamSpec], plan: &toml::Table) -> Vec<Binding> {
-    let mut all = Vec::new();
-    for (figure, row) in FIGURES.iter().enumerate() {
-        for curve in row.curves {
-            let mut candidates = streams.iter().enumerate().filter(|(_, spec)| spec.port == curve.port);
-            let found = candidates.find_map(|(stream, spec)| Some((stream, bind(spec, curve.formula)?)));
-            let Some((stream, (evaluate, width, origin))) = found else {
-                continue;
-            };
-            let labels = labels(curve.labels, width).into_iter();
-            all.push(Binding {
-                stream,
-                evaluate,
-                places: labels.map(|label| Place { figure, label }).collect(),
-                origin,
-            });
-        }
-    }
-    let mut momenta = streams.iter().enumerate();
-    all.extend(momenta.find_map(|(stream, spec)| bodies(stream, spec, plan)));
-    all
-}
-
-/// All figures of the bodies' momenta at once: one computation gives them all.
-fn bodies(stream: usize, spec: &StreamSpec, plan: &toml::Table) -> Option<Binding> {
-    let momenta = Momenta::of(spec, plan)?;
-    let (mut shares, mut places) = (Vec::new(), Vec::new());
-    for (figure, row) in FIGURES.iter().enumerate() {
-        for curve in row.curves {
-            if let (Formula::Bodies(share), true) = (curve.formula, curve.port == spec.port) {
-                shares.push(share);
-                let labels = momenta.labels(share).into_iter();
-                places.extend(labels.map(|label| Place { figure, label }));
-            }
-        }
-    }
-    (!places.is_empty()).then(|| Binding {
-        stream,
-        evaluate: Evaluate::Bodies(Box::new(momenta), shares),
-        places,
-        origin: format!("{}, computed from the motion", spec.name()),
-    })
-}
-
-/// A binding with what has been collected of its curves.
-struct Bound {
-    binding: Binding,
-    stride: u64,
-    series: Vec<Thinner>,
 }
 
 /// Collects one curve; keeps every sample, or the extremes of each bucket.
-struct Thinner {
-    label: String,
-    origin: String,
+pub(super) struct Thinner {
     bucket: u64,
     index: Vec<u32>,
     y: Vec<f64>,
@@ -150,6 +85,20 @@ struct Thinner {
 }
 
 impl Thinner {
+    pub(super) fn new(count: u64, budget: Budget) -> Thinner {
+        Thinner {
+            bucket: if count <= budget.samples {
+                1
+            } else {
+                count.div_ceil(budget.buckets)
+            },
+            index: Vec::new(),
+            y: Vec::new(),
+            low: (0, 0.0),
+            high: (0, 0.0),
+        }
+    }
+
     fn push(&mut self, record: u64, y: f64) {
         if self.bucket == 1 {
             self.y.push(y);
@@ -189,81 +138,167 @@ impl Thinner {
     }
 }
 
-/// All figures of the table that `source` has curves for, in the order of the table.
-pub(crate) fn extract(source: &(impl Source + ?Sized), plan: &toml::Table) -> Result<Vec<FigureData>, ReadError> {
-    let thinner = |binding: &Binding, place: &Place| {
-        let count = source
-            .count(binding.stream)
-            .div_ceil(binding.stride(source.count(binding.stream)).max(1));
-        Thinner {
-            label: place.label.clone(),
-            origin: binding.origin.clone(),
-            bucket: if count <= MAX_SAMPLES {
-                1
-            } else {
-                count.div_ceil(BUCKETS)
-            },
-            index: Vec::new(),
-            y: Vec::new(),
-            low: (0, 0.0),
-            high: (0, 0.0),
-        }
-    };
-    let all = bindings(source.streams(), plan).into_iter();
-    let mut bound: Vec<Bound> = all
-        .map(|binding| Bound {
-            series: binding.places.iter().map(|place| thinner(&binding, place)).collect(),
-            stride: binding.stride(source.count(binding.stream)).max(1),
+/// The values of a binding's curves at the samples of its leading stream, in the figure's unit.
+pub(super) struct Evaluated<'a> {
+    binding: &'a Binding,
+    /// The other streams.
+    held: Vec<Held<'a>>,
+    /// The leading stream too, where the instants are those of another run.
+    foreign: Option<Held<'a>>,
+}
+
+impl<'a> Evaluated<'a> {
+    pub(super) fn new(binding: &'a Binding, source: &'a dyn Source) -> Evaluated<'a> {
+        let lead = &source.streams()[binding.streams[0]];
+        let others = binding.streams[1..].iter();
+        Evaluated {
+            held: others.map(|stream| Held::new(source, *stream, lead)).collect(),
+            foreign: None,
             binding,
+        }
+    }
+
+    /// The same at the samples of the stream `lead` of another run.
+    fn at_instants_of(binding: &'a Binding, source: &'a dyn Source, lead: &tape::StreamSpec) -> Evaluated<'a> {
+        let others = binding.streams[1..].iter();
+        Evaluated {
+            held: others.map(|stream| Held::new(source, *stream, lead)).collect(),
+            foreign: Some(Held::new(source, binding.streams[0], lead)),
+            binding,
+        }
+    }
+
+    /// The values at the sample `index`, whose payload is `payload`; gives what they are drawn against.
+    pub(super) fn values(&mut self, index: u64, payload: &[u8], out: &mut [f64]) -> Result<f64, ReadError> {
+        if self.foreign.is_none() && self.held.is_empty() {
+            return Ok(evaluate(self.binding, &[Some(payload)], out));
+        }
+        let mut payloads: Vec<Option<&[u8]>> = Vec::with_capacity(1 + self.held.len());
+        payloads.push(match &mut self.foreign {
+            Some(foreign) => foreign.at(index)?,
+            None => Some(payload),
+        });
+        for held in &mut self.held {
+            payloads.push(held.at(index)?);
+        }
+        let binding = self.binding;
+        Ok(evaluate(binding, &payloads, out))
+    }
+}
+
+fn evaluate(binding: &Binding, payloads: &[Option<&[u8]>], out: &mut [f64]) -> f64 {
+    binding.evaluate.run(payloads, out);
+    out.iter_mut().for_each(|y| *y *= binding.scale);
+    let mut x = [f64::NAN];
+    if let Some((against, scale)) = &binding.against {
+        against.run(payloads, &mut x);
+        x[0] *= scale;
+    }
+    x[0]
+}
+
+/// A binding with what has been collected of its curves.
+struct Collected<'a> {
+    binding: &'a Binding,
+    evaluated: Evaluated<'a>,
+    /// The same of another run, which this one is subtracted from.
+    other: Option<Evaluated<'a>>,
+    /// Every how many-th sample counts.
+    stride: u64,
+    thinners: Vec<Thinner>,
+    x: Vec<f64>,
+}
+
+/// The curves of all figures of `bound`, in the order of the figures.
+pub(crate) fn extract(
+    source: &dyn Source,
+    bound: &Bound,
+    budget: impl Fn(usize) -> Budget,
+) -> Result<Vec<Vec<Series>>, ReadError> {
+    let pairs = bound.bindings.iter().map(|binding| (binding, None));
+    collect(source, pairs, bound.figures.len(), budget)
+}
+
+/// The curves of another run less those of this one, at the samples of this one. A figure that the other run does not have in the
+/// same form has none.
+pub(crate) fn differences(
+    (source, bound): (&dyn Source, &Bound),
+    (other, others): (&dyn Source, &Bound),
+    budget: impl Fn(usize) -> Budget,
+) -> Result<Vec<Vec<Series>>, ReadError> {
+    let mut pairs = Vec::new();
+    for (number, figure) in bound.figures.iter().enumerate() {
+        let there = others.figures.iter().position(|one| one.id == figure.id && one.axis.unit == figure.axis.unit);
+        let Some(there) = there.filter(|_| figure.against.is_none()) else {
+            continue;
+        };
+        let mine: Vec<&Binding> = bound.bindings.iter().filter(|b| b.figure == number).collect();
+        let theirs: Vec<&Binding> = others.bindings.iter().filter(|b| b.figure == there).collect();
+        let labels = |list: &[&Binding]| list.iter().flat_map(|b| b.places.iter().map(|p| p.label.clone())).collect::<Vec<_>>();
+        let alike = mine.len() == theirs.len() && labels(&mine) == labels(&theirs);
+        if alike && mine.iter().zip(&theirs).all(|(a, b)| a.places.len() == b.places.len()) {
+            let lead = |binding: &Binding| &source.streams()[binding.streams[0]];
+            pairs.extend((mine.iter().zip(theirs)).map(|(a, b)| (*a, Some(Evaluated::at_instants_of(b, other, lead(a))))));
+        }
+    }
+    collect(source, pairs.into_iter(), bound.figures.len(), budget)
+}
+
+fn collect<'a>(
+    source: &'a dyn Source,
+    bindings: impl Iterator<Item = (&'a Binding, Option<Evaluated<'a>>)>,
+    figures: usize,
+    budget: impl Fn(usize) -> Budget,
+) -> Result<Vec<Vec<Series>>, ReadError> {
+    let mut all: Vec<Collected<'a>> = bindings
+        .map(|(binding, other)| {
+            let count = source.count(binding.streams[0]);
+            let evenly = binding.evaluate.is_slow() || binding.against.is_some();
+            let stride = if evenly { count.div_ceil(EVENLY).max(1) } else { 1 };
+            let thinner = || Thinner::new(count.div_ceil(stride), budget(binding.figure));
+            Collected {
+                evaluated: Evaluated::new(binding, source),
+                thinners: binding.places.iter().map(|_| thinner()).collect(),
+                x: Vec::new(),
+                other,
+                stride,
+                binding,
+            }
         })
         .collect();
     for stream in 0..source.streams().len() {
-        let mut mine: Vec<&mut Bound> = bound.iter_mut().filter(|b| b.binding.stream == stream).collect();
+        let mut mine: Vec<&mut Collected<'a>> = all.iter_mut().filter(|one| one.binding.streams[0] == stream).collect();
         if !mine.is_empty() {
             scan(source, stream, &mut mine)?;
         }
     }
-    let mut figures = Figures::default();
-    for b in bound {
-        let spec = &source.streams()[b.binding.stream];
-        let samples = source.count(b.binding.stream);
-        for (thin, place) in b.series.into_iter().zip(&b.binding.places) {
-            let evenly = (b.stride > 1).then(|| (0..thin.y.len()).map(|k| whole(k as u64 * b.stride)).collect());
-            figures.add(
-                place.figure,
-                Series {
-                    label: thin.label,
-                    origin: thin.origin,
-                    offset_s: spec.offset.seconds(),
-                    period_s: spec.period.seconds(),
-                    index: evenly.or((thin.bucket > 1).then_some(thin.index)),
-                    first_index: spec.first_index,
-                    y: thin.y,
-                    samples,
-                },
-            );
+    let mut out = vec![Vec::new(); figures];
+    for one in all {
+        let spec = &source.streams()[one.binding.streams[0]];
+        let samples = source.count(one.binding.streams[0]);
+        let evenly = |count: usize| (0..count as u64).map(|k| whole(k * one.stride)).collect();
+        let xy = one.binding.against.is_some();
+        for (thin, place) in one.thinners.into_iter().zip(&one.binding.places) {
+            let index = match (one.stride > 1, thin.bucket > 1) {
+                (true, _) => Some(evenly(thin.y.len())),
+                (false, true) => Some(thin.index),
+                (false, false) => None,
+            };
+            out[one.binding.figure].push(Series {
+                label: place.label.clone(),
+                origin: one.binding.origin.clone(),
+                step: place.step,
+                offset_s: spec.offset.seconds(),
+                period_s: spec.period.seconds(),
+                index,
+                first_index: spec.first_index,
+                y: thin.y,
+                x: xy.then(|| one.x.clone()),
+                samples,
+            });
         }
     }
-    Ok(figures.in_order())
-}
-
-/// Curves under the numbers of their figures.
-#[derive(Default)]
-pub(super) struct Figures(BTreeMap<usize, Vec<Series>>);
-
-impl Figures {
-    pub(super) fn add(&mut self, figure: usize, series: Series) {
-        self.0.entry(figure).or_default().push(series);
-    }
-
-    /// The figures in the order of the table.
-    pub(super) fn in_order(self) -> Vec<FigureData> {
-        let named = self.0.into_iter().map(|(figure, series)| FigureData {
-            id: FIGURES[figure].id.to_owned(),
-            series,
-        });
-        named.collect()
-    }
+    Ok(out)
 }
 
 /// The number of a record as the page has it.
@@ -271,114 +306,32 @@ pub(super) fn whole(record: u64) -> u32 {
     u32::try_from(record).unwrap_or(u32::MAX)
 }
 
-fn scan(source: &(impl Source + ?Sized), stream: usize, bound: &mut [&mut Bound]) -> Result<(), ReadError> {
-    let widest = bound.iter().map(|b| b.series.len()).max().unwrap_or(0);
-    let mut out = vec![0.0; widest];
+fn scan(source: &dyn Source, stream: usize, all: &mut [&mut Collected<'_>]) -> Result<(), ReadError> {
+    let widest = all.iter().map(|one| one.thinners.len()).max().unwrap_or(0);
+    let (mut out, mut theirs) = (vec![0.0; widest], vec![0.0; widest]);
     let mut records = Records::new(source, stream);
-    let mut record_number = 0;
-    while let Some(Record { payload, .. }) = records.next()? {
-        for b in bound
-            .iter_mut()
-            .filter(|b| u64::is_multiple_of(record_number, b.stride))
-        {
-            let out = &mut out[..b.series.len()];
-            b.binding.values(payload, out);
-            for (thin, y) in b.series.iter_mut().zip(&*out) {
-                thin.push(record_number, *y);
+    let mut number = 0;
+    while let Some(Record { index, payload, .. }) = records.next()? {
+        for one in all.iter_mut().filter(|one| u64::is_multiple_of(number, one.stride)) {
+            let out = &mut out[..one.thinners.len()];
+            let x = one.evaluated.values(index, payload, out)?;
+            if let Some(other) = &mut one.other {
+                let theirs = &mut theirs[..out.len()];
+                other.values(index, payload, theirs)?;
+                out.iter_mut().zip(&*theirs).for_each(|(y, other)| *y = other - *y);
+            }
+            if one.binding.against.is_some() {
+                one.x.push(x);
+            }
+            for (thin, y) in one.thinners.iter_mut().zip(&*out) {
+                thin.push(number / one.stride, *y);
             }
         }
-        record_number += 1;
+        number += 1;
     }
-    for thin in bound.iter_mut().flat_map(|b| &mut b.series) {
-        thin.close(record_number);
+    for one in all {
+        let count = number.div_ceil(one.stride);
+        one.thinners.iter_mut().for_each(|thin| thin.close(count));
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use lockstep::port::{Descriptor, Element, Field};
-    use lockstep::time::Rational;
-    use proptest::prelude::*;
-    use tape::{MemoryTape, Sink};
-
-    /// A tape with a stream `plant.truth` that has a base position.
-    fn tape(values: &[f64], first_index: u64) -> MemoryTape {
-        let descriptor = Descriptor {
-            name: "T".into(),
-            size: 24,
-            fields: vec![Field {
-                name: "p_NB_N".into(),
-                element: Element::F64,
-                shape: vec![3],
-                unit: "m".into(),
-                frame: "N".into(),
-                offset: 0,
-            }],
-        };
-        let period = Rational::from_millis(250);
-        let mut spec = StreamSpec::new("plant", "truth", descriptor, Rational::ZERO, period);
-        spec.first_index = first_index;
-        let mut tape = MemoryTape::new(vec![spec]).unwrap();
-        for (k, value) in values.iter().enumerate() {
-            let payload: Vec<u8> = [*value, 0.0, -value].into_iter().flat_map(f64::to_le_bytes).collect();
-            let index = first_index + k as u64;
-            tape.sample(0, index, index as f64 / 4.0, &payload).unwrap();
-        }
-        tape
-    }
-
-    fn first_curve(values: &[f64], first_index: u64) -> Series {
-        let figures = extract(&tape(values, first_index), &toml::Table::new()).unwrap();
-        let figure = figures.iter().find(|figure| figure.id == "base-position").unwrap();
-        assert_eq!(figure.series.len(), 3);
-        figure.series[0].clone()
-    }
-
-    #[test]
-    fn a_short_curve_keeps_every_sample() {
-        let values: Vec<f64> = (0..500).map(|k| f64::from(k).sin()).collect();
-        let series = first_curve(&values, 7);
-        assert_eq!((&series.y, series.samples, &*series.label), (&values, 500, "x"));
-        assert_eq!((series.x(0), series.x(4)), (1.75, 2.75));
-        assert_eq!(series.origin, "plant.truth.p_NB_N");
-    }
-
-    #[test]
-    fn tapes_without_known_fields_have_no_figures() {
-        assert!(
-            extract(&MemoryTape::new(Vec::new()).unwrap(), &toml::Table::new())
-                .unwrap()
-                .is_empty()
-        );
-        assert_eq!(first_curve(&[], 0).y.len(), 0);
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(24))]
-
-        /// Of a thinned curve every point is a sample at its own stamp, in order, and no bucket lost its extremes.
-        #[test]
-        fn a_long_curve_keeps_its_peaks(seed in any::<u32>(), count in 8193_usize..30_000, peak in any::<prop::sample::Index>()) {
-            let mut values: Vec<f64> = (0..count)
-                .map(|k| (k as f64 * 1e-3 + f64::from(seed)).sin() + (k as u32).wrapping_mul(seed | 1) as f64 * 1e-11)
-                .collect();
-            let peak = peak.index(count);
-            values[peak] = 1e6;
-            let series = first_curve(&values, 0);
-            let index = series.index.clone().unwrap();
-            prop_assert!(index.len() == series.y.len() && index.len() <= 4096);
-            prop_assert!(index.windows(2).all(|pair| pair[0] < pair[1]));
-            prop_assert!(index.iter().zip(&series.y).all(|(k, y)| values[*k as usize] == *y));
-            prop_assert!(index.contains(&(peak as u32)));
-            let bucket = count.div_ceil(2048);
-            for (at, part) in values.chunks(bucket).enumerate() {
-                let kept = index.iter().map(|k| *k as usize).filter(|k| k / bucket == at).map(|k| values[k]);
-                let (low, high) = kept.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y)));
-                prop_assert_eq!(low, part.iter().copied().fold(f64::MAX, f64::min));
-                prop_assert_eq!(high, part.iter().copied().fold(f64::MIN, f64::max));
-            }
-        }
-    }
 }

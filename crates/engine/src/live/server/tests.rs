@@ -7,6 +7,7 @@ fn shared() -> Shared {
         port: 4711,
         token: "0123456789abcdef".into(),
         steering: Arc::new(Steering::default()),
+        views: Vec::new(),
         live: Mutex::new(Watched::default()),
         result: Mutex::new(None),
         pages: Mutex::new(BTreeMap::new()),
@@ -88,7 +89,7 @@ fn only_a_post_of_our_own_page_changes_anything() {
 
 #[test]
 fn silent_connections_do_not_block_the_page() {
-    let server = Server::start(0, Arc::new(Steering::default())).unwrap();
+    let server = Server::start(0, Arc::new(Steering::default()), &[]).unwrap();
     let port = server.shared.port;
     let connect = || TcpStream::connect((Ipv4Addr::LOCALHOST, port)).unwrap();
     let silent: Vec<TcpStream> = (0..4 * SILENT).map(|_| connect()).collect();

@@ -6,14 +6,12 @@ use multibody::nalgebra::Vector3;
 use multibody::{BodyInfo, Description, DynState, DynTree, Quaternion, UrdfOptions};
 use serde::Deserialize;
 
-use super::formula::find;
-use super::table::Names;
-use crate::geometry::{ARM_ANGLES, SLOSH_ANGLES};
+use super::table::{ARM_ANGLES, Names, SLOSH_ANGLES};
 use tape::StreamSpec;
 
 /// Which figure of the bodies' momenta.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Share {
+pub(super) enum Share {
     /// Linear momentum along a world axis, kg m/s.
     Linear(usize),
     /// Angular momentum along a world axis about the common centre of mass, of the motion relative to it, N m s.
@@ -64,6 +62,12 @@ struct Body {
     linear: Vector3<f64>,
     /// About its own centre of mass.
     spin: Vector3<f64>,
+}
+
+/// The field of `spec` under one of its names, with at least `least` elements.
+fn find<'a>(spec: &'a StreamSpec, names: Names, least: usize) -> Option<&'a Field> {
+    let mut found = names.iter().filter_map(|name| spec.descriptor.field(name));
+    found.find(|field| field.len() >= least)
 }
 
 /// Servicer, wheels and target of a plant.
@@ -166,8 +170,8 @@ impl Momenta {
         }
     }
 
-    /// The curves of these figures in one record, one figure after the other.
-    pub(super) fn values(&self, shares: &[Share], payload: &[u8], out: &mut [f64]) {
+    /// The curves of a figure in one record.
+    pub(super) fn values(&self, share: Share, payload: &[u8], out: &mut [f64]) {
         let bodies = self.bodies(payload);
         let wheels = self.base(payload).rotate(&vector(&self.fields.wheels, payload));
         let mass: f64 = bodies.iter().map(|body| body.mass).sum();
@@ -180,21 +184,19 @@ impl Momenta {
         let (leading, arm) = self.order.split_at(self.leading);
         let mut slots = out.iter_mut();
         let mut put = |y: f64| slots.next().into_iter().for_each(|slot| *slot = y);
-        for share in shares {
-            match share {
-                Share::Linear(axis) => {
-                    leading.iter().for_each(|at| put(bodies[*at].linear[*axis]));
-                    put(linear[*axis]);
-                    arm.iter().for_each(|at| put(bodies[*at].linear[*axis]));
-                }
-                Share::Angular(axis) => {
-                    leading.iter().for_each(|at| put(angular[*at][*axis]));
-                    put(wheels[*axis]);
-                    put(total[*axis]);
-                    arm.iter().for_each(|at| put(angular[*at][*axis]));
-                }
-                Share::Centre => centre.iter().for_each(|x| put(*x)),
+        match share {
+            Share::Linear(axis) => {
+                leading.iter().for_each(|at| put(bodies[*at].linear[axis]));
+                put(linear[axis]);
+                arm.iter().for_each(|at| put(bodies[*at].linear[axis]));
             }
+            Share::Angular(axis) => {
+                leading.iter().for_each(|at| put(angular[*at][axis]));
+                put(wheels[axis]);
+                put(total[axis]);
+                arm.iter().for_each(|at| put(angular[*at][axis]));
+            }
+            Share::Centre => centre.iter().for_each(|x| put(*x)),
         }
     }
 

@@ -5,39 +5,43 @@
 //! participants, their variants, and anybody's own participant that uses the same names.
 
 use super::momenta::Share;
-use crate::geometry::{ARM_ANGLES, SLOSH_ANGLES};
+
+/// The names of the field with the arm's joint angles, rad.
+pub(super) const ARM_ANGLES: Names = &["q"];
+/// The names of the field with the slosh pendulum's joint angles, rad.
+pub(super) const SLOSH_ANGLES: Names = &["slosh", "q_slosh"];
 
 /// A figure.
-pub(crate) struct FigureSpec {
+pub(super) struct FigureSpec {
     /// Short and stable: names files and anchors.
-    pub(crate) id: &'static str,
+    pub(super) id: &'static str,
     /// The heading under which the figure stands.
-    pub(crate) group: &'static str,
-    pub(crate) title: &'static str,
+    pub(super) group: &'static str,
+    pub(super) title: &'static str,
     /// The unit drawn.
-    pub(crate) unit: &'static str,
+    pub(super) unit: &'static str,
     /// From the unit of the fields to the unit drawn.
-    pub(crate) scale: f64,
-    pub(crate) curves: &'static [Curve],
-    /// The key of the limits, in the fields' unit, among [`super::Limits`].
-    pub(crate) limits: Option<&'static str>,
+    pub(super) scale: f64,
+    pub(super) curves: &'static [Curve],
+    /// The key of the limits, in the fields' unit, among [`super::limits_of`]'s.
+    pub(super) limits: Option<&'static str>,
 }
 
 /// Curves that follow from one stream.
-pub(crate) struct Curve {
+pub(super) struct Curve {
     /// The name of the port, whoever owns it.
-    pub(crate) port: &'static str,
-    pub(crate) formula: Formula,
+    pub(super) port: &'static str,
+    pub(super) formula: Formula,
     /// One label per curve; empty: `x y z`, or numbers.
-    pub(crate) labels: &'static [&'static str],
+    pub(super) labels: &'static [&'static str],
 }
 
 /// The names a field may have.
-pub(crate) type Names = &'static [&'static str];
+pub(super) type Names = &'static [&'static str];
 
 /// What is drawn of the fields.
 #[derive(Clone, Copy)]
-pub(crate) enum Formula {
+pub(super) enum Formula {
     /// Every element.
     Each(Names),
     /// Elements `from..to`.
@@ -68,8 +72,6 @@ const P_NE: Names = &["p_NE_N"];
 const QUAT_NE: Names = &["quat_NE"];
 const P_NG: Names = &["p_NG_N"];
 const QUAT_NG: Names = &["quat_NG"];
-const P_NT: Names = &["p_NT_N"];
-const QUAT_NT: Names = &["quat_NT"];
 const P_ND: Names = &["p_ND_N"];
 const TORQUE: Names = &["torque_B", "base_torque", "wheel_torque_B"];
 const FORCE: Names = &["force_B", "base_force", "thruster_force_B"];
@@ -114,7 +116,7 @@ const MOTION: &str = "Motion";
 const BALANCE: &str = "Momentum and energy";
 
 /// Every figure, in the order of the page.
-pub(crate) const FIGURES: &[FigureSpec] = &[
+pub(super) const FIGURES: &[FigureSpec] = &[
     figure(
         CAPTURE,
         "position-error",
@@ -465,25 +467,4 @@ pub(crate) const FIGURES: &[FigureSpec] = &[
         ("J", 1.0),
         &[curve("truth", Each(&["energy_residual"]), &["residual"])],
     ),
-];
-
-/// The channels of the 3-D playback: the name it knows, the port, and the names the field may have.
-pub(crate) const PLAYBACK: &[(&str, &str, Names)] = &[
-    ("p_NB", "truth", P_NB),
-    ("quat_NB", "truth", QUAT_NB),
-    ("q", "truth", ARM_ANGLES),
-    ("q_slosh", "truth", SLOSH_ANGLES),
-    ("p_NE", "truth", P_NE),
-    ("quat_NE", "truth", QUAT_NE),
-    ("p_NG", "truth", P_NG),
-    ("quat_NG", "truth", QUAT_NG),
-    ("torque", "truth", TORQUE),
-    ("force", "truth", FORCE),
-    ("p_NT", "truth", P_NT),
-    ("quat_NT", "truth", QUAT_NT),
-    ("p_NT", "target", P_NT),
-    ("quat_NT", "target", QUAT_NT),
-    ("p_ND", "setpoint", P_ND),
-    ("command_torque", "command", TORQUE),
-    ("command_force", "command", FORCE),
 ];

@@ -1,0 +1,183 @@
+//! The capture's figures for the report: which fields they show, the limits of the actuators, the momentum of each body.
+
+mod momenta;
+mod table;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use lockstep::time::Rational;
+use report::view::{Computed, Figure, Formula, Signal, View};
+use tape::StreamSpec;
+use toml::{Table, Value};
+
+use momenta::{Momenta, Share};
+use table::{FIGURES, FigureSpec};
+
+/// The view of a run: the figures whose ports and fields it has, whoever publishes them, and the instants of the schedule.
+pub fn view(streams: &[StreamSpec], plan: &Table) -> View {
+    let limits = limits_of(plan);
+    let momenta = streams
+        .iter()
+        .find_map(|spec| Some((spec, Arc::new(Momenta::of(spec, plan)?))));
+    let figures = FIGURES.iter().map(|row| figure(row, &limits, momenta.as_ref()));
+    View {
+        figures: figures.collect(),
+        marks: schedule(plan),
+    }
+}
+
+fn figure(row: &FigureSpec, limits: &BTreeMap<&str, Vec<f64>>, momenta: Option<&(&StreamSpec, Arc<Momenta>)>) -> Figure {
+    let mut figure = Figure::new(row.group, row.id, row.title, (row.unit, row.scale));
+    for curve in row.curves {
+        let at = |names: table::Names| Signal::at(curve.port, names);
+        let formula = match curve.formula {
+            table::Formula::Each(a) => Formula::Each(at(a)),
+            table::Formula::Part(a, from, to) => Formula::Each(at(a).part(from, to)),
+            table::Formula::Norm(a) => Formula::Norm(at(a)),
+            table::Formula::Distance(a, b) => Formula::Distance(at(a), at(b)),
+            table::Formula::Angle(a, b) => Formula::Angle(at(a), at(b)),
+            table::Formula::PositionIn(p, origin, axes) => Formula::PositionIn(at(p), at(origin), at(axes)),
+            table::Formula::AttitudeIn(attitude, axes) => Formula::AttitudeIn(at(attitude), at(axes)),
+            table::Formula::RotationVector(a) => Formula::RotationVector(at(a)),
+            table::Formula::Bodies(share) => match momenta {
+                Some((spec, momenta)) => Formula::Computed(Arc::new(Of {
+                    participant: spec.participant.clone(),
+                    port: spec.port.clone(),
+                    momenta: momenta.clone(),
+                    share,
+                })),
+                None => continue,
+            },
+        };
+        figure = figure.curve(formula, curve.labels);
+    }
+    match row.limits.and_then(|key| limits.get(key)) {
+        Some(values) => figure.between(values),
+        None => figure,
+    }
+}
+
+/// One figure of the momenta of a stream.
+struct Of {
+    participant: String,
+    port: String,
+    momenta: Arc<Momenta>,
+    share: Share,
+}
+
+impl Computed for Of {
+    fn stream(&self) -> (&str, &str) {
+        (&self.participant, &self.port)
+    }
+
+    fn labels(&self) -> Vec<String> {
+        self.momenta.labels(self.share)
+    }
+
+    fn origin(&self) -> String {
+        format!("{}.{}, computed from the motion", self.participant, self.port)
+    }
+
+    fn values(&self, payload: &[u8], out: &mut [f64]) {
+        self.momenta.values(self.share, payload, out);
+    }
+}
+
+/// The parameters of all participants in a plan.
+fn parameters(plan: &Table) -> impl Iterator<Item = &Table> {
+    let participants = plan.get("participants").and_then(Value::as_table);
+    let entries = participants.into_iter().flatten();
+    entries.filter_map(|(_, entry)| entry.as_table()?.get("parameters")?.as_table())
+}
+
+/// The instants that guidance is given.
+fn schedule(plan: &Table) -> Vec<(String, Rational)> {
+    let tables = parameters(plan).filter_map(|parameters| parameters.get("schedule")?.as_table());
+    let instants = tables.flatten().filter_map(|(name, at)| Some((name.clone(), at.as_str()?.parse().ok()?)));
+    instants.collect()
+}
+
+/// The limits of the actuators, from the tables `actuators` of the participants in the plan, else from
+/// `assessment.limits`. The plan is the scenario as the user wrote it with its defaults, so quantities are texts with
+/// units; a plan of another program has other tables, and no limits are drawn then.
+fn limits_of(plan: &Table) -> BTreeMap<&'static str, Vec<f64>> {
+    let mut limits = BTreeMap::new();
+    let lookup = |table: &Table, path: &[&str]| {
+        let (last, folders) = path.split_last()?;
+        let inner = folders
+            .iter()
+            .try_fold(table, |table, key| table.get(*key)?.as_table())?;
+        let numbers = base_units(inner.get(*last)?);
+        (!numbers.is_empty()).then_some(numbers)
+    };
+    for table in parameters(plan).filter_map(|parameters| parameters.get("actuators")?.as_table()) {
+        for (key, path) in [
+            ("base_torque", ["wheels", "torque"]),
+            ("wheel_momentum", ["wheels", "momentum"]),
+            ("base_force", ["thrusters", "force"]),
+            ("joint_torque", ["joints", "torque"]),
+        ] {
+            if let Some(numbers) = lookup(table, &path) {
+                limits.insert(key, numbers);
+            }
+        }
+    }
+    for (key, name) in [
+        ("base_torque", "torque"),
+        ("base_force", "force"),
+        ("joint_torque", "joint_torque"),
+    ] {
+        if let (false, Some(numbers)) = (limits.contains_key(key), lookup(plan, &["assessment", "limits", name])) {
+            limits.insert(key, numbers);
+        }
+    }
+    limits
+}
+
+/// The numbers of `"0.2 N m"`, `"[320, 40] N m"`, `9.0`; nothing for a unit with a prefix, rather than a wrong line.
+fn base_units(value: &Value) -> Vec<f64> {
+    let text = match value {
+        Value::Float(x) => return vec![*x],
+        Value::Integer(x) => return vec![*x as f64],
+        Value::Array(items) => return items.iter().flat_map(base_units).collect(),
+        Value::String(text) => text.replace(['[', ']', ','], " "),
+        _ => return Vec::new(),
+    };
+    let words = text.split_whitespace();
+    let (numbers, unit): (Vec<&str>, Vec<&str>) = words.partition(|word| word.parse::<f64>().is_ok());
+    if ["N m", "N", "N m s"].contains(&&*unit.join(" ")) {
+        numbers.iter().filter_map(|number| number.parse().ok()).collect()
+    } else {
+        Vec::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_come_from_the_plan() {
+        let plan = r#"
+            [participants.plant.parameters.actuators]
+            wheels = { torque = "0.2 N m", momentum = "12 N m s" }
+            thrusters = { force = "9 kN" }
+            joints = { torque = "[320, 40.5] N m" }
+            [participants.guidance.parameters]
+            schedule = { start = "1 s", point = "20 s" }
+            [assessment.limits]
+            force = "[9, 9, 8] N"
+            torque = "1 N m"
+        "#;
+        let plan: Table = plan.parse().unwrap();
+        let limits = limits_of(&plan);
+        assert_eq!(limits["base_torque"], [0.2]);
+        assert_eq!(limits["wheel_momentum"], [12.0]);
+        assert_eq!(limits["joint_torque"], [320.0, 40.5]);
+        assert_eq!(limits["base_force"], [9.0, 9.0, 8.0]);
+        let marks = schedule(&plan);
+        assert_eq!(marks[0], ("point".to_owned(), Rational::from_millis(20_000)));
+        assert_eq!(marks.len(), 2);
+    }
+}

@@ -1,0 +1,383 @@
+//! Figures against the streams of a run.
+
+use lockstep::port::Element;
+use lockstep::units;
+use serde::Serialize;
+use tape::StreamSpec;
+use toml::Value;
+
+use super::evaluate::Evaluate;
+use super::prefix::{Scale, scales};
+use super::signal::Slice;
+use super::{Curve, Figure, Formula, Limit, Line, Mistake, Signal, Unit};
+
+/// A figure as it is drawn, without its curves.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct Drawn {
+    pub(crate) id: String,
+    pub(crate) group: String,
+    pub(crate) title: String,
+    /// What the vertical axis has.
+    #[serde(flatten)]
+    pub(crate) axis: Axis,
+    pub(crate) limits: Vec<Level>,
+    /// What the horizontal axis has in place of time.
+    pub(crate) against: Option<Axis>,
+    /// Whether it is one field of one stream, which nobody asked for.
+    pub(crate) signal: bool,
+}
+
+/// What an axis shows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Axis {
+    pub(crate) unit: String,
+    pub(crate) frame: String,
+    /// The multiples of the unit that may stand at the axis; one alone where the unit was chosen.
+    pub(crate) scales: Vec<Scale>,
+    /// What runs along it, where that is not the figure's title.
+    pub(crate) name: String,
+}
+
+/// A horizontal line in the axis's unit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Level {
+    pub(crate) y: f64,
+    pub(crate) text: String,
+}
+
+/// One curve of a binding.
+#[derive(Debug, Clone)]
+pub(crate) struct Place {
+    pub(crate) label: String,
+    /// Whole numbers hold from one sample to the next.
+    pub(crate) step: bool,
+}
+
+/// What gives one curve or several of a figure.
+pub(crate) struct Binding {
+    /// The figure's number in [`Bound::figures`].
+    pub(crate) figure: usize,
+    /// The streams: the samples of the first are the instants, the others are read there.
+    pub(crate) streams: Vec<usize>,
+    pub(crate) evaluate: Evaluate,
+    pub(crate) against: Option<(Evaluate, f64)>,
+    pub(crate) places: Vec<Place>,
+    /// From the unit of the fields to that of the axis.
+    pub(crate) scale: f64,
+    pub(crate) origin: String,
+}
+
+/// Figures with everything that their curves need.
+#[derive(Default)]
+pub(crate) struct Bound {
+    pub(crate) figures: Vec<Drawn>,
+    pub(crate) bindings: Vec<Binding>,
+    /// The place of a figure in the list that it was made of, and what of it does not fit the streams.
+    pub(crate) mistakes: Vec<(usize, Mistake)>,
+}
+
+/// What a curve needs of the streams.
+struct Found {
+    streams: Vec<usize>,
+    evaluate: Evaluate,
+    width: usize,
+    unit: String,
+    frame: String,
+    step: bool,
+    origin: String,
+}
+
+/// Binds `figures`; what the streams do not have is left out and told. `limits` are drawn where a figure shows their signal.
+pub(crate) fn bind(figures: &[Figure], streams: &[StreamSpec], limits: &[Limit], signal: bool, bound: &mut Bound) {
+    for (at, figure) in figures.iter().enumerate() {
+        let mut mistakes = Vec::new();
+        if let Some((drawn, bindings)) = one(figure, streams, limits, bound.figures.len(), &mut mistakes) {
+            bound.figures.push(Drawn { signal, ..drawn });
+            bound.bindings.extend(bindings);
+        }
+        bound.mistakes.extend(mistakes.into_iter().map(|mistake| (at, mistake)));
+    }
+}
+
+/// A figure with the curves that fit.
+fn one(
+    figure: &Figure,
+    streams: &[StreamSpec],
+    limits: &[Limit],
+    number: usize,
+    mistakes: &mut Vec<Mistake>,
+) -> Option<(Drawn, Vec<Binding>)> {
+    let mut bindings = Vec::new();
+    let mut first: Option<(Axis, String)> = None;
+    for (at, curve) in figure.curves.iter().enumerate() {
+        let fitted = find(curve, streams).and_then(|found| {
+            let known = first.as_ref().map(|(axis, _)| &*axis.unit);
+            let (unit, scale) = scale_of(&figure.unit, &found.unit, known)?;
+            Ok((found, unit, scale))
+        });
+        match fitted {
+            Ok((found, unit, scale)) => {
+                first.get_or_insert_with(|| (axis_of(&figure.unit, unit, &found), found.unit.clone()));
+                bindings.push(binding(curve, found, scale, number));
+            }
+            Err(reason) => mistakes.push(Mistake::new(format!("curves.{}", at + 1), reason)),
+        }
+    }
+    let (axis, own) = first?;
+    let mut against = None;
+    if let Some(curve) = &figure.against {
+        match along(curve, streams, &mut bindings) {
+            Ok(axis) => against = Some(axis),
+            Err(reason) => {
+                mistakes.push(Mistake::new("against".into(), reason));
+                return None;
+            }
+        }
+    }
+    let mut levels = Vec::new();
+    for (at, line) in figure.limits.iter().enumerate() {
+        match level(line, &own, &axis.unit, &figure.unit) {
+            Ok(level) => levels.push(level),
+            Err(reason) => mistakes.push(Mistake::new(format!("limits.{}", at + 1), reason)),
+        }
+    }
+    let set = limits.iter().filter(|limit| figure.curves.iter().any(|curve| concerns(limit, curve)));
+    let lines = set.flat_map(|limit| &limit.lines);
+    levels.extend(lines.filter_map(|line| level(line, &own, &axis.unit, &figure.unit).ok()));
+    let drawn = Drawn {
+        id: figure.id.clone(),
+        group: figure.group.clone(),
+        title: figure.title.clone(),
+        axis,
+        limits: levels,
+        against,
+        signal: false,
+    };
+    Some((drawn, bindings))
+}
+
+fn binding(curve: &Curve, found: Found, scale: f64, figure: usize) -> Binding {
+    let computed = match &curve.formula {
+        Formula::Computed(computed) => computed.labels(),
+        _ => Vec::new(),
+    };
+    let given = if curve.labels.is_empty() { &computed } else { &curve.labels };
+    let places = labels(given, found.width).into_iter().map(|label| Place {
+        label,
+        step: found.step,
+    });
+    Binding {
+        figure,
+        streams: found.streams,
+        evaluate: found.evaluate,
+        against: None,
+        places: places.collect(),
+        scale,
+        origin: found.origin,
+    }
+}
+
+/// Puts what runs along the horizontal axis into all bindings of a figure.
+fn along(curve: &Curve, streams: &[StreamSpec], bindings: &mut [Binding]) -> Result<Axis, String> {
+    let mut axis = None;
+    for binding in bindings {
+        let mut found = find(curve, streams)?;
+        if found.width != 1 {
+            return Err(format!(
+                "`{}` has {} components: name one of them, or its length",
+                found.origin, found.width
+            ));
+        }
+        // Its streams come behind those of the curve.
+        let places: Vec<usize> = found.streams.iter().map(|stream| slot(&mut binding.streams, *stream)).collect();
+        found.evaluate.renumber(&places);
+        let name = match curve.labels.first() {
+            Some(label) => label.clone(),
+            None => found.origin.clone(),
+        };
+        let own = axis_of(&Unit::Own, found.unit.clone(), &found);
+        axis = Some(Axis { name, ..own });
+        binding.against = Some((found.evaluate, 1.0));
+    }
+    axis.ok_or_else(|| "there is no curve to draw against it".to_owned())
+}
+
+/// The place of a stream among those of a binding, where it is put if it is new.
+fn slot(streams: &mut Vec<usize>, stream: usize) -> usize {
+    streams.iter().position(|one| *one == stream).unwrap_or_else(|| {
+        streams.push(stream);
+        streams.len() - 1
+    })
+}
+
+/// What a formula needs of the streams, and what it gives.
+fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
+    let mut used = Vec::new();
+    let mut names: Vec<String> = Vec::new();
+    let mut operand = |signal: &Signal, like: Option<&Slice>, least: usize| {
+        // Alternatives of one formula belong to one participant where the signal leaves that open.
+        let (stream, slice) = signal.find(streams).ok_or_else(|| signal.missing(streams))?;
+        let name = format!("{}.{}", streams[stream].name(), written(&slice));
+        if slice.len < least {
+            return Err(format!("`{name}` has {} elements, and {least} are needed", slice.len));
+        }
+        if let Some(like) = like {
+            if like.len != slice.len {
+                return Err(format!("`{name}` has {} elements, not {}", slice.len, like.len));
+            }
+            if like.field.unit != slice.field.unit {
+                return Err(format!("`{name}` is in `{}`, not in `{}`", slice.field.unit, like.field.unit));
+            }
+        }
+        names.push(name);
+        Ok((slot(&mut used, stream), slice))
+    };
+    let (evaluate, width, unit, lead) = match &curve.formula {
+        Formula::Each(a) => {
+            let a = operand(a, None, 1)?;
+            let (width, unit, lead) = (a.1.len, a.1.field.unit.clone(), a.1.clone());
+            (Evaluate::Each(a), width, unit, Some(lead))
+        }
+        Formula::Difference(a, b) => {
+            let a = operand(a, None, 1)?;
+            let b = operand(b, Some(&a.1), 1)?;
+            let (width, unit, lead) = (a.1.len, a.1.field.unit.clone(), a.1.clone());
+            (Evaluate::Difference(a, b), width, unit, Some(lead))
+        }
+        Formula::Norm(a) => {
+            let a = operand(a, None, 1)?;
+            let unit = a.1.field.unit.clone();
+            (Evaluate::Norm(a), 1, unit, None)
+        }
+        Formula::Distance(a, b) => {
+            let a = operand(a, None, 1)?;
+            let b = operand(b, Some(&a.1), 1)?;
+            let unit = a.1.field.unit.clone();
+            (Evaluate::Distance(a, b), 1, unit, None)
+        }
+        Formula::Angle(a, b) => (Evaluate::Angle(operand(a, None, 4)?, operand(b, None, 4)?), 1, "rad".to_owned(), None),
+        Formula::PositionIn(p, origin, axes) => {
+            let p = operand(p, None, 3)?;
+            let origin = operand(origin, Some(&p.1), 3)?;
+            let unit = p.1.field.unit.clone();
+            (Evaluate::PositionIn(p, origin, operand(axes, None, 4)?), 3, unit, None)
+        }
+        Formula::AttitudeIn(attitude, axes) => {
+            let (attitude, axes) = (operand(attitude, None, 4)?, operand(axes, None, 4)?);
+            (Evaluate::AttitudeIn(attitude, axes), 3, "1".to_owned(), None)
+        }
+        Formula::RotationVector(a) => (Evaluate::RotationVector(operand(a, None, 4)?), 3, "rad".to_owned(), None),
+        Formula::Computed(computed) => {
+            let (participant, port) = computed.stream();
+            let of = |spec: &StreamSpec| spec.participant == participant && spec.port == port;
+            used = vec![streams.iter().position(of).ok_or("the stream is not there")?];
+            names = vec![computed.origin()];
+            (Evaluate::Computed(computed.clone()), computed.labels().len(), "1".to_owned(), None)
+        }
+    };
+    let whole = |element: Element| !matches!(element, Element::F64 | Element::F32);
+    Ok(Found {
+        streams: used,
+        evaluate,
+        width,
+        unit,
+        frame: lead.as_ref().map(|slice| slice.field.frame.clone()).unwrap_or_default(),
+        step: lead.is_some_and(|slice| whole(slice.field.element)),
+        origin: names.join(", "),
+    })
+}
+
+/// The field or the element as the formula has it.
+fn written(slice: &Slice) -> String {
+    let field = &slice.field;
+    match slice.len {
+        len if len == field.len() => field.name.clone(),
+        1 => field.element_name(slice.from),
+        len => format!("{}[{}..{}]", field.name, slice.from, slice.from + len),
+    }
+}
+
+/// The unit of an axis, and how many of them one unit of the fields is.
+fn scale_of(wanted: &Unit, own: &str, known: Option<&str>) -> Result<(String, f64), String> {
+    let unit = match (wanted, known) {
+        (Unit::Scaled(unit, scale), _) => return Ok((unit.clone(), *scale)),
+        (Unit::Named(unit), _) => unit.as_str(),
+        (Unit::Own, Some(known)) => known,
+        (Unit::Own, None) => own,
+    };
+    if unit == own {
+        return Ok((unit.to_owned(), 1.0));
+    }
+    let converted = units::convert(&format!("1 {own}"), unit);
+    let converted = converted.map_err(|_| format!("is in `{own}`, which does not fit `{unit}`"))?;
+    Ok((unit.to_owned(), converted.0[0]))
+}
+
+fn axis_of(wanted: &Unit, unit: String, found: &Found) -> Axis {
+    let scales = match wanted {
+        Unit::Named(_) => vec![Scale {
+            exponent: 0,
+            name: if unit == "1" { String::new() } else { unit.clone() },
+        }],
+        Unit::Own | Unit::Scaled(..) => scales(&unit),
+    };
+    Axis {
+        scales,
+        frame: found.frame.clone(),
+        unit,
+        name: String::new(),
+    }
+}
+
+fn level(line: &Line, own: &str, unit: &str, wanted: &Unit) -> Result<Level, String> {
+    let scale = scale_of(wanted, own, Some(unit))?.1;
+    let y = match &line.at {
+        Value::Float(x) => *x,
+        Value::Integer(x) => *x as f64,
+        Value::String(text) => {
+            let (values, _) = units::convert(text, own).map_err(|error| error.to_string())?;
+            match values[..] {
+                [value] => value,
+                _ => return Err(format!("`{text}` is not one value")),
+            }
+        }
+        other => return Err(format!("`{other}` is not a quantity such as \"5 {own}\"")),
+    };
+    let text = line.text.clone();
+    Ok(Level { y: y * scale, text })
+}
+
+/// Whether a limit is one of what a curve shows.
+fn concerns(limit: &Limit, curve: &Curve) -> bool {
+    let (of, minus) = match &curve.formula {
+        Formula::Each(of) => (of, None),
+        Formula::Difference(of, minus) => (of, Some(minus)),
+        _ => return false,
+    };
+    let same = |a: &Signal, b: &Signal| {
+        let bare = |signal: &Signal| signal.names.first().map(|name| name.split('[').next().unwrap_or(name).to_owned());
+        a.port == b.port && a.participant == b.participant && (a.names == b.names || bare(a).as_ref() == b.names.first())
+    };
+    same(&limit.of, of)
+        && match (&limit.minus, minus) {
+            (None, None) => true,
+            (Some(a), Some(b)) => same(a, b),
+            _ => false,
+        }
+}
+
+/// One label for each of `count` curves.
+fn labels(given: &[String], count: usize) -> Vec<String> {
+    let axes = ["x", "y", "z"];
+    (0..count)
+        .map(|i| match given.get(i) {
+            Some(label) if given.len() == count => label.clone(),
+            Some(_) if given.len() == 1 && count == 3 => format!("{} {}", given[0], axes[i]),
+            _ if given.len() == 1 && count > 3 => format!("{} {}", given[0], i + 1),
+            Some(label) => label.clone(),
+            None if count == 3 => axes[i].to_owned(),
+            None if count == 1 => String::new(),
+            None => format!("{}", i + 1),
+        })
+        .collect()
+}

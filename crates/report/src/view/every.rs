@@ -1,0 +1,42 @@
+//! A figure for each field of each stream.
+
+use tape::StreamSpec;
+
+use super::{Curve, Figure, Formula, Signal, Unit};
+
+/// One figure a field, the components of a vector together, in the order of participants, ports and fields.
+pub(crate) fn every_field(streams: &[StreamSpec]) -> Vec<Figure> {
+    let fields = streams
+        .iter()
+        .flat_map(|spec| spec.descriptor.fields.iter().map(move |field| (spec, field)));
+    let figures = fields.map(|(spec, field)| {
+        let signal = Signal {
+            participant: Some(spec.participant.clone()),
+            port: spec.port.clone(),
+            names: vec![field.name.clone()],
+            part: None,
+        };
+        // A vector of three has the names of the axes; elements of anything else go by their numbers.
+        let labels = match field.shape[..] {
+            [] | [3] => Vec::new(),
+            [4] if field.name.starts_with("quat") => ["w", "x", "y", "z"].map(String::from).into(),
+            _ => (0..field.len())
+                .map(|index| field.element_name(index)[field.name.len()..].to_owned())
+                .collect(),
+        };
+        let curve = Curve {
+            formula: Formula::Each(signal),
+            labels,
+        };
+        Figure {
+            id: format!("{}.{}", spec.name(), field.name),
+            group: spec.name(),
+            title: field.name.clone(),
+            unit: Unit::Own,
+            curves: vec![curve],
+            against: None,
+            limits: Vec::new(),
+        }
+    });
+    figures.collect()
+}

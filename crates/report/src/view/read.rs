@@ -1,0 +1,246 @@
+//! The table `[report]` of a scenario.
+
+use lockstep::time::Rational;
+use serde::Deserialize;
+use tape::StreamSpec;
+use toml::{Table, Value};
+
+use super::{Bound, Curve, Figure, Formula, Line, Signal, Unit, View, bind};
+
+/// A mistake in a table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Mistake {
+    /// The key below the table, its parts separated by dots; entries of a list go by their numbers, from 1.
+    pub key: String,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+impl Mistake {
+    pub(crate) fn new(key: String, reason: impl Into<String>) -> Mistake {
+        let reason = reason.into();
+        Mistake { key, reason }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ReportEntry {
+    #[serde(default)]
+    panels: Vec<Value>,
+    #[serde(default)]
+    marks: std::collections::BTreeMap<String, Rational>,
+}
+
+/// `[[report.panels]]`
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PanelEntry {
+    name: Option<String>,
+    title: Option<String>,
+    group: Option<String>,
+    unit: Option<String>,
+    curves: Vec<Value>,
+    against: Option<Value>,
+    #[serde(default)]
+    limits: Vec<Value>,
+}
+
+/// A curve that is more than a signal.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct CurveEntry {
+    of: String,
+    minus: Option<String>,
+    angle_to: Option<String>,
+    in_axes_of: Option<String>,
+    #[serde(default)]
+    norm: bool,
+    #[serde(default)]
+    rotation_vector: bool,
+    label: Option<String>,
+}
+
+/// The heading of panels that name none.
+const GROUP: &str = "Panels";
+
+impl View {
+    /// Reads the table `[report]` as far as that goes without the streams.
+    ///
+    /// # Errors
+    /// Every mistake, with its key below the table.
+    pub fn read(table: &Table) -> Result<View, Vec<Mistake>> {
+        let read = serde_path_to_error::deserialize::<_, ReportEntry>(Value::Table(table.clone()));
+        let entry = read.map_err(|error| vec![refused("", &error)])?;
+        let (mut figures, mut mistakes) = (Vec::<Figure>::new(), Vec::new());
+        for (at, panel) in entry.panels.into_iter().enumerate() {
+            let key = format!("panels.{}", at + 1);
+            let made = serde_path_to_error::deserialize::<_, PanelEntry>(panel)
+                .map_err(|error| refused(&key, &error))
+                .and_then(|entry| figure(entry, at).map_err(|mistake| Mistake::new(below(&key, &mistake.key), mistake.reason)));
+            match made {
+                Ok(figure) if figures.iter().any(|one| one.id == figure.id) => {
+                    let reason = format!("there are two panels `{}`: give one of them another name", figure.id);
+                    mistakes.push(Mistake::new(below(&key, "name"), reason));
+                }
+                Ok(figure) => figures.push(figure),
+                Err(mistake) => mistakes.push(mistake),
+            }
+        }
+        if !mistakes.is_empty() {
+            return Err(mistakes);
+        }
+        Ok(View {
+            figures,
+            marks: entry.marks.into_iter().collect(),
+        })
+    }
+
+    /// The participants that curves name, each with the key of the curve.
+    pub fn participants(&self) -> impl Iterator<Item = (String, &str)> {
+        self.figures.iter().enumerate().flat_map(|(at, figure)| {
+            let along = figure.against.iter().map(|curve| ("against".to_owned(), curve));
+            let curves = figure.curves.iter().enumerate();
+            let curves = curves.map(|(at, curve)| (format!("curves.{}", at + 1), curve)).chain(along);
+            curves.flat_map(move |(key, curve)| {
+                let key = format!("panels.{}.{key}", at + 1);
+                let names = curve.formula.signals().into_iter().filter_map(|signal| signal.participant.as_deref());
+                names.map(move |name| (key.clone(), name))
+            })
+        })
+    }
+
+    /// What of the view does not fit these streams. A signal of a participant that is not `certain` is left out.
+    pub fn misfits(&self, streams: &[StreamSpec], certain: impl Fn(&str) -> bool) -> Vec<Mistake> {
+        let known = |signal: &Signal| signal.participant.as_deref().is_none_or(&certain);
+        let mut mistakes = Vec::new();
+        for (at, figure) in self.figures.iter().enumerate() {
+            let curves = figure.curves.iter().chain(&figure.against);
+            if !curves.flat_map(|curve| curve.formula.signals()).all(known) {
+                continue;
+            }
+            let mut bound = Bound::default();
+            bind(std::slice::from_ref(figure), streams, &[], false, &mut bound);
+            let found = bound.mistakes.into_iter().map(|(_, mistake)| mistake);
+            mistakes.extend(found.map(|one| Mistake::new(format!("panels.{}.{}", at + 1, one.key), one.reason)));
+        }
+        mistakes
+    }
+}
+
+impl Formula {
+    /// The signals that it needs.
+    pub(crate) fn signals(&self) -> Vec<&Signal> {
+        match self {
+            Formula::Each(a) | Formula::Norm(a) | Formula::RotationVector(a) => vec![a],
+            Formula::Difference(a, b) | Formula::Distance(a, b) | Formula::Angle(a, b) | Formula::AttitudeIn(a, b) => vec![a, b],
+            Formula::PositionIn(a, b, c) => vec![a, b, c],
+            Formula::Computed(_) => Vec::new(),
+        }
+    }
+}
+
+fn below(key: &str, inner: &str) -> String {
+    match (key, inner) {
+        (key, "" | ".") => key.to_owned(),
+        ("", inner) => inner.to_owned(),
+        (key, inner) => format!("{key}.{inner}"),
+    }
+}
+
+fn refused(key: &str, error: &serde_path_to_error::Error<toml::de::Error>) -> Mistake {
+    Mistake::new(below(key, &error.path().to_string()), error.inner().message())
+}
+
+fn figure(entry: PanelEntry, at: usize) -> Result<Figure, Mistake> {
+    let id = entry.name.unwrap_or_else(|| format!("panel-{}", at + 1));
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if id.is_empty() || !id.chars().all(plain) {
+        return Err(Mistake::new("name".into(), format!("`{id}`: a name has letters, digits, `-` and `_` only")));
+    }
+    if entry.curves.is_empty() {
+        let reason = "there is nothing to draw: write a list such as [\"plant.motion.position\"]";
+        return Err(Mistake::new("curves".into(), reason));
+    }
+    let curves = entry.curves.into_iter().enumerate();
+    let curves = curves.map(|(at, value)| curve(&format!("curves.{}", at + 1), value));
+    let curves = curves.collect::<Result<Vec<Curve>, Mistake>>()?;
+    let against = entry.against.map(|value| curve("against", value)).transpose()?;
+    let limits = entry.limits.into_iter().map(|at| Line {
+        at,
+        text: "limit".to_owned(),
+    });
+    Ok(Figure {
+        title: entry.title.unwrap_or_else(|| id.replace(['-', '_'], " ")),
+        group: entry.group.unwrap_or_else(|| GROUP.to_owned()),
+        unit: entry.unit.map_or(Unit::Own, Unit::Named),
+        curves,
+        against,
+        limits: limits.collect(),
+        id,
+    })
+}
+
+fn signal(key: String, text: &str) -> Result<Signal, Mistake> {
+    Signal::named(text).ok_or_else(|| {
+        let reason = format!(
+            "`{text}` is not a signal: write PARTICIPANT.OUTPUT.FIELD, such as \"plant.motion.position\" or \"plant.truth.q[2]\""
+        );
+        Mistake::new(key, reason)
+    })
+}
+
+/// A curve: the name of a signal, or a table.
+fn curve(key: &str, value: Value) -> Result<Curve, Mistake> {
+    if let Value::String(text) = &value {
+        return Ok(Curve {
+            formula: Formula::Each(signal(key.to_owned(), text)?),
+            labels: vec![short(text)],
+        });
+    }
+    if !value.is_table() {
+        let reason = format!("`{value}` is no curve: write a signal such as \"plant.motion.position\", or {{ of = …, minus = … }}");
+        return Err(Mistake::new(key.to_owned(), reason));
+    }
+    let entry = serde_path_to_error::deserialize::<_, CurveEntry>(value).map_err(|error| refused(key, &error))?;
+    let other = |name: &str, text: &Option<String>| text.as_deref().map(|text| signal(below(key, name), text)).transpose();
+    let of = signal(below(key, "of"), &entry.of)?;
+    let minus = other("minus", &entry.minus)?;
+    let angle = other("angle-to", &entry.angle_to)?;
+    let axes = other("in-axes-of", &entry.in_axes_of)?;
+    let formula = match (minus, angle, axes, entry.norm, entry.rotation_vector) {
+        (None, None, None, false, false) => Formula::Each(of),
+        (Some(minus), None, None, false, false) => Formula::Difference(of, minus),
+        (None, None, None, true, false) => Formula::Norm(of),
+        (Some(minus), None, None, true, false) => Formula::Distance(of, minus),
+        (None, Some(to), None, false, false) => Formula::Angle(of, to),
+        (Some(minus), None, Some(axes), false, false) => Formula::PositionIn(of, minus, axes),
+        (None, None, Some(axes), false, false) => Formula::AttitudeIn(of, axes),
+        (None, None, None, false, true) => Formula::RotationVector(of),
+        _ => {
+            let reason = "these do not go together: write `minus` with `norm` or with `in-axes-of`, or one of `minus`, `norm`, \
+                          `angle-to`, `in-axes-of` and `rotation-vector` alone";
+            return Err(Mistake::new(key.to_owned(), reason));
+        }
+    };
+    let words = match &formula {
+        Formula::Difference(..) | Formula::PositionIn(..) => format!("{} − {}", short(&entry.of), short(entry.minus.as_deref().unwrap_or_default())),
+        Formula::Norm(_) => format!("|{}|", short(&entry.of)),
+        Formula::Distance(..) => format!("|{} − {}|", short(&entry.of), short(entry.minus.as_deref().unwrap_or_default())),
+        Formula::Angle(..) => format!("{} to {}", short(&entry.of), short(entry.angle_to.as_deref().unwrap_or_default())),
+        _ => short(&entry.of),
+    };
+    Ok(Curve {
+        formula,
+        labels: vec![entry.label.unwrap_or(words)],
+    })
+}
+
+/// A signal in a legend: participant and field, since the port says little there.
+fn short(text: &str) -> String {
+    let parts: Vec<&str> = text.splitn(3, '.').collect();
+    match parts[..] {
+        [participant, _, field] => format!("{participant} {field}"),
+        _ => text.to_owned(),
+    }
+}
