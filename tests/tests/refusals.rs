@@ -419,3 +419,45 @@ fn fault_and_offset_behind_the_end_are_warned_of() {
         assert!(offset.err.contains(part), "`{part}` is not in {offset:?}");
     }
 }
+
+#[test]
+fn a_panel_of_signals_that_are_not_there() {
+    for (panel, expected) in [
+        (
+            "curves = [\"plant.truth.position\"]",
+            &[
+                "changed.toml:5: report.panels.1.curves.1",
+                "`plant.truth` has no field or element `position`",
+                "`p_NB_N[3]`",
+            ][..],
+        ),
+        (
+            "title = \"x\"\ncurves = [\"pilot.truth.q\"]",
+            &[
+                "changed.toml:5: report.panels.1.curves.1",
+                "there is no participant `pilot`",
+                "`plant`",
+            ],
+        ),
+        (
+            "curves = [{ of = \"plant.truth.p_NE_N\", minus = \"plant.truth.v_NB_B\" }]",
+            &["report.panels.1.curves.1", "is in `m/s`, not in `m`"],
+        ),
+        (
+            "curves = [\"plant.truth.p_NE_N\"]\nunit = \"kg\"",
+            &["report.panels.1.curves.1", "`kg`"],
+        ),
+        (
+            "curve = []",
+            &["changed.toml:5: report.panels.1.curve", "unknown field"],
+        ),
+    ] {
+        // At the head of the file, on a line of its own.
+        let panel = panel.replace('\n', ", ");
+        refused(
+            "title = ",
+            &format!("report.panels = [\n{{ {panel} }}]\ntitle = "),
+            expected,
+        );
+    }
+}

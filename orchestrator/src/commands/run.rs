@@ -108,7 +108,8 @@ fn live(how: &HowArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
         return Ok(None);
     };
     let steering = Arc::new(Steering::default());
-    let server = Server::start(port, steering.clone(), catalogue().views()).map_err(|error| live::refusal(port, &error))?;
+    let server =
+        Server::start(port, steering.clone(), catalogue().views()).map_err(|error| live::refusal(port, &error))?;
     eprintln!("live: {}", server.url());
     Ok(Some((server, steering)))
 }

@@ -14,6 +14,19 @@ use toml::{Table, Value};
 use momenta::{Momenta, Share};
 use table::{FIGURES, FigureSpec};
 
+/// What people look for first in the summary of a capture.
+const HEADLINE: [&str; 9] = [
+    "captured",
+    "position_error_at_grasp_m",
+    "attitude_error_at_grasp_deg",
+    "relative_speed_at_grasp_m_s",
+    "peak_base_torque_n_m",
+    "peak_base_force_n",
+    "peak_joint_torque_n_m",
+    "saturated_fraction",
+    "slosh_max_deg",
+];
+
 /// The view of a run: the figures whose ports and fields it has, whoever publishes them, and the instants of the schedule.
 pub fn view(streams: &[StreamSpec], plan: &Table) -> View {
     let limits = limits_of(plan);
@@ -24,10 +37,15 @@ pub fn view(streams: &[StreamSpec], plan: &Table) -> View {
     View {
         figures: figures.collect(),
         marks: schedule(plan),
+        headline: HEADLINE.map(String::from).into(),
     }
 }
 
-fn figure(row: &FigureSpec, limits: &BTreeMap<&str, Vec<f64>>, momenta: Option<&(&StreamSpec, Arc<Momenta>)>) -> Figure {
+fn figure(
+    row: &FigureSpec,
+    limits: &BTreeMap<&str, Vec<f64>>,
+    momenta: Option<&(&StreamSpec, Arc<Momenta>)>,
+) -> Figure {
     let mut figure = Figure::new(row.group, row.id, row.title, (row.unit, row.scale));
     for curve in row.curves {
         let at = |names: table::Names| Signal::at(curve.port, names);
@@ -94,7 +112,9 @@ fn parameters(plan: &Table) -> impl Iterator<Item = &Table> {
 /// The instants that guidance is given.
 fn schedule(plan: &Table) -> Vec<(String, Rational)> {
     let tables = parameters(plan).filter_map(|parameters| parameters.get("schedule")?.as_table());
-    let instants = tables.flatten().filter_map(|(name, at)| Some((name.clone(), at.as_str()?.parse().ok()?)));
+    let instants = tables
+        .flatten()
+        .filter_map(|(name, at)| Some((name.clone(), at.as_str()?.parse().ok()?)));
     instants.collect()
 }
 

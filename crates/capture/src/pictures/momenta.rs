@@ -65,7 +65,7 @@ struct Body {
 }
 
 /// The field of `spec` under one of its names, with at least `least` elements.
-fn find<'a>(spec: &'a StreamSpec, names: Names, least: usize) -> Option<&'a Field> {
+fn find(spec: &StreamSpec, names: Names, least: usize) -> Option<&Field> {
     let mut found = names.iter().filter_map(|name| spec.descriptor.field(name));
     found.find(|field| field.len() >= least)
 }

@@ -20,7 +20,11 @@ pub(super) fn read(source: &Source, participants: &Names, table: Option<&Table>)
             reason: participants.unknown("participant", name),
         })
         .collect();
-    if wrong.is_empty() { Ok(view) } else { Err(mistakes(source, wrong)) }
+    if wrong.is_empty() {
+        Ok(view)
+    } else {
+        Err(mistakes(source, wrong))
+    }
 }
 
 fn mistakes(source: &Source, wrong: Vec<Misfit>) -> Vec<Mistake> {
@@ -40,6 +44,10 @@ impl Scenario {
         let streams = crate::run::streams(plan);
         let known = |name: &str| plan.participant(name).is_some_and(&certain);
         let wrong = mistakes(&self.source, self.pictures.misfits(&streams, known));
-        if wrong.is_empty() { Ok(()) } else { Err(self.source.error(wrong)) }
+        if wrong.is_empty() {
+            Ok(())
+        } else {
+            Err(self.source.error(wrong))
+        }
     }
 }

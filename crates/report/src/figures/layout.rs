@@ -63,7 +63,9 @@ pub(crate) fn layout(figure: &Drawn, panels: &[Panel<'_>]) -> Drawing {
         None => extent(all().flat_map(|series| [0, series.y.len().saturating_sub(1)].map(|k| series.t(k)))),
     };
     let (near, far) = limits(figure, lo.abs().max(hi.abs()));
-    let (lo, hi) = near.iter().fold((lo, hi), |(lo, hi), limit| (lo.min(*limit), hi.max(*limit)));
+    let (lo, hi) = near
+        .iter()
+        .fold((lo, hi), |(lo, hi), limit| (lo.min(*limit), hi.max(*limit)));
     let (factor, unit) = best(&figure.axis.scales, lo.abs().max(hi.abs()));
     let (along, along_unit) = match &figure.against {
         Some(axis) => best(&axis.scales, start_end.0.abs().max(start_end.1.abs())),
@@ -98,7 +100,11 @@ pub(crate) fn layout(figure: &Drawn, panels: &[Panel<'_>]) -> Drawing {
         for (series, _, color, dashed) in &panel.series {
             let points = (0..series.y.len()).map(|k| [frame.x(series.x(k) / along), frame.y(series.y[k] / factor)]);
             let clip = Some([frame.left, frame.top, frame.right, frame.bottom]);
-            let points = if series.step { stairs(points.collect()) } else { points.collect() };
+            let points = if series.step {
+                stairs(points.collect())
+            } else {
+                points.collect()
+            };
             drawing.line(points, COLORS[color % COLORS.len()], 1.3, dash(*dashed, *color), clip);
         }
         drawing.legend(&frame, panel);
@@ -147,7 +153,11 @@ fn heading(figure: &Drawn, unit: &str) -> String {
 
 /// A name with unit and frame.
 fn named(name: &str, axis: &Axis, unit: &str) -> String {
-    let frame = if axis.frame.is_empty() { String::new() } else { format!(" in {}", axis.frame) };
+    let frame = if axis.frame.is_empty() {
+        String::new()
+    } else {
+        format!(" in {}", axis.frame)
+    };
     match (unit, &*frame) {
         ("", "") => name.to_owned(),
         ("", frame) => format!("{name}{frame}"),

@@ -4,14 +4,16 @@ use serde_json::{Value, json};
 
 use super::motion::Motion;
 use super::series::Series;
-use super::summary::Row;
+use super::summary::{Row, outcome};
 use super::{Run, merged};
 
 const TEMPLATE: &str = include_str!("assets/page.html");
 const STYLE: &str = include_str!("assets/style.css");
-const SCRIPTS: [&str; 7] = [
+const SCRIPTS: [&str; 9] = [
     include_str!("assets/base.js"),
+    include_str!("assets/pens.js"),
     include_str!("assets/chart.js"),
+    include_str!("assets/figure.js"),
     include_str!("assets/gl.js"),
     include_str!("assets/scene.js"),
     include_str!("assets/player.js"),
@@ -68,6 +70,7 @@ pub(crate) fn escape(text: &str) -> String {
 }
 
 fn run(run: &Run) -> Value {
+    let outcome = outcome(&run.summary);
     let figures = run.figures.iter();
     let figures = figures.map(|figure| (figure.drawn.id.clone(), series_list(&figure.series)));
     let differing = run.figures.iter().filter(|figure| !figure.differences.is_empty());
@@ -86,6 +89,8 @@ fn run(run: &Run) -> Value {
         "model": run.geometry.servicer,
         "target": run.geometry.target,
         "participants": run.participants,
+        "outcome": outcome.as_ref().map(|(text, _)| text),
+        "met": outcome.as_ref().map(|(_, good)| good),
         "title": run.about["title"],
         "started": run.about["started"],
     })

@@ -10,11 +10,13 @@ use serde_json::{Map, Value, json};
 
 use super::motion::{MAX_FRAMES, Wanted};
 use super::series::{Evaluated, Series, whole};
-use super::{FigureData, Report, ReportError, Request, Run, base64, bound_of, document, marks_of, name_of, read_json, table_of};
+use super::{
+    FigureData, Report, ReportError, Request, Run, base64, bound_of, document, marks_of, name_of, read_json, table_of,
+};
 use crate::geometry::Geometry;
-use tape::folder::RunFolder;
 use crate::view::{Binding, Bound, Views};
 use lockstep::time::Rational;
+use tape::folder::RunFolder;
 use tape::{Reader, Source, split_record};
 
 /// At most this many points of a curve.
@@ -115,6 +117,7 @@ impl Live {
         };
         let title = run.name.clone();
         let mut data = document::data(&title, &[run], &[]);
+        data["differences"] = json!([]);
         data["live"] = about.clone();
         Ok(document::render(&title, &data, true))
     }
@@ -163,7 +166,7 @@ impl Live {
         for &pick in picks {
             self.reader.read(lead, pick, &mut record)?;
             let payload = split_record(&record, 0).payload;
-            along.push(evaluated.values(spec.first_index + pick, payload, &mut out)?);
+            along.push(evaluated.values(spec.first_index + pick, Some(payload), &mut out)?);
             for (curve, y) in curves.iter_mut().zip(&out) {
                 curve.push(*y);
             }

@@ -5,6 +5,7 @@
 //! the length of the run: a curve of more than 8192 samples is thinned to the least and greatest sample of each of 2048
 //! buckets, the fields of a tape with hundreds of them to fewer, and the playback to 3000 instants.
 
+mod budget;
 mod document;
 mod held;
 mod live;
@@ -29,9 +30,9 @@ pub use summary::split_unit;
 use crate::figures::{self, Panel};
 use crate::geometry::{Geometry, GeometryError};
 use crate::view::{Bound, Drawn, View, Views, bind, every_field, limits_of};
+use budget::Budget;
 use motion::Motion;
 use plans::Difference;
-use series::Budget;
 use tape::folder::RunFolder;
 use tape::{Event, ReadError, Reader, Source, StreamSpec};
 use times::ParticipantTime;
@@ -111,6 +112,8 @@ pub struct Report {
     runs: Vec<Run>,
     /// In what the scenarios differ.
     differences: Vec<Difference>,
+    /// The keys of the summary that are looked at first.
+    first: Vec<String>,
 }
 
 impl Report {
@@ -121,14 +124,20 @@ impl Report {
     pub fn read(request: &Request<'_>) -> Result<Report, ReportError> {
         let mut runs: Vec<Run> = Vec::with_capacity(request.folders.len());
         let mut plans = Vec::new();
-        let mut first = None;
+        let (mut first, mut headline) = (None, Vec::new());
         for folder in request.folders {
-            let (reader, mut bound, mut run) = read_run(folder, request)?;
+            let (reader, bound, mut run) = read_run(folder, request)?;
             if let Some((reference, its)) = &first {
                 subtract((reference, its), (&reader, &bound), &mut run)?;
             }
-            bound.mistakes.clear();
-            plans.push(table_of(&run.plan));
+            let plan = table_of(&run.plan);
+            headline.extend(
+                request
+                    .views
+                    .iter()
+                    .flat_map(|view| view(reader.streams(), &plan).headline),
+            );
+            plans.push(plan);
             runs.push(run);
             first.get_or_insert((reader, bound));
         }
@@ -147,7 +156,11 @@ impl Report {
                 runs[at].name = format!("{name} ({})", earlier + 1);
             }
         }
-        Ok(Report { runs, differences })
+        Ok(Report {
+            runs,
+            differences,
+            first: headline,
+        })
     }
 
     /// Writes figures of the page as `<id>.svg` and `<id>.png` into the folder `dir`, which is made where it is missing: those
@@ -169,7 +182,13 @@ impl Report {
         let mut count = 0;
         for figure in all.iter().filter(|figure| !(chosen && figure.signal)) {
             let drawing = self.draw(figure);
-            let plain = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+            let plain = |c: char| {
+                if c.is_ascii_alphanumeric() || "-_.".contains(c) {
+                    c
+                } else {
+                    '_'
+                }
+            };
             let id: String = figure.id.chars().map(plain).collect();
             let path = dir.join(format!("{id}.svg"));
             fs::write(&path, figures::svg(&drawing)).map_err(failed(&path))?;
@@ -232,7 +251,7 @@ impl Report {
     /// What the page shows, for a page that is open already.
     pub fn data(&self) -> Value {
         let summaries: Vec<Value> = self.runs.iter().map(|run| run.summary.clone()).collect();
-        let mut data = document::data(&self.title(), &self.runs, &summary::rows(&summaries));
+        let mut data = document::data(&self.title(), &self.runs, &summary::rows(&summaries, &self.first));
         data["differences"] = serde_json::json!(self.differences);
         data
     }
@@ -264,7 +283,11 @@ fn merged(runs: &[Run]) -> Vec<Drawn> {
 }
 
 /// Everything that a run's figures are made of: the panels of its scenario, the views of the program, every field.
-fn bound_of(streams: &[StreamSpec], plan: &toml::Table, views: &[Views]) -> (Bound, Vec<(String, lockstep::time::Rational)>) {
+fn bound_of(
+    streams: &[StreamSpec],
+    plan: &toml::Table,
+    views: &[Views],
+) -> (Bound, Vec<(String, lockstep::time::Rational)>) {
     let own = plan.get("report").and_then(toml::Value::as_table);
     // The plan of a run was understood when the run began; one of a later version is drawn without its panels.
     let own = own.and_then(|table| View::read(table).ok()).unwrap_or_default();
@@ -281,11 +304,12 @@ fn bound_of(streams: &[StreamSpec], plan: &toml::Table, views: &[Views]) -> (Bou
 }
 
 /// How many points the curves of each figure may have.
-fn budgets(bound: &Bound) -> impl Fn(usize) -> Budget {
+fn budgets(bound: &Bound, chosen: Budget) -> impl Fn(usize) -> Budget {
     let signal: Vec<bool> = bound.figures.iter().map(|figure| figure.signal).collect();
     let curves = bound.bindings.iter().filter(|binding| signal[binding.figure]);
-    let others = Budget::among(curves.map(|binding| binding.places.len()).sum());
-    move |figure| if signal[figure] { others } else { Budget::FULL }
+    let count = curves.map(|binding| binding.places.len()).sum();
+    let others = Budget::among(count, signal.contains(&false));
+    move |figure| if signal[figure] { others } else { chosen }
 }
 
 /// Gives the figures of `run` their differences to the reference.
@@ -294,7 +318,7 @@ fn subtract(
     (reader, bound): (&Reader, &Bound),
     run: &mut Run,
 ) -> Result<(), ReportError> {
-    let all = series::differences((reference, its), (reader, bound), budgets(its))?;
+    let all = series::differences((reference, its), (reader, bound), budgets(its, Budget::HALF))?;
     for (figure, differences) in its.figures.iter().zip(all) {
         if let Some(mine) = run.figures.iter_mut().find(|mine| mine.drawn.id == figure.id) {
             mine.differences = differences;
@@ -317,7 +341,7 @@ fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bound, Run), 
         ));
     }
     let (bound, marks) = bound_of(reader.streams(), &table_of(&plan), request.views);
-    let curves = series::extract(&reader, &bound, budgets(&bound))?;
+    let curves = series::extract(&reader, &bound, budgets(&bound, Budget::FULL))?;
     let figures = bound.figures.iter().zip(curves).map(|(drawn, series)| FigureData {
         drawn: drawn.clone(),
         series,

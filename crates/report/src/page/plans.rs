@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use lockstep::time::Rational;
 use serde::Serialize;
 use toml::{Table, Value};
 
@@ -25,7 +26,10 @@ pub(crate) fn differences(plans: &[Table]) -> Vec<Difference> {
         let differ = values.windows(2).any(|pair| pair[0] != pair[1]);
         differ.then(|| Difference {
             key: key.clone(),
-            values: values.into_iter().map(|value| value.map_or_else(String::new, |value| shown(value))).collect(),
+            values: values
+                .into_iter()
+                .map(|value| value.map_or_else(String::new, |value| shown(value)))
+                .collect(),
         })
     });
     rows.collect()
@@ -40,7 +44,11 @@ pub(crate) fn names(differences: &[Difference]) -> Option<Vec<String>> {
     }
     let name = |run: usize| {
         let parts = telling.iter().map(|one| {
-            let key = one.key.splitn(2, '.').nth(1).unwrap_or(&one.key).replace(".parameters.", ".");
+            let key = one
+                .key
+                .split_once('.')
+                .map_or(&*one.key, |(_, rest)| rest)
+                .replace(".parameters.", ".");
             match &*one.values[run] {
                 "" => format!("no {key}"),
                 value => format!("{key} = {value}"),
@@ -58,7 +66,11 @@ fn shown(value: &str) -> String {
     if value.len() <= LONG && !value.contains('\n') {
         return value.to_owned();
     }
-    format!("text of {} lines, {:.1} kB", value.lines().count(), value.len() as f64 / 1e3)
+    format!(
+        "text of {} lines, {:.1} kB",
+        value.lines().count(),
+        value.len() as f64 / 1e3
+    )
 }
 
 /// Every leaf of a plan under its dotted key; entries of a list go by their names or numbers.
@@ -72,14 +84,23 @@ fn flat(plan: &Table) -> BTreeMap<String, String> {
 
 fn leaf(key: &str, value: &Value, leaves: &mut BTreeMap<String, String>) {
     match value {
-        Value::Table(table) => table.iter().for_each(|(name, value)| leaf(&format!("{key}.{name}"), value, leaves)),
+        Value::Table(table) => table
+            .iter()
+            .for_each(|(name, value)| leaf(&format!("{key}.{name}"), value, leaves)),
         Value::Array(items) if items.iter().any(Value::is_table) => {
             for (at, item) in items.iter().enumerate() {
-                let name = item.get("name").and_then(Value::as_str).map_or_else(|| (at + 1).to_string(), str::to_owned);
+                let name = item
+                    .get("name")
+                    .and_then(Value::as_str)
+                    .map_or_else(|| (at + 1).to_string(), str::to_owned);
                 leaf(&format!("{key}.{name}"), item, leaves);
             }
         }
-        Value::String(text) => drop(leaves.insert(key.to_owned(), text.clone())),
+        // "20ms" and "20 ms" are one time.
+        Value::String(text) => {
+            let time = text.parse::<Rational>().map(|time| time.to_string());
+            leaves.insert(key.to_owned(), time.unwrap_or_else(|_| text.clone()));
+        }
         other => drop(leaves.insert(key.to_owned(), other.to_string())),
     }
 }
@@ -91,14 +112,19 @@ mod tests {
     fn told(plans: &[&str]) -> (Vec<String>, Option<Vec<String>>) {
         let plans: Vec<Table> = plans.iter().map(|plan| plan.parse().unwrap()).collect();
         let all = differences(&plans);
-        (all.iter().map(|one| format!("{}: {}", one.key, one.values.join(" | "))).collect(), names(&all))
+        (
+            all.iter()
+                .map(|one| format!("{}: {}", one.key, one.values.join(" | ")))
+                .collect(),
+            names(&all),
+        )
     }
 
     #[test]
     fn runs_are_named_by_what_differs() {
         let (rows, names) = told(&[
             "folder = 'a'\n[participants.cart]\nperiod = '10 ms'\n[participants.cart.parameters]\nmass = 2",
-            "folder = 'b'\n[participants.cart]\nperiod = '20 ms'\n[participants.cart.parameters]\nmass = 2",
+            "folder = 'b'\n[participants.cart]\nperiod = '20ms'\n[participants.cart.parameters]\nmass = 2",
         ]);
         assert_eq!(rows, ["participants.cart.period: 10 ms | 20 ms"]);
         assert_eq!(names.unwrap(), ["cart.period = 10 ms", "cart.period = 20 ms"]);
@@ -113,7 +139,11 @@ mod tests {
         ]);
         assert_eq!(
             rows,
-            ["faults.stuck.at: 1 s | ", "faults.stuck.name: stuck | ", "x.model: text of 40 lines, 0.2 kB | text of 41 lines, 0.2 kB"]
+            [
+                "faults.stuck.at: 1 s | ",
+                "faults.stuck.name: stuck | ",
+                "x.model: text of 40 lines, 0.2 kB | text of 41 lines, 0.2 kB"
+            ]
         );
         assert_eq!(names, None);
         assert_eq!(told(&["seed = 1", "seed = 1"]), (Vec::new(), None));

@@ -2,36 +2,9 @@
 
 use tape::{ReadError, Record, Records, Source};
 
+use super::budget::Budget;
 use super::held::Held;
 use crate::view::{Binding, Bound};
-
-/// How many points a curve may have. One with more samples than `samples` is thinned out: of every bucket of neighbours the
-/// least and the greatest sample stay, so that no peak is lost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Budget {
-    pub(crate) samples: u64,
-    pub(crate) buckets: u64,
-}
-
-impl Budget {
-    /// For figures that somebody chose, or of a tape with few of them.
-    pub(crate) const FULL: Budget = Budget {
-        samples: 8192,
-        buckets: 2048,
-    };
-
-    /// For each of `curves` curves that nobody chose: a tape with many of them gets a page of bounded size.
-    pub(crate) fn among(curves: usize) -> Budget {
-        let buckets = (BUDGET / curves.max(1) as u64).clamp(256, Budget::FULL.buckets);
-        Budget {
-            samples: 4 * buckets,
-            buckets,
-        }
-    }
-}
-
-/// All curves that nobody chose have so many buckets together; each takes 32 bytes of the page.
-const BUDGET: u64 = 1 << 18;
 
 /// How many points a curve has at most that has to be computed, or that is drawn against another one: evenly spaced.
 const EVENLY: u64 = 2048;
@@ -143,19 +116,11 @@ pub(super) struct Evaluated<'a> {
     binding: &'a Binding,
     /// The other streams.
     held: Vec<Held<'a>>,
-    /// The leading stream too, where the instants are those of another run.
-    foreign: Option<Held<'a>>,
 }
 
 impl<'a> Evaluated<'a> {
     pub(super) fn new(binding: &'a Binding, source: &'a dyn Source) -> Evaluated<'a> {
-        let lead = &source.streams()[binding.streams[0]];
-        let others = binding.streams[1..].iter();
-        Evaluated {
-            held: others.map(|stream| Held::new(source, *stream, lead)).collect(),
-            foreign: None,
-            binding,
-        }
+        Evaluated::at_instants_of(binding, source, &source.streams()[binding.streams[0]])
     }
 
     /// The same at the samples of the stream `lead` of another run.
@@ -163,21 +128,17 @@ impl<'a> Evaluated<'a> {
         let others = binding.streams[1..].iter();
         Evaluated {
             held: others.map(|stream| Held::new(source, *stream, lead)).collect(),
-            foreign: Some(Held::new(source, binding.streams[0], lead)),
             binding,
         }
     }
 
-    /// The values at the sample `index`, whose payload is `payload`; gives what they are drawn against.
-    pub(super) fn values(&mut self, index: u64, payload: &[u8], out: &mut [f64]) -> Result<f64, ReadError> {
-        if self.foreign.is_none() && self.held.is_empty() {
-            return Ok(evaluate(self.binding, &[Some(payload)], out));
+    /// The values at the sample `index`, at which the binding's first stream has `payload`; gives what they are drawn against.
+    pub(super) fn values(&mut self, index: u64, payload: Option<&[u8]>, out: &mut [f64]) -> Result<f64, ReadError> {
+        if self.held.is_empty() {
+            return Ok(evaluate(self.binding, &[payload], out));
         }
         let mut payloads: Vec<Option<&[u8]>> = Vec::with_capacity(1 + self.held.len());
-        payloads.push(match &mut self.foreign {
-            Some(foreign) => foreign.at(index)?,
-            None => Some(payload),
-        });
+        payloads.push(payload);
         for held in &mut self.held {
             payloads.push(held.at(index)?);
         }
@@ -201,8 +162,8 @@ fn evaluate(binding: &Binding, payloads: &[Option<&[u8]>], out: &mut [f64]) -> f
 struct Collected<'a> {
     binding: &'a Binding,
     evaluated: Evaluated<'a>,
-    /// The same of another run, which this one is subtracted from.
-    other: Option<Evaluated<'a>>,
+    /// The same of another run, which this one is subtracted from, and its leading stream there.
+    other: Option<(Evaluated<'a>, usize)>,
     /// Every how many-th sample counts.
     stride: u64,
     thinners: Vec<Thinner>,
@@ -215,8 +176,8 @@ pub(crate) fn extract(
     bound: &Bound,
     budget: impl Fn(usize) -> Budget,
 ) -> Result<Vec<Vec<Series>>, ReadError> {
-    let pairs = bound.bindings.iter().map(|binding| (binding, None));
-    collect(source, pairs, bound.figures.len(), budget)
+    let pairs = bound.bindings.iter().map(|binding| (binding, None)).collect();
+    collect(source, None, pairs, bound.figures.len(), budget)
 }
 
 /// The curves of another run less those of this one, at the samples of this one. A figure that the other run does not have in the
@@ -228,30 +189,41 @@ pub(crate) fn differences(
 ) -> Result<Vec<Vec<Series>>, ReadError> {
     let mut pairs = Vec::new();
     for (number, figure) in bound.figures.iter().enumerate() {
-        let there = others.figures.iter().position(|one| one.id == figure.id && one.axis.unit == figure.axis.unit);
+        let there = others
+            .figures
+            .iter()
+            .position(|one| one.id == figure.id && one.axis.unit == figure.axis.unit);
         let Some(there) = there.filter(|_| figure.against.is_none()) else {
             continue;
         };
         let mine: Vec<&Binding> = bound.bindings.iter().filter(|b| b.figure == number).collect();
         let theirs: Vec<&Binding> = others.bindings.iter().filter(|b| b.figure == there).collect();
-        let labels = |list: &[&Binding]| list.iter().flat_map(|b| b.places.iter().map(|p| p.label.clone())).collect::<Vec<_>>();
+        let labels = |list: &[&Binding]| {
+            list.iter()
+                .flat_map(|b| b.places.iter().map(|p| p.label.clone()))
+                .collect::<Vec<_>>()
+        };
         let alike = mine.len() == theirs.len() && labels(&mine) == labels(&theirs);
         if alike && mine.iter().zip(&theirs).all(|(a, b)| a.places.len() == b.places.len()) {
-            let lead = |binding: &Binding| &source.streams()[binding.streams[0]];
-            pairs.extend((mine.iter().zip(theirs)).map(|(a, b)| (*a, Some(Evaluated::at_instants_of(b, other, lead(a))))));
+            pairs.extend(mine.into_iter().zip(theirs.into_iter().map(Some)));
         }
     }
-    collect(source, pairs.into_iter(), bound.figures.len(), budget)
+    collect(source, Some(other), pairs, bound.figures.len(), budget)
 }
 
 fn collect<'a>(
     source: &'a dyn Source,
-    bindings: impl Iterator<Item = (&'a Binding, Option<Evaluated<'a>>)>,
+    reference: Option<&'a dyn Source>,
+    bindings: Vec<(&'a Binding, Option<&'a Binding>)>,
     figures: usize,
     budget: impl Fn(usize) -> Budget,
 ) -> Result<Vec<Vec<Series>>, ReadError> {
     let mut all: Vec<Collected<'a>> = bindings
-        .map(|(binding, other)| {
+        .into_iter()
+        .map(|(binding, theirs)| {
+            let lead = &source.streams()[binding.streams[0]];
+            let other = reference.zip(theirs);
+            let other = other.map(|(other, b)| (Evaluated::at_instants_of(b, other, lead), b.streams[0]));
             let count = source.count(binding.streams[0]);
             let evenly = binding.evaluate.is_slow() || binding.against.is_some();
             let stride = if evenly { count.div_ceil(EVENLY).max(1) } else { 1 };
@@ -269,7 +241,7 @@ fn collect<'a>(
     for stream in 0..source.streams().len() {
         let mut mine: Vec<&mut Collected<'a>> = all.iter_mut().filter(|one| one.binding.streams[0] == stream).collect();
         if !mine.is_empty() {
-            scan(source, stream, &mut mine)?;
+            scan(source, reference, stream, &mut mine)?;
         }
     }
     let mut out = vec![Vec::new(); figures];
@@ -306,17 +278,37 @@ pub(super) fn whole(record: u64) -> u32 {
     u32::try_from(record).unwrap_or(u32::MAX)
 }
 
-fn scan(source: &dyn Source, stream: usize, all: &mut [&mut Collected<'_>]) -> Result<(), ReadError> {
+fn scan(
+    source: &dyn Source,
+    other: Option<&dyn Source>,
+    stream: usize,
+    all: &mut [&mut Collected<'_>],
+) -> Result<(), ReadError> {
+    // The other run's streams are read once for all curves.
+    let mut foreign: Vec<(usize, Held<'_>)> = Vec::new();
+    for (_, theirs) in all.iter().filter_map(|one| one.other.as_ref()) {
+        if let (Some(other), false) = (other, foreign.iter().any(|(known, _)| known == theirs)) {
+            foreign.push((*theirs, Held::new(other, *theirs, &source.streams()[stream])));
+        }
+    }
     let widest = all.iter().map(|one| one.thinners.len()).max().unwrap_or(0);
     let (mut out, mut theirs) = (vec![0.0; widest], vec![0.0; widest]);
     let mut records = Records::new(source, stream);
     let mut number = 0;
     while let Some(Record { index, payload, .. }) = records.next()? {
+        let mut seen = Vec::with_capacity(foreign.len());
+        for (theirs, held) in &mut foreign {
+            seen.push((*theirs, held.at(index)?));
+        }
         for one in all.iter_mut().filter(|one| u64::is_multiple_of(number, one.stride)) {
             let out = &mut out[..one.thinners.len()];
-            let x = one.evaluated.values(index, payload, out)?;
-            if let Some(other) = &mut one.other {
+            let x = one.evaluated.values(index, Some(payload), out)?;
+            if let Some((other, stream)) = &mut one.other {
                 let theirs = &mut theirs[..out.len()];
+                let payload = seen
+                    .iter()
+                    .find(|(known, _)| known == stream)
+                    .and_then(|(_, payload)| *payload);
                 other.values(index, payload, theirs)?;
                 out.iter_mut().zip(&*theirs).for_each(|(y, other)| *y = other - *y);
             }
@@ -334,4 +326,149 @@ fn scan(source: &dyn Source, stream: usize, all: &mut [&mut Collected<'_>]) -> R
         one.thinners.iter_mut().for_each(|thin| thin.close(count));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lockstep::port::{Descriptor, Element, Field};
+    use lockstep::time::Rational;
+    use proptest::prelude::*;
+    use tape::{MemoryTape, Sink, StreamSpec};
+
+    use crate::view::{View, bind, every_field};
+
+    /// A tape with a stream `plant.truth` that has a base position.
+    fn tape(values: &[f64], first_index: u64) -> MemoryTape {
+        let descriptor = Descriptor {
+            name: "T".into(),
+            size: 24,
+            fields: vec![Field {
+                name: "p_NB_N".into(),
+                element: Element::F64,
+                shape: vec![3],
+                unit: "m".into(),
+                frame: "N".into(),
+                offset: 0,
+            }],
+        };
+        let period = Rational::from_millis(250);
+        let mut spec = StreamSpec::new("plant", "truth", descriptor, Rational::ZERO, period);
+        spec.first_index = first_index;
+        let mut tape = MemoryTape::new(vec![spec]).unwrap();
+        for (k, value) in values.iter().enumerate() {
+            let payload: Vec<u8> = [*value, 0.0, -value].into_iter().flat_map(f64::to_le_bytes).collect();
+            let index = first_index + k as u64;
+            tape.sample(0, index, index as f64 / 4.0, &payload).unwrap();
+        }
+        tape
+    }
+
+    fn first_curve(values: &[f64], first_index: u64) -> Series {
+        let tape = tape(values, first_index);
+        let mut bound = Bound::default();
+        bind(&every_field(tape.streams()), tape.streams(), &[], true, &mut bound);
+        let figures = extract(&tape, &bound, |_| Budget::FULL).unwrap();
+        assert_eq!((figures.len(), &*bound.figures[0].id), (1, "plant.truth.p_NB_N"));
+        assert_eq!(figures[0].len(), 3);
+        figures[0][0].clone()
+    }
+
+    #[test]
+    fn a_short_curve_keeps_every_sample() {
+        let values: Vec<f64> = (0..500).map(|k| f64::from(k).sin()).collect();
+        let series = first_curve(&values, 7);
+        assert_eq!((&series.y, series.samples, &*series.label), (&values, 500, "x"));
+        assert_eq!((series.x(0), series.x(4)), (1.75, 2.75));
+        assert_eq!(series.origin, "plant.truth.p_NB_N");
+    }
+
+    #[test]
+    fn an_empty_stream_has_an_empty_curve() {
+        assert_eq!(first_curve(&[], 0).y.len(), 0);
+    }
+
+    /// Two streams: `a` every 3 ms from 1 ms on, `b` every 10 ms; their difference at the samples of `a` follows the delivery rule.
+    #[test]
+    fn a_difference_reads_the_other_stream_by_the_delivery_rule() {
+        let descriptor = Descriptor {
+            name: "X".into(),
+            size: 8,
+            fields: vec![Field {
+                name: "x".into(),
+                element: Element::F64,
+                shape: Vec::new(),
+                unit: "m".into(),
+                frame: String::new(),
+                offset: 0,
+            }],
+        };
+        let spec = |name: &str, offset, period| {
+            StreamSpec::new(
+                name,
+                "out",
+                descriptor.clone(),
+                Rational::from_millis(offset),
+                Rational::from_millis(period),
+            )
+        };
+        let mut tape = MemoryTape::new(vec![spec("a", 1, 3), spec("b", 5, 10)]).unwrap();
+        let payload = |value: f64| value.to_le_bytes();
+        for k in 0..12_u32 {
+            tape.sample(0, k.into(), f64::from(1 + 3 * k) * 1e-3, &payload(100.0 * f64::from(k)))
+                .unwrap();
+        }
+        for k in 0..3_u32 {
+            tape.sample(1, k.into(), f64::from(5 + 10 * k) * 1e-3, &payload(f64::from(k)))
+                .unwrap();
+        }
+        let table = "[[panels]]\nname = 'd'\ncurves = [{ of = 'a.out.x', minus = 'b.out.x' }]"
+            .parse()
+            .unwrap();
+        let view = View::read(&table).unwrap();
+        let mut bound = Bound::default();
+        bind(&view.figures, tape.streams(), &[], false, &mut bound);
+        let curve = extract(&tape, &bound, |_| Budget::FULL).unwrap().remove(0).remove(0);
+        for (k, y) in curve.y.iter().enumerate() {
+            let stamp = 1 + 3 * k as i64;
+            let expected = match stamp {
+                ..5 => f64::NAN,
+                5..15 => 100.0 * k as f64,
+                15..25 => 100.0 * k as f64 - 1.0,
+                // The last sample of `b` holds for a period, and one more: it may have been the last of the run.
+                _ => 100.0 * k as f64 - 2.0,
+            };
+            assert!(
+                *y == expected || (y.is_nan() && expected.is_nan()),
+                "{k}: {y}, not {expected}"
+            );
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// Of a thinned curve every point is a sample at its own stamp, in order, and no bucket lost its extremes.
+        #[test]
+        fn a_long_curve_keeps_its_peaks(seed in any::<u32>(), count in 8193_usize..30_000, peak in any::<prop::sample::Index>()) {
+            let mut values: Vec<f64> = (0..count)
+                .map(|k| (k as f64 * 1e-3 + f64::from(seed)).sin() + (k as u32).wrapping_mul(seed | 1) as f64 * 1e-11)
+                .collect();
+            let peak = peak.index(count);
+            values[peak] = 1e6;
+            let series = first_curve(&values, 0);
+            let index = series.index.clone().unwrap();
+            prop_assert!(index.len() == series.y.len() && index.len() <= 4096);
+            prop_assert!(index.windows(2).all(|pair| pair[0] < pair[1]));
+            prop_assert!(index.iter().zip(&series.y).all(|(k, y)| values[*k as usize] == *y));
+            prop_assert!(index.contains(&(peak as u32)));
+            let bucket = count.div_ceil(2048);
+            for (at, part) in values.chunks(bucket).enumerate() {
+                let kept = index.iter().map(|k| *k as usize).filter(|k| k / bucket == at).map(|k| values[k]);
+                let (low, high) = kept.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y)));
+                prop_assert_eq!(low, part.iter().copied().fold(f64::MAX, f64::min));
+                prop_assert_eq!(high, part.iter().copied().fold(f64::MIN, f64::max));
+            }
+        }
+    }
 }

@@ -18,6 +18,8 @@ pub(crate) struct Row {
     pub(crate) criterion: String,
     /// Whether it belongs to what a reader looks for first.
     pub(crate) main: bool,
+    /// Whether it says in a word how the run ended.
+    pub(crate) verdict: bool,
 }
 
 /// Units at the end of a key, longest first, with how they are written.
@@ -43,21 +45,23 @@ const UNITS: &[(&str, &str)] = &[
 /// Keys with a line of their own elsewhere on the page, or none at all.
 const HIDDEN: &[&str] = &["tape_digest", "criteria", "timing", "placement", "run_folder"];
 
-/// What people look for first comes first; the rest follows by name.
-const ORDER: &[&str] = &[
-    "captured",
-    "position_error_at_grasp_m",
-    "attitude_error_at_grasp_deg",
-    "relative_speed_at_grasp_m_s",
-    "peak_base_torque_n_m",
-    "peak_base_force_n",
-    "peak_joint_torque_n_m",
-    "saturated_fraction",
-    "slosh_max_deg",
-];
+/// How a run ended: in words, and whether that is as it should be; nothing of a run that left no summary.
+pub(crate) fn outcome(summary: &Value) -> Option<(String, bool)> {
+    let status = summary["ending"]["status"].as_str()?;
+    if status != "complete" {
+        return Some((status.replace('-', " "), false));
+    }
+    let criteria = summary["criteria"].as_array().filter(|all| !all.is_empty());
+    Some(match criteria.map(|all| all.iter().all(|one| one["met"] == true)) {
+        Some(true) => ("criteria met".to_owned(), true),
+        Some(false) => ("criteria not met".to_owned(), false),
+        None => ("complete".to_owned(), true),
+    })
+}
 
-/// One row per key that any summary has.
-pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
+/// One row per key that any summary has; the keys of `first` stand at the top, and one of them that is true or false is the
+/// verdict.
+pub(crate) fn rows(summaries: &[Value], first: &[String]) -> Vec<Row> {
     let mut rows: Vec<Row> = Vec::new();
     for (run, summary) in summaries.iter().enumerate() {
         let mut leaves = Vec::new();
@@ -71,7 +75,8 @@ pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
                     values: vec![String::new(); summaries.len()],
                     met: vec![None; summaries.len()],
                     criterion: String::new(),
-                    main: ORDER.contains(&&*key),
+                    main: first.contains(&key),
+                    verdict: first.contains(&key) && value.is_boolean(),
                     key: key.clone(),
                 });
                 rows.len() - 1
@@ -90,11 +95,11 @@ pub(crate) fn rows(summaries: &[Value]) -> Vec<Row> {
                 row.met[run] = met;
                 row.values[run] = value;
             } else if let Value::Bool(yes) = value {
-                row.met[run] = (key == "captured").then_some(yes);
+                row.met[run] = row.verdict.then_some(yes);
             }
         }
     }
-    rows.sort_by_key(|row| ORDER.iter().position(|key| *key == row.key).unwrap_or(ORDER.len()));
+    rows.sort_by_key(|row| first.iter().position(|key| *key == row.key).unwrap_or(first.len()));
     rows
 }
 
@@ -195,22 +200,37 @@ mod tests {
 
     #[test]
     fn keys_become_words_with_units() {
-        let a = json!({"captured": true, "peak_base_torque_n_m": 0.073_912_34, "saturated_fraction": 0.0,
-            "criteria": [{"name": "peak_base_torque", "value": 73.912_34, "limit": 200, "unit": "mN m", "met": true}], "tape_digest": "x"});
-        let b = json!({"captured": false, "wall_time_s": 1.0});
-        let rows = rows(&[a, b]);
+        let a = json!({"landed": true, "peak_torque_n_m": 0.073_912_34, "idle_fraction": 0.0,
+            "criteria": [{"name": "peak_torque", "value": 73.912_34, "limit": 200, "unit": "mN m", "met": true}], "tape_digest": "x"});
+        let b = json!({"landed": false, "wall_time_s": 1.0});
+        let first = ["landed", "peak_torque_n_m", "idle_fraction"].map(String::from);
+        let rows = rows(&[a, b], &first);
         let lines: Vec<_> = rows
             .iter()
             .map(|r| (&*r.label, &*r.unit, &*r.values[0], &*r.values[1], r.met.clone()))
             .collect();
-        assert_eq!(lines[0], ("Captured", "", "yes", "no", vec![Some(true), Some(false)]));
-        assert_eq!(
-            lines[1],
-            ("Peak base torque", "mN m", "73.912", "", vec![Some(true), None])
-        );
-        assert_eq!(lines[2], ("Saturated fraction", "", "0", "", vec![None, None]));
+        assert_eq!(lines[0], ("Landed", "", "yes", "no", vec![Some(true), Some(false)]));
+        assert_eq!(lines[1], ("Peak torque", "mN m", "73.912", "", vec![Some(true), None]));
+        assert_eq!(lines[2], ("Idle fraction", "", "0", "", vec![None, None]));
         assert_eq!(lines[3], ("Wall time", "s", "", "1", vec![None, None]));
+        assert!(rows[0].verdict && !rows[1].verdict);
         assert_eq!(rows[1].criterion, "at most 200 mN m");
+    }
+
+    #[test]
+    fn the_outcome_is_told_in_words() {
+        let told = |summary: Value| {
+            outcome(&summary)
+                .map(|(text, good)| format!("{text}, {good}"))
+                .unwrap_or_default()
+        };
+        assert_eq!(told(json!({"ending": {"status": "complete"}})), "complete, true");
+        assert_eq!(
+            told(json!({"ending": {"status": "complete"}, "criteria": [{"met": false}]})),
+            "criteria not met, false"
+        );
+        assert_eq!(told(json!({"ending": {"status": "failed"}})), "failed, false");
+        assert_eq!(told(Value::Null), "");
     }
 
     #[test]

@@ -25,15 +25,23 @@ pub(crate) fn participants(summary: &Value) -> Vec<ParticipantTime> {
         let mut waiting: Vec<(String, f64)> = match &entry["inputs_ns"] {
             Value::Array(inputs) => {
                 let numbered = inputs.iter().enumerate();
-                numbered.filter_map(|(i, s)| Some((format!("input {}", i + 1), seconds(s)?))).collect()
+                numbered
+                    .filter_map(|(i, s)| Some((format!("input {}", i + 1), seconds(s)?)))
+                    .collect()
             }
-            Value::Object(inputs) => inputs.iter().filter_map(|(on, s)| Some((on.clone(), seconds(s)?))).collect(),
+            Value::Object(inputs) => inputs
+                .iter()
+                .filter_map(|(on, s)| Some((on.clone(), seconds(s)?)))
+                .collect(),
             _ => Vec::new(),
         };
         for (key, on) in [("room_ns", "room at a reader"), ("recorder_ns", "the recorder")] {
             waiting.extend(seconds(&entry[key]).map(|s| (on.to_owned(), s)));
         }
-        let (total, clock) = (seconds(&entry["total_ns"])?, seconds(&entry["horizon_ns"]).unwrap_or(0.0));
+        let (total, clock) = (
+            seconds(&entry["total_ns"])?,
+            seconds(&entry["horizon_ns"]).unwrap_or(0.0),
+        );
         let waited: f64 = waiting.iter().map(|(_, s)| s).sum();
         let rest = wall.map_or(clock, |wall| (wall - total).max(0.0));
         waiting.push(("the clock".to_owned(), clock.min(rest)));
@@ -54,7 +62,12 @@ mod tests {
 
     fn told(time: &ParticipantTime) -> String {
         let waiting: Vec<String> = time.waiting.iter().map(|(on, s)| format!("{on} {s:.2}")).collect();
-        format!("{:.2}, {}, outside {:.2}", time.computing_s, waiting.join(", "), time.outside_s)
+        format!(
+            "{:.2}, {}, outside {:.2}",
+            time.computing_s,
+            waiting.join(", "),
+            time.outside_s
+        )
     }
 
     #[test]
@@ -64,8 +77,14 @@ mod tests {
             "quick": { "total_ns": 5_000_000_000_u64, "inputs_ns": [1_000_000_000, 500_000_000], "room_ns": 250_000_000, "recorder_ns": 0, "horizon_ns": 7_000_000_000_u64 },
         }});
         let times = participants(&summary);
-        assert_eq!(told(&times[0]), "1.75, b.out 0.25, room at a reader 0.00, the recorder 0.00, the clock 6.50, outside 0.50");
-        assert_eq!(told(&times[1]), "3.25, input 1 1.00, input 2 0.50, room at a reader 0.25, the recorder 0.00, the clock 4.00, outside 0.00");
+        assert_eq!(
+            told(&times[0]),
+            "1.75, b.out 0.25, room at a reader 0.00, the recorder 0.00, the clock 6.50, outside 0.50"
+        );
+        assert_eq!(
+            told(&times[1]),
+            "3.25, input 1 1.00, input 2 0.50, room at a reader 0.25, the recorder 0.00, the clock 4.00, outside 0.00"
+        );
         for time in &times {
             let waited: f64 = time.waiting.iter().map(|(_, s)| s).sum();
             assert!((time.computing_s + waited + time.outside_s - 9.0).abs() < 1e-9);

@@ -141,7 +141,9 @@ fn one(
             Err(reason) => mistakes.push(Mistake::new(format!("limits.{}", at + 1), reason)),
         }
     }
-    let set = limits.iter().filter(|limit| figure.curves.iter().any(|curve| concerns(limit, curve)));
+    let set = limits
+        .iter()
+        .filter(|limit| figure.curves.iter().any(|curve| concerns(limit, curve)));
     let lines = set.flat_map(|limit| &limit.lines);
     levels.extend(lines.filter_map(|line| level(line, &own, &axis.unit, &figure.unit).ok()));
     let drawn = Drawn {
@@ -161,7 +163,11 @@ fn binding(curve: &Curve, found: Found, scale: f64, figure: usize) -> Binding {
         Formula::Computed(computed) => computed.labels(),
         _ => Vec::new(),
     };
-    let given = if curve.labels.is_empty() { &computed } else { &curve.labels };
+    let given = if curve.labels.is_empty() {
+        &computed
+    } else {
+        &curve.labels
+    };
     let places = labels(given, found.width).into_iter().map(|label| Place {
         label,
         step: found.step,
@@ -189,7 +195,11 @@ fn along(curve: &Curve, streams: &[StreamSpec], bindings: &mut [Binding]) -> Res
             ));
         }
         // Its streams come behind those of the curve.
-        let places: Vec<usize> = found.streams.iter().map(|stream| slot(&mut binding.streams, *stream)).collect();
+        let places: Vec<usize> = found
+            .streams
+            .iter()
+            .map(|stream| slot(&mut binding.streams, *stream))
+            .collect();
         found.evaluate.renumber(&places);
         let name = match curve.labels.first() {
             Some(label) => label.clone(),
@@ -226,7 +236,10 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
                 return Err(format!("`{name}` has {} elements, not {}", slice.len, like.len));
             }
             if like.field.unit != slice.field.unit {
-                return Err(format!("`{name}` is in `{}`, not in `{}`", slice.field.unit, like.field.unit));
+                return Err(format!(
+                    "`{name}` is in `{}`, not in `{}`",
+                    slice.field.unit, like.field.unit
+                ));
             }
         }
         names.push(name);
@@ -255,7 +268,12 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
             let unit = a.1.field.unit.clone();
             (Evaluate::Distance(a, b), 1, unit, None)
         }
-        Formula::Angle(a, b) => (Evaluate::Angle(operand(a, None, 4)?, operand(b, None, 4)?), 1, "rad".to_owned(), None),
+        Formula::Angle(a, b) => (
+            Evaluate::Angle(operand(a, None, 4)?, operand(b, None, 4)?),
+            1,
+            "rad".to_owned(),
+            None,
+        ),
         Formula::PositionIn(p, origin, axes) => {
             let p = operand(p, None, 3)?;
             let origin = operand(origin, Some(&p.1), 3)?;
@@ -266,13 +284,23 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
             let (attitude, axes) = (operand(attitude, None, 4)?, operand(axes, None, 4)?);
             (Evaluate::AttitudeIn(attitude, axes), 3, "1".to_owned(), None)
         }
-        Formula::RotationVector(a) => (Evaluate::RotationVector(operand(a, None, 4)?), 3, "rad".to_owned(), None),
+        Formula::RotationVector(a) => (
+            Evaluate::RotationVector(operand(a, None, 4)?),
+            3,
+            "rad".to_owned(),
+            None,
+        ),
         Formula::Computed(computed) => {
             let (participant, port) = computed.stream();
             let of = |spec: &StreamSpec| spec.participant == participant && spec.port == port;
             used = vec![streams.iter().position(of).ok_or("the stream is not there")?];
             names = vec![computed.origin()];
-            (Evaluate::Computed(computed.clone()), computed.labels().len(), "1".to_owned(), None)
+            (
+                Evaluate::Computed(computed.clone()),
+                computed.labels().len(),
+                "1".to_owned(),
+                None,
+            )
         }
     };
     let whole = |element: Element| !matches!(element, Element::F64 | Element::F32);
@@ -355,8 +383,15 @@ fn concerns(limit: &Limit, curve: &Curve) -> bool {
         _ => return false,
     };
     let same = |a: &Signal, b: &Signal| {
-        let bare = |signal: &Signal| signal.names.first().map(|name| name.split('[').next().unwrap_or(name).to_owned());
-        a.port == b.port && a.participant == b.participant && (a.names == b.names || bare(a).as_ref() == b.names.first())
+        let bare = |signal: &Signal| {
+            signal
+                .names
+                .first()
+                .map(|name| name.split('[').next().unwrap_or(name).to_owned())
+        };
+        a.port == b.port
+            && a.participant == b.participant
+            && (a.names == b.names || bare(a).as_ref() == b.names.first())
     };
     same(&limit.of, of)
         && match (&limit.minus, minus) {

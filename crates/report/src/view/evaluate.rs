@@ -34,7 +34,11 @@ impl Evaluate {
         let payload = |operand: &Operand| payloads.get(operand.0).copied().flatten();
         let list = |operand: &Operand| {
             let payload = payload(operand)?;
-            Some((0..operand.1.len).map(|i| operand.1.value(payload, i)).collect::<Vec<f64>>())
+            Some(
+                (0..operand.1.len)
+                    .map(|i| operand.1.value(payload, i))
+                    .collect::<Vec<f64>>(),
+            )
         };
         let quaternion = |operand: &Operand| Some(operand.1.four(payload(operand)?));
         match self {

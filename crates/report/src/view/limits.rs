@@ -53,11 +53,14 @@ fn of_measure(name: &str, measure: &Table) -> Option<Limit> {
     if let Some(range) = measure.get("within") {
         lines.extend(bounds(range, &format!("{name}: within"))?);
     }
-    (!lines.is_empty()).then(|| Limit {
-        of: Signal::named(text("of")?)?,
-        minus: text("minus").and_then(Signal::named),
-        lines,
-    }.into())?
+    (!lines.is_empty()).then(|| {
+        Limit {
+            of: Signal::named(text("of")?)?,
+            minus: text("minus").and_then(Signal::named),
+            lines,
+        }
+        .into()
+    })?
 }
 
 /// The two ends of `"[-1, 2] m"` or `[-1, 2]`.
@@ -70,7 +73,9 @@ fn bounds(range: &Value, text: &str) -> Option<Vec<Line>> {
         Value::Array(ends) => Some(ends.iter().cloned().map(line).collect()),
         Value::String(written) => {
             let (numbers, unit) = written.trim().strip_prefix('[')?.split_once(']')?;
-            let ends = numbers.split(',').map(|number| format!("{} {}", number.trim(), unit.trim()));
+            let ends = numbers
+                .split(',')
+                .map(|number| format!("{} {}", number.trim(), unit.trim()));
             Some(ends.map(|end| line(Value::String(end.trim().to_owned()))).collect())
         }
         _ => None,
@@ -118,11 +123,20 @@ mod tests {
             within = "[-1, 1] mm"
         "#;
         let limits = limits_of(&plan.parse().unwrap());
-        let lines = |limit: &Limit| limit.lines.iter().map(|line| format!("{} {}", line.text, line.at)).collect::<Vec<_>>();
+        let lines = |limit: &Limit| {
+            limit
+                .lines
+                .iter()
+                .map(|line| format!("{} {}", line.text, line.at))
+                .collect::<Vec<_>>()
+        };
         assert_eq!(limits.len(), 3, "{limits:?}");
         assert_eq!(lines(&limits[0]), ["guard rail \"-2 m\"", "guard rail \"3 m\""]);
         assert_eq!(lines(&limits[1]), ["apart: within \"-1 mm\"", "apart: within \"1 mm\""]);
         assert_eq!(limits[1].minus, Signal::named("guide.wish.x"));
-        assert_eq!(lines(&limits[2]), ["swing: at most \"-5 deg\"", "swing: at most \"5 deg\""]);
+        assert_eq!(
+            lines(&limits[2]),
+            ["swing: at most \"-5 deg\"", "swing: at most \"5 deg\""]
+        );
     }
 }

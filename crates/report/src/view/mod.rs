@@ -30,6 +30,8 @@ pub struct View {
     pub figures: Vec<Figure>,
     /// Named instants, s: marks in every figure.
     pub marks: Vec<(String, Rational)>,
+    /// The keys of `summary.json` that stand at the top; one that is true or false is the verdict.
+    pub headline: Vec<String>,
 }
 
 /// Makes the view of an application from the streams of a run and its plan; empty for a run of another kind.

@@ -22,7 +22,9 @@ const PREFIXES: [(i32, &str); 9] = [
 ];
 
 /// Symbols that take a prefix, small and large.
-const BOTH: &[&str] = &["m", "g", "N", "J", "W", "Pa", "V", "A", "Hz", "C", "F", "H", "T", "Ω", "ohm", "bar", "K", "mol", "lm", "cd"];
+const BOTH: &[&str] = &[
+    "m", "g", "N", "J", "W", "Pa", "V", "A", "Hz", "C", "F", "H", "T", "Ω", "ohm", "bar", "K", "mol", "lm", "cd",
+];
 /// Symbols that are made smaller only.
 const SMALL: &[&str] = &["s", "rad"];
 
@@ -46,7 +48,11 @@ pub(crate) fn scales(unit: &str) -> Vec<Scale> {
             return format!("{prefix}{unit}");
         }
         let power: String = exponent.to_string().chars().map(raised).collect();
-        if unit == "1" { format!("10{power}") } else { format!("10{power} {unit}") }
+        if unit == "1" {
+            format!("10{power}")
+        } else {
+            format!("10{power} {unit}")
+        }
     };
     PREFIXES
         .iter()

@@ -77,7 +77,9 @@ impl View {
             let key = format!("panels.{}", at + 1);
             let made = serde_path_to_error::deserialize::<_, PanelEntry>(panel)
                 .map_err(|error| refused(&key, &error))
-                .and_then(|entry| figure(entry, at).map_err(|mistake| Mistake::new(below(&key, &mistake.key), mistake.reason)));
+                .and_then(|entry| {
+                    figure(entry, at).map_err(|mistake| Mistake::new(below(&key, &mistake.key), mistake.reason))
+                });
             match made {
                 Ok(figure) if figures.iter().any(|one| one.id == figure.id) => {
                     let reason = format!("there are two panels `{}`: give one of them another name", figure.id);
@@ -93,6 +95,7 @@ impl View {
         Ok(View {
             figures,
             marks: entry.marks.into_iter().collect(),
+            headline: Vec::new(),
         })
     }
 
@@ -101,10 +104,16 @@ impl View {
         self.figures.iter().enumerate().flat_map(|(at, figure)| {
             let along = figure.against.iter().map(|curve| ("against".to_owned(), curve));
             let curves = figure.curves.iter().enumerate();
-            let curves = curves.map(|(at, curve)| (format!("curves.{}", at + 1), curve)).chain(along);
+            let curves = curves
+                .map(|(at, curve)| (format!("curves.{}", at + 1), curve))
+                .chain(along);
             curves.flat_map(move |(key, curve)| {
                 let key = format!("panels.{}.{key}", at + 1);
-                let names = curve.formula.signals().into_iter().filter_map(|signal| signal.participant.as_deref());
+                let names = curve
+                    .formula
+                    .signals()
+                    .into_iter()
+                    .filter_map(|signal| signal.participant.as_deref());
                 names.map(move |name| (key.clone(), name))
             })
         })
@@ -133,7 +142,9 @@ impl Formula {
     pub(crate) fn signals(&self) -> Vec<&Signal> {
         match self {
             Formula::Each(a) | Formula::Norm(a) | Formula::RotationVector(a) => vec![a],
-            Formula::Difference(a, b) | Formula::Distance(a, b) | Formula::Angle(a, b) | Formula::AttitudeIn(a, b) => vec![a, b],
+            Formula::Difference(a, b) | Formula::Distance(a, b) | Formula::Angle(a, b) | Formula::AttitudeIn(a, b) => {
+                vec![a, b]
+            }
             Formula::PositionIn(a, b, c) => vec![a, b, c],
             Formula::Computed(_) => Vec::new(),
         }
@@ -156,7 +167,10 @@ fn figure(entry: PanelEntry, at: usize) -> Result<Figure, Mistake> {
     let id = entry.name.unwrap_or_else(|| format!("panel-{}", at + 1));
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     if id.is_empty() || !id.chars().all(plain) {
-        return Err(Mistake::new("name".into(), format!("`{id}`: a name has letters, digits, `-` and `_` only")));
+        return Err(Mistake::new(
+            "name".into(),
+            format!("`{id}`: a name has letters, digits, `-` and `_` only"),
+        ));
     }
     if entry.curves.is_empty() {
         let reason = "there is nothing to draw: write a list such as [\"plant.motion.position\"]";
@@ -199,11 +213,14 @@ fn curve(key: &str, value: Value) -> Result<Curve, Mistake> {
         });
     }
     if !value.is_table() {
-        let reason = format!("`{value}` is no curve: write a signal such as \"plant.motion.position\", or {{ of = …, minus = … }}");
+        let reason = format!(
+            "`{value}` is no curve: write a signal such as \"plant.motion.position\", or {{ of = …, minus = … }}"
+        );
         return Err(Mistake::new(key.to_owned(), reason));
     }
     let entry = serde_path_to_error::deserialize::<_, CurveEntry>(value).map_err(|error| refused(key, &error))?;
-    let other = |name: &str, text: &Option<String>| text.as_deref().map(|text| signal(below(key, name), text)).transpose();
+    let other =
+        |name: &str, text: &Option<String>| text.as_deref().map(|text| signal(below(key, name), text)).transpose();
     let of = signal(below(key, "of"), &entry.of)?;
     let minus = other("minus", &entry.minus)?;
     let angle = other("angle-to", &entry.angle_to)?;
@@ -224,10 +241,22 @@ fn curve(key: &str, value: Value) -> Result<Curve, Mistake> {
         }
     };
     let words = match &formula {
-        Formula::Difference(..) | Formula::PositionIn(..) => format!("{} − {}", short(&entry.of), short(entry.minus.as_deref().unwrap_or_default())),
+        Formula::Difference(..) | Formula::PositionIn(..) => format!(
+            "{} − {}",
+            short(&entry.of),
+            short(entry.minus.as_deref().unwrap_or_default())
+        ),
         Formula::Norm(_) => format!("|{}|", short(&entry.of)),
-        Formula::Distance(..) => format!("|{} − {}|", short(&entry.of), short(entry.minus.as_deref().unwrap_or_default())),
-        Formula::Angle(..) => format!("{} to {}", short(&entry.of), short(entry.angle_to.as_deref().unwrap_or_default())),
+        Formula::Distance(..) => format!(
+            "|{} − {}|",
+            short(&entry.of),
+            short(entry.minus.as_deref().unwrap_or_default())
+        ),
+        Formula::Angle(..) => format!(
+            "{} to {}",
+            short(&entry.of),
+            short(entry.angle_to.as_deref().unwrap_or_default())
+        ),
         _ => short(&entry.of),
     };
     Ok(Curve {
@@ -242,5 +271,173 @@ fn short(text: &str) -> String {
     match parts[..] {
         [participant, _, field] => format!("{participant} {field}"),
         _ => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lockstep::port::{Descriptor, Element, Field};
+
+    use super::*;
+
+    fn streams() -> Vec<StreamSpec> {
+        let field = |name: &str, shape: &[u32], unit: &str, offset| Field {
+            name: name.into(),
+            element: Element::F64,
+            shape: shape.into(),
+            unit: unit.into(),
+            frame: String::new(),
+            offset,
+        };
+        let fields = vec![
+            field("x", &[3], "m", 0),
+            field("v", &[3], "m/s", 24),
+            field("q", &[4], "1", 48),
+            field("h", &[], "m", 80),
+        ];
+        let descriptor = Descriptor {
+            name: "S".into(),
+            size: 88,
+            fields,
+        };
+        let of = |name: &str, ms| {
+            StreamSpec::new(
+                name,
+                "state",
+                descriptor.clone(),
+                Rational::ZERO,
+                Rational::from_millis(ms),
+            )
+        };
+        vec![of("cart", 10), of("guide", 3)]
+    }
+
+    fn told(text: &str) -> Vec<String> {
+        let table: Table = text.parse().unwrap();
+        let wrong = match View::read(&table) {
+            Ok(view) => view.misfits(&streams(), |_| true),
+            Err(wrong) => wrong,
+        };
+        wrong
+            .into_iter()
+            .map(|one| format!("{}: {}", one.key, one.reason))
+            .collect()
+    }
+
+    #[test]
+    fn every_kind_of_curve_is_understood() {
+        let all = r#"
+            marks = { turn = "2 s" }
+            [[panels]]
+            title = "All"
+            curves = ["cart.state.x", "cart.state.x[2]", { of = "cart.state.x", minus = "guide.state.x" }, { of = "cart.state.x", norm = true },
+                { of = "cart.state.x", minus = "guide.state.x", norm = true, label = "apart" },
+                { of = "cart.state.x", minus = "guide.state.x", in-axes-of = "guide.state.q" }, "cart.state.h"]
+            limits = ["5 mm", "-5 mm"]
+            unit = "mm"
+            [[panels]]
+            name = "turn"
+            curves = [{ of = "cart.state.q", angle-to = "guide.state.q" }, { of = "cart.state.q", rotation-vector = true }]
+            unit = "deg"
+            [[panels]]
+            name = "path"
+            curves = ["cart.state.x[1]"]
+            against = { of = "cart.state.x[0]", label = "along" }
+        "#;
+        assert_eq!(told(all), [""; 0]);
+        let view = View::read(&all.parse().unwrap()).unwrap();
+        let mut bound = Bound::default();
+        bind(&view.figures, &streams(), &[], false, &mut bound);
+        let ids: Vec<&str> = bound.figures.iter().map(|figure| &*figure.id).collect();
+        assert_eq!(ids, ["panel-1", "turn", "path"]);
+        assert_eq!(
+            bound.figures[0].limits.iter().map(|limit| limit.y).collect::<Vec<_>>(),
+            [5.0, -5.0]
+        );
+        assert_eq!(bound.figures[2].against.as_ref().unwrap().name, "along");
+        assert_eq!(bound.bindings[0].scale, 1000.0);
+    }
+
+    #[test]
+    fn mistakes_name_their_keys() {
+        for (table, expected) in [
+            (
+                "[[panels]]\ncurves = ['cart.state.y']",
+                "panels.1.curves.1: `cart.state` has no field or element `y`; it has `x[3]`, `v[3]`, `q[4]`, `h`",
+            ),
+            (
+                "[[panels]]\ncurves = ['cart.state.x[3]']",
+                "panels.1.curves.1: `cart.state` has no field or element `x[3]`",
+            ),
+            (
+                "[[panels]]\ncurves = ['cart.motion.x']",
+                "panels.1.curves.1: `cart` has no output `motion`; it has `state`",
+            ),
+            (
+                "[[panels]]\ncurves = ['car.state.x']",
+                "panels.1.curves.1: there is no participant `car` with outputs; there is `cart`, `guide`",
+            ),
+            (
+                "[[panels]]\ncurves = ['x']",
+                "panels.1.curves.1: `x` is not a signal: write PARTICIPANT.OUTPUT.FIELD",
+            ),
+            ("[[panels]]\ncurves = [3]", "panels.1.curves.1: `3` is no curve"),
+            ("[[panels]]\ncurves = []", "panels.1.curves: there is nothing to draw"),
+            ("[[panels]]\ntitle = 'x'", "panels.1: missing field `curves`"),
+            (
+                "[[panels]]\ncurve = ['cart.state.x']",
+                "panels.1.curve: unknown field `curve`",
+            ),
+            ("panel = 3", "panel: unknown field `panel`"),
+            (
+                "[[panels]]\ncurves = [{ of = 'cart.state.x', les = 'x' }]",
+                "panels.1.curves.1.les: unknown field `les`",
+            ),
+            (
+                "[[panels]]\ncurves = [{ of = 'cart.state.x', minus = 'cart.state.h' }]",
+                "panels.1.curves.1: `cart.state.h` has 1 elements, not 3",
+            ),
+            (
+                "[[panels]]\ncurves = [{ of = 'cart.state.x', minus = 'cart.state.v' }]",
+                "panels.1.curves.1: `cart.state.v` is in `m/s`, not in `m`",
+            ),
+            (
+                "[[panels]]\ncurves = [{ of = 'cart.state.x', angle-to = 'cart.state.q' }]",
+                "panels.1.curves.1: `cart.state.x` has 3 elements, and 4 are needed",
+            ),
+            (
+                "[[panels]]\ncurves = [{ of = 'cart.state.x', norm = true, rotation-vector = true }]",
+                "panels.1.curves.1: these do not go together",
+            ),
+            (
+                "[[panels]]\ncurves = ['cart.state.x', 'cart.state.v']",
+                "panels.1.curves.2: is in `m/s`, which does not fit `m`",
+            ),
+            (
+                "[[panels]]\nunit = 'kg'\ncurves = ['cart.state.x']",
+                "panels.1.curves.1: is in `m`, which does not fit `kg`",
+            ),
+            (
+                "[[panels]]\ncurves = ['cart.state.x']\nlimits = ['3 s']",
+                "panels.1.limits.1: ",
+            ),
+            (
+                "[[panels]]\ncurves = ['cart.state.x']\nagainst = 'guide.state.x'",
+                "panels.1.against: `guide.state.x` has 3 components",
+            ),
+            (
+                "[[panels]]\nname = 'a b'\ncurves = ['cart.state.x']",
+                "panels.1.name: `a b`: a name has letters",
+            ),
+            (
+                "[[panels]]\nname = 'a'\ncurves = ['cart.state.x']\n[[panels]]\nname = 'a'\ncurves = ['cart.state.x']",
+                "panels.2.name: there are two panels `a`",
+            ),
+            ("marks = { turn = 3.5 }", "marks.turn: "),
+        ] {
+            let wrong = told(table);
+            assert_eq!(wrong.len(), 1, "{table}: {wrong:?}");
+            assert!(wrong[0].starts_with(expected), "{table}: {}", wrong[0]);
+        }
     }
 }

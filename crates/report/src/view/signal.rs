@@ -90,13 +90,20 @@ impl Signal {
         let listed = |names: Vec<String>| {
             let mut names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
             names.dedup();
-            if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+            if names.is_empty() {
+                "none".to_owned()
+            } else {
+                names.join(", ")
+            }
         };
         let who = self.participant.as_deref().unwrap_or("any participant");
         let field = self.names.join(", ");
         if !streams.iter().any(|spec| spec.participant == who) {
             let known = streams.iter().map(|spec| spec.participant.clone()).collect();
-            return format!("there is no participant `{who}` with outputs; there is {}", listed(known));
+            return format!(
+                "there is no participant `{who}` with outputs; there is {}",
+                listed(known)
+            );
         }
         let Some(spec) = streams.iter().find(|spec| self.is_of(spec)) else {
             let own = streams.iter().filter(|spec| spec.participant == who);
@@ -107,7 +114,11 @@ impl Signal {
             let extents: Vec<String> = field.shape.iter().map(|extent| format!("[{extent}]")).collect();
             format!("{}{}", field.name, extents.concat())
         });
-        format!("`{}` has no field or element `{field}`; it has {}", spec.name(), listed(known.collect()))
+        format!(
+            "`{}` has no field or element `{field}`; it has {}",
+            spec.name(),
+            listed(known.collect())
+        )
     }
 }
 

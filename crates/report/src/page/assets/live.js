@@ -52,20 +52,21 @@ class Live {
     const { figures, player } = window.escapement;
     if (news.have) {
       for (const [id, list] of Object.entries(news.figures)) {
-        const figure = figures[id];
-        if (figure) { list.forEach((one, i) => figure.series[i] && figure.series[i].append(one)); figure.invalidate(); }
+        const own = seriesOf(id);
+        list.forEach((one, i) => own[i] && own[i].append(one));
+        if (figures[id]) { figures[id].invalidate(); figures[id].measure(); }
       }
       this.have = news.have;
-      if (news.motion && player) {
-        this.moving = true;
-        player.grow(news.motion);
-        const t = player.scenes[0].motion.t;
-        clock.start = t[0]; clock.end = t[t.length - 1];
-        const scrub = document.getElementById("scrub");
-        scrub.min = clock.start; scrub.max = clock.end;
+      this.moving = true;
+      const motion = news.motion && player;
+      if (motion) player.grow(news.motion);
+      const all = motion ? [player.scenes[0].motion] : [...curves.values()].flat().filter((s) => s.length).map((s) => ({ t: [s.t(0), s.t(s.length - 1)] }));
+      if (all.length) {
+        clock.start = Math.min(...all.map(({ t }) => t[0])); clock.end = Math.max(...all.map(({ t }) => t[t.length - 1]));
+        clock.bounds();
         if (this.follow && !clock.playing) clock.set(clock.end);
-        this.moving = false;
       }
+      this.moving = false;
     }
     this.show(news.state);
   }
