@@ -80,7 +80,7 @@ impl Program {
         self
     }
 
-    /// With whatever else a catalogue holds: assessments, warnings, findings, a list of failures.
+    /// With whatever else a catalogue holds: assessments, warnings, findings, a list of failures, figures for reports.
     ///
     /// ```no_run
     /// use engine::Catalogue;
@@ -97,16 +97,6 @@ impl Program {
     #[must_use]
     pub fn contents(mut self, fill: impl FnOnce(Catalogue) -> Catalogue) -> Program {
         self.catalogue = fill(self.catalogue);
-        self
-    }
-
-    /// With figures for the reports of its runs; [`Catalogue::view`] says what they are made of.
-    #[must_use]
-    pub fn view(
-        mut self,
-        view: impl Fn(&[StreamSpec], &Table) -> report::view::View + Send + Sync + 'static,
-    ) -> Program {
-        self.catalogue = self.catalogue.view(view);
         self
     }
 

@@ -134,6 +134,29 @@ fn the_framework_knows_no_space() {
     none("lockstep is for any simulator:", found);
 }
 
+/// The playback and the exports of frames still have the channels of one application; the figures have none.
+#[test]
+fn the_figures_of_a_report_know_no_application() {
+    let words = [
+        "capture",
+        "captured",
+        "grasp",
+        "slosh",
+        "wheel",
+        "thruster",
+        "arm",
+        "gain",
+        "satellite",
+    ];
+    let others = ["page/playback.rs", "src/geometry/", "src/export/"];
+    let found = files(&package("report").folder.join("src"), ".rs")
+        .into_iter()
+        .filter(|path| !others.iter().any(|other| path.to_string_lossy().contains(other)))
+        .flat_map(|path| lines(&path))
+        .filter_map(|line| says(&line.whole, &words).map(|word| (line, word.to_owned())));
+    none("a report draws any run; an application hands its figures in:", found);
+}
+
 #[test]
 fn processes_and_signals_have_one_place_each() {
     for package in packages() {

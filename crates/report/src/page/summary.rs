@@ -43,7 +43,18 @@ const UNITS: &[(&str, &str)] = &[
 ];
 
 /// Keys with a line of their own elsewhere on the page, or none at all.
-const HIDDEN: &[&str] = &["tape_digest", "criteria", "timing", "placement", "run_folder"];
+const HIDDEN: &[&str] = &[
+    "tape_digest",
+    "criteria",
+    "measures",
+    "verdict",
+    "timing",
+    "placement",
+    "run_folder",
+];
+
+/// What stands before the name of a measure in the key of its row.
+const MEASURES: &str = "measures.";
 
 /// How a run ended: in words, and whether that is as it should be; nothing of a run that left no summary.
 pub(crate) fn outcome(summary: &Value) -> Option<(String, bool)> {
@@ -53,8 +64,8 @@ pub(crate) fn outcome(summary: &Value) -> Option<(String, bool)> {
     }
     let criteria = summary["criteria"].as_array().filter(|all| !all.is_empty());
     Some(match criteria.map(|all| all.iter().all(|one| one["met"] == true)) {
-        Some(true) => ("criteria met".to_owned(), true),
-        Some(false) => ("criteria not met".to_owned(), false),
+        Some(true) => ("met".to_owned(), true),
+        Some(false) => ("not met".to_owned(), false),
         None => ("complete".to_owned(), true),
     })
 }
@@ -66,16 +77,19 @@ pub(crate) fn rows(summaries: &[Value], first: &[String]) -> Vec<Row> {
     for (run, summary) in summaries.iter().enumerate() {
         let mut leaves = Vec::new();
         flatten("", summary, &mut leaves);
+        let measures = summary.get("measures").and_then(Value::as_object).into_iter().flatten();
+        leaves.extend(measures.map(|(name, measure)| (format!("{MEASURES}{name}"), measure.clone())));
         for (key, value) in leaves {
             let at = rows.iter().position(|row| row.key == key).unwrap_or_else(|| {
-                let (label, unit) = name(&key);
+                let measure = key.strip_prefix(MEASURES);
+                let (label, unit) = measure.map_or_else(|| name(&key), |own| (name(own).0, ""));
                 rows.push(Row {
                     label,
                     unit: unit.to_owned(),
                     values: vec![String::new(); summaries.len()],
                     met: vec![None; summaries.len()],
                     criterion: String::new(),
-                    main: first.contains(&key),
+                    main: first.contains(&key) || measure.is_some(),
                     verdict: first.contains(&key) && value.is_boolean(),
                     key: key.clone(),
                 });
@@ -83,6 +97,14 @@ pub(crate) fn rows(summaries: &[Value], first: &[String]) -> Vec<Row> {
             });
             let row = &mut rows[at];
             row.values[run] = text(&value);
+            if row.key.starts_with(MEASURES) {
+                let unit = value["unit"].as_str().filter(|unit| *unit != "1");
+                row.unit = unit.unwrap_or_default().to_owned();
+                row.values[run] = match &value["value"] {
+                    Value::Null => "not measured".to_owned(),
+                    value => text(value),
+                };
+            }
             if let Some(Judged {
                 criterion,
                 value,
@@ -132,14 +154,21 @@ struct Judged {
 
 /// `criteria` of a summary is a list of `{ name, value, limit, unit, met }`; the name is that of the figure without its unit.
 fn criterion(summary: &Value, key: &str) -> Option<Judged> {
+    let key = key.strip_prefix(MEASURES).unwrap_or(key);
     let (stem, _) = split_unit(key);
     let all = summary.get("criteria")?.as_array()?;
     let entry = all.iter().find(|c| c["name"] == stem || c["name"] == key)?;
-    let limit = entry["limit"].as_f64().map(short)?;
     let unit = entry["unit"].as_str().filter(|unit| *unit != "1").unwrap_or_default();
+    let bound = |name: &str| entry[name].as_f64().map(short);
+    let words = match (bound("at_least"), bound("limit")) {
+        (Some(least), Some(most)) => format!("from {least} to {most} {unit}"),
+        (Some(least), None) => format!("at least {least} {unit}"),
+        (None, Some(most)) => format!("at most {most} {unit}"),
+        (None, None) => return None,
+    };
     Some(Judged {
-        criterion: format!("at most {limit} {unit}").trim_end().to_owned(),
-        value: entry["value"].as_f64().map(short)?,
+        criterion: words.trim_end().to_owned(),
+        value: entry["value"].as_f64().map_or_else(|| "not measured".to_owned(), short),
         unit: unit.to_owned(),
         met: entry["met"].as_bool(),
     })
@@ -218,6 +247,26 @@ mod tests {
     }
 
     #[test]
+    fn measures_have_rows_with_their_criteria() {
+        let summary = json!({"ending": {"status": "complete"},
+            "measures": {"over_shoot": {"value": 2.5, "unit": "mm"}, "late": {"value": null, "unit": "s", "reason": "never"}},
+            "criteria": [{"name": "over_shoot", "value": 2.5, "limit": 2, "at_least": -1, "unit": "mm", "met": false}]});
+        let rows = rows(&[summary], &[]);
+        let told = |key: &str| {
+            let row = rows.iter().find(|row| row.key == key).unwrap();
+            format!(
+                "{} {} {} ({}) {:?} {}",
+                row.label, row.values[0], row.unit, row.criterion, row.met[0], row.main
+            )
+        };
+        assert_eq!(
+            told("measures.over_shoot"),
+            "Over shoot 2.5 mm (from -1 to 2 mm) Some(false) true"
+        );
+        assert_eq!(told("measures.late"), "Late not measured s () None true");
+    }
+
+    #[test]
     fn the_outcome_is_told_in_words() {
         let told = |summary: Value| {
             outcome(&summary)
@@ -227,7 +276,7 @@ mod tests {
         assert_eq!(told(json!({"ending": {"status": "complete"}})), "complete, true");
         assert_eq!(
             told(json!({"ending": {"status": "complete"}, "criteria": [{"met": false}]})),
-            "criteria not met, false"
+            "not met, false"
         );
         assert_eq!(told(json!({"ending": {"status": "failed"}})), "failed, false");
         assert_eq!(told(Value::Null), "");

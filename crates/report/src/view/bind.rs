@@ -377,9 +377,12 @@ fn level(line: &Line, own: &str, unit: &str, wanted: &Unit) -> Result<Level, Str
 
 /// Whether a limit is one of what a curve shows.
 fn concerns(limit: &Limit, curve: &Curve) -> bool {
-    let (of, minus) = match &curve.formula {
-        Formula::Each(of) => (of, None),
-        Formula::Difference(of, minus) => (of, Some(minus)),
+    let (of, minus, through) = match &curve.formula {
+        Formula::Each(of) => (of, None, None),
+        Formula::Difference(of, minus) => (of, Some(minus), None),
+        Formula::Norm(of) => (of, None, Some("norm")),
+        Formula::Distance(of, minus) => (of, Some(minus), Some("norm")),
+        Formula::Angle(of, to) => (of, Some(to), Some("angle")),
         _ => return false,
     };
     let same = |a: &Signal, b: &Signal| {
@@ -394,6 +397,7 @@ fn concerns(limit: &Limit, curve: &Curve) -> bool {
             && (a.names == b.names || bare(a).as_ref() == b.names.first())
     };
     same(&limit.of, of)
+        && limit.through.as_deref() == through
         && match (&limit.minus, minus) {
             (None, None) => true,
             (Some(a), Some(b)) => same(a, b),

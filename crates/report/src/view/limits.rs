@@ -9,6 +9,8 @@ use super::{Line, Signal};
 pub(crate) struct Limit {
     pub(crate) of: Signal,
     pub(crate) minus: Option<Signal>,
+    /// Of the length of a vector (`norm`), or of the angle between two attitudes (`angle`).
+    pub(crate) through: Option<String>,
     pub(crate) lines: Vec<Line>,
 }
 
@@ -26,6 +28,7 @@ fn of_guard(name: &str, guard: &Table) -> Option<Limit> {
     Some(Limit {
         of: Signal::named(&format!("{}.{}", text("output")?, text("field")?))?,
         minus: None,
+        through: None,
         lines: bounds(guard.get("range")?, &format!("guard {name}"))?,
     })
 }
@@ -57,6 +60,7 @@ fn of_measure(name: &str, measure: &Table) -> Option<Limit> {
         Limit {
             of: Signal::named(text("of")?)?,
             minus: text("minus").and_then(Signal::named),
+            through: text("through").map(str::to_owned),
             lines,
         }
         .into()
