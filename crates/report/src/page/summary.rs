@@ -82,7 +82,7 @@ pub(crate) fn rows(summaries: &[Value], first: &[String]) -> Vec<Row> {
         for (key, value) in leaves {
             let at = rows.iter().position(|row| row.key == key).unwrap_or_else(|| {
                 let measure = key.strip_prefix(MEASURES);
-                let (label, unit) = measure.map_or_else(|| name(&key), |own| (name(own).0, ""));
+                let (label, unit) = measure.map_or_else(|| name(&key), |own| (name(&own.replace('-', "_")).0, ""));
                 rows.push(Row {
                     label,
                     unit: unit.to_owned(),
