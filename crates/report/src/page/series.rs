@@ -415,12 +415,22 @@ mod tests {
         let mut tape = MemoryTape::new(vec![spec("a", 1, 3), spec("b", 5, 10)]).unwrap();
         let payload = |value: f64| value.to_le_bytes();
         for k in 0..12_u32 {
-            tape.sample(0, k.into(), f64::from(1 + 3 * k) * 1e-3, &payload(100.0 * f64::from(k)))
-                .unwrap();
+            tape.sample(
+                0,
+                k.into(),
+                Rational::from_millis(i64::from(1 + 3 * k)).seconds(),
+                &payload(100.0 * f64::from(k)),
+            )
+            .unwrap();
         }
         for k in 0..3_u32 {
-            tape.sample(1, k.into(), f64::from(5 + 10 * k) * 1e-3, &payload(f64::from(k)))
-                .unwrap();
+            tape.sample(
+                1,
+                k.into(),
+                Rational::from_millis(i64::from(5 + 10 * k)).seconds(),
+                &payload(f64::from(k)),
+            )
+            .unwrap();
         }
         let table = "[[panels]]\nname = 'd'\ncurves = [{ of = 'a.out.x', minus = 'b.out.x' }]"
             .parse()
