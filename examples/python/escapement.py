@@ -12,7 +12,7 @@ import tomllib
 
 import iceoryx2 as iox2
 
-PROTOCOL = 4
+PROTOCOL = 5
 SAMPLED, CONTINUOUS = 0, 1
 NOTE = 2**64 - 1
 LINE = 64

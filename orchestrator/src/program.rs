@@ -132,6 +132,11 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         return commands::participant::run(args);
     }
     limits::raise_open_files();
+    // Shared memory that is full ends a run in order, not the program.
+    if let Err(error) = engine::run::guard_memory() {
+        eprintln!("error: SIGBUS cannot be taken over: {error}");
+        return ExitCode::from(1);
+    }
     let result = match command {
         Command::Run(args) => commands::run::run(args),
         Command::Resume(args) => commands::resume::run(args),

@@ -33,11 +33,11 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
     let note = |note: Note| encode("a note", &note).unwrap();
     vec![
         (
-            "Request Hello, protocol 4",
+            "Request Hello, protocol 5",
             request(Request::Hello { protocol: PROTOCOL }),
         ),
         (
-            "Reply Hello, protocol 4, program `toy 1`",
+            "Reply Hello, protocol 5, program `toy 1`",
             reply(Reply::Hello {
                 protocol: PROTOCOL,
                 program: "toy 1".into(),

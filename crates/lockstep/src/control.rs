@@ -6,7 +6,7 @@ use crate::participant::Interface;
 use crate::plan::{Assignment, Position};
 
 /// The version of the protocol. Both sides must have the same.
-pub const PROTOCOL: u32 = 4;
+pub const PROTOCOL: u32 = 5;
 
 /// From the orchestrator to a participant; each is answered by one [`Reply`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

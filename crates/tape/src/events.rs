@@ -19,6 +19,8 @@ pub enum EventKind {
     Checkpoint,
     /// The run went on from a saved state.
     Resume,
+    /// An input that nobody feeds was given a value from outside: `text` is `INPUT = { field = value, … }`, as TOML.
+    Input,
     /// Anything else worth telling.
     Note,
 }

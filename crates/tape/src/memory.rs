@@ -10,8 +10,8 @@ fn tracks(streams: Vec<StreamSpec>) -> Result<Vec<Track>, SpecError> {
     streams.into_iter().map(Track::new).collect()
 }
 
-/// A tape in memory. Grows as samples come: the one sink that allocates.
-#[derive(Debug)]
+/// A tape in memory. Grows as samples come: the one sink that allocates. The default one has no streams.
+#[derive(Debug, Default)]
 pub struct MemoryTape {
     streams: Vec<StreamSpec>,
     lanes: Vec<(Track, Vec<u8>)>,
@@ -25,6 +25,14 @@ impl MemoryTape {
             lanes: lanes.collect(),
             streams,
         })
+    }
+
+    /// Keeps the first `counts` samples of each stream, in the order of their numbers, and forgets the rest.
+    pub fn cut_back(&mut self, counts: &[u64]) {
+        for ((track, bytes), &count) in self.lanes.iter_mut().zip(counts) {
+            track.cut_back(count);
+            bytes.truncate(track.count() as usize * track.spec().stride());
+        }
     }
 }
 

@@ -86,6 +86,20 @@ pub trait Source {
     }
 }
 
+impl<S: Source + ?Sized> Source for &S {
+    fn streams(&self) -> &[StreamSpec] {
+        (**self).streams()
+    }
+
+    fn count(&self, stream: usize) -> u64 {
+        (**self).count(stream)
+    }
+
+    fn read(&self, stream: usize, first: u64, records: &mut [u8]) -> Result<(), ReadError> {
+        (**self).read(stream, first, records)
+    }
+}
+
 fn listed(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
     if names.is_empty() {

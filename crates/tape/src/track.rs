@@ -75,4 +75,9 @@ impl Track {
     pub(crate) fn advance(&mut self) {
         self.next += 1;
     }
+
+    /// Goes back to where `count` samples were accepted, or stays where fewer were.
+    pub(crate) fn cut_back(&mut self, count: u64) {
+        self.next = self.next.min(self.spec.first_index + count);
+    }
 }

@@ -1,7 +1,7 @@
 //! Writing a tape while the run goes on.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
+use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use super::hash::combine;
@@ -63,6 +63,7 @@ impl Writer {
         let create = |path: &Path| {
             let mut options = OpenOptions::new();
             options
+                .read(true)
                 .write(true)
                 .create_new(true)
                 .open(path)
@@ -136,6 +137,20 @@ impl Writer {
         first
     }
 
+    /// Keeps the first `counts` samples of each stream, in the order of their numbers, and no event: the tape is again that of a
+    /// run that has come so far. What is kept is read once, for its hash.
+    pub fn cut_back(&mut self, counts: &[u64]) -> Result<(), AppendError> {
+        self.flush()?;
+        for (lane, &count) in self.lanes.iter_mut().zip(counts) {
+            lane.cut_back(count)?;
+        }
+        let path = || self.dir.join("events.jsonl");
+        let cut = self.events.set_len(0).and_then(|()| self.events.rewind());
+        cut.map_err(|source| failed(path(), 0, source))?;
+        self.events_bytes = 0;
+        Ok(())
+    }
+
     /// The folder of the tape.
     pub fn dir(&self) -> &Path {
         &self.dir
@@ -190,6 +205,22 @@ impl Drop for Writer {
 }
 
 impl Lane {
+    /// Everything is in the file: keeps the first `count` records.
+    fn cut_back(&mut self, count: u64) -> Result<(), AppendError> {
+        self.track.cut_back(count);
+        let kept = self.track.count() * self.track.spec().stride() as u64;
+        let mut hasher = blake3::Hasher::new();
+        let mut cut = || {
+            self.file.set_len(kept)?;
+            self.file.rewind()?;
+            // The file is read to its end, which is where writing goes on.
+            hasher.update_reader(&self.file).map(drop)
+        };
+        cut().map_err(|source| failed(self.path.clone(), self.written, source))?;
+        (self.hasher, self.written) = (hasher, kept);
+        Ok(())
+    }
+
     fn flush(&mut self) -> Result<(), AppendError> {
         while self.buffer_start < self.buffer.len() {
             let rest = &self.buffer[self.buffer_start..];
@@ -229,6 +260,31 @@ mod tests {
     use super::*;
     use crate::testing::{sample, scratch, spec};
     use crate::{Reader, Source, digest_of};
+
+    #[test]
+    fn a_tape_that_was_cut_back_is_that_of_a_run_that_came_so_far() {
+        let (cut, whole) = (scratch("cut-back"), scratch("cut-back-whole"));
+        let streams = || vec![spec("a", "x", 2), spec("b", "y", 3)];
+        let (mut writer, mut other) = (
+            Writer::create(&cut, streams()).unwrap(),
+            Writer::create(&whole, streams()).unwrap(),
+        );
+        let put = |writer: &mut Writer, stream: usize, index: u64| {
+            let (stamp, payload) = sample(index, 2 + stream as u64);
+            writer.append(stream, index, stamp, &payload).unwrap();
+        };
+        (0..5000).for_each(|index| put(&mut writer, 0, index));
+        (0..3000).for_each(|index| put(&mut writer, 1, index));
+        // More than there is leaves the stream as it is.
+        writer.cut_back(&[1234, 4000]).unwrap();
+        assert_eq!((writer.count(0), writer.count(1)), (Some(1234), Some(3000)));
+        (1234..2000).for_each(|index| put(&mut writer, 0, index));
+        (0..2000).for_each(|index| put(&mut other, 0, index));
+        (0..3000).for_each(|index| put(&mut other, 1, index));
+        let digest = writer.finish().unwrap();
+        assert_eq!(digest, other.finish().unwrap());
+        assert_eq!(digest_of(&cut).unwrap(), digest);
+    }
 
     /// A device that is always full stands in for the stream's file.
     #[test]

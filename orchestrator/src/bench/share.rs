@@ -1,12 +1,7 @@
 //! What lockstep and recording add to a scenario's own computing.
 
-use std::time::Instant;
-
-use lockstep::executor::{InLoop, assemble};
-use lockstep::transport::NoRecording;
-
 use super::Figures;
-use engine::run::{Options, run};
+use engine::run::{Options, Record, run};
 use engine::scenario::Scenario;
 
 /// Wall time of a scenario, s.
@@ -48,13 +43,10 @@ fn wall(scenario: &Scenario, out: &std::path::Path, in_process: bool) -> anyhow:
 }
 
 fn alone(scenario: &Scenario) -> anyhow::Result<f64> {
-    let made: Option<Vec<_>> = scenario.make_here()?.into_iter().collect();
-    let participants =
-        made.ok_or_else(|| anyhow::anyhow!("a scenario with programs of its own has no run in one process"))?;
-    let interfaces: Vec<_> = participants.iter().map(|participant| participant.interface()).collect();
-    let plan = scenario.plan(&interfaces)?;
-    let mut looped = InLoop::new(&plan, assemble(&plan, participants, |_| Box::new(NoRecording)));
-    let started = Instant::now();
-    looped.run_to(plan.end, |_| {})?;
-    Ok(started.elapsed().as_secs_f64())
+    let options = Options {
+        in_process: true,
+        record: Record::Nothing,
+        ..Options::default()
+    };
+    Ok(run(scenario, &options)?.wall_s)
 }

@@ -96,7 +96,7 @@ const FAR: u64 = 1_000_000_000;
 /// Runs a ring of relays; seconds per step.
 fn ring(folder: &Path, count: usize, steps: u64, wait: Wait) -> anyhow::Result<f64> {
     let outcome = ring_run(folder, count, steps, wait, None)?;
-    std::fs::remove_dir_all(&outcome.folder)?;
+    outcome.folder.iter().try_for_each(std::fs::remove_dir_all)?;
     if outcome.ending != engine::run::Ending::Complete {
         anyhow::bail!("the ring of {count} did not run to its end: {:?}", outcome.ending);
     }

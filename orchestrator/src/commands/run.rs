@@ -11,7 +11,7 @@ use tape::folder::RunFolder;
 use crate::cli::{HowArgs, RunArgs};
 use crate::{signals, terminal};
 use engine::live::{self, Server, Steering};
-use engine::run::{Ending, Options, Origin, Outcome, RunFailure, run as run_scenario};
+use engine::run::{Ending, Options, Origin, Outcome, Record, RunFailure, run as run_scenario};
 use engine::scenario::Scenario;
 use engine::shadow::{Account, Shadow};
 
@@ -49,6 +49,7 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     };
     let options = Options {
         in_process: how.in_process,
+        record: Record::Folder,
         out: how.common.out.clone(),
         force: how.common.force,
         progress: terminal::progress(how.common.quiet),
@@ -72,18 +73,19 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
         }
     };
     let mut summary = outcome.summary();
+    let root = outcome.folder.clone().unwrap_or_default();
     let accounts: Vec<Account> = match &outcome.ending {
         // Who does not want to wait for the run does not want to wait for its shadows.
         Ending::Stopped { .. } => Vec::new(),
         _ => shadows
             .iter()
-            .map(|shadow| shadow.run(catalogue(), &outcome.folder, &options))
+            .map(|shadow| shadow.run(catalogue(), &root, &options))
             .collect(),
     };
     if !shadows.is_empty() {
         summary["shadows"] = json!(accounts);
     }
-    let folder = RunFolder::open(&outcome.folder);
+    let folder = RunFolder::open(&root);
     let written = folder.write_json(&folder.summary(), &summary);
     tell(&outcome.ending);
     written?;
@@ -169,7 +171,9 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
     for what in &outcome.recovered {
         println!("recovered: {what}");
     }
-    println!("run folder: {}", outcome.folder.display());
+    if let Some(folder) = &outcome.folder {
+        println!("run folder: {}", folder.display());
+    }
 }
 
 /// How a run ended, where there is anything to report.

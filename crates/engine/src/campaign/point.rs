@@ -1,21 +1,17 @@
 //! One point: a run in this process that keeps figures and no tape, unless the tape is wanted.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lockstep::executor::{InLoop, assemble};
-use lockstep::participant::Participant;
 use lockstep::plan::Plan;
-use lockstep::transport::{Broken, Header, Recording};
 use serde::{Deserialize, Serialize};
 use tape::folder::RunFolder;
-use tape::{DigestSink, Sink};
 
 use super::figures::{Figures, Number};
 use crate::Catalogue;
-use crate::assessment::{self, Assessment};
-use crate::run::{self, Ending};
+use crate::assessment;
+use crate::run::{self, Ending, RunFailure};
 use crate::scenario::{Program, Scenario};
 
 /// What became of a point.
@@ -139,101 +135,45 @@ fn judged(catalogue: &Arc<Catalogue>, file: &Path, changes: &[String], keep: Opt
         Ok(scenario) => scenario,
         Err(error) => return refused(&error),
     };
-    let made = match scenario.make_here() {
-        Ok(made) => made,
-        Err(error) => return refused(&error),
-    };
-    let here: Option<Vec<Box<dyn Participant>>> = made.into_iter().collect();
-    // Who is replaced in mid-run, and what is guarded, is for the whole machinery of a run.
-    let whole = scenario.substitutions.is_empty() && scenario.guards().next().is_none();
-    let here = here.filter(|_| whole);
-    match (here, keep) {
-        (Some(participants), None) => match tapeless(&scenario, participants) {
-            Ok(result) => result,
-            Err(reason) => refused(&reason),
-        },
-        (_, keep) => {
-            let in_process = !scenario.programs().any(Program::is_external);
-            with_tape(&scenario, in_process, keep, scratch)
-        }
-    }
-}
-
-/// What a run in one process needs of a tape when only its digest and the figures matter.
-struct Watch {
-    sink: DigestSink,
-    assessment: Option<Box<dyn Assessment>>,
-    timebase: lockstep::time::Timebase,
-}
-
-struct Ear(Arc<Mutex<Watch>>);
-
-impl Recording for Ear {
-    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> std::result::Result<bool, Broken> {
-        let mut watch = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let stamp = watch.timebase.seconds(header.stamp);
-        watch
-            .sink
-            .sample(stream as usize, header.index, stamp, payload)
-            .map_err(|error| Broken(error.to_string()))?;
-        if let Some(assessment) = &mut watch.assessment {
-            assessment.sample(stream as usize, stamp, payload);
-        }
-        Ok(true)
-    }
-}
-
-fn tapeless(scenario: &Scenario, participants: Vec<Box<dyn Participant>>) -> std::result::Result<Result, String> {
-    let plan = run::check_here(scenario).map_err(|error| error.to_string())?.plan;
-    let streams = run::streams(&plan);
-    let assessment = scenario.assess(&streams).map_err(|error| error.to_string())?;
-    let watch = Arc::new(Mutex::new(Watch {
-        sink: DigestSink::new(streams).map_err(|error| error.to_string())?,
-        assessment,
-        timebase: plan.timebase,
-    }));
-    let parts = assemble(&plan, participants, |_| Box::new(Ear(watch.clone())));
-    let mut looped = InLoop::new(&plan, parts);
-    let ending = match looped.run_to(plan.end, |_| {}) {
-        Ok(_) => Ending::Complete,
-        Err(error) => error.into(),
-    };
-    drop(looped);
-    let mut watch = watch.lock().unwrap_or_else(PoisonError::into_inner);
-    let figures = watch.assessment.as_mut().map(|assessment| assessment.finish());
-    Ok(Result::of(&ending, figures, watch.sink.digest().to_string()))
-}
-
-/// With a run folder: because it is wanted, or because a participant is a program of its own.
-fn with_tape(scenario: &Scenario, in_process: bool, keep: Option<&Path>, scratch: &Path) -> Result {
-    let out: PathBuf = keep.unwrap_or(scratch).to_owned();
-    // What an interrupted campaign left there is not whole.
-    let _ = std::fs::remove_dir_all(&out);
-    let options = run::Options {
+    let in_process = !scenario.programs().any(Program::is_external);
+    let mut options = run::Options {
         in_process,
-        out: Some(out.clone()),
         no_placement: true,
-        patience_s: 60.0,
         ..run::Options::default()
     };
-    let result = match run::run(scenario, &options) {
-        Ok(outcome) => {
-            let folder = RunFolder::open(&outcome.folder);
-            match folder.write_json(&folder.summary(), &outcome.summary()) {
-                Ok(()) => {
-                    let digest = outcome.digest.map(|digest| digest.to_string());
-                    Result::of(&outcome.ending, outcome.figures, digest.unwrap_or_default())
-                }
-                Err(error) => Result::without(Outcome::Crashed, error.to_string()),
-            }
+    let scenario = Arc::new(scenario);
+    let result = if in_process && keep.is_none() {
+        options.record = run::Record::Digest;
+        concluded(scenario, options)
+    } else {
+        // Because the folder is wanted, or because a participant is a program of its own.
+        let out = keep.unwrap_or(scratch);
+        // What an interrupted campaign left there is not whole.
+        let _ = std::fs::remove_dir_all(out);
+        options.out = Some(out.to_owned());
+        let result = concluded(scenario, options);
+        if keep.is_none() {
+            let _ = std::fs::remove_dir_all(out);
         }
-        Err(failure) if failure.exit_code() == 2 => Result::without(Outcome::Refused, failure.to_string()),
-        Err(failure) => Result::without(Outcome::Failed, failure.to_string()),
+        result
     };
-    if keep.is_none() {
-        let _ = std::fs::remove_dir_all(&out);
+    result.unwrap_or_else(|failure| match failure.exit_code() {
+        2 => refused(&failure),
+        _ => Result::without(Outcome::Failed, failure.to_string()),
+    })
+}
+
+/// A run to its end, with its summary in the folder if it has one.
+fn concluded(scenario: Arc<Scenario>, options: run::Options) -> std::result::Result<Result, RunFailure> {
+    let outcome = run::run_shared(scenario, options)?;
+    if let Some(folder) = &outcome.folder {
+        let folder = RunFolder::open(folder);
+        if let Err(error) = folder.write_json(&folder.summary(), &outcome.summary()) {
+            return Ok(Result::without(Outcome::Crashed, error.to_string()));
+        }
     }
-    result
+    let digest = outcome.digest.map(|digest| digest.to_string());
+    Ok(Result::of(&outcome.ending, outcome.figures, digest.unwrap_or_default()))
 }
 
 /// The figures of merit that runs of `scenario` have, without values: those with a criterion first.

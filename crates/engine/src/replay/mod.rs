@@ -19,7 +19,7 @@ use tape::{ReadError, Reader, Selection, Source};
 use toml::Value;
 
 use crate::Catalogue;
-use crate::run::{self, Ending, Options, RunFailure};
+use crate::run::{Ending, Options, Run, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioError};
 use crate::scope::{Scope, ScopeError};
 use reduce::{Cast, reduce};
@@ -172,7 +172,10 @@ impl Replay {
             .out
             .get_or_insert_with(|| scope.address().folder.join("replay"))
             .clone();
-        let outcome = run::run(&self.scenario, &options)?;
+        let duration_s = self.scenario.duration.seconds();
+        let mut run = Run::begin(Arc::new(self.scenario), options)?;
+        run.repeat_inputs(&self.reader.events()?)?;
+        let outcome = run.finish();
         let replayed = Reader::open(&out)?;
         let mut notes = self.notes;
         let own = |reader: &Reader| -> Vec<(usize, u64)> {
@@ -216,7 +219,7 @@ impl Replay {
             ending: outcome.ending,
             comparison,
             notes,
-            to_s: self.scenario.duration.seconds(),
+            to_s: duration_s,
         })
     }
 }

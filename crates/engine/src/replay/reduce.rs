@@ -63,6 +63,10 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
             known.join(", ")
         ));
     };
+    if let Some(Value::Array(inputs)) = table.get_mut("inputs") {
+        let own = format!("{subject}.");
+        inputs.retain(|port| port.as_str().is_some_and(|port| port.starts_with(&own)));
+    }
     let mut own = own.clone();
     let cast = Cast::beside(subject, &participants);
     if let Some((exe, args)) = request.program {

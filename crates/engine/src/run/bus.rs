@@ -1,7 +1,7 @@
 //! Shared memory that cannot be had.
 //!
 //! A page of shared memory is taken when it is first touched, and where there is none left the kernel sends SIGBUS. What a run needs is
-//! looked at and reserved before its start; but other programs share the memory. So the orchestrator puts a page of its own where one is
+//! looked at and reserved before its start; but other programs share the memory. So a program that asks for it ([`guard`]) puts a page of its own where one is
 //! missing and notes that. Nothing that is written there reaches a participant: the run ends at the next look.
 
 use std::io;
@@ -18,8 +18,12 @@ pub(super) fn missed() -> bool {
     MISSED.swap(false, Ordering::Relaxed)
 }
 
-/// Takes over SIGBUS, once for the whole program.
-pub(super) fn guard() -> io::Result<()> {
+/// Takes over SIGBUS, once for the whole program: from then on a run in processes ends in order when shared memory is full, where
+/// the signal would end the program. For a program with one run at a time; the engine itself handles no signals.
+///
+/// # Errors
+/// When the system refuses.
+pub fn guard() -> io::Result<()> {
     static INSTALLED: Once = Once::new();
     let mut installed = Ok(());
     INSTALLED.call_once(|| {

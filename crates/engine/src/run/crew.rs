@@ -439,10 +439,7 @@ pub(super) fn send_to(member: &mut Member, address: &str, monitor: &Monitor) -> 
 pub(super) fn save(member: &mut Member, monitor: &Monitor) -> Result<Vec<u8>, RunFailure> {
     match member.ask(&Request::Save, monitor)? {
         Reply::State(Some(state)) => Ok(state),
-        Reply::State(None) => Err(member.odd(
-            "cannot save its state, which a checkpoint or a substitution with state needs: implement `save` and `restore`, \
-             or run without",
-        )),
+        Reply::State(None) => Err(member.odd(super::CANNOT_SAVE)),
         Reply::Refused { reason, .. } => Err(member.odd(format!("cannot save its state: {reason}"))),
         other => Err(member.odd(format!("answered the request for its state with {other:?}"))),
     }

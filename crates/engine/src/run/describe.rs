@@ -7,11 +7,12 @@ use lockstep::participant::Interface;
 
 use super::Options;
 use super::awake::Awake;
-use super::conduct::GRACE;
+
 use super::crew::{self, Member};
 use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::place::Place;
+use super::processes::GRACE;
 use crate::scenario::{Entry, OnFailure, Program, Scenario};
 use crate::scope::Scope;
 

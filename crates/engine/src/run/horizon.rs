@@ -24,6 +24,8 @@ pub(super) struct Guide {
     steering: Option<Arc<Steering>>,
     lead: Lead,
     granted: Ticks,
+    /// Where the run rests for whoever drives it.
+    bound: Option<Ticks>,
 }
 
 impl Guide {
@@ -39,7 +41,19 @@ impl Guide {
             steering: options.steering.clone(),
             lead: Lead::new(shortest.unwrap_or(1)),
             granted: from,
+            bound: None,
         }
+    }
+
+    /// The run rests at `bound`, or nowhere but where its agenda says.
+    pub(super) fn drive_to(&mut self, bound: Option<Ticks>) {
+        self.bound = bound;
+    }
+
+    /// Everybody goes back to `to`, and `agenda` has the rests from there on.
+    pub(super) fn go_back(&mut self, agenda: Agenda, to: Ticks) {
+        (self.agenda, self.granted, self.lead.given) = (agenda, to, to);
+        self.go_on();
     }
 
     /// How far everybody may go now, when the newest sample is stamped `newest`. Never less than before.
@@ -48,7 +62,7 @@ impl Guide {
     }
 
     fn horizon_at(&mut self, newest: Ticks, now: Instant) -> Ticks {
-        let mut most = self.agenda.next().unwrap_or(self.end);
+        let mut most = self.stop().unwrap_or(self.end);
         let mut horizon = most;
         if let Some(steering) = &self.steering {
             most = most.min(steering.limit().max(self.granted));
@@ -71,7 +85,12 @@ impl Guide {
 
     /// The next rest.
     pub(super) fn stop(&self) -> Option<Ticks> {
-        self.agenda.next()
+        self.agenda.next().into_iter().chain(self.bound).min()
+    }
+
+    /// Whether nothing is to be done at `now`.
+    pub(super) fn is_free(&self, now: Ticks) -> bool {
+        self.agenda.next() != Some(now)
     }
 
     /// Takes the next business of a rest at `now`.
@@ -194,6 +213,7 @@ mod tests {
             steering,
             lead: Lead::new(1),
             granted: 0,
+            bound: None,
         }
     }
 

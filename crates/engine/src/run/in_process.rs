@@ -1,135 +1,89 @@
-//! A run with all participants in this process.
+//! The executor with all participants in one loop of this process.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use lockstep::executor::{InLoop, Part, RunError, assemble};
 use lockstep::participant::Participant;
-use lockstep::plan::Plan;
+use lockstep::plan::{Cut, Plan, Position};
 use lockstep::stepper::settle;
 use lockstep::time::Ticks;
-use tape::folder::RunFolder;
-use tape::{Event, EventKind};
 
-use super::agenda::{Agenda, Business};
-use super::checkpoint::Checkpoint;
-use super::horizon::Guide;
-use super::outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
+use super::course::Course;
+use super::executor::{Account, Executor, Seat, Turn};
+use super::outcome::{Ending, ORCHESTRATOR, RunFailure};
+use super::prepare::Made;
 use super::recording::{Direct, Recorder};
-use super::{Options, prepare};
-use crate::observer::{Event as Report, Interrupt, Progress};
-use crate::scenario::{Entry, Scenario, State};
+use super::survive::Fallen;
+use super::{CANNOT_SAVE, Options};
+use crate::observer::Event as Report;
+use crate::scenario::{Entry, Program, Scenario};
 
 /// Activations between two looks at the clock and the signals.
-const GLANCE: u32 = 512;
+const GLANCE: i64 = 512;
 /// A nap while nobody may go on.
 const NAP: Duration = Duration::from_millis(1);
 /// Whoever watches the run sees samples at least this often.
 const FLUSH: Duration = Duration::from_millis(50);
 
-pub(super) fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
-    let plan = prepare::check_here(scenario)?.plan;
-    let entries = prepare::entries(scenario, options)?;
-    let participants = entries.iter().map(|entry| make(scenario, entry));
-    let participants = participants.collect::<Result<Vec<_>, _>>()?;
-    // A program that cannot run here is refused now, not at its time.
-    for substitution in &scenario.substitutions {
-        make(scenario, &substitution.entry)?;
-    }
-    let claim = prepare::folder(scenario, options)?;
-    let folder = claim.folder().clone();
-    let ran = run_in(&folder, scenario, options, plan, entries, participants);
-    prepare::settled(ran, claim)
+/// Everybody in one loop.
+pub(super) struct Loop {
+    /// Always there but while it is being taken up.
+    looped: Option<InLoop>,
+    reached: Ticks,
+    flushed: Instant,
 }
 
-fn run_in(
-    folder: &RunFolder,
+/// The participants that sit in the seats of a run when it begins.
+pub(super) fn seated(
     scenario: &Scenario,
     options: &Options,
-    plan: Plan,
-    entries: Vec<Entry>,
+    entries: &[Entry],
+    made: Made,
+) -> Result<Vec<Box<dyn Participant>>, RunFailure> {
+    // What cannot run here is refused now, not at its time.
+    if let Some(entry) = entries.iter().find(|entry| entry.program.is_external()) {
+        return Err(outside(entry));
+    }
+    for substitution in &scenario.substitutions {
+        if !matches!(substitution.entry.program, Program::Builtin(_)) {
+            make(scenario, &substitution.entry)?;
+        }
+    }
+    if options.origin.is_none()
+        && let Some(participants) = made.into_iter().collect()
+    {
+        return Ok(participants);
+    }
+    entries.iter().map(|entry| make(scenario, entry)).collect()
+}
+
+/// The loop over `participants`, where the run begins.
+pub(super) fn set_up(
+    plan: &Plan,
+    entries: &[Entry],
+    from: Ticks,
+    positions: Option<Vec<Position>>,
+    recorder: &Arc<Mutex<Recorder>>,
     mut participants: Vec<Box<dyn Participant>>,
-) -> Result<Outcome, RunFailure> {
-    let mut recorder = prepare::recorder(scenario, &plan, folder)?;
-    let start = prepare::start(scenario, &plan, options, &mut recorder)?;
-    let agenda = Agenda::new(scenario, &plan, options, start.from, start.substituted)?;
-    let recorder = Arc::new(Mutex::new(recorder));
-    let looped = match start.positions {
-        None => InLoop::new(&plan, parts(&plan, participants, &recorder)),
+) -> Result<Loop, RunFailure> {
+    let looped = match positions {
+        None => InLoop::new(plan, parts(plan, participants, recorder)),
         Some(mut positions) => {
             for (number, (participant, position)) in participants.iter_mut().zip(&mut positions).enumerate() {
                 let state = position.state.take();
-                let t = instant(&plan, number, position.next);
+                let t = instant(plan, number, position.next);
                 settle(participant.as_mut(), t, true, state.as_deref())
                     .map_err(|error| odd(&entries[number], error))?;
             }
-            let parts = parts(&plan, participants, &recorder);
-            InLoop::resume(&plan, parts, positions).map_err(|error| RunFailure::Other(error.to_string()))?
+            let parts = parts(plan, participants, recorder);
+            InLoop::resume(plan, parts, positions).map_err(|error| RunFailure::Other(error.to_string()))?
         }
     };
-    options.begin(&plan, folder);
-    let mut run = Run {
+    Ok(Loop {
         looped: Some(looped),
-        scenario,
-        guide: Guide::new(&plan, options, agenda, start.from),
-        plan,
-        options,
-        entries,
-        recorder,
-        substituted: start.substituted,
-        checkpoints: folder.checkpoints(),
-        interrupt: options.interrupt.clone(),
-        progress: options.progress.clone(),
-        started: Instant::now(),
-    };
-    let ending = run.conduct(start.from)?;
-    let known = Instant::now();
-    let wall_s = (known - run.started).as_secs_f64();
-    let Run {
-        looped,
-        plan,
-        recorder,
-        progress,
-        ..
-    } = run;
-    progress.report(Report::Over);
-    drop(looped);
-    let recorder = Arc::into_inner(recorder).expect("the participants are gone");
-    let mut recorder = recorder.into_inner().unwrap_or_else(PoisonError::into_inner);
-    // A tape that cannot be written is the fault of no participant.
-    let ending = match recorder.take_error() {
-        Some(error) => Ending::own(error.to_string()),
-        None => ending,
-    };
-    let simulated_s = plan.timebase.seconds(recorder.newest.clamp(0, plan.end));
-    if let Ending::Failed { participant, reason } = &ending {
-        let time = plan.timebase.time(recorder.newest.max(0)).unwrap_or_default();
-        let (participant, text) = (Some(participant.clone()), reason.clone());
-        // A full disk has no room for the event either; the reason is printed all the same.
-        let _ = recorder.event(&Event {
-            time,
-            kind: EventKind::Failure,
-            participant,
-            text,
-        });
-    }
-    let ending = recorder.with_active_faults(ending);
-    let (sealed, figures) = recorder.finish();
-    let (ending, digest) = Outcome::sealed(ending, sealed);
-    Ok(Outcome {
-        folder: folder.root().to_owned(),
-        ending,
-        simulated_s,
-        wall_s,
-        known,
-        digest,
-        recovered: Vec::new(),
-        figures,
-        timing: BTreeMap::new(),
-        sources: BTreeMap::new(),
-        placement: "all participants in one loop of one process".into(),
+        reached: from,
+        flushed: Instant::now(),
     })
 }
 
@@ -151,12 +105,16 @@ impl From<RunError> for Ending {
     }
 }
 
-/// A participant that can run in this process.
-fn make(scenario: &Scenario, entry: &Entry) -> Result<Box<dyn Participant>, RunFailure> {
-    scenario.participant(entry)?.ok_or_else(|| RunFailure::Participant {
+fn outside(entry: &Entry) -> RunFailure {
+    RunFailure::Participant {
         participant: entry.setup.name.clone(),
         reason: "it is a program of its own, which cannot run in this process: leave out --in-process".into(),
-    })
+    }
+}
+
+/// A participant that can run in this process.
+fn make(scenario: &Scenario, entry: &Entry) -> Result<Box<dyn Participant>, RunFailure> {
+    scenario.participant(entry)?.ok_or_else(|| outside(entry))
 }
 
 fn parts(plan: &Plan, participants: Vec<Box<dyn Participant>>, recorder: &Arc<Mutex<Recorder>>) -> Vec<Part> {
@@ -181,141 +139,169 @@ fn odd(entry: &Entry, error: impl ToString) -> RunFailure {
     }
 }
 
-/// A run under way.
-struct Run<'a> {
-    /// Always there but while it is being taken up.
-    looped: Option<InLoop>,
-    scenario: &'a Scenario,
-    plan: Plan,
-    options: &'a Options,
-    entries: Vec<Entry>,
-    recorder: Arc<Mutex<Recorder>>,
-    guide: Guide,
-    substituted: usize,
-    checkpoints: PathBuf,
-    interrupt: Interrupt,
-    progress: Progress,
-    started: Instant,
+/// What sits in a seat that is taken anew: `now` is in it, and stands before activation `next`.
+fn seat(
+    course: &Course,
+    number: usize,
+    next: u64,
+    seat: Seat,
+    now: Option<Box<dyn Participant>>,
+) -> Result<Option<Box<dyn Participant>>, RunFailure> {
+    let t = instant(&course.plan, number, next);
+    match (seat, now) {
+        (Seat::Same(state), Some(mut participant)) => {
+            settle(participant.as_mut(), t, false, state.as_deref())
+                .map_err(|error| odd(&course.entries[number], error))?;
+            Ok(Some(participant))
+        }
+        (Seat::Same(_), None) => Ok(None),
+        (Seat::New(entry, state), _) => {
+            let mut newcomer = make(&course.scenario, &entry)?;
+            if let Some(difference) = newcomer
+                .interface()
+                .difference(&course.plan.participants[number].interface)
+            {
+                let reason = format!("describes other ports than expected: {difference}");
+                return Err(odd(&entry, reason));
+            }
+            settle(newcomer.as_mut(), t, true, state.as_deref()).map_err(|error| odd(&entry, error))?;
+            Ok(Some(newcomer))
+        }
+    }
 }
 
-impl Run<'_> {
-    /// Runs from rest to rest, until it is over.
-    fn conduct(&mut self, from: Ticks) -> Result<Ending, RunFailure> {
-        let (mut reached, mut flushed) = (from, Instant::now());
-        loop {
-            if let Some(ending) = self.run_on(&mut reached) {
-                return Ok(ending);
-            }
-            // Whoever looks at the tape at a rest sees everything before it.
-            let at_rest = self.guide.stop() == Some(reached);
-            if at_rest || (self.options.steering.is_some() && flushed.elapsed() > FLUSH) {
-                flushed = Instant::now();
-                self.recorder().flush()?;
-            }
-            while let Some(business) = self.guide.take(reached) {
-                match business {
-                    Business::Checkpoint { file: true } => self.checkpoint(reached)?,
-                    // Nobody dies alone here, so nobody is restarted.
-                    Business::Checkpoint { file: false } => {}
-                    Business::Substitute(number) => self.substitute(reached, number)?,
-                    Business::Pause => {
-                        let who = format!("process {}", std::process::id());
-                        let steering = self.guide.hold(reached);
-                        let (progress, interrupt) = (&self.progress, &self.interrupt);
-                        let steering = steering.as_deref();
-                        if !prepare::pause(&self.plan, reached, &who, progress, interrupt, steering, || None)? {
-                            let t = self.plan.timebase.seconds(reached);
-                            let reason = format!("stopped at t = {t} s");
-                            return Ok(Ending::Stopped { reason });
-                        }
-                        self.guide.go_on();
-                    }
+impl Executor for Loop {
+    fn turn(&mut self, course: &mut Course) -> Result<Turn, Ending> {
+        let (plan, reached) = (course.plan.clone(), self.reached);
+        let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
+        let stretch = shortest.unwrap_or(1).saturating_mul(GLANCE);
+        let horizon = course.guide.horizon(reached).min(reached.saturating_add(stretch));
+        if horizon == reached && horizon > 0 && course.guide.stop() != Some(reached) {
+            std::thread::sleep(NAP);
+        }
+        if let Some(looped) = &mut self.looped {
+            looped.run_to(horizon, |_| {})?;
+        }
+        let lie = course.recorder().take_lie();
+        if let Some((number, reason)) = lie {
+            let participant = course.name(number).to_owned();
+            return Err(Ending::Failed { participant, reason });
+        }
+        course.guide.tell(horizon, horizon == reached);
+        self.reached = horizon;
+        let t_s = plan.timebase.seconds(horizon);
+        course.options.progress.report(Report::Time { t_s });
+        if course.options.interrupt.asked() {
+            let reason = format!("interrupted at t = {t_s} s");
+            return Ok(Turn::Over(Ending::Stopped { reason }));
+        }
+        if horizon >= plan.end {
+            return Ok(Turn::Over(Ending::Complete));
+        }
+        if course.options.steering.is_some() && self.flushed.elapsed() > FLUSH {
+            self.flushed = Instant::now();
+            let flushed = course.recorder().flush();
+            flushed.map_err(|error| Ending::own(error.to_string()))?;
+        }
+        match course.guide.stop() {
+            Some(stop) if stop == horizon => Ok(Turn::Rests(stop)),
+            _ => Ok(Turn::Going),
+        }
+    }
+
+    fn rests_at(&self, now: Ticks) -> bool {
+        self.reached == now
+    }
+
+    fn save(&mut self, course: &Course, number: usize) -> Result<Vec<u8>, RunFailure> {
+        let steppers = self.looped.as_ref().map(InLoop::steppers).unwrap_or_default();
+        let state = steppers.get(number).and_then(|stepper| stepper.participant().save());
+        state.ok_or_else(|| odd(&course.entries[number], CANNOT_SAVE))
+    }
+
+    fn take_up(
+        &mut self,
+        course: &mut Course,
+        cut: &Cut,
+        seats: Vec<Seat>,
+        back: bool,
+    ) -> Result<Vec<Fallen>, RunFailure> {
+        let newcomers: Vec<Option<Entry>> = (seats.iter())
+            .map(|seat| match seat {
+                Seat::New(entry, _) => Some((**entry).clone()),
+                Seat::Same(_) => None,
+            })
+            .collect();
+        if back {
+            let Some(looped) = self.looped.take() else {
+                return Err(RunFailure::Other("the run is over".into()));
+            };
+            let seated = looped.into_participants().into_iter().zip(seats).enumerate();
+            let participants = seated
+                .filter_map(|(number, (now, one))| seat(course, number, cut.next[number], one, Some(now)).transpose());
+            let participants = participants.collect::<Result<Vec<_>, _>>()?;
+            let positions = course.positions(cut)?;
+            let parts = parts(&course.plan, participants, &course.recorder);
+            let looped = InLoop::resume(&course.plan, parts, positions);
+            self.looped = Some(looped.map_err(|error| RunFailure::Other(error.to_string()))?);
+        } else if let Some(looped) = &mut self.looped {
+            // Nobody else notices when a seat is taken anew.
+            for (number, one) in seats.into_iter().enumerate() {
+                if let Some(newcomer) = seat(course, number, cut.next[number], one, None)? {
+                    looped.replace(number, newcomer);
                 }
             }
         }
+        course.recorder().stand_at(cut);
+        for (entry, newcomer) in course.entries.iter_mut().zip(newcomers) {
+            if let Some(newcomer) = newcomer {
+                *entry = newcomer;
+            }
+        }
+        Ok(Vec::new())
     }
 
-    fn recorder(&self) -> MutexGuard<'_, Recorder> {
-        self.recorder.lock().unwrap_or_else(PoisonError::into_inner)
+    fn show_inputs(&mut self, course: &mut Course, _: &Cut) -> Result<Vec<Fallen>, RunFailure> {
+        if let Some(looped) = &mut self.looped {
+            for (participant, input, payload) in course.inputs.iter() {
+                looped.set_input(participant, input, payload);
+            }
+        }
+        Ok(Vec::new())
     }
 
-    fn save(&self, number: usize) -> Result<Vec<u8>, RunFailure> {
-        let steppers = self.looped.as_ref().map(InLoop::steppers).unwrap_or_default();
-        let state = steppers.get(number).and_then(|stepper| stepper.participant().save());
-        state.ok_or_else(|| odd(&self.entries[number], "cannot save its state"))
+    fn went_back(&mut self, to: Ticks) {
+        self.reached = to;
     }
 
-    fn checkpoint(&mut self, now: Ticks) -> Result<(), RunFailure> {
-        let states = (0..self.entries.len()).map(|number| self.save(number));
-        let states = states.collect::<Result<_, _>>()?;
-        let (time, cut) = (self.plan.timebase.time(now).unwrap_or_default(), self.plan.cut_at(now));
-        let checkpoint = Checkpoint::new(&self.plan, time, cut, states, self.substituted, &self.entries);
-        self.recorder().flush()?;
-        checkpoint.write(&self.checkpoints)?;
-        Ok(())
+    fn outlives_failures(&self) -> bool {
+        false
     }
 
-    fn substitute(&mut self, now: Ticks, number: usize) -> Result<(), RunFailure> {
-        let substitution = &self.scenario.substitutions[number];
-        let seat = substitution.participant;
-        let cut = self.plan.cut_at(now);
-        let state = match substitution.state {
-            State::Cold => None,
-            State::Keep => Some(self.save(seat)?),
-        };
-        let entry = substitution.entry.clone();
-        let mut newcomer = make(self.scenario, &entry)?;
-        if let Some(difference) = newcomer.interface().difference(&self.plan.participants[seat].interface) {
-            return Err(odd(
-                &entry,
-                format!("describes other ports than expected: {difference}"),
-            ));
-        }
-        let t = instant(&self.plan, seat, cut.next[seat]);
-        settle(newcomer.as_mut(), t, true, state.as_deref()).map_err(|error| odd(&entry, error))?;
-        let Some(looped) = self.looped.take() else {
-            return Ok(());
-        };
-        let mut participants = looped.into_participants();
-        participants[seat] = newcomer;
-        let states = vec![None; participants.len()];
-        let played = self.recorder().played()?;
-        let positions = prepare::positions(&self.plan, &cut, &played, states)?;
-        let parts = parts(&self.plan, participants, &self.recorder);
-        let looped = InLoop::resume(&self.plan, parts, positions);
-        self.looped = Some(looped.map_err(|error| RunFailure::Other(error.to_string()))?);
-        let event = prepare::substitution_event(&self.plan, now, &cut, seat, &entry, substitution.state);
-        self.recorder().event(&event)?;
-        self.recorder().renew(seat);
-        self.entries[seat] = entry;
-        self.substituted = number + 1;
-        Ok(())
+    fn survive(&mut self, _: &mut Course, ending: Ending) -> Result<(), Ending> {
+        Err(ending)
     }
 
-    /// Runs a short stretch, so that signals, pacing and wishes are seen. `Some` when the run is over.
-    fn run_on(&mut self, reached: &mut Ticks) -> Option<Ending> {
-        let shortest = self.plan.participants.iter().map(|own| own.sample_time.period).min();
-        let stretch = shortest.unwrap_or(1).saturating_mul(i64::from(GLANCE));
-        let horizon = self.guide.horizon(*reached).min(reached.saturating_add(stretch));
-        if horizon == *reached && horizon > 0 {
-            std::thread::sleep(NAP);
+    fn note_fallen(&mut self, _: Vec<Fallen>) {}
+
+    fn processes(&self) -> String {
+        format!("process {}", std::process::id())
+    }
+
+    fn failure(&mut self, _: &Course) -> Option<RunFailure> {
+        None
+    }
+
+    fn renew_patience(&mut self) {}
+
+    fn bring_down(&mut self, _: &mut Course) {
+        self.looped = None;
+    }
+
+    fn account(&self) -> Account {
+        Account {
+            placement: "all participants in one loop of one process".into(),
+            ..Account::default()
         }
-        if let Some(Err(error)) = self.looped.as_mut().map(|looped| looped.run_to(horizon, |_| {})) {
-            return Some(error.into());
-        }
-        if let Some((number, reason)) = self.recorder().take_lie() {
-            let participant = self.entries[number].setup.name.clone();
-            return Some(Ending::Failed { participant, reason });
-        }
-        self.guide.tell(horizon, horizon == *reached);
-        *reached = horizon;
-        let t = self.plan.timebase.seconds(horizon);
-        self.progress.report(Report::Time { t_s: t });
-        if self.interrupt.asked() {
-            return Some(Ending::Stopped {
-                reason: format!("interrupted at t = {t} s"),
-            });
-        }
-        (horizon >= self.plan.end).then_some(Ending::Complete)
     }
 }

@@ -1,30 +1,38 @@
 //! One run, from a scenario to a verdict.
 
 mod agenda;
+mod attend;
 mod awake;
 mod bus;
 pub mod checkpoint;
 mod child;
-mod conduct;
+mod course;
 mod crew;
 pub mod describe;
+mod executor;
 mod explain;
 pub mod faults;
 mod guard;
+mod handle;
 mod horizon;
 mod in_process;
+mod inputs;
 mod instants;
 mod log;
 mod monitor;
+mod newest;
+mod notes;
 mod outcome;
 mod place;
 mod placement;
 mod played;
 pub(crate) mod prepare;
+mod processes;
 mod recording;
 pub mod room;
 mod set_up;
 mod slices;
+mod store;
 mod survive;
 mod take_up;
 
@@ -36,12 +44,16 @@ use lockstep::plan::Plan;
 use lockstep::time::Rational;
 use tape::folder::RunFolder;
 
+pub use bus::guard as guard_memory;
 pub use child::{own_program, tie};
 pub(crate) use guard::Watch;
+pub use handle::{Checkpoint, Instantlike, Run};
+pub use newest::Sample;
 pub use outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
 pub use placement::Placement;
 pub use prepare::{Known, check, check_here, check_with_programs};
 pub use recording::streams;
+pub use store::Record;
 
 use crate::live::Steering;
 use crate::observer::{Event, Interrupt, Progress};
@@ -85,11 +97,17 @@ pub struct Origin {
     pub checkpoint: checkpoint::Checkpoint,
 }
 
-/// What the command line says about a run besides the scenario.
-#[derive(Clone, Default)]
+/// Why a participant without `save` cannot do what was asked of it.
+const CANNOT_SAVE: &str = "cannot save its state, which a checkpoint or a substitution with state needs: implement `save` and `restore`, \
+                           or run without";
+
+/// What is said about a run besides the scenario.
+#[derive(Clone)]
 pub struct Options {
     /// All participants in this process.
     pub in_process: bool,
+    /// What is kept of the samples. Without a folder only in this process.
+    pub record: Record,
     /// The run folder; chosen under `runs` when not given.
     pub out: Option<PathBuf>,
     /// Replace the run in that folder, if there is one.
@@ -120,17 +138,73 @@ pub struct Options {
     pub steering: Option<Arc<Steering>>,
 }
 
+impl Default for Options {
+    /// In processes, as fast as possible, with a run folder under `runs`, and 60 s of patience.
+    fn default() -> Options {
+        Options {
+            in_process: false,
+            record: Record::Folder,
+            out: None,
+            force: false,
+            progress: Progress::default(),
+            interrupt: Interrupt::default(),
+            pace: None,
+            pause_at: Vec::new(),
+            checkpoint_every: None,
+            checkpoint_at: Vec::new(),
+            origin: None,
+            wait: Wait::Auto,
+            no_placement: false,
+            patience_s: 60.0,
+            start_within: None,
+            steering: None,
+        }
+    }
+}
+
 impl Options {
+    /// Refuses what a run without a folder cannot do.
+    fn check_record(&self) -> Result<(), RunFailure> {
+        if self.record == Record::Folder {
+            return Ok(());
+        }
+        let refuse = |option: &'static str, value: String, reason: &str| {
+            let reason = reason.to_owned();
+            Err(RunFailure::Option { option, value, reason })
+        };
+        let record = format!("{:?}", self.record);
+        if !self.in_process {
+            let reason = "participants in processes of their own have logs and a tape in a folder: use `Record::Folder`, or run in this process";
+            return refuse("record", record, reason);
+        }
+        if let Some(out) = &self.out {
+            let reason = "names a folder, and the run is to have none: use `Record::Folder`";
+            return refuse("out", out.display().to_string(), reason);
+        }
+        if self.checkpoint_every.is_some() || !self.checkpoint_at.is_empty() {
+            let reason = "a checkpoint in a file needs a folder: use `Record::Folder`, or `Run::save`";
+            return refuse("record", record, reason);
+        }
+        if self.steering.is_some() {
+            return refuse(
+                "record",
+                record,
+                "the live page reads the tape in a folder: use `Record::Folder`",
+            );
+        }
+        Ok(())
+    }
+
     /// [`Options::patience_s`] as far as a duration goes.
     fn patience(&self) -> Duration {
         Duration::try_from_secs_f64(self.patience_s).unwrap_or(Duration::MAX)
     }
 
     /// Tells whoever watches that there is a run.
-    fn begin(&self, plan: &Plan, folder: &RunFolder) {
+    fn begin(&self, plan: &Plan, folder: Option<&RunFolder>) {
         let duration_s = plan.timebase.seconds(plan.end);
         self.progress.report(Event::Begun { duration_s });
-        if let Some(steering) = &self.steering {
+        if let (Some(steering), Some(folder)) = (&self.steering, folder) {
             steering.begin(plan, folder.root().to_owned());
         }
     }
@@ -141,10 +215,10 @@ impl Options {
 /// # Errors
 /// What stopped the run before there was anything to record; what went wrong later is in the [`Outcome`].
 pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
-    instants::check(scenario.duration, options)?;
-    if options.in_process {
-        in_process::run(scenario, options)
-    } else {
-        conduct::run(scenario, options)
-    }
+    run_shared(Arc::new(scenario.clone()), options.clone())
+}
+
+/// [`run`], for whoever has no further use for either.
+pub(crate) fn run_shared(scenario: Arc<Scenario>, options: Options) -> Result<Outcome, RunFailure> {
+    Run::begin(scenario, options).map(Run::finish)
 }

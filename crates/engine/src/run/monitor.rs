@@ -60,11 +60,6 @@ impl Monitor {
         self.interrupt.asked()
     }
 
-    /// The user's signals.
-    pub(super) fn interrupt(&self) -> &Interrupt {
-        &self.interrupt
-    }
-
     /// The signal or the failure that makes waiting useless, if there is one.
     pub(super) fn failure(&self) -> Option<RunFailure> {
         if self.asked() {

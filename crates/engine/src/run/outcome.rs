@@ -70,6 +70,28 @@ pub enum RunFailure {
         /// What is wrong with it, and the remedy.
         reason: String,
     },
+    /// A port that code names is not there, or not as it is used.
+    #[error("`{port}`: {reason}")]
+    Port {
+        /// `PARTICIPANT.PORT`.
+        port: String,
+        /// What is wrong, and the remedy.
+        reason: String,
+    },
+    /// An instant that code names is none that the run can go to.
+    #[error("t = {time} {reason}")]
+    Instant {
+        /// The instant.
+        time: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The run goes no further.
+    #[error("the run is over: {how}")]
+    Over {
+        /// How it ended.
+        how: String,
+    },
     /// Somebody asked for an end before the run began.
     #[error("interrupted before the run began")]
     Interrupted,
@@ -136,8 +158,8 @@ impl Ending {
 
 /// A run that was recorded.
 pub struct Outcome {
-    /// The run folder.
-    pub folder: PathBuf,
+    /// The run folder, if the run has one.
+    pub folder: Option<PathBuf>,
     /// How it ended.
     pub ending: Ending,
     /// Simulated time reached, s.
@@ -146,7 +168,7 @@ pub struct Outcome {
     pub wall_s: f64,
     /// When the orchestrator knew how the run ends.
     pub known: Instant,
-    /// The tape; nothing when it could not be finished.
+    /// The digest of the tape; nothing when it could not be finished, or when nothing was kept.
     pub digest: Option<Digest>,
     /// What became of participants that failed, in the words of the tape's events: where the run went back to or who took over
     /// depends on wall time.
@@ -164,9 +186,9 @@ pub struct Outcome {
 impl Outcome {
     /// The ending and the tape's digest, when the tape was finished like this: a tape that cannot be written ends a run that
     /// nothing else has ended.
-    pub(super) fn sealed(ending: Ending, digest: Result<Digest, AppendError>) -> (Ending, Option<Digest>) {
+    pub(super) fn sealed(ending: Ending, digest: Result<Option<Digest>, AppendError>) -> (Ending, Option<Digest>) {
         match (digest, ending) {
-            (Ok(digest), ending) => (ending, Some(digest)),
+            (Ok(digest), ending) => (ending, digest),
             (Err(error), Ending::Complete) => (Ending::own(error.to_string()), None),
             (Err(_), ending) => (ending, None),
         }
@@ -208,7 +230,9 @@ impl Outcome {
             "tape_digest".into(),
             json!(self.digest.map(|digest| digest.to_string())),
         );
-        all.insert("run_folder".into(), json!(self.folder.display().to_string()));
+        if let Some(folder) = &self.folder {
+            all.insert("run_folder".into(), json!(folder.display().to_string()));
+        }
         if !self.recovered.is_empty() {
             all.insert("recovered".into(), json!(self.recovered));
         }

@@ -21,7 +21,6 @@ impl Place {
         address: Address,
         names: impl ExactSizeIterator<Item = &'a str>,
     ) -> Result<(Domain, Vec<Ports>), RunFailure> {
-        bus::guard().map_err(|error| RunFailure::Other(error.to_string()))?;
         let domain = Domain::enter(address, "orchestrator")?;
         let count = names.len();
         let ports = names.map(|name| Ports::create(&domain, name, count));

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use lockstep::plan::{Cut, Plan};
+use lockstep::plan::{Cut, Plan, Position};
 use lockstep::port::Descriptor;
 use lockstep::transport::Header;
 use tape::{Event, ReadError, Reader, Records, Source, StreamSpec};
@@ -10,8 +10,8 @@ use tape::{Event, ReadError, Reader, Records, Source, StreamSpec};
 use super::outcome::RunFailure;
 
 /// A tape with the streams of a plan.
-pub struct Played {
-    reader: Reader,
+pub struct Played<S = Reader> {
+    reader: S,
     /// The position on the tape of each of the plan's streams.
     streams: Vec<usize>,
     stamp_bytes: usize,
@@ -23,7 +23,21 @@ impl Played {
     /// # Errors
     /// When it cannot be read, or when a stream of the plan is not on it with the same ports and sample times.
     pub fn open(tape: &Path, plan: &Plan) -> Result<Played, RunFailure> {
-        let reader = Reader::open(tape)?;
+        Played::of(Reader::open(tape)?, plan, &tape.display().to_string())
+    }
+
+    /// What has happened.
+    pub fn events(&self) -> Result<Vec<Event>, ReadError> {
+        self.reader.events()
+    }
+}
+
+impl<S: Source> Played<S> {
+    /// The tape `reader`, which lies in `place`.
+    ///
+    /// # Errors
+    /// As [`Played::open`].
+    pub fn of(reader: S, plan: &Plan, place: &str) -> Result<Played<S>, RunFailure> {
         let mut streams = Vec::new();
         for spec in super::recording::streams(plan) {
             let number = reader.stream(&spec.name())?;
@@ -37,10 +51,9 @@ impl Played {
             };
             if let Some(difference) = difference {
                 return Err(RunFailure::Other(format!(
-                    "the run cannot be taken up: `{}` has {difference} now than on the tape in {}; change neither ports nor \
+                    "the run cannot be taken up: `{}` has {difference} now than on the tape in {place}; change neither ports nor \
                      sample times of a run under way",
                     spec.name(),
-                    tape.display()
                 )));
             }
             streams.push(number);
@@ -72,9 +85,16 @@ impl Played {
         &self.reader.streams()[self.streams[stream as usize]]
     }
 
-    /// What has happened.
-    pub fn events(&self) -> Result<Vec<Event>, ReadError> {
-        self.reader.events()
+    /// The tape itself.
+    pub(super) fn into_source(self) -> S {
+        self.reader
+    }
+
+    /// Where everybody goes on at `cut`, each with the state that it has.
+    pub(super) fn positions(&self, plan: &Plan, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
+        let numbers = 0..plan.participants.len();
+        let positions = numbers.map(|number| plan.position(cut, number, |stream, index| self.payload(stream, index)));
+        Ok(positions.collect::<Result<_, _>>()?)
     }
 
     /// Hands every sample before `cut` to `take`, in the order of simulated time.
@@ -84,10 +104,10 @@ impl Played {
         cut: &Cut,
         mut take: impl FnMut(usize, u32, Header, &[u8]) -> Result<(), RunFailure>,
     ) -> Result<(), RunFailure> {
-        struct Lane<'a> {
+        struct Lane<'a, S: Source> {
             participant: usize,
             stream: u32,
-            records: Records<'a, Reader>,
+            records: Records<'a, S>,
             next: Header,
             left: u64,
         }

@@ -1,5 +1,7 @@
 //! What both ways of running have in common: the run folder, the recorder, stops and pacing.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use lockstep::participant::{Interface, Participant};
@@ -10,11 +12,16 @@ use tape::folder::{Claim, RunFolder, utc_text};
 use tape::{Event, EventKind, StreamSpec, Writer};
 
 use super::checkpoint::Checkpoint;
+use super::course::Course;
 use super::describe;
+use super::executor::Seat;
+use super::guard::Watch;
+use super::inputs::Inputs;
 use super::monitor::Monitor;
-use super::outcome::{Outcome, RunFailure};
+use super::outcome::RunFailure;
 use super::played::Played;
 use super::recording::{Recorder, streams};
+use super::store::{Record, Store};
 use super::{Options, Origin};
 use crate::assessment::Assessment;
 use crate::live::Steering;
@@ -34,17 +41,20 @@ pub struct Known {
 
 /// Makes the participants that this program contains, plans, and looks at the assessment: everything but launch.
 pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
-    check_made(scenario, &scenario.make()?)
+    checked(scenario, scenario.make()?).map(|(known, _)| known)
 }
 
 /// The same for a run in this process, into which the libraries of the scenario are loaded.
 pub fn check_here(scenario: &Scenario) -> Result<Known, ScenarioError> {
-    check_made(scenario, &scenario.make_here()?)
+    checked(scenario, scenario.make_here()?).map(|(known, _)| known)
 }
 
-fn check_made(scenario: &Scenario, made: &[Option<Box<dyn Participant>>]) -> Result<Known, ScenarioError> {
-    let interfaces: Vec<Option<Interface>> = made
-        .iter()
+/// The participants that this process has, made for a scenario.
+pub(super) type Made = Vec<Option<Box<dyn Participant>>>;
+
+/// [`check`] with participants that were `made` for it, which are given back.
+pub(super) fn checked(scenario: &Scenario, made: Made) -> Result<(Known, Made), ScenarioError> {
+    let interfaces: Vec<Option<Interface>> = (made.iter())
         .map(|participant| participant.as_ref().map(|participant| participant.interface()))
         .collect();
     for substitution in &scenario.substitutions {
@@ -74,7 +84,7 @@ fn check_made(scenario: &Scenario, made: &[Option<Box<dyn Participant>>]) -> Res
         };
         scenario.measures(&streams(&plan), certain)?;
     }
-    Ok(Known { interfaces, plan })
+    Ok((Known { interfaces, plan }, made))
 }
 
 impl Known {
@@ -182,22 +192,49 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, Ru
     Ok(claim)
 }
 
-/// What has become of a run that has the folder of `claim`: one that was refused leaves nothing there.
-pub(super) fn settled(ran: Result<Outcome, RunFailure>, mut claim: Claim) -> Result<Outcome, RunFailure> {
-    if ran.as_ref().err().is_none_or(|failure| failure.exit_code() != 2) {
-        claim.settle();
-    }
-    ran
+/// Opens what keeps the samples: the tape in `folder`, or what the options ask for without one.
+pub(super) fn recorder(
+    scenario: &Scenario,
+    plan: &Arc<Plan>,
+    record: Record,
+    folder: Option<&RunFolder>,
+) -> Result<Recorder, RunFailure> {
+    let streams = streams(plan);
+    let (assessment, watches) = judges(scenario, plan, &streams)?;
+    let store = match folder {
+        Some(folder) => Store::Disk(Writer::create(&folder.tape(), streams)?),
+        None => Store::without_folder(record, streams)?,
+    };
+    Ok(Recorder::new(plan.clone(), store, assessment, watches))
 }
 
-/// Opens the tape.
-pub(super) fn recorder(scenario: &Scenario, plan: &Plan, folder: &RunFolder) -> Result<Recorder, RunFailure> {
-    let streams = streams(plan);
-    let assessment = assess(scenario, &streams)?;
-    let watches = scenario.watches(plan, |_| true)?;
+/// The assessment and the guards of a run at its beginning.
+pub(super) fn judges(
+    scenario: &Scenario,
+    plan: &Plan,
+    streams: &[StreamSpec],
+) -> Result<(Option<Box<dyn Assessment>>, Vec<Watch>), ScenarioError> {
     scenario.check_pictures(plan, |_| true)?;
-    let writer = Writer::create(&folder.tape(), streams)?;
-    Ok(Recorder::new(plan.clone(), writer, assessment, watches))
+    Ok((assess(scenario, streams)?, scenario.watches(plan, |_| true)?))
+}
+
+/// The name of what feeds each input of each participant.
+pub(super) fn sources(plan: &Plan) -> BTreeMap<String, Vec<String>> {
+    let source = |link: &Option<usize>| link.map_or("nobody".into(), |link| plan.output_name(plan.links[link].from));
+    let all = plan.participants.iter();
+    all.map(|own| (own.name.clone(), own.inputs.iter().map(source).collect()))
+        .collect()
+}
+
+/// A run before its first step, apart from those who do it.
+pub(super) struct Ready {
+    /// What runs in each seat.
+    pub(super) entries: Vec<Entry>,
+    pub(super) plan: Arc<Plan>,
+    pub(super) recorder: Recorder,
+    pub(super) start: Start,
+    /// What became of participants that failed.
+    pub(super) recovered: Vec<String>,
 }
 
 /// Where a run begins.
@@ -208,6 +245,8 @@ pub(super) struct Start {
     pub(super) positions: Option<Vec<Position>>,
     /// How many of the scenario's substitutions have happened.
     pub(super) substituted: usize,
+    /// The values of inputs that nobody feeds.
+    pub(super) inputs: Inputs,
 }
 
 /// What runs in each seat when the run begins.
@@ -247,6 +286,20 @@ pub(super) fn entries_at(scenario: &Scenario, checkpoint: &Checkpoint) -> Vec<En
     entries
 }
 
+/// Who sits where when the run goes back to `checkpoint`; those whom `anew` names in new programs.
+pub(super) fn seats_at(course: &Course, checkpoint: &Checkpoint, anew: impl Fn(usize) -> bool) -> Vec<Seat> {
+    let entries = entries_at(&course.scenario, checkpoint);
+    let seats = checkpoint.states.iter().cloned().zip(entries).enumerate();
+    let seats = seats.map(|(number, (state, entry))| {
+        if anew(number) || !entry.runs_as(&course.entries[number]) {
+            Seat::New(Box::new(entry), Some(state))
+        } else {
+            Seat::Same(Some(state))
+        }
+    });
+    seats.collect()
+}
+
 /// Where the run begins; what was before it is put on the tape.
 pub(super) fn start(
     scenario: &Scenario,
@@ -259,6 +312,7 @@ pub(super) fn start(
             from: 0,
             positions: None,
             substituted: 0,
+            inputs: Inputs::default(),
         });
     };
     let from = plan.timebase.ceil(checkpoint.time);
@@ -287,11 +341,19 @@ pub(super) fn start(
         participant: None,
         text: format!("taken up from the checkpoint at t = {}", checkpoint.time),
     })?;
-    let states = checkpoint.states.iter().cloned().map(Some).collect();
+    let mut told = played.events()?;
+    told.retain(|event| event.time <= checkpoint.time);
+    let inputs = Inputs::of_events(plan, &told)?;
+    let mut positions = played.positions(plan, &checkpoint.cut)?;
+    inputs.put_into(&mut positions);
+    for (position, state) in positions.iter_mut().zip(&checkpoint.states) {
+        position.state = Some(state.clone());
+    }
     Ok(Start {
         from,
-        positions: Some(positions(plan, &checkpoint.cut, &played, states)?),
+        positions: Some(positions),
         substituted: usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX),
+        inputs,
     })
 }
 
@@ -314,22 +376,6 @@ pub(super) fn substitution_event(
         participant: Some(entry.setup.name.clone()),
         text: format!("{} takes over at activation {} {how}", entry.program, cut.next[seat]),
     }
-}
-
-/// Where everybody goes on at `cut`, with these states.
-pub(super) fn positions(
-    plan: &Plan,
-    cut: &Cut,
-    played: &Played,
-    states: Vec<Option<Vec<u8>>>,
-) -> Result<Vec<Position>, RunFailure> {
-    let numbers = states.into_iter().enumerate();
-    numbers
-        .map(|(number, state)| {
-            let position = plan.position(cut, number, |stream, index| played.payload(stream, index))?;
-            Ok(Position { state, ..position })
-        })
-        .collect()
 }
 
 /// Waits at rest until the observer answers, the live page lets the run go on, or an end is asked for; whether the run goes on.

@@ -3,15 +3,18 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lockstep::plan::{Cut, Plan};
+use lockstep::participant::Payload;
+use lockstep::plan::{Cut, Plan, Position};
 use lockstep::time::{Rational, Ticks};
 use lockstep::transport::{Broken, Header, Recording};
-use tape::{AppendError, Digest, Event, EventKind, StreamSpec, Writer};
+use tape::{AppendError, Digest, Event, EventKind, StreamSpec};
 
 use super::faults;
 use super::guard::Watch;
+use super::newest::Newest;
 use super::outcome::{Ending, RunFailure};
 use super::played::{Played, difference};
+use super::store::{Store, no_samples};
 use crate::assessment::{Assessment, Figures};
 
 /// The streams of a run, in the order of their numbers.
@@ -44,7 +47,7 @@ pub fn streams(plan: &Plan) -> Vec<StreamSpec> {
 }
 
 /// The number of samples of stream number `stream` when the next activation of its owner is `next`.
-fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u64 {
+pub(super) fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u64 {
     let outputs = plan.participants.iter().map(|own| own.interface.outputs.len());
     if stream < outputs.sum() {
         plan.samples_before(owner, next)
@@ -56,34 +59,43 @@ fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u64 {
 
 /// Everything that is made of samples while they come.
 pub struct Recorder {
-    writer: Writer,
+    store: Store,
     assessment: Option<Box<dyn Assessment>>,
-    plan: Plan,
+    pub(super) plan: Arc<Plan>,
     /// The participant that owns each stream.
-    owners: Vec<usize>,
+    pub(super) owners: Vec<usize>,
     /// What is still to be told of faults.
     faults: VecDeque<(Ticks, Event)>,
     /// The newest stamp of anybody, ticks.
     pub newest: i64,
     error: Option<AppendError>,
     watches: Vec<Watch>,
+    /// The newest sample of each stream, where somebody may ask for it.
+    latest: Option<Newest>,
+    /// How many events that do not follow from the samples have been noted.
+    told: usize,
     /// The first sample that a guard did not let pass: whose, and what was wrong with it.
     lie: Option<(usize, String)>,
     /// What was recorded before everybody went back to a checkpoint, and is now recorded again.
     again: Option<Played>,
     /// How many samples each stream has where its producer stands: those on the tape, or fewer since the run went back.
-    reached: Vec<u64>,
+    pub(super) reached: Vec<u64>,
     /// The number of samples of each stream that precede the first activation.
     early: Vec<u64>,
     /// The activation at which each participant started in the present place.
-    base: Vec<u64>,
+    pub(super) base: Vec<u64>,
     /// The granted time (horizon), ticks: no activation at or past it may happen yet.
-    granted: Ticks,
+    pub(super) granted: Ticks,
 }
 
 impl Recorder {
-    /// Records onto `writer`, which was made for the streams of `plan`, and looks at every sample with `watches`.
-    pub fn new(plan: Plan, writer: Writer, assessment: Option<Box<dyn Assessment>>, watches: Vec<Watch>) -> Recorder {
+    /// Records into `store`, which was made for the streams of `plan`, and looks at every sample with `watches`.
+    pub(super) fn new(
+        plan: Arc<Plan>,
+        store: Store,
+        assessment: Option<Box<dyn Assessment>>,
+        watches: Vec<Watch>,
+    ) -> Recorder {
         let outputs = plan.participants.iter().enumerate();
         let outputs = outputs.flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number));
         let owners: Vec<usize> = outputs.chain(plan.seen.iter().map(|seen| seen.participant)).collect();
@@ -91,9 +103,11 @@ impl Recorder {
         let early = owners.iter().enumerate();
         let early = early.map(|(stream, &owner)| samples(&plan, stream, owner, 0)).collect();
         Recorder {
-            writer,
+            store,
             assessment,
             watches,
+            latest: None,
+            told: 0,
             early,
             lie: None,
             faults: faults::events(&plan),
@@ -159,16 +173,66 @@ impl Recorder {
         Ok(())
     }
 
-    /// The tape so far.
-    pub fn played(&mut self) -> Result<Played, RunFailure> {
-        self.writer.flush()?;
-        Played::open(self.writer.dir(), &self.plan)
+    /// Where everybody goes on at `cut`, each with the state that it has.
+    pub fn positions(&mut self, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
+        self.store.positions(&self.plan, cut)
     }
 
     /// Everybody goes back: samples that are on the tape will come again, and must be what they were.
     pub fn expect_again(&mut self) -> Result<(), RunFailure> {
-        self.again = Some(self.played()?);
+        self.again = self.store.tape(&self.plan)?;
         Ok(())
+    }
+
+    /// Everybody goes back to `cut`, and goes another way from there: what was recorded behind it is forgotten, and so are all
+    /// events but the first `told` of those that do not follow from the samples. `assessment` and `watches` are new ones.
+    pub fn cut_back(
+        &mut self,
+        cut: &Cut,
+        told: usize,
+        assessment: Option<Box<dyn Assessment>>,
+        watches: Vec<Watch>,
+    ) -> Result<(), RunFailure> {
+        let plan = self.plan.clone();
+        let mut events = self.store.events(&plan)?;
+        events.truncate(told);
+        let owned = self.owners.iter().enumerate();
+        let counts = owned.map(|(stream, &owner)| samples(&plan, stream, owner, cut.next[owner]));
+        self.store.cut_back(&counts.collect::<Vec<_>>())?;
+        (self.assessment, self.watches, self.lie, self.again) = (assessment, watches, None, None);
+        (self.faults, self.newest, self.told) = (faults::events(&plan), i64::MIN, 0);
+        self.latest.iter_mut().for_each(Newest::forget);
+        // Figures, guards and faults come to where they were by the samples that were kept.
+        let kept = self.store.take_kept(&plan)?;
+        kept.each_before(&plan, cut, |participant, stream, header, payload| {
+            let regarded = self.regard(participant, stream as usize, header, payload);
+            regarded.map_err(|broken| RunFailure::Other(broken.to_string()))
+        })?;
+        self.store.give_back(kept);
+        self.lie = None;
+        self.stand_at(cut);
+        events.iter().try_for_each(|event| self.event(event))?;
+        Ok(())
+    }
+
+    /// From now on the newest sample of each stream can be asked for.
+    pub fn keep_newest(&mut self) {
+        self.latest.get_or_insert_with(|| Newest::new(&streams(&self.plan)));
+    }
+
+    /// The newest sample of stream number `stream`, if there is one and [`Recorder::keep_newest`] was called before it came.
+    pub(super) fn newest_of(&self, stream: usize) -> Option<(Header, &Payload)> {
+        self.latest.as_ref()?.get(stream)
+    }
+
+    /// That samples can be read back.
+    pub(super) fn check_samples(&self) -> Result<(), RunFailure> {
+        self.store.has_samples().then_some(()).ok_or_else(no_samples)
+    }
+
+    /// How many events that do not follow from the samples have been noted.
+    pub(super) fn told(&self) -> usize {
+        self.told
     }
 
     /// The streams of the outputs of participant number `participant`.
@@ -187,90 +251,15 @@ impl Recorder {
             .map(|samples| self.plan.activations_of(participant, *samples))
     }
 
-    /// Checks a Finished note of participant number `participant` against its recorded samples.
-    ///
-    /// # Errors
-    /// The contradiction, in words that follow the participant's name.
-    pub fn finished(&self, participant: usize) -> Result<(), Broken> {
-        let own = &self.plan.participants[participant];
-        let says = "reports that it has finished";
-        let last = own.activations.checked_sub(1).map(|last| own.sample_time.instant(last));
-        if last.is_some_and(|last| last >= self.granted) {
-            return Err(Broken(format!(
-                "{says}; it may go no further than t = {} s",
-                self.plan.timebase.seconds(self.granted)
-            )));
-        }
-        self.stands_at(participant, own.activations, says)
-    }
-
-    /// Checks an AtRest note (granted time and next activation) against the plan and the recorded samples.
-    ///
-    /// # Errors
-    /// As [`Recorder::finished`].
-    pub fn rests(&self, participant: usize, horizon: Ticks, next: u64) -> Result<(), Broken> {
-        let t = self.plan.timebase.seconds(horizon);
-        let says = format!("reports that it rests at t = {t} s");
-        if horizon > self.granted {
-            return Err(Broken(format!(
-                "{says}; it may go no further than t = {} s",
-                self.plan.timebase.seconds(self.granted)
-            )));
-        }
-        let own = &self.plan.participants[participant];
-        let before = own.sample_time.count_before(horizon.min(self.plan.end));
-        let right = before.max(self.base[participant]);
-        if next != right {
-            return Err(Broken(format!(
-                "{says} before its activation {next}; by the plan it rests there before activation {right}"
-            )));
-        }
-        self.stands_at(participant, next, &says)
-    }
-
-    /// Checks a Recalled note (next activation) against the recorded samples.
-    ///
-    /// # Errors
-    /// As [`Recorder::finished`].
-    pub fn recalled(&self, participant: usize, next: u64) -> Result<(), Broken> {
-        let (least, most) = (self.base[participant], self.plan.participants[participant].activations);
-        let says = format!("reports that it rests before its activation {next}");
-        if !(least..=most).contains(&next) {
-            return Err(Broken(format!(
-                "{says}, of those from {least} to {most} that it may have reached"
-            )));
-        }
-        self.stands_at(participant, next, &says)
-    }
-
-    /// Checks that the participant has recorded exactly the samples of the activations before `next`.
-    fn stands_at(&self, participant: usize, next: u64, says: &str) -> Result<(), Broken> {
-        let owned = self.owners.iter().enumerate();
-        for (stream, _) in owned.filter(|(_, owner)| **owner == participant) {
-            let (due, right) = (self.reached[stream], samples(&self.plan, stream, participant, next));
-            if due != right {
-                let name = self.name(stream);
-                return Err(Broken(format!(
-                    "{says}, and has recorded {due} samples of `{name}` where the plan has {right}"
-                )));
-            }
-        }
-        Ok(())
-    }
-
     /// `participant.port` of stream number `stream`.
-    fn name(&self, stream: usize) -> String {
+    pub(super) fn name(&self, stream: usize) -> String {
         streams(&self.plan)[stream].name()
     }
 
     /// Whether the tape has samples of participant number `participant` that are still to come again, since the run went back.
     pub fn is_ahead_of(&self, participant: usize) -> bool {
         let mut outputs = self.outputs(participant);
-        outputs.any(|stream| {
-            self.writer
-                .count(stream)
-                .is_some_and(|count| self.reached[stream] < count)
-        })
+        outputs.any(|stream| self.reached[stream] < self.count(stream))
     }
 
     fn same_again(again: &Played, stream: u32, header: Header, payload: &[u8]) -> Result<(), Broken> {
@@ -310,15 +299,20 @@ impl Recorder {
             )));
         }
         self.is_due(participant, number, header.index)?;
+        self.take(participant, number, header, payload)
+    }
+
+    /// Takes the next sample of a stream of `participant`, whose header is right.
+    pub fn take(&mut self, participant: usize, number: usize, header: Header, payload: &[u8]) -> Result<(), Broken> {
         if let Some(again) = &self.again
             && header.index < again.count(number)
         {
-            Self::same_again(again, stream, header, payload)?;
+            Self::same_again(again, number as u32, header, payload)?;
             self.reached[number] += 1;
             return Ok(());
         }
         let stamp = self.plan.timebase.seconds(header.stamp);
-        match self.writer.append(number, header.index, stamp, payload) {
+        match self.store.append(number, header.index, stamp, payload) {
             Ok(()) => {}
             Err(error @ (AppendError::Io { .. } | AppendError::DiskFull { .. })) => {
                 let text = error.to_string();
@@ -328,8 +322,16 @@ impl Recorder {
             Err(error) => return Err(Broken(format!("recorded {error}"))),
         }
         self.reached[number] += 1;
+        self.regard(participant, number, header, payload)
+    }
+
+    /// Everything besides recording that a sample is looked at for.
+    fn regard(&mut self, participant: usize, number: usize, header: Header, payload: &[u8]) -> Result<(), Broken> {
         if let Some(assessment) = &mut self.assessment {
-            assessment.sample(number, stamp, payload);
+            assessment.sample(number, self.plan.timebase.seconds(header.stamp), payload);
+        }
+        if let Some(latest) = &mut self.latest {
+            latest.put(number, header, payload);
         }
         for watch in self.watches.iter_mut().filter(|watch| watch.stream == number) {
             if let Some(what) = watch.look(header.index, header.stamp, payload, self.plan.timebase)
@@ -375,7 +377,7 @@ impl Recorder {
             let Some((_, event)) = self.faults.pop_front() else {
                 break;
             };
-            if let Err(error) = self.writer.event(&event) {
+            if let Err(error) = self.store.event(&event) {
                 let text = error.to_string();
                 self.error = Some(error);
                 return Err(Broken(text));
@@ -397,12 +399,13 @@ impl Recorder {
 
     /// Notes an event.
     pub fn event(&mut self, event: &Event) -> Result<(), AppendError> {
-        self.writer.event(event)
+        self.told += usize::from(event.kind != EventKind::Fault);
+        self.store.event(event)
     }
 
     /// Puts what is buffered onto the disk.
     pub fn flush(&mut self) -> Result<(), AppendError> {
-        self.writer.flush()
+        self.store.flush()
     }
 
     /// Whose sample a guard did not let pass, and why; told once. The sample is on the tape, and others may have seen it.
@@ -427,12 +430,12 @@ impl Recorder {
 
     /// How many samples of stream number `stream` have come.
     pub fn count(&self, stream: usize) -> u64 {
-        self.writer.count(stream).unwrap_or(0)
+        self.store.count(stream).unwrap_or(self.reached[stream])
     }
 
     /// Closes the tape. What is on it can be read even if that fails.
-    pub fn finish(self) -> (Result<Digest, AppendError>, Option<Figures>) {
-        let digest = self.writer.finish();
+    pub fn finish(self) -> (Result<Option<Digest>, AppendError>, Option<Figures>) {
+        let digest = self.store.finish();
         (digest, self.assessment.map(|mut assessment| assessment.finish()))
     }
 }
@@ -448,8 +451,9 @@ pub struct Direct {
 impl Recording for Direct {
     fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
         let mut recorder = self.recorder.lock().unwrap_or_else(PoisonError::into_inner);
+        // The stepper has made the header from the plan itself.
         recorder
-            .sample(self.participant, stream, header, payload)
+            .take(self.participant, stream as usize, header, payload)
             .map(|()| true)
     }
 }

@@ -3,6 +3,7 @@
 //! Before the first step no state can be lost. So where the failed participant's `on-failure` is a restart or a substitute, all
 //! participants are started again in a fresh place, the failed one with the program that its policy names.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use lockstep::participant::Interface;
@@ -18,34 +19,19 @@ use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::place::Place;
 use super::placement::Placement;
-use super::prepare::{self, Start};
+use super::prepare::{self, Ready, Start};
+use super::processes::{Failures, Processes, Rounds};
 use super::recording::Recorder;
-use super::survive::RESTARTS_MAX;
+use super::store::Record;
+use super::survive::{RESTARTS_MAX, Restarts};
 use super::{Options, room};
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
 
-/// A run before its first step.
-pub(super) struct Ready {
-    /// What runs in each seat.
-    pub(super) entries: Vec<Entry>,
-    /// How many programs were started again.
-    pub(super) programs: usize,
-    pub(super) scope: Scope,
-    pub(super) plan: Plan,
-    pub(super) recorder: Recorder,
-    pub(super) start: Start,
-    pub(super) place: Place,
-    pub(super) placement: Placement,
-    pub(super) crew: Vec<Member>,
-    /// What became of participants that failed.
-    pub(super) recovered: Vec<String>,
-}
-
 /// What follows from the ports, and stays the same in every attempt.
 struct Basis {
     interfaces: Vec<Interface>,
-    plan: Plan,
+    plan: Arc<Plan>,
     recorder: Recorder,
     start: Start,
 }
@@ -74,7 +60,7 @@ pub(super) fn set_up(
     mut entries: Vec<Entry>,
     folder: &RunFolder,
     monitor: &Monitor,
-) -> Result<Ready, RunFailure> {
+) -> Result<(Ready, Processes), RunFailure> {
     let all = SetUp {
         scenario,
         options,
@@ -111,18 +97,27 @@ pub(super) fn set_up(
                 for event in events {
                     recorder.event(&Event { time, ..event })?;
                 }
-                return Ok(Ready {
-                    entries,
-                    programs,
+                let processes = Processes {
+                    crew,
+                    place,
                     scope,
+                    monitor: Monitor::new(options.interrupt.clone()),
+                    programs,
+                    failures: Failures {
+                        restarts: vec![Restarts::default(); entries.len()],
+                        fallen: Vec::new(),
+                    },
+                    placement: placement.reason,
+                    rounds: Rounds::new(options.patience()),
+                };
+                let ready = Ready {
+                    entries,
                     plan,
                     recorder,
                     start,
-                    place,
-                    placement,
-                    crew,
                     recovered,
-                });
+                };
+                return Ok((ready, processes));
             }
             (Err(RunFailure::Participant { participant, reason }), made) => {
                 basis = made;
@@ -219,9 +214,9 @@ impl SetUp<'_> {
         let Basis { plan, start, .. } = match basis {
             Some(basis) => basis,
             None => {
-                let plan = scenario.plan(&interfaces)?;
+                let plan = Arc::new(scenario.plan(&interfaces)?);
                 describe::check_substitutes(scenario, &interfaces, options, &monitor)?;
-                let mut recorder = prepare::recorder(scenario, &plan, self.folder)?;
+                let mut recorder = prepare::recorder(scenario, &plan, Record::Folder, Some(self.folder))?;
                 let start = prepare::start(self.scenario, &plan, options, &mut recorder)?;
                 basis.insert(Basis {
                     interfaces,

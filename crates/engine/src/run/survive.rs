@@ -6,13 +6,15 @@ use lockstep::plan::Cut;
 use lockstep::time::Ticks;
 use tape::{Event, EventKind};
 
+use super::attend::keep_for_restarts;
 use super::awake::Patience;
-use super::conduct::{BATCHES, Conductor};
+use super::course::Course;
 use super::crew::Taken;
+use super::executor::Seat;
 use super::explain;
 use super::outcome::{Ending, RunFailure};
 use super::prepare;
-use super::take_up::Seat;
+use super::processes::{BATCHES, Processes};
 use crate::scenario::OnFailure;
 
 /// How often somebody may fail without getting any further.
@@ -28,6 +30,18 @@ pub(super) struct Fallen {
 }
 
 impl Fallen {
+    /// The participant whose failure `failure` is; the others are the run's own.
+    pub(super) fn of(course: &Course, failure: RunFailure) -> Result<Fallen, RunFailure> {
+        let (participant, reason) = match failure {
+            RunFailure::Participant { participant, reason } => (participant, reason),
+            other => return Err(other),
+        };
+        match course.plan.participant(&participant) {
+            Some(number) => Ok(Fallen { number, reason }),
+            None => Err(RunFailure::Participant { participant, reason }),
+        }
+    }
+
     fn first_line(&self) -> &str {
         self.reason.lines().next().unwrap_or_default()
     }
@@ -40,43 +54,43 @@ pub(super) struct Restarts {
     count: u32,
 }
 
-impl Conductor<'_> {
+impl Processes {
     /// What the scenario says about the failure in `ending`: goes on, or gives the ending back. Who fails while the run is
     /// taken up is one more failure.
-    pub(super) fn survive(&mut self, ending: Ending) -> Result<(), Ending> {
+    pub(super) fn survive_failure(&mut self, course: &mut Course, ending: Ending) -> Result<(), Ending> {
         let Ending::Failed { participant, reason } = &ending else {
             return Err(ending);
         };
-        let Some(number) = self.plan.participant(participant) else {
+        let Some(number) = course.plan.participant(participant) else {
             return Err(ending);
         };
         let reason = reason.clone();
         let mut fallen = vec![Fallen { number, reason }];
-        let others = std::mem::take(&mut self.fallen);
+        let others = std::mem::take(&mut self.failures.fallen);
         fallen.extend(others.into_iter().filter(|one| one.number != number));
         let first = fallen[0].clone();
         let mut judged = 0;
         loop {
             for one in &fallen[judged..] {
-                self.judge(one, &first)?;
+                self.judge(course, one, &first)?;
             }
             judged = fallen.len();
-            let done = self.recall(&mut fallen).and_then(|()| {
+            let done = self.recall(course, &mut fallen).and_then(|()| {
                 if fallen.len() > judged {
                     // Somebody else failed meanwhile, and is to be judged before anything is done.
                     return Ok(None);
                 }
-                self.recover(&fallen).map(Some)
+                self.recover(course, &fallen).map(Some)
             });
             match done {
                 Ok(Some(missing)) if missing.is_empty() => return Ok(()),
                 Ok(Some(missing)) => (fallen, judged) = (missing, 0),
                 Ok(None) => {}
-                Err(RunFailure::Interrupted) => return Err(self.over(RunFailure::Interrupted)),
+                Err(RunFailure::Interrupted) => return Err(course.over(RunFailure::Interrupted)),
                 // What went wrong first is what matters most.
                 Err(second) => {
                     return Err(Ending::Failed {
-                        participant: self.plan.participants[first.number].name.clone(),
+                        participant: course.plan.participants[first.number].name.clone(),
                         reason: format!("{}\nand the run could not be taken up: {second}", first.reason),
                     });
                 }
@@ -85,14 +99,14 @@ impl Conductor<'_> {
     }
 
     /// Whether the run may go on after `one` failed, which was not the first to fail unless it is `first`.
-    fn judge(&mut self, one: &Fallen, first: &Fallen) -> Result<(), Ending> {
-        let participant = self.plan.participants[one.number].name.clone();
+    fn judge(&mut self, course: &mut Course, one: &Fallen, first: &Fallen) -> Result<(), Ending> {
+        let participant = course.plan.participants[one.number].name.clone();
         let mut over = None;
-        if self.entries[one.number].on_failure == OnFailure::Stop || self.crew.is_empty() {
+        if course.entries[one.number].on_failure == OnFailure::Stop || self.crew.is_empty() {
             over = Some(String::new());
         } else {
             let furthest = self.crew[one.number].status().next;
-            let restarts = &mut self.restarts[one.number];
+            let restarts = &mut self.failures.restarts[one.number];
             if furthest > restarts.furthest {
                 *restarts = Restarts { furthest, count: 0 };
             }
@@ -104,12 +118,14 @@ impl Conductor<'_> {
             }
         }
         let Some(mut more) = over else {
-            self.progress
+            course
+                .options
+                .progress
                 .say(&format!("participant `{participant}`: {}", one.reason));
             return Ok(());
         };
         if one.number != first.number {
-            let name = &self.plan.participants[first.number].name;
+            let name = &course.plan.participants[first.number].name;
             more += &format!(
                 "\n(when the run was to go on after participant `{name}`: {})",
                 first.first_line()
@@ -120,23 +136,23 @@ impl Conductor<'_> {
     }
 
     /// Ends what is left of `fallen`, and brings everybody else to rest. Who fails before it rests joins them.
-    fn recall(&mut self, fallen: &mut Vec<Fallen>) -> Result<(), RunFailure> {
+    fn recall(&mut self, course: &mut Course, fallen: &mut Vec<Fallen>) -> Result<(), RunFailure> {
         for one in fallen.iter() {
             let member = &mut self.crew[one.number];
             member.process.bring_down(Duration::ZERO);
             member.failed = None;
             // What it had handed over counts, up to what was wrong with it.
-            while let Ok(Taken::Old | Taken::News) = member.take(one.number, &mut self.recorder) {}
+            while let Ok(Taken::Old | Taken::News) = member.take(one.number, &mut course.recorder()) {}
         }
         self.place.clock.recall();
-        let mut patience = Patience::new(self.options.patience());
+        let mut patience = Patience::new(course.options.patience());
         loop {
             let mut left = None;
             for number in 0..self.crew.len() {
                 if fallen.iter().any(|one| one.number == number) {
                     continue;
                 }
-                match self.comes_to_rest(number)? {
+                match self.comes_to_rest(course, number)? {
                     Ok(true) => {}
                     Ok(false) => left = Some(number),
                     Err(reason) => {
@@ -161,17 +177,19 @@ impl Conductor<'_> {
     }
 
     /// Whether participant number `number` has come to rest; why it will not, if it failed too.
-    fn comes_to_rest(&mut self, number: usize) -> Result<Result<bool, String>, RunFailure> {
+    fn comes_to_rest(&mut self, course: &mut Course, number: usize) -> Result<Result<bool, String>, RunFailure> {
         let member = &mut self.crew[number];
         member.ring();
         let ended = member.process.ended();
         // Bounded, because a participant may send notes for ever.
         for _ in 0..BATCHES {
-            match member.take(number, &mut self.recorder) {
+            let taken = member.take(number, &mut course.recorder());
+            match taken {
                 Ok(Taken::Old | Taken::News) => {}
                 Ok(Taken::Nothing) => break,
                 Err(broken) => {
-                    return match self.recorder.take_error() {
+                    let error = course.recorder().take_error();
+                    return match error {
                         Some(error) => Err(error.into()),
                         None => Ok(Err(broken.0)),
                     };
@@ -184,73 +202,68 @@ impl Conductor<'_> {
         match ended {
             // Who ended after it came to rest is found missing when it is to move.
             Some(status) if member.recalled.is_none() => {
-                Ok(Err(explain::death(&self.plan, number, &self.crew[number], status)))
+                Ok(Err(explain::death(&course.plan, number, &self.crew[number], status)))
             }
             _ => Ok(Ok(member.recalled.is_some())),
         }
     }
 
     /// Everybody is at rest but `fallen`, who are dead: the run goes on as the scenario says. Gives those who fail on the way.
-    fn recover(&mut self, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
+    fn recover(&mut self, course: &mut Course, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
         // Another program would not give again what is on the tape: one that fails on the way back comes back too.
         let mut fallen_numbers = fallen.iter().map(|one| one.number);
-        if fallen_numbers
-            .any(|number| self.entries[number].on_failure == OnFailure::Restart || self.recorder.is_ahead_of(number))
-        {
-            self.go_back(fallen)
+        if fallen_numbers.any(|number| {
+            course.entries[number].on_failure == OnFailure::Restart || course.recorder().is_ahead_of(number)
+        }) {
+            self.go_back(course, fallen)
         } else {
-            self.replace(fallen)
+            self.replace(course, fallen)
         }
     }
 
     /// Everybody goes back to the last checkpoint; `fallen` in new processes, whatever else was to become of them: nothing of
     /// them is lost that way.
-    fn go_back(&mut self, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
-        let Some(checkpoint) = self.last_checkpoint.clone() else {
+    fn go_back(&mut self, course: &mut Course, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
+        let Some(checkpoint) = course.last_checkpoint.clone() else {
             return Err(RunFailure::Other("there is no checkpoint to go back to".into()));
         };
-        let entries = prepare::entries_at(self.scenario, &checkpoint);
-        let seats = checkpoint.states.into_iter().zip(entries).enumerate();
-        let seats = seats.map(|(number, (state, entry))| {
-            if fallen.iter().any(|one| one.number == number) || !entry.runs_as(&self.entries[number]) {
-                Seat::New(Box::new(entry), Some(state))
-            } else {
-                Seat::Same(Some(state))
-            }
+        let seats = prepare::seats_at(course, &checkpoint, |number| {
+            fallen.iter().any(|one| one.number == number)
         });
-        let seats = seats.collect();
-        self.recorder.expect_again()?;
-        let missing = self.take_up(&checkpoint.cut, seats)?;
-        self.substituted = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
-        self.guide.rewind(self.scenario, &self.plan, self.substituted);
+        course.recorder().expect_again()?;
+        let missing = self.move_everybody(course, &checkpoint.cut, seats)?;
+        course.substituted = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
+        course.guide.rewind(&course.scenario, &course.plan, course.substituted);
         for one in fallen {
             let text = format!(
                 "restarted from the checkpoint at t = {}: {}",
                 checkpoint.time,
                 one.first_line()
             );
-            self.note(EventKind::Restart, self.recorder.newest.max(0), one.number, text)?;
+            Self::note(course, EventKind::Restart, course.newest().max(0), one.number, text)?;
         }
         Ok(missing)
     }
 
     /// Other programs take over from `fallen`, where those had come to.
-    fn replace(&mut self, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
+    fn replace(&mut self, course: &mut Course, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
         let mut cut = Cut { next: Vec::new() };
         let mut seats = Vec::new();
         let mut notes = Vec::new();
         for (number, member) in self.crew.iter().enumerate() {
             let stands = match member.recalled {
                 Some(next) => next,
-                None => self
-                    .recorder
-                    .activations(number)
-                    .unwrap_or_else(|| member.status().next)
-                    .min(self.plan.participants[number].activations)
-                    .max(self.recorder.base(number)),
+                None => {
+                    let recorder = course.recorder();
+                    let recorded = recorder.activations(number);
+                    recorded
+                        .unwrap_or_else(|| member.status().next)
+                        .min(course.plan.participants[number].activations)
+                        .max(recorder.base(number))
+                }
             };
             cut.next.push(stands);
-            let (one, entry) = (fallen.iter().find(|one| one.number == number), &self.entries[number]);
+            let (one, entry) = (fallen.iter().find(|one| one.number == number), &course.entries[number]);
             seats.push(match (one, &entry.on_failure) {
                 (Some(one), OnFailure::Substitute(program)) => {
                     let entry = entry.replaced_by(program);
@@ -266,43 +279,39 @@ impl Conductor<'_> {
             });
         }
         // What the one before had been shown last is shown to the substitute again.
-        self.recorder.expect_again()?;
-        let mut missing = self.take_up(&cut, seats)?;
+        course.recorder().expect_again()?;
+        let mut missing = self.move_everybody(course, &cut, seats)?;
         // A restart must not bring back who was replaced.
-        self.last_checkpoint = None;
+        course.last_checkpoint = None;
         let mut at = 0;
         for (number, text) in notes {
-            self.recorder.renew(number);
-            at = self.plan.participants[number].sample_time.instant(cut.next[number]);
-            self.note(EventKind::Substitution, at, number, text)?;
+            course.recorder().renew(number);
+            at = course.plan.participants[number].sample_time.instant(cut.next[number]);
+            Self::note(course, EventKind::Substitution, at, number, text)?;
         }
-        if missing.is_empty() && self.scenario.restarts() {
-            match self.saved(self.time(at), cut) {
-                Ok(checkpoint) => self.last_checkpoint = Some(checkpoint),
-                Err(failure) => {
-                    let one = self.fallen(failure)?;
-                    // One that lives but cannot be saved is in nobody's way as long as nobody must go back.
-                    if self.crew[one.number].process.ended().is_some() {
-                        missing.push(one);
-                    }
-                }
+        if missing.is_empty()
+            && let Some(one) = keep_for_restarts(self, course, course.time(at), cut)?
+        {
+            // One that lives but cannot be saved is in nobody's way as long as nobody must go back.
+            if self.crew[one.number].process.ended().is_some() {
+                missing.push(one);
             }
         }
         Ok(missing)
     }
 
     /// Puts `text` about participant number `number` onto the tape and before the user.
-    fn note(&mut self, kind: EventKind, at: Ticks, number: usize, text: String) -> Result<(), RunFailure> {
-        let name = self.plan.participants[number].name.clone();
+    fn note(course: &mut Course, kind: EventKind, at: Ticks, number: usize, text: String) -> Result<(), RunFailure> {
+        let name = course.plan.participants[number].name.clone();
         let said = format!("participant `{name}`: {text}");
-        self.progress.say(&said);
-        self.recovered.push(said);
+        course.options.progress.say(&said);
+        course.recovered.push(said);
         let event = Event {
-            time: self.time(at),
+            time: course.time(at),
             kind,
             participant: Some(name),
             text,
         };
-        Ok(self.recorder.event(&event)?)
+        Ok(course.recorder().event(&event)?)
     }
 }

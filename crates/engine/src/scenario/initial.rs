@@ -9,6 +9,16 @@ pub(super) fn initial(value: &Value, descriptor: &Descriptor) -> Result<Initial,
     match value {
         Value::String(text) if text == "zero" => Ok(Initial::Value(vec![0; descriptor.size as usize])),
         Value::String(text) if text == "first-sample" => Ok(Initial::FirstSample),
+        Value::Table(_) => payload(value, descriptor).map(Initial::Value),
+        other => Err(format!(
+            "`{other}` is not an initial value: write \"zero\", \"first-sample\" or {{ field = value, … }}"
+        )),
+    }
+}
+
+/// Reads a table of fields, in the units of the descriptor; fields that are not named are zero.
+pub(crate) fn payload(value: &Value, descriptor: &Descriptor) -> Result<Vec<u8>, String> {
+    match value {
         Value::Table(fields) => {
             let mut bytes = vec![0; descriptor.size as usize];
             for (name, value) in fields {
@@ -26,11 +36,9 @@ pub(super) fn initial(value: &Value, descriptor: &Descriptor) -> Result<Initial,
                 })?;
                 write(value, field, &mut bytes[field.range()])?;
             }
-            Ok(Initial::Value(bytes))
+            Ok(bytes)
         }
-        other => Err(format!(
-            "`{other}` is not an initial value: write \"zero\", \"first-sample\" or {{ field = value, … }}"
-        )),
+        other => Err(format!("`{other}` is not a value: write {{ field = value, … }}")),
     }
 }
 
@@ -83,6 +91,8 @@ fn put(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> 
     let whole = match number {
         Value::Integer(value) => Some(i128::from(*value)),
         Value::Float(value) if value.fract() == 0.0 => Some(*value as i128),
+        // TOML's own whole numbers end at 2^63.
+        Value::String(text) => text.parse().ok(),
         _ => None,
     };
     let whole = whole.filter(|whole| range.contains(whole)).ok_or_else(|| {
@@ -116,6 +126,10 @@ mod tests {
         assert_eq!(
             put_into(Element::U64, &exact.to_string()),
             Ok((exact as u64).to_le_bytes().to_vec())
+        );
+        assert_eq!(
+            put_into(Element::U64, "\"18446744073709551615\""),
+            Ok(u64::MAX.to_le_bytes().to_vec())
         );
         assert_eq!(put_into(Element::I32, "-7"), Ok((-7_i32).to_le_bytes().to_vec()));
         assert_eq!(put_into(Element::U8, "255.0"), Ok(vec![255]));

@@ -21,6 +21,7 @@ pub use entry::Entry;
 pub use error::ScenarioError;
 pub use failure::OnFailure;
 pub use faults::{State, table as fault_table};
+pub(crate) use initial::payload;
 pub use measures::{DeclaredMeasure, measures_of_file};
 pub use program::{Program, in_path};
 pub use resolve::Scenario;

@@ -115,13 +115,35 @@ impl Scenario {
                 });
             }
         }
+        let mut interfaces = interfaces.to_vec();
+        for (participant, name) in self.inputs.iter().filter(|(participant, _)| certain(*participant)) {
+            let port = format!("{}.{name}", self.participants[*participant].setup.name);
+            let fed = links
+                .iter()
+                .find(|link| link.to == (self.participants[*participant].setup.name.clone(), name.clone()));
+            let inputs = &mut interfaces[*participant].inputs;
+            let reason = match (inputs.iter_mut().find(|input| input.name == *name), fed) {
+                (Some(input), None) => {
+                    input.required = false;
+                    continue;
+                }
+                (Some(_), Some(link)) => {
+                    format!("the connection `{}` feeds `{port}`: leave one of them out", link.name)
+                }
+                (None, _) => {
+                    let known: Vec<String> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+                    format!("there is no input `{port}`; there is {}", known.join(", "))
+                }
+            };
+            mistakes.push(self.source.mistake("inputs", reason));
+        }
         if !mistakes.is_empty() {
             return Err(self.source.error(mistakes));
         }
         let specs = self
             .participants
             .iter()
-            .zip(interfaces)
+            .zip(&interfaces)
             .map(|(entry, interface)| ParticipantSpec {
                 name: entry.setup.name.clone(),
                 period: entry.period,

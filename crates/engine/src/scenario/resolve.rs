@@ -16,6 +16,7 @@ use super::guards::{self, Guard};
 use super::measures::{self, DeclaredMeasure};
 use super::names::Names;
 use super::pictures;
+use super::plan::{not_a_port, port};
 use super::program::Program;
 use super::source::{Source, typed};
 use super::types::{ConnectionEntry, ParticipantEntry, Top};
@@ -23,6 +24,7 @@ use crate::Catalogue;
 use crate::run::ORCHESTRATOR;
 
 /// A scenario that has been read and understood, as far as that goes without the participants.
+#[derive(Clone)]
 pub struct Scenario {
     /// The file's name without its ending.
     pub name: String,
@@ -41,6 +43,8 @@ pub struct Scenario {
     /// The participants' names.
     pub(super) names: Names,
     pub(super) connections: Vec<(String, ConnectionEntry)>,
+    /// The inputs that nobody feeds though their participants need them, by participant.
+    pub(super) inputs: Vec<(usize, String)>,
     pub(super) faults: Faults,
     pub(super) guards: Vec<Guard>,
     pub(super) measures: Vec<DeclaredMeasure>,
@@ -107,6 +111,13 @@ impl Scenario {
             mistakes.extend(wrong);
             View::default()
         });
+        let mut inputs = Vec::new();
+        for port in &top.inputs {
+            match open_input(&names, port) {
+                Ok(input) => inputs.push(input),
+                Err(reason) => mistakes.push(source.mistake("inputs", reason)),
+            }
+        }
         let mut connections = Vec::new();
         for (name, value) in top.connections {
             match typed::<ConnectionEntry>(&source, &format!("connections.{name}"), value) {
@@ -126,6 +137,7 @@ impl Scenario {
             participants: resolved.into_iter().flatten().collect(),
             names,
             connections,
+            inputs,
             assessment: top.assessment,
             substitutions,
             faults,
@@ -199,6 +211,13 @@ impl Scenario {
                 remark(&format!("participants.{}.offset", entry.setup.name), reason);
             }
         }
+        for (participant, input) in &self.inputs {
+            let port = format!("{}.{input}", self.participants[*participant].setup.name);
+            remark(
+                "inputs",
+                format!("nobody feeds `{port}`: it holds zero unless a program sets it while the run goes on"),
+            );
+        }
         let faults = self.faults.begins();
         let substitutions = self.substitutions.iter().map(|one| (one.key.clone(), one.at));
         let mut begins: Vec<(String, Rational)> = faults.chain(substitutions).collect();
@@ -257,6 +276,14 @@ impl Scenario {
         };
         self.source.mistake(&key, reason)
     }
+}
+
+/// The participant and the input that an entry of `inputs` names.
+fn open_input(names: &Names, text: &str) -> Result<(usize, String), String> {
+    let (participant, input) = port(text).ok_or_else(|| not_a_port(text))?;
+    let number = names.number(&participant);
+    let number = number.ok_or_else(|| names.unknown("participant", &participant))?;
+    Ok((number, input))
 }
 
 /// The key of the folder that relative paths are relative to.

@@ -15,6 +15,7 @@ use super::resolve::FOLDER;
 use crate::Catalogue;
 
 /// A scenario as it was read, before anything is understood.
+#[derive(Clone)]
 pub(super) struct Source {
     pub(super) catalogue: Arc<Catalogue>,
     file: PathBuf,

@@ -109,6 +109,9 @@ pub(super) struct Top {
     pub(super) participants: BTreeMap<String, Value>,
     #[serde(default)]
     pub(super) connections: BTreeMap<String, Value>,
+    /// Inputs that nobody feeds though their participants need them: a program that drives the run sets them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) inputs: Vec<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) assessment: Option<Table>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

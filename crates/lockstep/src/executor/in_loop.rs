@@ -127,6 +127,23 @@ impl InLoop {
         }
     }
 
+    /// Puts `participant` in the place of number `number`, where everybody rests: the others keep what they have. It is as it
+    /// should be there: see [`crate::stepper::settle`].
+    pub fn replace(&mut self, number: usize, participant: Box<dyn Participant>) {
+        self.steppers[number].replace(participant);
+        // Between processes everybody moves when somebody is replaced, and only what was published moves along.
+        self.steppers.iter_mut().for_each(Stepper::forget_unpublished);
+    }
+
+    /// Sets what an input without a link shows from the next activation of participant number `number` on.
+    ///
+    /// # Panics
+    /// When the input has a link or `payload` has another size: a mistake of the caller.
+    pub fn set_input(&mut self, number: usize, input: usize, payload: &[u8]) {
+        self.steppers[number].set_input(input, payload);
+        self.steppers.iter_mut().for_each(Stepper::forget_unpublished);
+    }
+
     /// The participants, without their links.
     pub fn into_participants(self) -> Vec<Box<dyn Participant>> {
         self.steppers.into_iter().map(Stepper::into_participant).collect()

@@ -18,6 +18,22 @@ impl Payload {
         }
     }
 
+    /// The payload of `message`.
+    pub fn of(message: &impl Message) -> Payload {
+        let bytes = bytemuck::bytes_of(message);
+        let mut payload = Payload::zeroed(bytes.len());
+        payload.bytes_mut().copy_from_slice(bytes);
+        payload
+    }
+
+    /// The payload as the message `M`.
+    ///
+    /// # Panics
+    /// When `M` has another size: compare descriptors first.
+    pub fn get<M: Message>(&self) -> M {
+        *bytemuck::from_bytes(self.bytes())
+    }
+
     /// The bytes.
     pub fn bytes(&self) -> &[u8] {
         &bytemuck::cast_slice(&self.words)[..self.size]

@@ -116,7 +116,8 @@ impl Interface {
         Ok(())
     }
 
-    /// The first difference to the interface that a participant in the same place must have, in words.
+    /// The first difference to the interface that a participant in the same place must have, in words. Which inputs must be
+    /// connected is none.
     pub fn difference(&self, expected: &Interface) -> Option<String> {
         if self.kind != expected.kind {
             return Some(format!("it is {:?} where {:?} is expected", self.kind, expected.kind));
@@ -152,7 +153,7 @@ impl Interface {
             .find(|port| !theirs.iter().any(|other| other.0 == port.0 && other.1 == port.1));
         extra
             .map(|(direction, name, _)| format!("it has the {direction} `{name}`, which is not expected"))
-            .or_else(|| (self != expected).then(|| "its ports stand in another order".to_owned()))
+            .or_else(|| (mine != theirs).then(|| "its ports stand in another order".to_owned()))
     }
 }
 

@@ -41,7 +41,8 @@ pub struct Held {
 pub struct Position {
     /// The next activation; all before it are complete.
     pub next: u64,
-    /// For each input the samples that were sent before and that it still reads, oldest first.
+    /// For each input the samples that were sent before and that it still reads, oldest first. For an input without a link: at
+    /// most one, the value that it holds; its index means nothing. Without one the input holds zero bytes.
     pub inputs: Vec<Vec<Backlog>>,
     /// What each output holds: its newest sample. Empty where there is none yet.
     pub outputs: Vec<Vec<u8>>,

@@ -71,6 +71,24 @@ pub enum PositionError {
         /// In the participant.
         own: usize,
     },
+    /// A value of another size for an input that has no link.
+    #[error("the position has a value of {given} bytes for input `{port}`, which has {own}")]
+    Value {
+        /// The input.
+        port: String,
+        /// In the position.
+        given: usize,
+        /// In the participant.
+        own: usize,
+    },
+    /// More than one value for an input that has no link.
+    #[error("the position has {given} values for input `{port}`, which has no link and holds one")]
+    Values {
+        /// The input.
+        port: String,
+        /// In the position.
+        given: usize,
+    },
     /// It cannot be initialised.
     #[error("it cannot be initialised: {0}")]
     Initialise(String),

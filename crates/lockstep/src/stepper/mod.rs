@@ -9,6 +9,7 @@ mod input;
 mod output;
 mod position;
 mod progress;
+mod rest;
 
 pub use error::{PositionError, StepError};
 
@@ -56,30 +57,6 @@ impl Stepper {
             ..Position::default()
         };
         Stepper::at(participant, assignment, ends, nothing)
-    }
-
-    /// A stepper at rest at `position`, where others have done the work before. The participant is as it should be there:
-    /// initialised, with the state that `position` asks for.
-    ///
-    /// # Errors
-    /// When the position is not one of this participant.
-    pub fn resume(
-        participant: Box<dyn Participant>,
-        assignment: Assignment,
-        ends: Ends,
-        position: Position,
-    ) -> Result<Stepper, PositionError> {
-        position.check(&assignment)?;
-        let outputs = position.outputs.clone();
-        let mut stepper = Stepper::at(participant, assignment, ends, position);
-        for (buffer, bytes) in stepper.output_buffers.payloads.iter_mut().zip(&outputs) {
-            if !bytes.is_empty() {
-                buffer.bytes_mut().copy_from_slice(bytes);
-            }
-        }
-        stepper.initialised = true;
-        stepper.phase = Phase::Rest;
-        Ok(stepper)
     }
 
     fn at(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends, position: Position) -> Stepper {

@@ -51,6 +51,22 @@ impl Position {
                 return Err(PositionError::Ports { what, given, own });
             }
         }
+        for ((samples, port), link) in self.inputs.iter().zip(&interface.inputs).zip(&assignment.inputs) {
+            let (port, own) = (port.name.clone(), port.descriptor.size as usize);
+            match &samples[..] {
+                _ if link.is_some() => {}
+                [] => {}
+                [value] if value.payload.len() == own => {}
+                [value] => {
+                    let given = value.payload.len();
+                    return Err(PositionError::Value { port, given, own });
+                }
+                many => {
+                    let given = many.len();
+                    return Err(PositionError::Values { port, given });
+                }
+            }
+        }
         for (bytes, port) in self.outputs.iter().zip(&interface.outputs) {
             let (given, own) = (bytes.len(), port.descriptor.size as usize);
             if given != own && given != 0 {

@@ -1,0 +1,185 @@
+//! Values of inputs that nobody feeds: set from code while a run rests, held until they are set again.
+
+use std::collections::BTreeMap;
+
+use lockstep::plan::{Backlog, Plan, Position};
+use lockstep::port::{Descriptor, Element};
+use lockstep::time::Rational;
+use tape::{Event, EventKind};
+use toml::{Table, Value};
+
+use super::outcome::RunFailure;
+use crate::scenario::payload;
+
+/// The values that are held, by participant and input.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Inputs(BTreeMap<(usize, usize), Vec<u8>>);
+
+impl Inputs {
+    pub(super) fn insert(&mut self, input: (usize, usize), payload: Vec<u8>) {
+        self.0.insert(input, payload);
+    }
+
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, usize, &[u8])> {
+        self.0
+            .iter()
+            .map(|(&(participant, input), payload)| (participant, input, payload.as_slice()))
+    }
+
+    /// Makes them part of where everybody goes on.
+    pub(super) fn put_into(&self, positions: &mut [Position]) {
+        for (participant, input, payload) in self.iter() {
+            positions[participant].inputs[input] = vec![Backlog {
+                index: 0,
+                payload: payload.to_owned(),
+            }];
+        }
+    }
+
+    /// The values that `events` of a tape leave.
+    pub(super) fn of_events(plan: &Plan, events: &[Event]) -> Result<Inputs, RunFailure> {
+        let mut inputs = Inputs::default();
+        for event in events.iter().filter(|event| event.kind == EventKind::Input) {
+            let (input, payload) = read(plan, event)
+                .map_err(|reason| RunFailure::Other(format!("the tape's event `{}`: {reason}", event.text)))?;
+            inputs.insert(input, payload);
+        }
+        Ok(inputs)
+    }
+}
+
+/// The input and the value that an event tells of.
+pub(super) fn read(plan: &Plan, event: &Event) -> Result<((usize, usize), Vec<u8>), String> {
+    let table: Table = event.text.parse().map_err(|error| format!("{error}"))?;
+    let (name, value) = table.iter().next().ok_or("it names no input")?;
+    let port = format!("{}.{name}", event.participant.as_deref().unwrap_or_default());
+    let input = find(plan, &port).map_err(|failure| failure.to_string())?;
+    let descriptor = &plan.participants[input.0].interface.inputs[input.1].descriptor;
+    Ok((input, payload(value, descriptor)?))
+}
+
+/// What the tape says of a value of an input.
+pub(super) fn event(plan: &Plan, time: Rational, (participant, input): (usize, usize), payload: &[u8]) -> Event {
+    let own = &plan.participants[participant];
+    let port = &own.interface.inputs[input];
+    Event {
+        time,
+        kind: EventKind::Input,
+        participant: Some(own.name.clone()),
+        text: format!("{} = {}", port.name, Value::Table(fields(&port.descriptor, payload))),
+    }
+}
+
+/// The fields of `payload`, so that they are read back to the last bit.
+fn fields(descriptor: &Descriptor, payload: &[u8]) -> Table {
+    let fields = descriptor.fields.iter().map(|field| {
+        let bytes = payload[field.range()].chunks_exact(field.element.size());
+        let values = bytes.enumerate().map(|(at, bytes)| match field.element {
+            Element::F64 | Element::F32 => Value::Float(field.value(payload, at)),
+            _ => whole(field.element, bytes),
+        });
+        let mut values: Vec<Value> = values.collect();
+        let value = match (field.shape.is_empty(), values.pop()) {
+            (true, Some(value)) => value,
+            (_, last) => {
+                values.extend(last);
+                Value::Array(values)
+            }
+        };
+        (field.name.clone(), value)
+    });
+    fields.collect()
+}
+
+/// A whole number; as text where TOML's numbers end.
+fn whole(element: Element, bytes: &[u8]) -> Value {
+    let mut wide = [0; 8];
+    wide[..bytes.len()].copy_from_slice(bytes);
+    let signed = match element {
+        Element::I32 => i64::from(i32::from_le_bytes([wide[0], wide[1], wide[2], wide[3]])),
+        Element::U64 => match i64::try_from(u64::from_le_bytes(wide)) {
+            Ok(small) => small,
+            Err(_) => return Value::String(u64::from_le_bytes(wide).to_string()),
+        },
+        _ => i64::from_le_bytes(wide),
+    };
+    Value::Integer(signed)
+}
+
+/// The number of the participant and of its input called `PARTICIPANT.INPUT`, which nobody feeds.
+///
+/// # Errors
+/// When there is none, or who feeds it.
+pub(super) fn find(plan: &Plan, port: &str) -> Result<(usize, usize), RunFailure> {
+    let refuse = |reason: String| RunFailure::Port {
+        port: port.to_owned(),
+        reason,
+    };
+    let (participant, name) = port
+        .split_once('.')
+        .ok_or_else(|| refuse("is not a port: write \"PARTICIPANT.INPUT\"".into()))?;
+    let number = plan
+        .participant(participant)
+        .ok_or_else(|| refuse(format!("there is no participant `{participant}`")))?;
+    let own = &plan.participants[number];
+    let inputs = &own.interface.inputs;
+    let input = inputs.iter().position(|input| input.name == name).ok_or_else(|| {
+        let known: Vec<String> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+        let known = if known.is_empty() {
+            "none".to_owned()
+        } else {
+            known.join(", ")
+        };
+        refuse(format!("`{participant}` has no input `{name}`; it has {known}"))
+    })?;
+    match own.inputs[input] {
+        None => Ok((number, input)),
+        Some(link) => {
+            let link = &plan.links[link];
+            Err(refuse(format!(
+                "cannot be set: `{}` feeds it, by the connection `{}`; leave that out of the scenario, and name the input in `inputs`",
+                plan.output_name(link.from),
+                link.name
+            )))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    lockstep::message! {
+        /// One of each.
+        pub struct All {
+            /// Doubles.
+            pub doubles: [[f64; 2]; 2] = "m",
+            /// Large.
+            pub large: u64 = "1",
+            /// Below zero.
+            pub below: i64 = "1",
+            /// Single.
+            pub single: f32 = "1",
+            /// Short.
+            pub short: i32 = "1",
+        }
+    }
+
+    #[test]
+    fn value_in_an_event_is_read_back_to_the_last_bit() {
+        use lockstep::participant::Payload;
+        use lockstep::port::Message;
+        let value = All {
+            doubles: [[-0.0, 1.0 / 3.0], [1e-308, 6.02e23]],
+            large: u64::MAX,
+            below: i64::MIN,
+            single: 0.1,
+            short: -7,
+        };
+        let payload = Payload::of(&value);
+        let text = format!("x = {}", Value::Table(fields(&All::descriptor(), payload.bytes())));
+        let table: Table = text.parse().unwrap();
+        let back = super::payload(&table["x"], &All::descriptor()).unwrap();
+        assert_eq!(back, payload.bytes(), "{text}");
+    }
+}

@@ -1,0 +1,202 @@
+//! Where the samples of a run go: a tape on disk, one in memory, its digest alone, or nowhere.
+
+use lockstep::plan::{Cut, Plan, Position};
+use lockstep::transport::Header;
+use tape::{AppendError, Digest, DigestSink, Event, EventKind, MemoryTape, Sink, Source, StreamSpec, Writer};
+
+use super::outcome::RunFailure;
+use super::played::Played;
+
+/// What a run keeps of its samples.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Record {
+    /// A run folder with the tape.
+    #[default]
+    Folder,
+    /// The tape in memory, which grows as the run goes on; no folder.
+    Memory,
+    /// The digest that the tape would have; no folder. Such a run cannot go back to a checkpoint.
+    Digest,
+    /// Nothing: figures alone; no folder. Such a run cannot go back to a checkpoint.
+    Nothing,
+}
+
+/// The samples that were kept.
+pub(super) enum Store {
+    Disk(Writer),
+    Memory { tape: MemoryTape, events: Vec<Event> },
+    Digest(DigestSink),
+    Nothing,
+}
+
+impl Store {
+    /// What `record` asks for without a folder.
+    pub(super) fn without_folder(record: Record, streams: Vec<StreamSpec>) -> Result<Store, RunFailure> {
+        let refused = |error: tape::SpecError| RunFailure::Other(error.to_string());
+        Ok(match record {
+            Record::Folder | Record::Nothing => Store::Nothing,
+            Record::Memory => Store::Memory {
+                tape: MemoryTape::new(streams).map_err(refused)?,
+                events: Vec::new(),
+            },
+            Record::Digest => Store::Digest(DigestSink::new(streams).map_err(refused)?),
+        })
+    }
+
+    /// Takes a sample: the next one of its stream.
+    #[inline]
+    pub(super) fn append(
+        &mut self,
+        stream: usize,
+        index: u64,
+        stamp_s: f64,
+        payload: &[u8],
+    ) -> Result<(), AppendError> {
+        match self {
+            Store::Disk(writer) => writer.append(stream, index, stamp_s, payload),
+            Store::Memory { tape, .. } => tape.sample(stream, index, stamp_s, payload),
+            Store::Digest(sink) => sink.sample(stream, index, stamp_s, payload),
+            Store::Nothing => Ok(()),
+        }
+    }
+
+    pub(super) fn event(&mut self, event: &Event) -> Result<(), AppendError> {
+        match self {
+            Store::Disk(writer) => writer.event(event),
+            Store::Memory { events, .. } => {
+                events.push(event.clone());
+                Ok(())
+            }
+            Store::Digest(_) | Store::Nothing => Ok(()),
+        }
+    }
+
+    /// The events so far, without those of declared faults, which follow from the samples.
+    pub(super) fn events(&mut self, plan: &Plan) -> Result<Vec<Event>, RunFailure> {
+        let mut events = match self {
+            Store::Disk(writer) => Played::open(writer.dir(), plan)?.events()?,
+            Store::Memory { events, .. } => events.clone(),
+            Store::Digest(_) | Store::Nothing => Vec::new(),
+        };
+        events.retain(|event| event.kind != EventKind::Fault);
+        Ok(events)
+    }
+
+    /// How many samples of stream number `stream` are kept on disk, where they are.
+    pub(super) fn count(&self, stream: usize) -> Option<u64> {
+        match self {
+            Store::Disk(writer) => writer.count(stream),
+            _ => None,
+        }
+    }
+
+    /// The tape on disk, where there is one.
+    pub(super) fn tape(&mut self, plan: &Plan) -> Result<Option<Played>, RunFailure> {
+        self.flush()?;
+        match self {
+            Store::Disk(writer) => Played::open(writer.dir(), plan).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    /// Puts what is buffered onto the disk.
+    pub(super) fn flush(&mut self) -> Result<(), AppendError> {
+        match self {
+            Store::Disk(writer) => writer.flush(),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether samples can be read back.
+    pub(super) fn has_samples(&self) -> bool {
+        matches!(self, Store::Disk(_) | Store::Memory { .. })
+    }
+
+    /// Keeps the first `counts` samples of each stream and no event.
+    pub(super) fn cut_back(&mut self, counts: &[u64]) -> Result<(), AppendError> {
+        match self {
+            Store::Disk(writer) => writer.cut_back(counts),
+            Store::Memory { tape, events } => {
+                tape.cut_back(counts);
+                events.clear();
+                Ok(())
+            }
+            Store::Digest(_) | Store::Nothing => Ok(()),
+        }
+    }
+
+    /// Takes out the samples that are kept, to be given back.
+    pub(super) fn take_kept(&mut self, plan: &Plan) -> Result<Kept, RunFailure> {
+        match self {
+            Store::Disk(_) => Ok(self.tape(plan)?.map_or(Kept::Nothing, Kept::Disk)),
+            Store::Memory { tape, .. } => {
+                let tape = std::mem::take(tape);
+                Ok(Kept::Memory(Played::of(tape, plan, "memory")?))
+            }
+            Store::Digest(_) | Store::Nothing => Err(no_samples()),
+        }
+    }
+
+    /// The samples that were taken out.
+    pub(super) fn give_back(&mut self, kept: Kept) {
+        if let (Store::Memory { tape, .. }, Kept::Memory(played)) = (self, kept) {
+            *tape = played.into_source();
+        }
+    }
+
+    /// Where everybody goes on at `cut`, each with the state that it has.
+    pub(super) fn positions(&mut self, plan: &Plan, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
+        let kept = self.take_kept(plan)?;
+        let positions = kept.positions(plan, cut);
+        self.give_back(kept);
+        positions
+    }
+
+    /// Closes what was kept; the digest of the tape.
+    pub(super) fn finish(self) -> Result<Option<Digest>, AppendError> {
+        match self {
+            Store::Disk(writer) => writer.finish().map(Some),
+            Store::Memory { tape, .. } => Ok(tape.digest().ok()),
+            Store::Digest(sink) => Ok(Some(sink.digest())),
+            Store::Nothing => Ok(None),
+        }
+    }
+}
+
+/// Samples that are read back.
+pub(super) enum Kept {
+    Disk(Played),
+    Memory(Played<MemoryTape>),
+    Nothing,
+}
+
+impl Kept {
+    /// Hands every sample before `cut` to `take`, in the order of simulated time.
+    pub(super) fn each_before(
+        &self,
+        plan: &Plan,
+        cut: &Cut,
+        take: impl FnMut(usize, u32, Header, &[u8]) -> Result<(), RunFailure>,
+    ) -> Result<(), RunFailure> {
+        match self {
+            Kept::Disk(played) => played.each_before(plan, cut, take),
+            Kept::Memory(played) => played.each_before(plan, cut, take),
+            Kept::Nothing => Err(no_samples()),
+        }
+    }
+
+    fn positions(&self, plan: &Plan, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
+        match self {
+            Kept::Disk(played) => played.positions(plan, cut),
+            Kept::Memory(played) => played.positions(plan, cut),
+            Kept::Nothing => Err(no_samples()),
+        }
+    }
+}
+
+/// The run keeps no samples that could be read back.
+pub(super) fn no_samples() -> RunFailure {
+    RunFailure::Other(
+        "the run cannot go back: it keeps no samples; start it with a folder or with the tape in memory (`Record::Memory`)".into(),
+    )
+}
