@@ -59,6 +59,13 @@
 //! #         *outputs.get_mut(0) = self.0;
 //! #         Ok(())
 //! #     }
+//! #     fn save(&self) -> Option<Vec<u8>> {
+//! #         Some(self.0.height.to_le_bytes().to_vec())
+//! #     }
+//! #     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
+//! #         self.0.height = f64::from_le_bytes(state.try_into()?);
+//! #         Ok(())
+//! #     }
 //! #     fn step(&mut self, step: &Step, _inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
 //! #         self.0.height -= 1.5 * step.period;
 //! #         *outputs.get_mut(0) = self.0;
@@ -67,10 +74,6 @@
 //! # }
 //! use std::path::Path;
 //! use std::sync::Arc;
-//!
-//! use escapement::engine::run::{self, Ending, Options};
-//! use escapement::engine::scenario::Scenario;
-//! use escapement::tape::{Reader, Source};
 //!
 //! let catalogue = Catalogue::new("lander 1.0")
 //!     .participant("lander", |_| Ok(Box::new(Lander(Height { height: 100.0 }))));
@@ -82,18 +85,30 @@
 //!     period = "10 ms"
 //! "#;
 //! let scenario = Scenario::read_text(&Arc::new(catalogue), Path::new("lander.toml"), text)?;
-//! let out = std::env::temp_dir().join(format!("lander-{}", std::process::id()));
-//! let options = Options { in_process: true, out: Some(out.clone()), ..Options::default() };
-//! let outcome = run::run(&scenario, &options)?;
+//! let options = Options { in_process: true, record: Record::Memory, ..Options::default() };
+//!
+//! // To the end at once …
+//! let outcome = escapement::run(&scenario, &options)?;
 //! assert_eq!(outcome.ending, Ending::Complete);
-//! let tape = Reader::open(&outcome.folder)?;
-//! assert_eq!(tape.count(0), 2001);
-//! # std::fs::remove_dir_all(out)?;
+//!
+//! // … or from rest to rest.
+//! let mut run = Run::start(&scenario, &options)?;
+//! run.run_to("2 s")?;
+//! let height: Height = run.newest("lander.motion")?.get()?;
+//! assert!((height.height - 97.0).abs() < 1e-9);
+//! let here = run.save()?;
+//! run.run_to("20 s")?;
+//! run.restore(&here)?;
+//! run.step()?;
+//! assert_eq!(run.now().to_string(), "2010 ms");
+//! run.run_to("20 s")?;
+//! assert_eq!(run.end()?.digest, outcome.digest);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 pub use engine;
 pub use engine::Catalogue;
+pub use engine::run::run;
 pub use lockstep;
 pub use lockstep::message;
 pub use orchestrator::Program;
@@ -103,6 +118,8 @@ pub use tape;
 /// Everything that a participant and a program mostly need.
 pub mod prelude {
     pub use engine::Catalogue;
+    pub use engine::run::{Checkpoint, Ending, Options, Outcome, Record, Run, RunFailure, Sample};
+    pub use engine::scenario::Scenario;
     pub use lockstep::participant::{
         Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step,
     };

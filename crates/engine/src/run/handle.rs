@@ -26,7 +26,7 @@ use super::recording::streams;
 use super::store::{Record, no_samples};
 use super::{Options, in_process, instants, room, set_up};
 use crate::observer::Event as Report;
-use crate::scenario::{Scenario, payload};
+use crate::scenario::{Program, Scenario, payload};
 use crate::scope;
 
 /// A run under way, which rests until it is told to go on.
@@ -141,6 +141,7 @@ impl Run {
             Some(in_process::seated(&scenario, &options, &entries, made)?)
         } else {
             drop(made);
+            refuse_inside_a_participant(&scenario)?;
             scope::leftovers().iter().for_each(scope::Leftover::remove);
             room::check(&known.plan, scenario.moves())?;
             None
@@ -665,6 +666,20 @@ impl Run {
             timing: account.timing,
             placement: account.placement,
         }
+    }
+}
+
+/// A program that is started again as a participant of its own run, and starts that run again, would never end.
+fn refuse_inside_a_participant(scenario: &Scenario) -> Result<(), RunFailure> {
+    let own = scenario
+        .programs()
+        .any(|program| matches!(program, Program::Builtin(_)));
+    match std::env::var(lockstep::host::PARTICIPANT) {
+        Ok(name) if own => Err(RunFailure::Other(format!(
+            "this process was started as the participant `{name}` of a run: let the program's `main` begin with `Program::main`, which \
+             becomes the participant, or run in this process"
+        ))),
+        _ => Ok(()),
     }
 }
 

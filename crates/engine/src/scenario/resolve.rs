@@ -6,6 +6,8 @@ use std::sync::Arc;
 use lockstep::link::Timing;
 use lockstep::time::Rational;
 use report::view::View;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::entry::Entry;
@@ -183,6 +185,18 @@ impl Scenario {
         table
     }
 
+    /// The same with every default of participants and connections, the title and the seed filled in.
+    pub fn written(&self) -> Table {
+        let mut table = self.portable();
+        table
+            .entry("title")
+            .or_insert_with(|| Value::String(self.title.clone()));
+        table.entry("seed").or_insert(Value::Integer(1));
+        fill_in::<ParticipantEntry>(&mut table, "participants");
+        fill_in::<ConnectionEntry>(&mut table, "connections");
+        table
+    }
+
     /// Every program that may run: the participants' own, their substitutes', and those that take over after a failure.
     pub fn programs(&self) -> impl Iterator<Item = &Program> {
         let own = self.participants.iter().map(|entry| &entry.program);
@@ -275,6 +289,17 @@ impl Scenario {
             format!("{place}.{key}")
         };
         self.source.mistake(&key, reason)
+    }
+}
+
+/// Fills in the defaults of the tables below `section`, which have been read as `T` before.
+fn fill_in<T: DeserializeOwned + Serialize>(table: &mut Table, section: &str) {
+    let entries = table.get_mut(section).and_then(Value::as_table_mut);
+    for (_, value) in entries.into_iter().flatten() {
+        let entry = value.clone().try_into::<T>();
+        if let Some(filled) = entry.ok().and_then(|entry| Value::try_from(entry).ok()) {
+            *value = filled;
+        }
     }
 }
 

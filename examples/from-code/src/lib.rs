@@ -1,0 +1,112 @@
+//! A water tank with a pump and a leak, for programs that drive a run of it from code.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use escapement::prelude::*;
+
+escapement::message! {
+    /// What is in the tank.
+    pub struct Level {
+        /// Depth of the water.
+        pub depth: f64 = "m",
+        /// What has run out so far.
+        pub lost: f64 = "m^3",
+    }
+}
+
+escapement::message! {
+    /// What the pump gives.
+    pub struct Pump {
+        /// Volume per second.
+        pub flow: f64 = "m^3/s",
+    }
+}
+
+/// The area of the tank, m².
+const AREA: f64 = 2.0;
+
+struct Tank {
+    level: Level,
+    /// The area of the leak, m².
+    leak: f64,
+}
+
+/// What the scenario may say below `parameters`.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Parameters {
+    /// The depth at the start, m.
+    depth: f64,
+    /// The area of the leak, m².
+    leak: f64,
+}
+
+fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+    let Parameters { depth, leak } = escapement::lockstep::units::read(&setup.parameters)?;
+    let level = Level { depth, lost: 0.0 };
+    Ok(Box::new(Tank { level, leak }))
+}
+
+impl Participant for Tank {
+    fn interface(&self) -> Interface {
+        Interface::new(Kind::Continuous)
+            .input::<Pump>("pump")
+            .output::<Level>("level")
+    }
+
+    fn initialise(&mut self, _t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        *outputs.get_mut(0) = self.level;
+        Ok(())
+    }
+
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        // Torricelli: what is open runs as fast as it has fallen.
+        let leaks = self.leak * (2.0 * 9.81 * self.level.depth.max(0.0)).sqrt();
+        self.level.depth += step.period * (inputs.get::<Pump>(0).flow - leaks) / AREA;
+        self.level.lost += step.period * leaks;
+        *outputs.get_mut(0) = self.level;
+        Ok(())
+    }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        Some([self.level.depth, self.level.lost].map(f64::to_le_bytes).concat())
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
+        let (depth, lost) = state.split_at_checked(8).ok_or("a state of another tank")?;
+        self.level = Level {
+            depth: f64::from_le_bytes(depth.try_into()?),
+            lost: f64::from_le_bytes(lost.try_into()?),
+        };
+        Ok(())
+    }
+}
+
+/// Two minutes of a tank that leaks. Nobody in the scenario feeds its pump: code does, so it is named in `inputs`.
+///
+/// # Errors
+/// None, unless the text below is wrong.
+pub fn scenario() -> Result<Scenario, Box<dyn std::error::Error>> {
+    let catalogue = Catalogue::new(concat!("from-code ", env!("CARGO_PKG_VERSION"))).participant("tank", make);
+    let text = r#"
+        title = "A tank that leaks"
+        duration = "120 s"
+        inputs = ["tank.pump"]
+
+        [participants.tank]
+        run = { builtin = "tank" }
+        period = "50 ms"
+        parameters = { depth = "0.4 m", leak = 0.002 }
+    "#;
+    Ok(Scenario::read_text(&Arc::new(catalogue), Path::new("tank.toml"), text)?)
+}
+
+/// In this process, with the tape in memory.
+pub fn options() -> Options {
+    Options {
+        in_process: true,
+        record: Record::Memory,
+        ..Options::default()
+    }
+}

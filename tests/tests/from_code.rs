@@ -1,0 +1,42 @@
+//! The examples that drive runs from code do what their pages say.
+
+use std::process::Command;
+
+use escapement_tests::program::built;
+
+fn said(example: &str) -> String {
+    let done = Command::new(built().join(example)).output();
+    let done = done.unwrap_or_else(|error| panic!("{example}: {error}; build the workspace first"));
+    let (out, err) = (
+        String::from_utf8_lossy(&done.stdout),
+        String::from_utf8_lossy(&done.stderr),
+    );
+    assert!(done.status.success() && err.is_empty(), "{example}: {out}{err}");
+    out.into_owned()
+}
+
+/// The number in front of ` m` in the line that begins with `start`.
+fn depth(out: &str, start: &str) -> f64 {
+    let line = out.lines().find(|line| line.starts_with(start));
+    let line = line.unwrap_or_else(|| panic!("no line `{start}`: {out}"));
+    let words: Vec<&str> = line.split([' ', ',']).collect();
+    let at = words.iter().rposition(|word| *word == "m").expect("a depth");
+    words[at - 1].parse().expect("a number")
+}
+
+#[test]
+fn code_that_closes_the_loop_holds_the_level() {
+    let out = said("closed_loop");
+    let last = depth(&out, "t = 120.0 s");
+    assert!((last - 1.0).abs() < 0.02, "{out}");
+    assert!(out.contains("Complete, tape "), "{out}");
+    assert_eq!(said("closed_loop"), out, "the same every time");
+}
+
+#[test]
+fn two_futures_part_and_the_better_one_is_kept() {
+    let out = said("two_futures");
+    let (idle, pumped) = (depth(&out, "with 0 m^3/s"), depth(&out, "with 0.012 m^3/s"));
+    assert!(idle < depth(&out, "at 60 s") && idle < pumped, "{out}");
+    assert_eq!(depth(&out, "kept: 0 m^3/s"), idle, "{out}");
+}
