@@ -1,32 +1,26 @@
-//! A run that is driven from code: started, let on from rest to rest, looked at, changed, taken back, ended.
+//! A run: its start, the one loop from rest to rest, and its outcome.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use lockstep::participant::Payload;
-use lockstep::port::Message;
-use lockstep::time::{Rational, Ticks};
+use lockstep::time::Ticks;
 use tape::folder::{Claim, RunFolder};
 use tape::{Event, EventKind};
-use toml::{Table, Value};
 
 use super::agenda::Agenda;
 use super::attend::{self, attend};
-use super::checkpoint;
 use super::course::Course;
 use super::executor::{Executor, Turn};
 use super::horizon::Guide;
-use super::inputs::{self, Inputs};
+use super::inputs;
 use super::monitor::Monitor;
-use super::newest::{Sample, no_field};
 use super::outcome::{Ending, Outcome, RunFailure};
 use super::prepare::{self, Ready};
-use super::recording::streams;
 use super::store::{Record, no_samples};
 use super::{Options, in_process, instants, room, set_up};
 use crate::observer::Event as Report;
-use crate::scenario::{Program, Scenario, payload};
+use crate::scenario::Scenario;
 use crate::scope;
 
 /// A run under way, which rests until it is told to go on.
@@ -37,73 +31,25 @@ use crate::scope;
 /// Nothing of it writes to standard streams or handles signals.
 pub struct Run {
     // Dropped first: the recorder must outlive whoever records.
-    executor: Box<dyn Executor>,
-    course: Course,
+    pub(super) executor: Box<dyn Executor>,
+    pub(super) course: Course,
     /// Everybody has done exactly what lies before this instant.
-    now: Ticks,
-    over: Option<Over>,
+    pub(super) now: Ticks,
+    pub(super) over: Option<Over>,
     /// Values were set that the participants do not have yet.
-    unseen: bool,
+    pub(super) unseen: bool,
     /// The number of this run in this process.
-    number: u64,
+    pub(super) number: u64,
     /// The checkpoints that the run can go back to, oldest first.
-    saves: Vec<u64>,
-    saved: u64,
-    wall: Duration,
+    pub(super) saves: Vec<u64>,
+    pub(super) saved: u64,
+    pub(super) wall: Duration,
 }
 
 /// How a run has come to its end.
-struct Over {
-    ending: Ending,
-    known: Instant,
-}
-
-/// The state of a [`Run`] at an instant, in memory.
-#[derive(Debug, Clone)]
-pub struct Checkpoint {
-    state: checkpoint::Checkpoint,
-    inputs: Inputs,
-    told: usize,
-    now: Ticks,
-    run: u64,
-    number: u64,
-}
-
-impl Checkpoint {
-    /// The instant: everybody has done exactly the activations before it.
-    pub fn time(&self) -> Rational {
-        self.state.time
-    }
-
-    /// The state that participant `name` saved.
-    pub fn state(&self, name: &str) -> Option<&[u8]> {
-        let number = self.state.participants.iter().position(|own| own == name)?;
-        self.state.states.get(number).map(Vec::as_slice)
-    }
-}
-
-/// An instant, as code names it: exactly, or as a scenario would.
-pub trait Instantlike {
-    /// The instant.
-    ///
-    /// # Errors
-    /// When a text is no time.
-    fn instant(&self) -> Result<Rational, RunFailure>;
-}
-
-impl Instantlike for Rational {
-    fn instant(&self) -> Result<Rational, RunFailure> {
-        Ok(*self)
-    }
-}
-
-impl Instantlike for &str {
-    fn instant(&self) -> Result<Rational, RunFailure> {
-        self.parse().map_err(|error| RunFailure::Instant {
-            time: (*self).to_owned(),
-            reason: format!("is not a time: {error}; write such as \"2.5 s\" or \"1/300 s\""),
-        })
-    }
+pub(super) struct Over {
+    pub(super) ending: Ending,
+    pub(super) known: Instant,
 }
 
 impl Run {
@@ -292,286 +238,6 @@ impl Run {
         }
     }
 
-    /// Everybody has done exactly the activations before this instant.
-    pub fn now(&self) -> Rational {
-        self.course.time(self.now)
-    }
-
-    /// The same, s.
-    pub fn now_s(&self) -> f64 {
-        self.course.plan.timebase.seconds(self.now)
-    }
-
-    /// Whether nothing more happens: the run has come to its end, or has failed.
-    pub fn is_over(&self) -> bool {
-        self.over.is_some()
-    }
-
-    /// Lets the run on until everybody has done exactly the activations before `time`, rounded up to the plan's tick, and rests.
-    ///
-    /// # Errors
-    /// [`RunFailure::Instant`] for a time that lies behind or after the end, [`RunFailure::Over`] when the run is over before it
-    /// gets there; [`Run::end`] says how.
-    pub fn run_to(&mut self, time: impl Instantlike) -> Result<(), RunFailure> {
-        let time = time.instant()?;
-        let refuse = |reason: String| {
-            let time = time.to_string();
-            Err(RunFailure::Instant { time, reason })
-        };
-        let plan = &self.course.plan;
-        let ticks = match plan.timebase.ceil(time) {
-            Ok(ticks) if time <= self.course.scenario.duration => ticks.min(plan.end),
-            _ => {
-                return refuse(format!(
-                    "lies behind the end of the run at {}",
-                    self.course.scenario.duration
-                ));
-            }
-        };
-        if ticks < self.now {
-            return refuse(format!(
-                "has passed: the run rests at {}; `restore` goes back",
-                self.now()
-            ));
-        }
-        self.on_to(ticks)
-    }
-
-    /// Lets the run on to the next communication point after now, and rests there; at the end of the run after the last one.
-    ///
-    /// # Errors
-    /// As [`Run::run_to`].
-    pub fn step(&mut self) -> Result<(), RunFailure> {
-        let (plan, now) = (&self.course.plan, self.now);
-        let next = plan.participants.iter().filter_map(|own| {
-            let next = own.sample_time.count_before(now.saturating_add(1));
-            (next < own.activations).then(|| own.sample_time.instant(next))
-        });
-        let next = next.min().unwrap_or(plan.end);
-        if self.over.is_none() && now >= plan.end {
-            return Err(self.ended());
-        }
-        self.on_to(next)
-    }
-
-    fn on_to(&mut self, ticks: Ticks) -> Result<(), RunFailure> {
-        if self.over.is_some() {
-            return Err(self.ended());
-        }
-        if ticks > self.now {
-            self.go(Some(ticks));
-        }
-        match &self.over {
-            None => Ok(()),
-            Some(Over { ending, .. }) if *ending == Ending::Complete => Ok(()),
-            Some(_) => Err(self.ended()),
-        }
-    }
-
-    fn ended(&self) -> RunFailure {
-        let how = self.over.as_ref().and_then(|over| over.ending.words());
-        RunFailure::Over {
-            how: how.unwrap_or_else(|| format!("it has come to its end at {}", self.now())),
-        }
-    }
-
-    /// The newest sample of `PARTICIPANT.OUTPUT`, as the participant gave it out, before any fault. A sampled participant's is
-    /// stamped before now, a continuous one's at or after now.
-    ///
-    /// # Errors
-    /// When there is no such output, or no sample of it yet.
-    pub fn newest(&self, port: &str) -> Result<Sample, RunFailure> {
-        let streams = streams(&self.course.plan);
-        let refuse = |reason: String| RunFailure::Port {
-            port: port.to_owned(),
-            reason,
-        };
-        let number = streams.iter().position(|spec| spec.name() == port);
-        let number = number.ok_or_else(|| {
-            let known: Vec<String> = streams.iter().map(|spec| format!("`{}`", spec.name())).collect();
-            refuse(format!("there is no such output; there is {}", known.join(", ")))
-        })?;
-        let recorder = self.course.recorder();
-        let (header, payload) = recorder
-            .newest_of(number)
-            .ok_or_else(|| refuse(format!("has no sample yet at t = {}", self.now())))?;
-        Ok(Sample {
-            name: port.to_owned(),
-            descriptor: streams[number].descriptor.clone(),
-            index: header.index,
-            stamp_s: self.course.plan.timebase.seconds(header.stamp),
-            payload: payload.clone(),
-        })
-    }
-
-    /// Sets `PARTICIPANT.INPUT`, which nobody feeds, to `value`: the activations at or after now see it, until it is set again. An
-    /// event on the tape says so.
-    ///
-    /// # Errors
-    /// [`RunFailure::Port`] when there is no such input, when it is fed (and by whom), when its payload has other fields than `M`,
-    /// and for a number that is not finite; [`RunFailure::Over`].
-    pub fn set<M: Message>(&mut self, port: &str, value: &M) -> Result<(), RunFailure> {
-        let (participant, input) = inputs::find(&self.course.plan, port)?;
-        let descriptor = &self.course.plan.participants[participant].interface.inputs[input].descriptor;
-        if let Some(difference) = M::descriptor().difference(descriptor) {
-            return Err(RunFailure::Port {
-                port: port.to_owned(),
-                reason: format!("its payload is no `{}`: {difference}", M::descriptor().name),
-            });
-        }
-        self.set_bytes(port, Payload::of(value).bytes())
-    }
-
-    /// The same with fields by their names, each with its elements row-major in the field's unit; fields that are not named are
-    /// zero.
-    ///
-    /// # Errors
-    /// As [`Run::set`]; also for an unknown field and another number of elements.
-    pub fn set_fields(&mut self, port: &str, fields: &[(&str, &[f64])]) -> Result<(), RunFailure> {
-        let (participant, input) = inputs::find(&self.course.plan, port)?;
-        let descriptor = &self.course.plan.participants[participant].interface.inputs[input].descriptor;
-        let refuse = |reason: String| RunFailure::Port {
-            port: port.to_owned(),
-            reason,
-        };
-        let mut table = Table::new();
-        for (name, values) in fields {
-            if descriptor.field(name).is_none() {
-                return Err(refuse(no_field(descriptor, name)));
-            }
-            let values = values.iter().copied().map(Value::Float).collect();
-            table.insert((*name).to_owned(), Value::Array(values));
-        }
-        let bytes = payload(&Value::Table(table), descriptor).map_err(refuse)?;
-        self.set_bytes(port, &bytes)
-    }
-
-    /// The same with the bytes of the payload.
-    ///
-    /// # Errors
-    /// As [`Run::set`]; also for another size.
-    pub fn set_bytes(&mut self, port: &str, bytes: &[u8]) -> Result<(), RunFailure> {
-        let input = inputs::find(&self.course.plan, port)?;
-        if self.over.is_some() {
-            return Err(self.ended());
-        }
-        let descriptor = &self.course.plan.participants[input.0].interface.inputs[input.1].descriptor;
-        let refuse = |reason: String| RunFailure::Port {
-            port: port.to_owned(),
-            reason,
-        };
-        if bytes.len() != descriptor.size as usize {
-            let reason = format!("its payload has {} bytes, not {}", descriptor.size, bytes.len());
-            return Err(refuse(reason));
-        }
-        for field in &descriptor.fields {
-            let odd = (0..field.len()).find(|&at| !field.value(bytes, at).is_finite());
-            if let Some(at) = odd {
-                let (name, value) = (field.element_name(at), field.value(bytes, at));
-                return Err(refuse(format!(
-                    "cannot be set to {name} = {value}: a value must be finite"
-                )));
-            }
-        }
-        let event = inputs::event(&self.course.plan, self.now(), input, bytes);
-        self.course.recorder().event(&event)?;
-        self.course.inputs.insert(input, bytes.to_owned());
-        self.unseen = true;
-        Ok(())
-    }
-
-    /// The state of the run now.
-    ///
-    /// # Errors
-    /// When a participant cannot save its state; when the run keeps no samples to go back to ([`Record`]); [`RunFailure::Over`].
-    pub fn save(&mut self) -> Result<Checkpoint, RunFailure> {
-        if self.over.is_some() {
-            return Err(self.ended());
-        }
-        let (cut, told) = {
-            let recorder = self.course.recorder();
-            recorder.check_samples()?;
-            (recorder.cut_at(self.now), recorder.told())
-        };
-        let time = self.now();
-        let state = attend::saved(self.executor.as_mut(), &self.course, time, cut)?;
-        self.saved += 1;
-        self.saves.push(self.saved);
-        Ok(Checkpoint {
-            state,
-            inputs: self.course.inputs.clone(),
-            told,
-            now: self.now,
-            run: self.number,
-            number: self.saved,
-        })
-    }
-
-    /// Goes back to `checkpoint`, which this run has saved: everybody has its state of then, and the tape, the figures and the
-    /// events are cut back to there. Also after the end of the run, as long as nobody has failed.
-    ///
-    /// # Errors
-    /// When the checkpoint is another run's, or when the run has gone back to before it since: then the samples that lead to it
-    /// are no longer there.
-    pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), RunFailure> {
-        let time = checkpoint.time();
-        let refuse = |reason: &str| {
-            let reason = reason.to_owned();
-            let time = time.to_string();
-            Err(RunFailure::Instant { time, reason })
-        };
-        if checkpoint.run != self.number {
-            return refuse("is the instant of a checkpoint of another run: a run goes back to its own alone");
-        }
-        if !self.saves.contains(&checkpoint.number) {
-            return refuse(
-                "is the instant of a checkpoint that the run has left behind: it has gone back to before it, and what led to it is \
-                 no longer recorded",
-            );
-        }
-        if self.over.as_ref().is_some_and(|over| over.ending != Ending::Complete) {
-            return Err(self.ended());
-        }
-        let restored = self.go_back(checkpoint);
-        if let Err(failure) = &restored {
-            let ending = Ending::own(failure.to_string());
-            let known = Instant::now();
-            self.over = Some(Over { ending, known });
-        }
-        restored
-    }
-
-    fn go_back(&mut self, checkpoint: &Checkpoint) -> Result<(), RunFailure> {
-        let course = &mut self.course;
-        let state = &checkpoint.state;
-        let (assessment, watches) = prepare::judges(&course.scenario, &course.plan, &streams(&course.plan))?;
-        let (cut, told) = (&state.cut, checkpoint.told);
-        course.recorder().cut_back(cut, told, assessment, watches)?;
-        course.inputs.clone_from(&checkpoint.inputs);
-        course.substituted = usize::try_from(state.substitutions).unwrap_or(usize::MAX);
-        let agenda = Agenda::new(
-            &course.scenario,
-            &course.plan,
-            &course.options,
-            checkpoint.now,
-            course.substituted,
-        )?;
-        let seats = prepare::seats_at(course, state, |_| false);
-        let fallen = self.executor.take_up(course, cut, seats, true)?;
-        if let Some(first) = fallen.first() {
-            return Err(RunFailure::Participant {
-                participant: course.name(first.number).to_owned(),
-                reason: first.reason.clone(),
-            });
-        }
-        course.guide.go_back(agenda, checkpoint.now);
-        course.last_checkpoint = course.scenario.restarts().then(|| state.clone());
-        self.executor.went_back(checkpoint.now);
-        (self.now, self.over, self.unseen) = (checkpoint.now, None, false);
-        self.saves.retain(|save| *save <= checkpoint.number);
-        Ok(())
-    }
-
     /// Ends the run, here if it has not come to its end: the tape is sealed, and the figures are those of the samples so far.
     ///
     /// # Errors
@@ -671,9 +337,7 @@ impl Run {
 
 /// A program that is started again as a participant of its own run, and starts that run again, would never end.
 fn refuse_inside_a_participant(scenario: &Scenario) -> Result<(), RunFailure> {
-    let own = scenario
-        .programs()
-        .any(|program| matches!(program, Program::Builtin(_)));
+    let own = scenario.programs().any(|program| !program.is_external());
     match std::env::var(lockstep::host::PARTICIPANT) {
         Ok(name) if own => Err(RunFailure::Other(format!(
             "this process was started as the participant `{name}` of a run: let the program's `main` begin with `Program::main`, which \

@@ -9,6 +9,7 @@ mod child;
 mod course;
 mod crew;
 pub mod describe;
+mod drive;
 mod executor;
 mod explain;
 pub mod faults;
@@ -46,8 +47,9 @@ use tape::folder::RunFolder;
 
 pub use bus::guard as guard_memory;
 pub use child::{own_program, tie};
+pub use drive::{Checkpoint, Instantlike};
 pub(crate) use guard::Watch;
-pub use handle::{Checkpoint, Instantlike, Run};
+pub use handle::Run;
 pub use newest::Sample;
 pub use outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
 pub use placement::Placement;
