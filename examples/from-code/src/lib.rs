@@ -97,7 +97,7 @@ pub fn scenario() -> Result<Scenario, Box<dyn std::error::Error>> {
         [participants.tank]
         run = { builtin = "tank" }
         period = "50 ms"
-        parameters = { depth = "0.4 m", leak = 0.002 }
+        parameters = { depth = 0.4, leak = 0.002 }
     "#;
     Ok(Scenario::read_text(&Arc::new(catalogue), Path::new("tank.toml"), text)?)
 }
