@@ -15,6 +15,7 @@ use crate::commands::man::ManArgs;
 #[cfg(feature = "capture")]
 use crate::commands::margins::MarginsArgs;
 use crate::commands::new::NewArgs;
+use crate::commands::measure::MeasureArgs;
 use crate::commands::replay::ReplayArgs;
 use crate::commands::report::ReportArgs;
 use crate::commands::sweep::SweepArgs;
@@ -57,6 +58,8 @@ pub enum Command {
     Faults(FaultsArgs),
     /// Say whether two tapes are identical, else where they differ
     Compare(CompareArgs),
+    /// Ask the tape of a run for figures: of a field, or the measures of a scenario
+    Measure(MeasureArgs),
     /// Run one participant of a recorded run again and compare what it says with the tape
     Replay(ReplayArgs),
     /// Write a page with figures, summary and 3-D playback of one run or several side by side

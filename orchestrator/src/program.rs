@@ -143,6 +143,7 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         Command::Check(args) => commands::check::run(args),
         Command::Graph(args) => commands::graph::run(args),
         Command::Compare(args) => commands::compare::run(args),
+        Command::Measure(args) => commands::measure::run(args),
         Command::Replay(args) => commands::replay::run(args),
         Command::Report(args) => commands::report::run(args),
         Command::Export(args) => commands::export::run(args),

@@ -11,6 +11,7 @@ pub mod graph;
 pub mod man;
 #[cfg(feature = "capture")]
 pub mod margins;
+pub mod measure;
 #[cfg(feature = "capture")]
 pub mod model;
 pub mod new;

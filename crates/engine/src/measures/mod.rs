@@ -3,24 +3,26 @@
 //! - [`Definition`]: what is measured, with every name resolved;
 //! - `window`: which samples count, in whole ticks; `pairing`: two streams at different rates;
 //! - `signal`: from payloads to numbers; `compute`: from numbers to a figure; `limit`: from a figure to a criterion;
-//! - [`Measures`]: all measures of a run; [`Together`]: beside the assessment of a scenario.
+//! - [`of_tape`]: of a tape; [`Measures`]: all measures of a run; [`Together`]: beside the assessment of a scenario.
 
 mod compute;
 mod limit;
 mod measure;
 mod pairing;
 mod signal;
+mod tape;
 mod together;
 mod total;
 mod window;
 
+use ::tape::StreamSpec;
 use lockstep::time::TickError;
-use tape::StreamSpec;
 
 pub use compute::{Absent, Compute, Found};
 pub use limit::Limits;
 pub use measure::Definition;
 pub use signal::{Reading, Through};
+pub use tape::{MeasureError, of_tape};
 pub use together::Together;
 
 use crate::assessment::Measured;

@@ -25,4 +25,4 @@ pub(crate) use initial::payload;
 pub use measures::{DeclaredMeasure, measures_of_file};
 pub use program::{Program, in_path};
 pub use resolve::Scenario;
-pub use source::fault_name;
+pub use source::{fault_name, value};

@@ -252,7 +252,7 @@ pub fn fault_name(own: Option<&str>, position: usize) -> String {
 }
 
 /// What reads as TOML is taken as TOML; anything else is text, so that quotes need not survive the shell.
-pub(super) fn value(text: &str) -> Value {
+pub fn value(text: &str) -> Value {
     let read = format!("x = {text}").parse::<Table>().ok();
     // More than one key: the text had a line of its own.
     let one = read

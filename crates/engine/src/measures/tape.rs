@@ -1,0 +1,77 @@
+//! Measures of a tape that is finished, or was cut short.
+
+use ::tape::{ReadError, Reader, Records, Source};
+use lockstep::time::TickError;
+
+use super::{Definition, Measures};
+use crate::assessment::Figures;
+
+/// Why a tape cannot be measured.
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    /// The tape cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The times of a measure and of its streams have no common tick.
+    #[error("measure `{name}`: {source}")]
+    Tick {
+        /// Which.
+        name: String,
+        /// What is wrong.
+        source: TickError,
+    },
+}
+
+/// A stream and the sample of it that comes next.
+struct Track<'a> {
+    stream: usize,
+    records: Records<'a, Reader>,
+    stamp_s: f64,
+    payload: Vec<u8>,
+    over: bool,
+}
+
+impl Track<'_> {
+    fn advance(&mut self) -> Result<(), ReadError> {
+        match self.records.next()? {
+            Some(record) => {
+                self.stamp_s = record.stamp_s;
+                self.payload.clear();
+                self.payload.extend_from_slice(record.payload);
+            }
+            None => self.over = true,
+        }
+        Ok(())
+    }
+}
+
+/// The figures of `definitions`, whose readings belong to the streams of `tape`. Streams are read side by side in the order of their
+/// stamps, so that of no tape more than some samples are kept.
+///
+/// # Errors
+/// When the tape cannot be read, or a measure has no tick.
+pub fn of_tape(definitions: Vec<Definition>, tape: &Reader) -> Result<Figures, MeasureError> {
+    let mut measures =
+        Measures::new(definitions, tape.streams()).map_err(|(name, source)| MeasureError::Tick { name, source })?;
+    let mut tracks = Vec::new();
+    for stream in (0..tape.streams().len()).filter(|&stream| measures.reads(stream)) {
+        let mut track = Track {
+            stream,
+            records: Records::new(tape, stream),
+            stamp_s: 0.0,
+            payload: Vec::new(),
+            over: false,
+        };
+        track.advance()?;
+        tracks.push(track);
+    }
+    loop {
+        let running = tracks.iter_mut().filter(|track| !track.over);
+        let Some(next) = running.min_by(|a, b| a.stamp_s.total_cmp(&b.stamp_s)) else {
+            break;
+        };
+        measures.sample(next.stream, next.stamp_s, &next.payload);
+        next.advance()?;
+    }
+    Ok(Figures::default().with(measures.finish()))
+}

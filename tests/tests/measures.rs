@@ -1,0 +1,396 @@
+//! Measures and criteria of any scenario: verdict, exit code, figures that are the same in every way of running, and tapes that are
+//! asked afterwards.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use escapement_tests::program::{Folder, Said, built, orchestrate, participant, root, spring, text};
+use serde_json::Value;
+use tape::{Reader, Records, Source};
+
+/// Two springs under names of their own, at periods that do not meet often, and everything that can be measured of them.
+fn springs(folder: &Folder) -> PathBuf {
+    let scenario = format!(
+        r#"title = "Two bobs"
+duration = "3 s"
+
+[participants.heavy]
+run = {{ exe = "{exe}" }}
+period = "3 ms"
+parameters = {{ position = 0.1 }}
+
+[participants.light]
+run = {{ exe = "{exe}" }}
+period = "1/300 s"
+offset = "7 ms"
+parameters = {{ position = -0.02 }}
+
+[connections.pull]
+from = "heavy.motion"
+to = "light.neighbour"
+delay = "4 ms"
+
+[connections.push]
+from = "light.motion"
+to = "heavy.neighbour"
+
+[measures.peak]
+of = "heavy.motion.position"
+compute = "max-abs"
+at-most = "10 cm"
+
+[measures.apart]
+of = "heavy.motion.position"
+minus = "light.motion.position"
+compute = "rms"
+from = "1 s"
+to = "2.5 s"
+unit = "mm"
+
+[measures.path]
+of = "light.motion.velocity"
+compute = "integral-abs"
+
+[measures.swings]
+of = "light.motion.position"
+compute = "first-crossing"
+threshold = "0 m"
+within = "[0, 1] s"
+
+[measures.usual]
+of = "light.motion.velocity"
+minus = "heavy.motion.velocity"
+compute = "percentile"
+percent = 90
+
+[measures.settled]
+of = "heavy.motion.position"
+compute = "settling-time"
+band = "[-1, 1] mm"
+"#,
+        exe = spring().display()
+    );
+    folder.write("bobs.toml", &scenario)
+}
+
+/// What does not depend on the machine: figures, criteria, verdict and the tape.
+fn judged(summary: &Value) -> [Value; 4] {
+    ["measures", "criteria", "verdict", "tape_digest"].map(|key| summary[key].clone())
+}
+
+/// Stamps and values of a field of a tape.
+fn column(run: &Path, path: &str) -> Vec<(f64, f64)> {
+    let tape = Reader::open(run).expect("there is a tape");
+    let field = tape.field(path).expect("the field is there");
+    let mut records = Records::new(&tape, field.stream);
+    let mut column = Vec::new();
+    while let Some(record) = records.next().expect("it can be read") {
+        column.push((record.stamp_s, field.field.value(record.payload, 0)));
+    }
+    column
+}
+
+fn near(value: &Value, expected: f64) {
+    let value = value.as_f64().unwrap_or_else(|| panic!("{value} is no number"));
+    assert!((value - expected).abs() <= 1e-12 * expected.abs(), "{value} {expected}");
+}
+
+#[test]
+fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_tape() {
+    let folder = Folder::new("measures");
+    let scenario = springs(&folder);
+    let out = |name: &str| folder.path().join(name);
+    let whole = out("whole");
+    let run = orchestrate(&[
+        "run",
+        text(&scenario),
+        "--json",
+        "--checkpoint-at",
+        "1.7s",
+        "--out",
+        text(&whole),
+    ]);
+    assert_eq!(run.code, Some(0), "{run:?}");
+    let summary = run.json();
+    assert_eq!(summary["verdict"], "met");
+    let resumed = orchestrate(&["resume", text(&whole), "--json", "--out", text(&out("resumed"))]);
+    assert_eq!(judged(&resumed.json()), judged(&summary), "{resumed:?}");
+    let vary = ["--vary", "participants.heavy.parameters.position=0.1,0.2", "--json"];
+    let swept = orchestrate(&[&["sweep", text(&scenario), "--out", text(&out("sweep"))], &vary[..]].concat());
+    assert_eq!(swept.code, Some(0), "{swept:?}");
+    let rows = swept.json()["rows"].clone();
+    assert_eq!(rows[0]["tape_digest"], summary["tape_digest"]);
+    for (name, measure) in summary["measures"].as_object().expect("it has measures") {
+        assert_eq!(rows[0]["figures"][name], measure["value"], "{name}");
+    }
+    assert_eq!(
+        (&rows[0]["outcome"], &rows[1]["outcome"]),
+        (&Value::from("met"), &Value::from("not-met"))
+    );
+    assert_eq!(rows[1]["reason"], "peak");
+    // the tape, asked by the measures of its own scenario and by those of the file
+    for more in [&[][..], &["--measures", text(&scenario)]] {
+        let asked = orchestrate(&[&["measure", text(&whole), "--json"], more].concat());
+        assert_eq!(asked.code, Some(0), "{asked:?}");
+        assert_eq!(judged(&asked.json())[..3], judged(&summary)[..3]);
+    }
+
+    // a plain computation over the whole tape
+    let figure = |name: &str| summary["measures"][name]["value"].clone();
+    let position = column(&whole, "heavy.motion.position");
+    let other = column(&whole, "light.motion.position");
+    let speed = column(&whole, "light.motion.velocity");
+    near(
+        &figure("peak"),
+        position.iter().map(|(_, x)| x.abs()).fold(0.0, f64::max),
+    );
+    // Whatever is within a nanosecond is one instant: these streams meet every 10 ms.
+    let by = |t: f64| {
+        other
+            .iter()
+            .rev()
+            .find(|(s, _)| *s <= t + 1e-9)
+            .expect("there is one")
+            .1
+    };
+    let window = position.iter().filter(|(t, _)| (1.0..=2.5).contains(t));
+    let squares: Vec<f64> = window.map(|(t, x)| (x - by(*t)).powi(2)).collect();
+    assert_eq!(squares.len(), 500);
+    near(&figure("apart"), 1e3 * (squares.iter().sum::<f64>() / 500.0).sqrt());
+    let path: f64 = speed
+        .windows(2)
+        .map(|two| (two[0].1.abs() + two[1].1.abs()) / 600.0)
+        .sum();
+    near(&figure("path"), path);
+    let crossing = other.iter().find(|(_, x)| *x >= 0.0).expect("it swings").0;
+    assert_eq!(figure("swings"), Value::from(crossing));
+    assert_eq!(figure("settled"), Value::Null);
+    let reason = summary["measures"]["settled"]["reason"].as_str().unwrap_or_default();
+    assert!(reason.contains("outside the band"), "{reason}");
+}
+
+#[test]
+fn one_program_gives_the_same_figures_in_one_loop() {
+    let folder = Folder::new("measures-lander");
+    let lander = |arguments: &[&str]| {
+        let said = Command::new(built().join("lander"))
+            .current_dir(root())
+            .args(arguments)
+            .output();
+        let said = said.expect("it can be started");
+        let json: Value = serde_json::from_slice(&said.stdout).unwrap_or_default();
+        (said.status.code(), json)
+    };
+    let out = |name: &str| folder.path().join(name);
+    let scenario = "examples/lander/lander.toml";
+    let apart = lander(&["run", scenario, "--json", "--out", text(&out("apart"))]);
+    assert_eq!(apart.0, Some(0), "{:?}", apart.1);
+    let one = lander(&["run", scenario, "--json", "--in-process", "--out", text(&out("one"))]);
+    assert_eq!(judged(&one.1), judged(&apart.1));
+    let vary = ["--vary", "participants.autopilot.parameters.touchdown=0.5m/s", "--json"];
+    let swept = lander(&[&["sweep", scenario, "--out", text(&out("sweep"))], &vary[..]].concat());
+    for (name, measure) in one.1["measures"].as_object().expect("it has measures") {
+        assert_eq!(swept.1["rows"][0]["figures"][name], measure["value"], "{name}");
+    }
+}
+
+#[test]
+fn a_criterion_that_is_not_met_says_by_how_much_and_when() {
+    let folder = Folder::new("measures-missed");
+    let scenario = springs(&folder);
+    let out = folder.path().join("run");
+    let run = orchestrate(&[
+        "run",
+        text(&scenario),
+        "--set",
+        "measures.peak.at-most=40 mm",
+        "--set",
+        "measures.late={ of = \"light.motion.velocity\", compute = \"final\", from = \"5 s\", at-least = \"0 m/s\" }",
+        "--out",
+        text(&out),
+    ]);
+    assert_eq!(run.code, Some(3), "{run:?}");
+    for part in [
+        "not met: 2 of 3 criteria",
+        "FAIL peak                         100.0 mm (at most 40.0 mm): 60.0 mm too much at t = 0 s",
+        "FAIL late                         not measured: there is no sample in the window (at least 0 m/s)",
+        "  ok   swings",
+    ] {
+        assert!(run.out.contains(part), "`{part}` is not in {}", run.out);
+    }
+    assert!(
+        run.err.contains("measures.late.from"),
+        "a window behind the end is warned of: {}",
+        run.err
+    );
+    let summary = std::fs::read_to_string(out.join("summary.json")).expect("a run has a summary");
+    let summary: Value = serde_json::from_str(&summary).expect("it is JSON");
+    assert_eq!(summary["verdict"], "not-met");
+    let page = folder.path().join("page.html");
+    let report = orchestrate(&["report", text(&out), "--out", text(&page)]);
+    assert_eq!(report.code, Some(0), "{report:?}");
+}
+
+#[test]
+fn a_measure_that_does_not_fit_is_refused_with_file_line_and_key() {
+    let folder = Folder::new("measures-refused");
+    let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
+    for (from, to, line, part) in [
+        (
+            "\"10 cm\"",
+            "\"10 s\"",
+            30,
+            "measures.peak.at-most: `10 s` is not a value in m: it has the dimension s, not m",
+        ),
+        (
+            "of = \"heavy.motion.position\"\ncompute = \"max-abs\"",
+            "of = \"heavy.motion.place\"\ncompute = \"max-abs\"",
+            28,
+            "has no field or element `place`",
+        ),
+        (
+            "minus = \"light.motion.position\"",
+            "minus = \"light.motion.velocity\"",
+            34,
+            "is in m/s",
+        ),
+        ("percent = 90", "percent = 900", 55, "between 0 and 100"),
+        ("compute = \"rms\"", "compute = \"rss\"", 35, "unknown variant `rss`"),
+    ] {
+        assert!(whole.contains(from), "{from}");
+        let scenario = folder.write("wrong.toml", &whole.replacen(from, to, 1));
+        let said = orchestrate(&["run", text(&scenario), "--out", text(&folder.path().join("no"))]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(said.err.contains(part), "`{part}` is not in {}", said.err);
+        assert!(
+            said.err.contains(&format!("wrong.toml:{line}:")),
+            "line {line}: {}",
+            said.err
+        );
+        assert!(!folder.path().join("no").exists(), "nothing is left");
+    }
+}
+
+/// `measure` of the tape in `run`.
+fn ask(run: &Path, more: &[&str]) -> Said {
+    orchestrate(&[&["measure", text(run)], more].concat())
+}
+
+#[test]
+fn a_finished_tape_is_asked() {
+    let folder = Folder::new("measures-asked");
+    let scenario = springs(&folder);
+    let run = folder.path().join("run");
+    let said = orchestrate(&["run", text(&scenario), "--quiet", "--out", text(&run)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let of = ["--of", "light.motion.velocity", "--compute"];
+    let asked = ask(&run, &[&of[..], &["min", "--at-least", "-1 m/s", "--json"]].concat());
+    assert_eq!(asked.code, Some(0), "{asked:?}");
+    let least = column(&run, "light.motion.velocity")
+        .iter()
+        .map(|(_, v)| *v)
+        .fold(0.0, f64::min);
+    assert_eq!(asked.json()["measures"]["min"]["value"], Value::from(least));
+    let asked = ask(&run, &[&of[..], &["changes", "--at-most", "3"]].concat());
+    assert_eq!(asked.code, Some(3), "{asked:?}");
+    assert!(asked.out.contains("too much"), "{asked:?}");
+    for (more, part) in [
+        (&["max", "--at-most", "3"][..], "--at-most: `3.0` has no unit"),
+        (&["max", "--minus", "light.motion.position"], "--minus: "),
+        (&["percentile"], "`percent` is missing"),
+    ] {
+        let asked = ask(&run, &[&of[..], more].concat());
+        assert_eq!(asked.code, Some(2), "{asked:?}");
+        assert!(asked.err.contains(part), "`{part}` is not in {}", asked.err);
+    }
+    // a tape alone, and one of another scenario
+    let asked = ask(&run.join("tape"), &[&of[..], &["max"]].concat());
+    assert_eq!(asked.code, Some(0), "{asked:?}");
+    let asked = ask(&run, &["--measures", text(&root().join("examples/lander/lander.toml"))]);
+    assert_eq!(asked.code, Some(2), "{asked:?}");
+    assert!(
+        asked.err.contains("lander.toml:") && asked.err.contains("there are") | asked.err.contains("the streams are"),
+        "{asked:?}"
+    );
+}
+
+#[test]
+fn measures_stand_beside_the_assessment() {
+    let folder = Folder::new("measures-beside");
+    let out = folder.path().join("run");
+    let measure = |name: &str| {
+        format!(
+            "measures.{name}={{ of = \"plant.truth.p_NB_N\", compute = \"rate\", through = \"norm\", at-most = \"1 m/s\" }}"
+        )
+    };
+    let stock = ["run", "scenarios/close.toml", "--in-process", "--json", "--out"];
+    let plain = orchestrate(&[&stock[..], &[text(&folder.path().join("plain"))]].concat());
+    let both = orchestrate(&[&stock[..], &[text(&out), "--set", &measure("base-speed")]].concat());
+    assert_eq!(both.code, Some(0), "{both:?}");
+    let (plain, both) = (plain.json(), both.json());
+    assert_eq!(plain["tape_digest"], both["tape_digest"]);
+    for (name, value) in plain.as_object().expect("a summary") {
+        let machine = ["wall_time_s", "real_time_factor", "timing", "run_folder", "criteria"];
+        if !machine.contains(&name.as_str()) {
+            assert_eq!(value, &both[name], "{name}");
+        }
+    }
+    let criteria = both["criteria"].as_array().expect("it has criteria");
+    assert_eq!(
+        criteria.len(),
+        plain["criteria"].as_array().expect("it has criteria").len() + 1
+    );
+    assert_eq!(criteria.last().expect("there is one")["name"], "base-speed");
+    let double = orchestrate(&["check", "scenarios/close.toml", "--set", &measure("peak_base_force")]);
+    assert_eq!(double.code, Some(2), "{double:?}");
+    assert!(double.err.contains("has a figure of that name"), "{double:?}");
+}
+
+#[test]
+fn what_a_fault_makes_of_an_input_can_be_measured() {
+    let folder = Folder::new("measures-fault");
+    let scenario = folder.write(
+        "seen.toml",
+        &format!(
+            r#"duration = "1 s"
+participants.swing = {{ run = {{ exe = "{}" }}, period = "1 ms" }}
+participants.brake = {{ run = {{ exe = "{}" }}, period = "10 ms" }}
+connections.a = {{ from = "swing.motion", to = "brake.motion" }}
+connections.b = {{ from = "brake.push", to = "swing.push" }}
+
+[measures.seen]
+of = "brake.seen.motion.position"
+minus = "swing.motion.position"
+compute = "max-abs"
+at-most = "1 m"
+"#,
+            participant("oscillator").display(),
+            participant("damper").display()
+        ),
+    );
+    let run = |fault: &str, name: &str| {
+        orchestrate(&[
+            "run",
+            text(&scenario),
+            "--fault",
+            fault,
+            "--out",
+            text(&folder.path().join(name)),
+        ])
+    };
+    let bias = run("at=0.5s,input=brake.motion,field=position,kind=bias,value=3m", "bias");
+    assert_eq!(bias.code, Some(3), "{bias:?}");
+    assert!(
+        bias.out.contains("3.00 m (at most 1.00 m): 2.00 m too much at t = 0.5"),
+        "{bias:?}"
+    );
+    // without the fault nobody records what is seen
+    let refused = orchestrate(&["check", text(&scenario)]);
+    let refused = if refused.code == Some(0) {
+        orchestrate(&["run", text(&scenario), "--out", text(&folder.path().join("no"))])
+    } else {
+        refused
+    };
+    assert_eq!(refused.code, Some(2), "{refused:?}");
+    assert!(refused.err.contains("the streams are"), "{refused:?}");
+}
