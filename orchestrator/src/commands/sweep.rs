@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::cli::ScenarioArgs;
+use engine::assessment::Criterion;
 use engine::campaign::{self, Axis, Campaign, CampaignError, Finished, Kind, Number, Options, Picture};
 use engine::run::check;
 use engine::scenario::Scenario;
@@ -123,6 +124,13 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     };
     let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;
     let shown = figure.clone().or_else(|| default_figure(&figures));
+    let limited = |criterion: &Criterion| criterion.limit.is_some_and(|limit| limit > 0.0);
+    let judged = finished
+        .results
+        .iter()
+        .flatten()
+        .filter_map(|result| result.figures.as_ref());
+    let judged = judged.flat_map(|figures| &figures.criteria).any(limited);
     let varied = campaign.columns.iter().filter(|column| column.name != "seed").count();
     let picture = Picture {
         title: if scenario.title.is_empty() {
@@ -132,8 +140,12 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         },
         columns: &campaign.columns,
         results: &finished.results,
-        // over one key all criteria are shown, unless the user asks for one figure
-        figure: if varied > 1 { shown.as_ref() } else { figure.as_ref() },
+        // over one key all criteria are shown, unless there are none or the user asks for one figure
+        figure: if varied > 1 || !judged {
+            shown.as_ref()
+        } else {
+            figure.as_ref()
+        },
     };
     let pictures = write(&campaign, &finished, Some(&picture))?;
     if args.campaign.json {

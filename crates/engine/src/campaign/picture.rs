@@ -25,6 +25,16 @@ impl Picture<'_> {
     fn word(&self) -> &'static str {
         good_word(self.results)
     }
+
+    /// Whether the figure that is shown has a least value and no greatest one.
+    fn lowest(&self) -> bool {
+        let figures = self.results.iter().flatten().find_map(|result| result.figures.as_ref());
+        let criteria = figures.map_or(&[][..], |figures| &figures.criteria);
+        let own = criteria
+            .iter()
+            .find(|one| self.figure.is_some_and(|figure| figure.name == one.name));
+        own.is_some_and(|criterion| criterion.limit.is_none())
+    }
 }
 
 /// Points that fall onto one place of the picture.
@@ -47,10 +57,11 @@ impl Place<'_> {
         }
     }
 
-    /// The worst value of a figure.
-    fn worst(&self, of: impl Fn(&PointResult) -> Option<f64>) -> Option<f64> {
+    /// The worst value of a figure: the greatest, or the least where only that has a limit.
+    fn worst(&self, lowest: bool, of: impl Fn(&PointResult) -> Option<f64>) -> Option<f64> {
         let values = self.results.iter().flatten().filter_map(|result| of(result));
-        values.filter(|value| value.is_finite()).reduce(f64::max)
+        let worse = if lowest { f64::min } else { f64::max };
+        values.filter(|value| value.is_finite()).reduce(worse)
     }
 }
 
@@ -118,12 +129,13 @@ fn chart(picture: &Picture<'_>, column: &Column) -> Drawing {
         to: if at + 1 == xs.len() { xs[at] } else { middle(at, at + 1) },
         shade: place.shade(),
     });
+    let lowest = picture.lowest();
     let curve = |name: &str, of: &dyn Fn(&PointResult) -> Option<f64>| Curve {
         name: name.to_owned(),
         points: xs
             .iter()
             .zip(&places)
-            .map(|(x, (_, place))| [*x, place.worst(of).unwrap_or(f64::NAN)])
+            .map(|(x, (_, place))| [*x, place.worst(lowest, of).unwrap_or(f64::NAN)])
             .collect(),
     };
     let first = picture
@@ -211,7 +223,7 @@ fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
         places[row * across.len() + column].results.push(result.as_ref());
     }
     let of = |result: &PointResult| figure_value(result, &picture.figure?.key);
-    let worst: Vec<Option<f64>> = places.iter().map(|place| place.worst(of)).collect();
+    let worst: Vec<Option<f64>> = places.iter().map(|place| place.worst(picture.lowest(), of)).collect();
     let good = |at: &usize| matches!(places[*at].shade(), Shade::Good(_));
     let values: Vec<f64> = (0..places.len())
         .filter(good)

@@ -100,9 +100,10 @@ pub(crate) fn rows(summaries: &[Value], first: &[String]) -> Vec<Row> {
             if row.key.starts_with(MEASURES) {
                 let unit = value["unit"].as_str().filter(|unit| *unit != "1");
                 row.unit = unit.unwrap_or_default().to_owned();
-                row.values[run] = match &value["value"] {
-                    Value::Null => "not measured".to_owned(),
-                    value => text(value),
+                row.values[run] = match (&value["value"], value["reason"].as_str()) {
+                    (Value::Null, None) => "not measured".to_owned(),
+                    (Value::Null, Some(reason)) => format!("not measured: {reason}"),
+                    (value, _) => text(value),
                 };
             }
             if let Some(Judged {
@@ -263,7 +264,7 @@ mod tests {
             told("measures.over_shoot"),
             "Over shoot 2.5 mm (from -1 to 2 mm) Some(false) true"
         );
-        assert_eq!(told("measures.late"), "Late not measured s () None true");
+        assert_eq!(told("measures.late"), "Late not measured: never s () None true");
     }
 
     #[test]
