@@ -101,20 +101,10 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
     let scenario = springs(&folder);
     let out = |name: &str| folder.path().join(name);
     let whole = out("whole");
-    let run = orchestrate(&[
-        "run",
-        text(&scenario),
-        "--json",
-        "--checkpoint-at",
-        "1.7s",
-        "--out",
-        text(&whole),
-    ]);
+    let run = orchestrate(&["run", text(&scenario), "--json", "--out", text(&whole)]);
     assert_eq!(run.code, Some(0), "{run:?}");
     let summary = run.json();
     assert_eq!(summary["verdict"], "met");
-    let resumed = orchestrate(&["resume", text(&whole), "--json", "--out", text(&out("resumed"))]);
-    assert_eq!(judged(&resumed.json()), judged(&summary), "{resumed:?}");
     let vary = ["--vary", "participants.heavy.parameters.position=0.1,0.2", "--json"];
     let swept = orchestrate(&[&["sweep", text(&scenario), "--out", text(&out("sweep"))], &vary[..]].concat());
     assert_eq!(swept.code, Some(0), "{swept:?}");
@@ -170,7 +160,7 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
 }
 
 #[test]
-fn one_program_gives_the_same_figures_in_one_loop() {
+fn one_program_gives_the_same_figures_in_one_loop_and_resumed() {
     let folder = Folder::new("measures-lander");
     let lander = |arguments: &[&str]| {
         let said = Command::new(built().join("lander"))
@@ -183,10 +173,20 @@ fn one_program_gives_the_same_figures_in_one_loop() {
     };
     let out = |name: &str| folder.path().join(name);
     let scenario = "examples/lander/lander.toml";
-    let apart = lander(&["run", scenario, "--json", "--out", text(&out("apart"))]);
+    let apart = lander(&[
+        "run",
+        scenario,
+        "--json",
+        "--checkpoint-at",
+        "20s",
+        "--out",
+        text(&out("apart")),
+    ]);
     assert_eq!(apart.0, Some(0), "{:?}", apart.1);
     let one = lander(&["run", scenario, "--json", "--in-process", "--out", text(&out("one"))]);
     assert_eq!(judged(&one.1), judged(&apart.1));
+    let resumed = lander(&["resume", text(&out("apart")), "--json", "--out", text(&out("resumed"))]);
+    assert_eq!(judged(&resumed.1), judged(&apart.1));
     let vary = ["--vary", "participants.autopilot.parameters.touchdown=0.5m/s", "--json"];
     let swept = lander(&[&["sweep", scenario, "--out", text(&out("sweep"))], &vary[..]].concat());
     for (name, measure) in one.1["measures"].as_object().expect("it has measures") {
@@ -212,7 +212,7 @@ fn a_criterion_that_is_not_met_says_by_how_much_and_when() {
     assert_eq!(run.code, Some(3), "{run:?}");
     for part in [
         "not met: 2 of 3 criteria",
-        "FAIL peak                         100.0 mm (at most 40.0 mm): 60.0 mm too much at t = 0 s",
+        "FAIL peak                         100 mm (at most 40.0 mm): 60.0 mm too much at t = 0 s",
         "FAIL late                         not measured: there is no sample in the window (at least 0 m/s)",
         "  ok   swings",
     ] {
@@ -235,30 +235,30 @@ fn a_criterion_that_is_not_met_says_by_how_much_and_when() {
 fn a_measure_that_does_not_fit_is_refused_with_file_line_and_key() {
     let folder = Folder::new("measures-refused");
     let whole = std::fs::read_to_string(springs(&folder)).expect("it was written");
-    for (from, to, line, part) in [
+    for (from, to, part) in [
         (
             "\"10 cm\"",
             "\"10 s\"",
-            30,
             "measures.peak.at-most: `10 s` is not a value in m: it has the dimension s, not m",
         ),
         (
             "of = \"heavy.motion.position\"\ncompute = \"max-abs\"",
             "of = \"heavy.motion.place\"\ncompute = \"max-abs\"",
-            28,
             "has no field or element `place`",
         ),
         (
             "minus = \"light.motion.position\"",
             "minus = \"light.motion.velocity\"",
-            34,
             "is in m/s",
         ),
-        ("percent = 90", "percent = 900", 55, "between 0 and 100"),
-        ("compute = \"rms\"", "compute = \"rss\"", 35, "unknown variant `rss`"),
+        ("percent = 90", "percent = 900", "between 0 and 100"),
+        ("compute = \"rms\"", "compute = \"rss\"", "unknown variant `rss`"),
     ] {
         assert!(whole.contains(from), "{from}");
-        let scenario = folder.write("wrong.toml", &whole.replacen(from, to, 1));
+        let wrong = whole.replacen(from, to, 1);
+        let before = &wrong[..wrong.find(to).expect("it is there now")];
+        let line = before.matches('\n').count() + 1;
+        let scenario = folder.write("wrong.toml", &wrong);
         let said = orchestrate(&["run", text(&scenario), "--out", text(&folder.path().join("no"))]);
         assert_eq!(said.code, Some(2), "{said:?}");
         assert!(said.err.contains(part), "`{part}` is not in {}", said.err);
@@ -295,7 +295,7 @@ fn a_finished_tape_is_asked() {
     assert_eq!(asked.code, Some(3), "{asked:?}");
     assert!(asked.out.contains("too much"), "{asked:?}");
     for (more, part) in [
-        (&["max", "--at-most", "3"][..], "--at-most: `3.0` has no unit"),
+        (&["max", "--at-most", "3"][..], "--at-most: `3` has no unit"),
         (&["max", "--minus", "light.motion.position"], "--minus: "),
         (&["percentile"], "`percent` is missing"),
     ] {
