@@ -14,8 +14,8 @@ use crate::commands::faults::FaultsArgs;
 use crate::commands::man::ManArgs;
 #[cfg(feature = "capture")]
 use crate::commands::margins::MarginsArgs;
-use crate::commands::new::NewArgs;
 use crate::commands::measure::MeasureArgs;
+use crate::commands::new::NewArgs;
 use crate::commands::replay::ReplayArgs;
 use crate::commands::report::ReportArgs;
 use crate::commands::sweep::SweepArgs;
