@@ -169,7 +169,11 @@ fn criterion(summary: &Value, key: &str) -> Option<Judged> {
     };
     Some(Judged {
         criterion: words.trim_end().to_owned(),
-        value: entry["value"].as_f64().map_or_else(|| "not measured".to_owned(), short),
+        value: match (entry["value"].as_f64(), entry["reason"].as_str()) {
+            (Some(value), _) => short(value),
+            (None, Some(reason)) => format!("not measured: {reason}"),
+            (None, None) => "not measured".to_owned(),
+        },
         unit: unit.to_owned(),
         met: entry["met"].as_bool(),
     })
