@@ -77,6 +77,8 @@ pub enum Command {
     /// Verify gains: norms, mu, margins, the sampled loop
     #[cfg(feature = "capture")]
     Margins(MarginsArgs),
+    /// Look at an FMU before it takes part
+    Fmu(FmuArgs),
     /// Measure what lockstep costs on this machine
     Bench(BenchArgs),
     /// Print a script that completes commands and options in a shell
@@ -346,7 +348,7 @@ impl StartArgs {
     /// What a run of it would be refused for.
     pub fn check(&self, scenario: &Scenario) -> Result<Known, RunFailure> {
         const CHEAP: usize = 16;
-        let asked = |program: &&Program| program.file().is_some();
+        let asked = |program: &&Program| !matches!(program, Program::Builtin(_) | Program::Fmu { .. });
         let programs = scenario.programs().filter(asked).count();
         match self.start {
             Start::Auto if programs > CHEAP => Ok(run::check(scenario)?),
@@ -401,11 +403,35 @@ pub struct DoctorArgs {
 #[derive(Debug, Args)]
 pub struct ParticipantArgs {
     /// Which one; of a library with one participant it may be left out
-    #[arg(required_unless_present = "library")]
+    #[arg(required_unless_present_any = ["library", "fmu"])]
     pub name: Option<String>,
     /// A plug-in that contains it
     #[arg(long, value_name = "FILE")]
     pub library: Option<PathBuf>,
+    /// An FMU in its place
+    #[arg(long, value_name = "FILE")]
+    pub fmu: Option<PathBuf>,
+    /// The keys beside the FMU, as TOML
+    #[arg(long, default_value = "", requires = "fmu")]
+    pub options: String,
+}
+
+/// Arguments of `fmu`.
+#[derive(Debug, Args)]
+pub struct FmuArgs {
+    /// What to do
+    #[command(subcommand)]
+    pub action: FmuAction,
+}
+
+/// What `fmu` does.
+#[derive(Debug, Subcommand)]
+pub enum FmuAction {
+    /// Say what an FMU is: its ports with units, its parameters, what it can and cannot do, and a scenario with it. Nothing of it runs
+    Inspect {
+        /// The FMU
+        file: PathBuf,
+    },
 }
 
 /// Arguments of `bench`.

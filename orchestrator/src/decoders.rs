@@ -25,7 +25,7 @@ use engine::scenario::Scenario;
 pub type Decode = fn(&[u8]);
 
 /// The functions by name: the names of the targets and of the folders of the corpus.
-pub const ALL: [(&str, Decode); 9] = [
+pub const ALL: [(&str, Decode); 11] = [
     ("scenario", scenario),
     ("urdf", urdf),
     ("control", control),
@@ -35,6 +35,8 @@ pub const ALL: [(&str, Decode); 9] = [
     ("gains", gains),
     ("units", units),
     ("descriptor", descriptor),
+    ("fmu", fmu),
+    ("description", description),
 ];
 
 fn root() -> PathBuf {
@@ -53,6 +55,37 @@ pub fn scenario(bytes: &[u8]) {
             }
         }
         Err(error) => assert!(error.to_string().contains("fuzzed.toml"), "{error}"),
+    }
+}
+
+/// A file with an FMU: the archive, every file in it, and its description.
+pub fn fmu(bytes: &[u8]) {
+    let Ok(archive) = fmu::Archive::read(bytes.to_vec()) else {
+        return;
+    };
+    let mut total = 0;
+    for entry in archive.entries() {
+        total += entry.size;
+        assert!(!entry.name.starts_with('/') && !entry.name.split('/').any(|part| part == ".."));
+        // Sizes are those of a directory that may lie; what is unpacked is bounded by them.
+        if entry.size < 1 << 22
+            && let Some(Ok(contents)) = archive.file(&entry.name)
+        {
+            assert_eq!(contents.len() as u64, entry.size);
+            if entry.name == "modelDescription.xml" {
+                description(&contents);
+            }
+        }
+    }
+    assert!(total <= fmu::UNPACKED_MAX);
+}
+
+/// The description of an FMU.
+pub fn description(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    match fmu::Description::read(text) {
+        Ok(description) => fmu::look(&description),
+        Err(error) => assert!(error.to_string().contains("modelDescription.xml")),
     }
 }
 

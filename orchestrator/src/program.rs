@@ -159,6 +159,7 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         Command::New(args) => Ok(commands::new::run(args, line.get_name(), templates)),
         Command::Completions(args) => Ok(commands::completions::run(args, &line)),
         Command::Man(args) => commands::man::run(args, line),
+        Command::Fmu(args) => commands::fmu::run(args),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::CampaignWorker => engine::campaign::serve(catalogue(), std::io::stdin().lock(), std::io::stdout())
             .map(|()| 0)

@@ -2,6 +2,7 @@
 
 pub mod compiler;
 pub mod faulty;
+pub mod fmus;
 pub mod liar;
 pub mod long;
 pub mod machine;

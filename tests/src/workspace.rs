@@ -16,10 +16,11 @@ pub const ARROWS: [(&str, &[&str]); 18] = [
     ("synthesis", &["multibody"]),
     ("interfaces", &["lockstep", "multibody"]),
     ("tape", &["lockstep"]),
+    ("fmu", &["lockstep"]),
     ("plugin", &["lockstep"]),
     ("testing", &[]),
     ("report", &["lockstep", "multibody", "tape"]),
-    ("engine", &["lockstep", "plugin", "report", "tape"]),
+    ("engine", &["fmu", "lockstep", "plugin", "report", "tape"]),
     (
         "capture",
         &[
@@ -51,6 +52,7 @@ pub const ARROWS: [(&str, &[&str]); 18] = [
             "capture",
             "controller-proc",
             "engine",
+            "fmu",
             "guidance-proc",
             "lockstep",
             "multibody",

@@ -13,7 +13,7 @@ use toml::{Table, Value};
 use crate::assessment::Assessment;
 use crate::campaign::{Cases, CasesError};
 use crate::replay::player;
-use crate::scenario::Scenario;
+use crate::scenario::{Program, Scenario};
 
 /// Makes an assessment from the table `assessment` of a scenario and the streams of the run.
 pub type AssessmentFactory =
@@ -208,6 +208,21 @@ impl Catalogue {
     /// How the participant called `name` is made.
     pub fn factory(&self, name: &str) -> Option<&Factory> {
         self.participants.get(name).or_else(|| self.internal.get(name))
+    }
+
+    /// How the participant of `program` is made in this process where none of its code is loaded by that: nothing for libraries
+    /// and for programs of their own.
+    pub fn factory_of(&self, program: &Program) -> Option<Factory> {
+        match program {
+            Program::Builtin(name) => self.factory(name).cloned(),
+            Program::Fmu { file, options } => {
+                let (file, options) = (file.clone(), options.clone());
+                Some(Arc::new(move |setup: &Setup| {
+                    fmu::participant(&file, &options, setup, false)
+                }))
+            }
+            Program::Library { .. } | Program::External { .. } => None,
+        }
     }
 
     /// The assessment that the table `assessment` of a scenario describes.

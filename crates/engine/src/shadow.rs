@@ -63,7 +63,7 @@ pub fn in_place(text: &str, option: &str) -> Result<(String, String), String> {
         Some(builtin) => run.insert("builtin".into(), toml::Value::String(builtin.to_owned())),
         None => {
             // What has a slash is relative to where the user is, not to the scenario.
-            let file = if program.contains('/') {
+            let file = if program.contains('/') || program.ends_with(".fmu") {
                 let absolute =
                     std::path::absolute(program).map_err(|error| format!("{option}: `{program}`: {error}"))?;
                 absolute

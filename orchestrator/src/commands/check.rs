@@ -82,6 +82,7 @@ fn program(program: &Program) -> String {
             file,
             participant: Some(participant),
         } => format!("{participant} of library {}", file.display()),
+        Program::Fmu { file, .. } => format!("FMU {}", file.display()),
         Program::External { exe, .. } => exe.display().to_string(),
     }
 }

@@ -8,6 +8,7 @@ use engine::scope;
 /// Looks, says, and removes if asked to.
 pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
     let leftovers = scope::leftovers();
+    let unpacked = fmu::leftovers();
     let cores = rustix::thread::sched_getaffinity(None)
         .map(|set| set.count())
         .unwrap_or(0);
@@ -18,8 +19,7 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
             .iter()
             .map(|left| json!({ "folder": left.folder, "objects": left.objects, "bytes": left.bytes }))
             .collect();
-        let report =
-            json!({ "cores": cores, "shared_memory_free_mib": free_mib, "leftovers": found, "removed": args.remove });
+        let report = json!({ "cores": cores, "shared_memory_free_mib": free_mib, "leftovers": found, "unpacked": unpacked, "removed": args.remove });
         println!("{}", serde_json::to_string_pretty(&report)?);
     } else {
         println!("cores this program may use: {cores}");
@@ -41,7 +41,10 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
                 left.folder.display()
             );
         }
-        match (leftovers.is_empty(), args.remove) {
+        for folder in &unpacked {
+            println!("a dead process left an unpacked FMU in {}", folder.display());
+        }
+        match (leftovers.is_empty() && unpacked.is_empty(), args.remove) {
             (true, _) => println!("no dead run left anything behind"),
             (false, true) => println!("all of it is removed"),
             (false, false) => println!("`escapement doctor --remove` removes it, and so does the next run"),
@@ -49,6 +52,7 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
     }
     if args.remove {
         leftovers.iter().for_each(scope::Leftover::remove);
+        fmu::remove_leftovers();
     }
     Ok(0)
 }

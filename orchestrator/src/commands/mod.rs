@@ -7,6 +7,7 @@ pub mod completions;
 pub mod doctor;
 pub mod export;
 pub mod faults;
+pub mod fmu;
 pub mod graph;
 pub mod man;
 #[cfg(feature = "capture")]

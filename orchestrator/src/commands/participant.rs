@@ -10,6 +10,9 @@ pub fn run(args: &ParticipantArgs) -> ExitCode {
     if let Some(library) = &args.library {
         return plugin::host_library(library, args.name.as_deref());
     }
+    if let Some(file) = &args.fmu {
+        return crate::commands::fmu::host(file, &args.options);
+    }
     let name = args.name.as_deref().unwrap_or_default();
     if let Some(result) = crate::bench::be_an_end(name) {
         return match result {

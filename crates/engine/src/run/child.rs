@@ -21,6 +21,8 @@ pub struct Participant {
     pidfd: OwnedFd,
     log: Log,
     status: Option<ExitStatus>,
+    /// It unpacks what it cannot remove when it is killed.
+    unpacks: bool,
 }
 
 /// Ties the life of the process that `command` starts to that of this one, and nothing else: it dies with it, and Ctrl-C in a
@@ -72,6 +74,12 @@ impl Participant {
                 command.args(participant);
                 command
             }
+            Program::Fmu { file, options } => {
+                let mut command = own_program();
+                command.arg("participant").arg("--fmu").arg(file);
+                command.arg("--options").arg(options);
+                command
+            }
             Program::External { exe, args, folder } => {
                 let mut command = Command::new(exe);
                 command.args(args).current_dir(folder);
@@ -95,6 +103,7 @@ impl Participant {
                 pidfd,
                 log,
                 status: None,
+                unpacks: matches!(entry.program, Program::Fmu { .. }),
             }),
             Err(error) => {
                 let _ = child.kill();
@@ -175,5 +184,8 @@ impl Participant {
 impl Drop for Participant {
     fn drop(&mut self) {
         self.bring_down(Duration::ZERO);
+        if self.unpacks {
+            fmu::remove_leftovers();
+        }
     }
 }

@@ -13,7 +13,7 @@ use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::place::Place;
 use super::processes::GRACE;
-use crate::scenario::{Entry, OnFailure, Program, Scenario};
+use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
 
 /// The ports of `entry`, as [`ask`] gives them.
@@ -30,9 +30,7 @@ fn ask_for_ports(
     options: &Options,
     monitor: &Monitor,
 ) -> Result<Interface, RunFailure> {
-    if let Program::Builtin(name) = &entry.program
-        && let Some(factory) = scenario.catalogue().factory(name)
-    {
+    if let Some(factory) = scenario.catalogue().factory_of(&entry.program) {
         let made = factory(&entry.setup);
         let made = made.map_err(|error| scenario.refusal(entry, &error.key, &error.reason))?;
         return Ok(made.interface());

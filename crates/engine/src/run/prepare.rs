@@ -26,7 +26,7 @@ use super::{Options, Origin};
 use crate::assessment::Assessment;
 use crate::live::Steering;
 use crate::observer::{Answer, Event as Report, Interrupt, Progress};
-use crate::scenario::{Entry, OnFailure, Program, Scenario, ScenarioError, State};
+use crate::scenario::{Entry, OnFailure, Scenario, ScenarioError, State};
 
 /// A pause looks for signals and failures this often.
 const LOOK: Duration = Duration::from_millis(5);
@@ -59,16 +59,14 @@ pub(super) fn checked(scenario: &Scenario, made: Made) -> Result<(Known, Made), 
         .collect();
     for substitution in &scenario.substitutions {
         let entry = &substitution.entry;
-        let Program::Builtin(name) = &entry.program else {
-            continue;
-        };
-        let Some(factory) = scenario.catalogue().factory(name) else {
+        let Some(factory) = scenario.catalogue().factory_of(&entry.program) else {
             continue;
         };
         let substitute = factory(&entry.setup).map_err(|error| scenario.refusal(entry, &error.key, &error.reason))?;
         let known = interfaces[substitution.participant].as_ref();
         if let Some(difference) = known.and_then(|known| substitute.interface().difference(known)) {
-            let reason = format!("`{name}` has other ports than `{}`: {difference}", entry.setup.name);
+            let program = &entry.program;
+            let reason = format!("{program} has other ports than `{}`: {difference}", entry.setup.name);
             return Err(scenario.program_refusal(entry, &reason));
         }
     }

@@ -27,7 +27,7 @@ pub enum OnFailure {
 )]
 pub(super) enum OnFailureEntry {
     Named(Named),
-    Substitute(SubstituteEntry),
+    Substitute(Box<SubstituteEntry>),
 }
 
 #[derive(Debug, Clone, Copy, Deserialize, Serialize)]
@@ -61,6 +61,13 @@ impl fmt::Display for Program {
                 write!(
                     f,
                     "the library `{}`",
+                    file.file_name().unwrap_or_default().to_string_lossy()
+                )
+            }
+            Program::Fmu { file, .. } => {
+                write!(
+                    f,
+                    "the FMU `{}`",
                     file.file_name().unwrap_or_default().to_string_lossy()
                 )
             }

@@ -17,7 +17,7 @@ impl Scenario {
     pub fn make(&self) -> Result<Vec<Made>, ScenarioError> {
         self.make_with(|entry| match entry.program {
             Program::Library { .. } => Ok(None),
-            Program::Builtin(_) | Program::External { .. } => self.participant_of(entry),
+            Program::Builtin(_) | Program::Fmu { .. } | Program::External { .. } => self.participant_of(entry),
         })
     }
 
@@ -55,7 +55,10 @@ impl Scenario {
 
     fn participant_of(&self, entry: &Entry) -> Result<Made, Mistake> {
         let made = match &entry.program {
-            Program::Builtin(name) => self.catalogue().factory(name).map(|factory| factory(&entry.setup)),
+            Program::Builtin(_) | Program::Fmu { .. } => {
+                let factory = self.catalogue().factory_of(&entry.program);
+                factory.map(|factory| factory(&entry.setup))
+            }
             Program::Library { file, participant } => {
                 let found = plugin::Library::open(file).and_then(|library| library.participant(participant.as_deref()));
                 let table = found.map_err(|wrong| self.source.mistake(&entry.run_key, wrong.to_string()))?;

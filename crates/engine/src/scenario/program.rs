@@ -18,6 +18,13 @@ pub enum Program {
         /// Which of its participants; the only one unless given.
         participant: Option<String>,
     },
+    /// An FMU. A host process, which is this program started once more, loads it; or this process does.
+    Fmu {
+        /// The file.
+        file: PathBuf,
+        /// The keys beside it, as TOML.
+        options: String,
+    },
     /// A program of its own.
     External {
         /// The file.
@@ -39,18 +46,33 @@ impl Program {
     pub fn file(&self) -> Option<&Path> {
         match self {
             Program::Builtin(_) => None,
-            Program::Library { file, .. } | Program::External { exe: file, .. } => Some(file),
+            Program::Library { file, .. } | Program::Fmu { file, .. } | Program::External { exe: file, .. } => {
+                Some(file)
+            }
         }
     }
 
-    /// The key of a `run` table under which the command line's `file` stands: a library by its ending.
+    /// The key of a `run` table under which the command line's `file` stands: a library and an FMU by their endings.
     pub fn key_of(file: &str) -> &'static str {
-        if file.ends_with(".so") { "library" } else { "exe" }
+        match Path::new(file).extension().and_then(|ending| ending.to_str()) {
+            Some("so") => "library",
+            Some("fmu") => "fmu",
+            _ => "exe",
+        }
     }
 }
 
 /// Reads a `run` table, which stands at `key`.
 pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Program, Mistake> {
+    if let (None, None, None, Some(file)) = (&run.builtin, &run.exe, &run.library, &run.fmu) {
+        return fmu_program(source, key, file, &run);
+    }
+    if run.fmu.is_some() || !run.beside_fmu().is_empty() {
+        return Err(source.mistake(
+            key,
+            "`ports`, `messages`, `record`, `feedthrough` and `tolerance` belong to { fmu = \"FILE.fmu\" }, which stands without another program",
+        ));
+    }
     let stray = |what: &str, remedy: &str| Err(source.mistake(key, format!("{what}: {remedy}")));
     if run.library.is_none() && run.participant.is_some() {
         return stray(
@@ -94,9 +116,25 @@ pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Progr
         }
         _ => Err(source.mistake(
             key,
-            "write either { builtin = \"NAME\" }, { exe = \"FILE\", args = […] } or { library = \"FILE.so\" }",
+            "write { builtin = \"NAME\" }, { exe = \"FILE\", args = […] }, { library = \"FILE.so\" } or { fmu = \"FILE.fmu\" }",
         )),
     }
+}
+
+/// An FMU is read here, so that a file that is none is refused with its line; nothing of it runs.
+fn fmu_program(source: &Source, key: &str, file: &str, run: &RunEntry) -> Result<Program, Mistake> {
+    if !run.args.is_empty() {
+        return Err(source.mistake(key, "an FMU takes no args: use `parameters`"));
+    }
+    let path = source.folder().join(file);
+    let options = run.beside_fmu();
+    fmu::check(&path, &options).map_err(|error| {
+        let below = if error.key.is_empty() { "fmu" } else { &error.key };
+        source.mistake(&format!("{key}.{below}"), error.reason)
+    })?;
+    let file = absolute(&path).map_err(|reason| source.mistake(key, reason))?;
+    let options = options.to_string();
+    Ok(Program::Fmu { file, options })
 }
 
 /// A program named with a slash is relative to the scenario; a bare name is looked for in PATH.

@@ -27,7 +27,7 @@ pub(super) struct ParticipantEntry {
     pub(super) start_within: Option<Rational>,
 }
 
-/// `run = { builtin = "plant" }`, `run = { exe = "…", args = […] }` or `run = { library = "…", participant = "…" }`
+/// `run = { builtin = "plant" }`, `{ exe = "…", args = […] }`, `{ library = "…", participant = "…" }` or `{ fmu = "…", ports = { … } }`
 #[derive(Debug, Clone, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RunEntry {
@@ -41,6 +41,35 @@ pub(super) struct RunEntry {
     pub(super) participant: Option<String>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) args: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) fmu: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) ports: Option<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) messages: Option<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) record: Option<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) feedthrough: Option<Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) tolerance: Option<Value>,
+}
+
+impl RunEntry {
+    /// The keys that go with `fmu`.
+    pub(super) fn beside_fmu(&self) -> Table {
+        let keys = [
+            ("ports", &self.ports),
+            ("messages", &self.messages),
+            ("record", &self.record),
+            ("feedthrough", &self.feedthrough),
+            ("tolerance", &self.tolerance),
+        ];
+        let given = keys
+            .into_iter()
+            .filter_map(|(key, value)| Some((key.to_owned(), value.clone()?)));
+        given.collect()
+    }
 }
 
 /// One input or several with the same link.

@@ -1,0 +1,99 @@
+//! Shared libraries.
+
+use std::ffi::{CStr, CString, c_void};
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+/// Why there is no instance.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The dynamic linker refuses the library.
+    #[error("the library cannot be loaded: {0}")]
+    Load(String),
+    /// A function of the standard is missing.
+    #[error("the library has no function `{0}`, which the standard asks for")]
+    Function(&'static str),
+    /// The FMU gave no instance.
+    #[error("it could not be instantiated{0}")]
+    Instantiate(String),
+    /// A folder that cannot be said in C or as a URI.
+    #[error("`{}` has a zero byte in it", .0.display())]
+    Path(PathBuf),
+}
+
+/// A loaded library.
+pub(super) struct Library {
+    handle: *mut c_void,
+}
+
+fn last_error() -> String {
+    // SAFETY: dlerror gives null or a text that stays valid until the next call of dl… in this thread.
+    unsafe {
+        let text = libc::dlerror();
+        if text.is_null() {
+            "the dynamic linker does not say why".to_owned()
+        } else {
+            CStr::from_ptr(text).to_string_lossy().into_owned()
+        }
+    }
+}
+
+impl Library {
+    pub(super) fn load(path: &Path) -> Result<Library, LoadError> {
+        let name = CString::new(path.as_os_str().as_bytes()).map_err(|_| LoadError::Path(path.to_owned()))?;
+        // SAFETY: the name ends with zero. What the library does when it is loaded is the FMU's: that is what a process of its own
+        // is for.
+        let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
+        if handle.is_null() {
+            return Err(LoadError::Load(last_error()));
+        }
+        Ok(Library { handle })
+    }
+
+    /// The address of a function.
+    pub(super) fn function(&self, name: &'static str) -> Result<*mut c_void, LoadError> {
+        let text = CString::new(name).map_err(|_| LoadError::Function(name))?;
+        // SAFETY: the library is loaded and the name ends with zero.
+        let address = unsafe { libc::dlsym(self.handle, text.as_ptr()) };
+        if address.is_null() {
+            Err(LoadError::Function(name))
+        } else {
+            Ok(address)
+        }
+    }
+}
+
+impl Drop for Library {
+    fn drop(&mut self) {
+        // SAFETY: the handle is that of dlopen; nothing of the library is used afterwards.
+        unsafe { libc::dlclose(self.handle) };
+    }
+}
+
+/// Declares a struct of the functions of a library, each with its name and type in C, and how it is filled.
+macro_rules! functions {
+    ($(#[$meta:meta])* $name:ident { $($field:ident = $symbol:literal: fn($($argument:ty),*) $(-> $result:ty)?;)* }) => {
+        $(#[$meta])*
+        struct $name {
+            $($field: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
+        }
+
+        impl $name {
+            fn load(library: &$crate::abi::library::Library) -> Result<$name, $crate::abi::LoadError> {
+                Ok($name {
+                    $($field: {
+                        let address = library.function($symbol)?;
+                        // SAFETY: the standard says that the function of this name has this type.
+                        unsafe {
+                            std::mem::transmute::<
+                                *mut std::ffi::c_void,
+                                unsafe extern "C" fn($($argument),*) $(-> $result)?,
+                            >(address)
+                        }
+                    },)*
+                })
+            }
+        }
+    };
+}
+pub(super) use functions;

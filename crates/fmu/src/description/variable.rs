@@ -1,0 +1,175 @@
+//! Variables of an FMU.
+
+/// The type of a variable's elements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs, reason = "the names are the standard's")]
+pub enum Type {
+    Float64,
+    Float32,
+    Int8,
+    UInt8,
+    Int16,
+    UInt16,
+    Int32,
+    UInt32,
+    Int64,
+    UInt64,
+    Boolean,
+    Enumeration,
+    String,
+    Binary,
+    Clock,
+}
+
+impl Type {
+    /// The name in FMI 3.0.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Type::Float64 => "Float64",
+            Type::Float32 => "Float32",
+            Type::Int8 => "Int8",
+            Type::UInt8 => "UInt8",
+            Type::Int16 => "Int16",
+            Type::UInt16 => "UInt16",
+            Type::Int32 => "Int32",
+            Type::UInt32 => "UInt32",
+            Type::Int64 => "Int64",
+            Type::UInt64 => "UInt64",
+            Type::Boolean => "Boolean",
+            Type::Enumeration => "Enumeration",
+            Type::String => "String",
+            Type::Binary => "Binary",
+            Type::Clock => "Clock",
+        }
+    }
+
+    /// Whether it is a floating-point number.
+    pub const fn is_float(self) -> bool {
+        matches!(self, Type::Float64 | Type::Float32)
+    }
+
+    /// The least and the largest value of an integer type.
+    pub const fn integers(self) -> Option<(i128, i128)> {
+        Some(match self {
+            Type::Int8 => (i8::MIN as i128, i8::MAX as i128),
+            Type::UInt8 => (0, u8::MAX as i128),
+            Type::Int16 => (i16::MIN as i128, i16::MAX as i128),
+            Type::UInt16 => (0, u16::MAX as i128),
+            Type::Int32 => (i32::MIN as i128, i32::MAX as i128),
+            Type::UInt32 => (0, u32::MAX as i128),
+            Type::Int64 | Type::Enumeration => (i64::MIN as i128, i64::MAX as i128),
+            Type::UInt64 => (0, u64::MAX as i128),
+            _ => return None,
+        })
+    }
+}
+
+/// What a variable is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names are the standard's")]
+pub enum Causality {
+    Parameter,
+    CalculatedParameter,
+    StructuralParameter,
+    Input,
+    Output,
+    Local,
+    Independent,
+}
+
+/// When a variable may change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names are the standard's")]
+pub enum Variability {
+    Constant,
+    Fixed,
+    Tunable,
+    Discrete,
+    Continuous,
+}
+
+/// How a variable gets its first value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names are the standard's")]
+pub enum Initial {
+    Exact,
+    Approx,
+    Calculated,
+}
+
+/// An item of an enumeration.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Item {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: i64,
+}
+
+/// The extent of an array in one dimension.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Extent {
+    /// A fixed one.
+    Fixed(u64),
+    /// The value of the structural parameter with this reference.
+    Parameter(u32),
+}
+
+/// Limits, as text in the file: integers keep all of their digits.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Range {
+    /// The least value.
+    pub min: Option<String>,
+    /// The largest value.
+    pub max: Option<String>,
+}
+
+/// A variable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variable {
+    /// Its name.
+    pub name: String,
+    /// How functions refer to it.
+    pub reference: u32,
+    /// The type of its elements.
+    pub kind: Type,
+    /// What it is for.
+    pub causality: Causality,
+    /// When it may change.
+    pub variability: Variability,
+    /// How it gets its first value; nothing for inputs.
+    pub initial: Option<Initial>,
+    /// Its first values, as text; empty when there is none.
+    pub start: Vec<String>,
+    /// Limits.
+    pub range: Range,
+    /// The name of its unit.
+    pub unit: Option<String>,
+    /// The items of an enumeration.
+    pub items: Vec<Item>,
+    /// Extents, outermost first; empty for a scalar.
+    pub extents: Vec<Extent>,
+    /// Whether an output follows from an input at the same instant, as far as the description says.
+    pub feedthrough: bool,
+    /// What it means.
+    pub text: String,
+}
+
+impl Variable {
+    /// Whether a scenario may set it before the run.
+    ///
+    /// # Errors
+    /// Why not.
+    pub fn settable(&self) -> Result<(), String> {
+        let reason = match (self.causality, self.variability, self.initial) {
+            (Causality::Independent, ..) => "it is the time",
+            (_, Variability::Constant, _) => "it is a constant",
+            (Causality::CalculatedParameter, ..) => "the FMU calculates it from other parameters",
+            (Causality::Parameter | Causality::StructuralParameter | Causality::Input, ..) => return Ok(()),
+            (.., Some(Initial::Exact | Initial::Approx)) => return Ok(()),
+            (Causality::Output, ..) => "it is an output that the FMU calculates",
+            _ => "it is a local variable that the FMU calculates",
+        };
+        Err(reason.to_owned())
+    }
+}

@@ -1,0 +1,241 @@
+//! What there is to know of an FMU before it runs, and a scenario entry for it. Nothing of the FMU is run.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use toml::Value;
+
+use crate::description::{Causality, Type, Variable, Version};
+use crate::layout::{Layout, element};
+use crate::model::{FmuError, Model};
+use crate::options::Options;
+use crate::settings::Settings;
+
+/// What was found.
+#[derive(Debug, Clone)]
+pub struct Inspection {
+    /// For people.
+    pub text: String,
+    /// A scenario with the FMU as its only participant.
+    pub scenario: String,
+    /// Whether it can run on this machine.
+    pub usable: bool,
+}
+
+/// Looks at the FMU in `file`.
+///
+/// # Errors
+/// When it is none.
+pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
+    let model = Model::open(file)?;
+    let about = &model.description;
+    let mut text = String::new();
+    let version = if about.version == Version::Two { "2.0" } else { "3.0" };
+    let _ = writeln!(text, "{}: FMI {version}, co-simulation", about.model);
+    for (words, value) in [("", &about.text), ("exported by ", &about.tool)] {
+        if !value.is_empty() {
+            let _ = writeln!(text, "  {words}{value}");
+        }
+    }
+    let _ = writeln!(text, "  platforms: {}", model.platforms().join(", "));
+    abilities(&model, &mut text);
+    let mut problems = about.problems.clone();
+    let settings = Settings::read(about, &toml::Table::new());
+    let layout = settings.and_then(|settings| Layout::new(about, &Options::default(), &settings));
+    match &layout {
+        Ok(layout) => {
+            for port in &layout.interface.inputs {
+                ports(&model, "input", &port.name, &port.descriptor.fields, &mut text);
+            }
+            for port in &layout.interface.outputs {
+                ports(&model, "output", &port.name, &port.descriptor.fields, &mut text);
+            }
+        }
+        Err(error) => problems.push(error.reason.clone()),
+    }
+    parameters(&model, &mut text);
+    let library = model.library();
+    if let Err(error) = &library {
+        problems.push(error.to_string());
+    }
+    let texts = about.variables.iter().filter(|one| {
+        matches!(one.causality, Causality::Input | Causality::Output) && element(about.version, one.kind).is_none()
+    });
+    for one in texts {
+        problems.push(format!(
+            "`{}` is a {}, which is no signal here: it keeps its start value",
+            one.name,
+            one.kind.name()
+        ));
+    }
+    for problem in &problems {
+        let _ = writeln!(text, "note: {problem}");
+    }
+    Ok(Inspection {
+        text,
+        scenario: scenario(&model, file),
+        usable: library.is_ok() && layout.is_ok(),
+    })
+}
+
+/// Plans the ports of an FMU of which nothing but the description is known; what it makes holds, or is refused.
+pub fn look(description: &crate::description::Description) {
+    let planned = Settings::read(description, &toml::Table::new())
+        .and_then(|settings| Layout::new(description, &Options::default(), &settings));
+    if let Ok(layout) = planned {
+        assert_eq!(layout.interface.validate(), Ok(()));
+    }
+}
+
+fn abilities(model: &Model, text: &mut String) {
+    let own = &model.description.abilities;
+    let state = match (own.state, own.serialise) {
+        (true, true) => "its own functions save and restore it",
+        _ => "it cannot save it: a checkpoint holds its inputs, which are played again",
+    };
+    let _ = writeln!(text, "  state: {state}");
+    if let Some(step) = own.fixed_step {
+        let _ = writeln!(
+            text,
+            "  its own step is fixed at {step} s: the period must be a whole multiple of it"
+        );
+    }
+    if own.needs_execution_tool {
+        text.push_str("  it needs the tool that exported it, installed on this machine\n");
+    }
+    if own.once_per_process {
+        text.push_str("  a process may hold one instance only: --in-process takes one\n");
+    }
+    if own.event_mode {
+        text.push_str("  its event mode and early return are not used: it handles its events within a step\n");
+    }
+}
+
+fn ports(model: &Model, direction: &str, name: &str, fields: &[lockstep::port::Field], text: &mut String) {
+    let _ = writeln!(text, "{direction} port `{name}`");
+    for field in fields {
+        let _ = write!(text, "  {field}");
+        if let Some(variable) = model.description.variable(&field.name) {
+            if !variable.items.is_empty() {
+                let items: Vec<String> = variable
+                    .items
+                    .iter()
+                    .map(|item| format!("{} {}", item.value, item.name))
+                    .collect();
+                let _ = write!(text, " ({})", items.join(", "));
+            }
+            if variable.feedthrough {
+                text.push_str(", direct feedthrough");
+            }
+            if !variable.text.is_empty() {
+                let _ = write!(text, " — {}", variable.text);
+            }
+        }
+        text.push('\n');
+    }
+}
+
+fn parameters(model: &Model, text: &mut String) {
+    let about = &model.description;
+    let mut title = "parameters and start values\n";
+    for one in about.variables.iter().filter(|one| one.settable().is_ok()) {
+        text.push_str(std::mem::take(&mut title));
+        let _ = write!(text, "  {}: {} = {}", one.name, one.kind.name(), one.start.join(" "));
+        let unit = one.unit.as_deref().unwrap_or_default();
+        let _ = write!(text, "{}{unit}", if unit.is_empty() { "" } else { " " });
+        let range = (one.range.min.as_deref(), one.range.max.as_deref());
+        match range {
+            (Some(min), Some(max)) => drop(write!(text, ", from {min} to {max}")),
+            (Some(min), None) => drop(write!(text, ", at least {min}")),
+            (None, Some(max)) => drop(write!(text, ", at most {max}")),
+            (None, None) => {}
+        }
+        if !one.text.is_empty() {
+            let _ = write!(text, " — {}", one.text);
+        }
+        text.push('\n');
+    }
+}
+
+/// A period that suits the FMU, s.
+fn period(model: &Model) -> f64 {
+    let about = &model.description;
+    let wanted = about.experiment.step.filter(|step| *step > 0.0).unwrap_or(0.01);
+    match about.abilities.fixed_step {
+        Some(own) => own * (wanted / own).round().max(1.0),
+        None => wanted,
+    }
+}
+
+fn scenario(model: &Model, file: &Path) -> String {
+    let about = &model.description;
+    let name: String = about
+        .model
+        .chars()
+        .map(|letter| {
+            if letter.is_ascii_alphanumeric() {
+                letter.to_ascii_lowercase()
+            } else {
+                '-'
+            }
+        })
+        .take(40)
+        .collect();
+    let name = if name.trim_matches('-').is_empty() {
+        "fmu"
+    } else {
+        name.trim_matches('-')
+    };
+    let quoted = |text: &str| Value::String(text.to_owned()).to_string();
+    let start = about.experiment.start.unwrap_or(0.0);
+    let duration = about
+        .experiment
+        .stop
+        .map(|stop| stop - start)
+        .filter(|span| *span > 0.0)
+        .unwrap_or(10.0);
+    let path = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+    let path = path.to_string_lossy();
+    let mut text = format!(
+        "title = {}\nduration = \"{duration} s\"\n\n[participants.{name}]\nperiod = \"{} s\"\nrun.fmu = {}\n",
+        quoted(&about.model),
+        period(model),
+        quoted(&path)
+    );
+    let inputs = about
+        .variables
+        .iter()
+        .any(|one| one.causality == Causality::Input && element(about.version, one.kind).is_some());
+    if inputs {
+        text.push_str("# Nothing feeds it: its inputs keep their start values. Without this line the port `inputs` must be connected.\nrun.ports.inputs = []\n");
+    }
+    let parameters = about
+        .variables
+        .iter()
+        .filter(|one| one.causality == Causality::Parameter && one.settable().is_ok());
+    let lines: Vec<String> = parameters.filter_map(|one| line(model, one)).take(20).collect();
+    if !lines.is_empty() {
+        let _ = write!(text, "\n[participants.{name}.parameters]\n{}", lines.concat());
+    }
+    text
+}
+
+/// A parameter at its start value, as a line of a scenario.
+fn line(model: &Model, one: &Variable) -> Option<String> {
+    let start = one.start.first().filter(|_| one.extents.is_empty())?;
+    let key = Value::String(one.name.clone()).to_string();
+    let value = match one.kind {
+        kind if kind.is_float() => {
+            let number: f64 = start.parse().ok()?;
+            match model.description.unit(one) {
+                None => format!("{number:?}"),
+                Some(unit) if unit.of_port().unit == "1" => format!("{number:?}"),
+                Some(unit) => Value::String(format!("{number:?} {}", unit.name)).to_string(),
+            }
+        }
+        Type::Boolean => (start == "true" || start == "1").to_string(),
+        Type::String | Type::Binary => Value::String(start.clone()).to_string(),
+        _ => start.clone(),
+    };
+    Some(format!("{key} = {value}\n"))
+}

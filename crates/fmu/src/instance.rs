@@ -1,0 +1,231 @@
+//! A running FMU: unpacked, loaded, initialised, stepped, ended.
+
+use std::collections::BTreeSet;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use lockstep::participant::Failure;
+
+use crate::abi::{self, Instance, Log, Status, Texts};
+use crate::layout::Transfer;
+use crate::model::Model;
+use crate::scratch::Scratch;
+use crate::settings::{Content, Setting, Settings};
+
+/// The FMUs of which a process may hold one instance only, as long as there is one.
+static SINGLE: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
+fn single() -> MutexGuard<'static, BTreeSet<String>> {
+    SINGLE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The right to be the only instance.
+struct Only(String);
+
+impl Drop for Only {
+    fn drop(&mut self) {
+        single().remove(&self.0);
+    }
+}
+
+/// An instance with everything that it stands on. Fields are dropped in this order: first the library, last the folder.
+pub struct Running {
+    instance: Box<dyn Instance>,
+    log: Log,
+    _only: Option<Only>,
+    _scratch: Scratch,
+    /// Between the end of the initialisation and a failure.
+    stepping: bool,
+    /// Whether it may still be freed.
+    fatal: bool,
+}
+
+impl Running {
+    /// Unpacks, loads and initialises an FMU for a run that starts at `start`, s.
+    ///
+    /// # Errors
+    /// Names the function that failed, with the FMU's own log.
+    pub fn start(
+        model: &Model,
+        settings: &Settings,
+        name: &str,
+        start: f64,
+        tolerance: Option<f64>,
+    ) -> Result<Running, Failure> {
+        let description = &model.description;
+        let only = match description.abilities.once_per_process {
+            false => None,
+            true => match single().insert(description.token.clone()) {
+                true => Some(Only(description.token.clone())),
+                false => {
+                    return Err(format!(
+                        "`{}` can be instantiated only once in a process, and this process has an instance already: leave out \
+                         --in-process, so that each has a process of its own",
+                        description.model
+                    )
+                    .into());
+                }
+            },
+        };
+        let library = model.library()?;
+        let scratch = Scratch::create().map_err(|error| format!("it cannot be unpacked: {error}"))?;
+        let folder = scratch.unpacked();
+        model.archive.unpack(&folder)?;
+        // Some are exported without, and look into it all the same.
+        let _ = std::fs::create_dir(folder.join("resources"));
+        let log = Log::default();
+        let instance = abi::instantiate(description, &folder.join(library), &folder, name, &log)?;
+        let mut running = Running {
+            instance,
+            log,
+            _only: only,
+            _scratch: scratch,
+            stepping: false,
+            fatal: false,
+        };
+        running.initialise(settings, start, tolerance)?;
+        Ok(running)
+    }
+
+    /// The folder in which the FMU may litter.
+    pub fn work(&self) -> std::path::PathBuf {
+        self._scratch.work()
+    }
+
+    fn initialise(&mut self, settings: &Settings, start: f64, tolerance: Option<f64>) -> Result<(), Failure> {
+        if !settings.structural.is_empty() {
+            let status = self.instance.configure(true);
+            self.done("entering configuration mode", status)?;
+            self.apply(&settings.structural)?;
+            let status = self.instance.configure(false);
+            self.done("leaving configuration mode", status)?;
+        }
+        self.apply(&settings.start)?;
+        let entered = self.instance.enter_initialisation(start, tolerance);
+        entered.or_else(|(function, status)| self.done(function, status))?;
+        self.apply(&settings.inputs)?;
+        let status = self.instance.exit_initialisation();
+        self.done("leaving initialization mode", status)?;
+        self.stepping = true;
+        Ok(())
+    }
+
+    fn apply(&mut self, settings: &[Setting]) -> Result<(), Failure> {
+        for setting in settings {
+            let status = match &setting.value {
+                Content::Numbers(values) => self.instance.set(&mut values.clone()),
+                Content::Text(text) => self.instance.set_text(setting.reference, Texts::String(text)),
+                Content::Bytes(bytes) => self.instance.set_text(setting.reference, Texts::Binary(bytes)),
+            };
+            self.done(&format!("setting `{}`", setting.name), status)?;
+        }
+        Ok(())
+    }
+
+    /// A failure where `status` is one. After an error the instance takes no further calls but the last one.
+    fn done(&mut self, what: &str, status: Status) -> Result<(), Failure> {
+        if status.done() {
+            return Ok(());
+        }
+        self.stepping &= status == Status::Discard;
+        self.fatal |= status == Status::Fatal;
+        let consequence = match status {
+            Status::Discard => "; it refuses this call and would go on with another one",
+            Status::Fatal => "; no instance of this FMU can be used any more in this process",
+            _ => "",
+        };
+        Err(format!("{what} {}{consequence}{}", status.words(), self.log.take()).into())
+    }
+
+    /// Sets what the transfers hold.
+    ///
+    /// # Errors
+    /// What the FMU says.
+    pub fn set(&mut self, transfers: &mut [Transfer]) -> Result<(), Failure> {
+        for transfer in transfers {
+            let status = self.instance.set(&mut transfer.values);
+            if !status.done() {
+                self.done("setting its inputs", status)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads into the transfers.
+    ///
+    /// # Errors
+    /// What the FMU says.
+    pub fn get(&mut self, transfers: &mut [Transfer]) -> Result<(), Failure> {
+        for transfer in transfers {
+            let status = self.instance.get(&mut transfer.values);
+            if !status.done() {
+                self.done("reading its outputs", status)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// One communication step.
+    ///
+    /// # Errors
+    /// Tells discard, error and fatal apart, with how far it came and the FMU's own log.
+    pub fn step(&mut self, t: f64, step: f64) -> Result<(), Failure> {
+        let stepped = self.instance.step(t, step);
+        if stepped.status.done() && !stepped.terminate && !stepped.early {
+            return Ok(());
+        }
+        let reached = match stepped.last {
+            Some(last) => format!(" and came to t = {last} s"),
+            None => String::new(),
+        };
+        if stepped.terminate {
+            return Err(format!(
+                "doStep from t = {t} s{reached}: the FMU asks for the end of the simulation{}",
+                self.log.take()
+            )
+            .into());
+        }
+        if stepped.status.done() {
+            return Err(format!(
+                "doStep from t = {t} s returned early{reached}, which it was not allowed to{}",
+                self.log.take()
+            )
+            .into());
+        }
+        let reached = if stepped.status == Status::Discard {
+            reached
+        } else {
+            String::new()
+        };
+        self.done(&format!("doStep from t = {t} s by {step} s{reached}"), stepped.status)
+    }
+
+    /// The state as bytes.
+    ///
+    /// # Errors
+    /// What the FMU says.
+    pub fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
+        self.instance.serialise()
+    }
+
+    /// Puts a state back.
+    ///
+    /// # Errors
+    /// What the FMU says.
+    pub fn deserialise(&mut self, bytes: &[u8]) -> Result<(), Failure> {
+        let put = self.instance.deserialise(bytes);
+        put.or_else(|(function, status)| self.done(function, status))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if self.stepping {
+            let status = self.instance.terminate();
+            self.fatal |= status == Status::Fatal;
+        }
+        // After Fatal nothing may be called; the memory is lost with the process.
+        if !self.fatal {
+            self.instance.free();
+        }
+    }
+}

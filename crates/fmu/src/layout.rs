@@ -1,0 +1,487 @@
+//! The ports of an FMU, and how their payloads become values of its variables.
+
+use lockstep::participant::{Input, Inputs, Interface, Kind, Output, Outputs, ParameterError};
+use lockstep::port::{Descriptor, Element, Field};
+
+use crate::abi::{Native, Values};
+use crate::description::{Causality, Conversion, Description, Type, Variable, Version};
+use crate::names::unknown;
+use crate::options::{FieldEntry, Options};
+use crate::settings::Settings;
+
+/// The port of all inputs.
+pub const INPUTS: &str = "inputs";
+/// The port of all outputs.
+pub const OUTPUTS: &str = "outputs";
+/// What the message of a port is called unless the scenario says so: the same for all, so that FMUs fit together.
+pub const MESSAGE: &str = "Signals";
+/// The port of what is recorded besides.
+pub const RECORDED: &str = "recorded";
+
+/// Where the values of one variable are in a payload.
+#[derive(Debug, Clone)]
+struct Slot {
+    /// The port's number.
+    port: usize,
+    /// Where the first element is, bytes.
+    offset: usize,
+    element: Element,
+    /// The first value's number among those of its function, and how many there are.
+    first: usize,
+    len: usize,
+    conversion: Option<(f64, f64)>,
+    name: String,
+}
+
+/// The variables that one function takes.
+#[derive(Debug, Clone)]
+pub struct Transfer {
+    /// The values.
+    pub values: Values,
+    slots: Vec<Slot>,
+}
+
+/// Ports and transfers.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    /// The ports.
+    pub interface: Interface,
+    /// What is set before a step.
+    pub inputs: Vec<Transfer>,
+    /// What is read after it.
+    pub outputs: Vec<Transfer>,
+}
+
+/// The element of a field for variables of `kind`; nothing for what is no signal.
+pub fn element(version: Version, kind: Type) -> Option<Element> {
+    Some(match kind {
+        Type::Float64 => Element::F64,
+        Type::Float32 => Element::F32,
+        Type::Int8 | Type::Int16 | Type::Int32 => Element::I32,
+        Type::UInt8 | Type::Boolean => Element::U8,
+        Type::UInt16 | Type::UInt32 => Element::U32,
+        Type::Int64 => Element::I64,
+        Type::UInt64 => Element::U64,
+        Type::Enumeration if version == Version::Two => Element::I32,
+        Type::Enumeration => Element::I64,
+        Type::String | Type::Binary | Type::Clock => return None,
+    })
+}
+
+/// A field with the variables behind it.
+struct Planned<'a> {
+    field: Field,
+    variables: Vec<&'a Variable>,
+    conversion: Conversion,
+}
+
+struct Planner<'a> {
+    description: &'a Description,
+    settings: &'a Settings,
+    layout: Layout,
+}
+
+impl Layout {
+    /// The ports of an FMU as the scenario wants them.
+    ///
+    /// # Errors
+    /// Names the key below `run`.
+    pub fn new(description: &Description, options: &Options, settings: &Settings) -> Result<Layout, ParameterError> {
+        let kind = if options.feedthrough {
+            Kind::Sampled
+        } else {
+            Kind::Continuous
+        };
+        let mut planner = Planner {
+            description,
+            settings,
+            layout: Layout {
+                interface: Interface::new(kind),
+                inputs: Vec::new(),
+                outputs: Vec::new(),
+            },
+        };
+        let mut named = [options.ports.contains_key(INPUTS), options.ports.contains_key(OUTPUTS)];
+        let mut all = Vec::new();
+        for (port, entries) in &options.ports {
+            let key = format!("ports.{port}");
+            let input = planner
+                .direction(port, entries)
+                .map_err(|reason| ParameterError::new(&key, reason))?;
+            named[usize::from(!input)] = true;
+            let fields = planner
+                .listed(entries)
+                .map_err(|reason| ParameterError::new(&key, reason))?;
+            all.push((key, port.as_str(), input, fields));
+        }
+        for (is_named, port, causality) in [
+            (named[0], INPUTS, Causality::Input),
+            (named[1], OUTPUTS, Causality::Output),
+        ] {
+            if !is_named {
+                let fields = planner
+                    .every(causality)
+                    .map_err(|reason| ParameterError::new("fmu", reason))?;
+                all.push(("fmu".to_owned(), port, causality == Causality::Input, fields));
+            }
+        }
+        let record = planner
+            .listed(&options.record)
+            .map_err(|reason| ParameterError::new("record", reason))?;
+        all.push(("record".to_owned(), RECORDED, false, record));
+        for (key, port, input, fields) in all {
+            let message = options.messages.get(port).map_or(MESSAGE, String::as_str);
+            let put = planner.port(port, message, input, fields);
+            put.map_err(|reason| ParameterError::new(key, reason))?;
+        }
+        let own = &planner.layout.interface;
+        let known = |name: &String| {
+            own.inputs.iter().any(|port| port.name == *name) || own.outputs.iter().any(|port| port.name == *name)
+        };
+        if let Some(name) = options.messages.keys().find(|name| !known(name)) {
+            return Err(ParameterError::new(format!("messages.{name}"), "there is no such port"));
+        }
+        let checked = planner.layout.interface.validate();
+        checked.map_err(|error| ParameterError::new("ports", error))?;
+        Ok(planner.layout)
+    }
+
+    /// Takes the payloads of the input ports as values.
+    ///
+    /// # Errors
+    /// Names a value that the variable cannot have.
+    pub fn read(&mut self, inputs: &Inputs) -> Result<(), String> {
+        for transfer in &mut self.inputs {
+            for slot in &transfer.slots {
+                slot.read(inputs.bytes(slot.port), &mut transfer.values)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the values into the payloads of the output ports.
+    pub fn write(&self, outputs: &mut Outputs) {
+        for transfer in &self.outputs {
+            for slot in &transfer.slots {
+                slot.write(&transfer.values, outputs.bytes_mut(slot.port));
+            }
+        }
+    }
+}
+
+impl<'a> Planner<'a> {
+    fn variable(&self, name: &str) -> Result<&'a Variable, String> {
+        let description = self.description;
+        let known = description.variables.iter().map(|one| one.name.as_str());
+        description.variable(name).ok_or_else(|| unknown(name, known))
+    }
+
+    /// Whether the variables of a port are inputs.
+    fn direction(&self, port: &str, entries: &[FieldEntry]) -> Result<bool, String> {
+        let (mut input, mut output) = (None, None);
+        for entry in entries {
+            for name in entry.parts().1 {
+                let variable = self.variable(name)?;
+                match variable.causality {
+                    Causality::Input => input = Some(&variable.name),
+                    _ => output = Some(&variable.name),
+                }
+            }
+        }
+        match (input, output) {
+            (Some(input), Some(output)) => Err(format!(
+                "`{input}` is an input and `{output}` is none; a port has one direction"
+            )),
+            (Some(_), None) => Ok(true),
+            (None, Some(_)) => Ok(false),
+            (None, None) if port == INPUTS || port == OUTPUTS => Ok(port == INPUTS),
+            (None, None) => Err(format!(
+                "the port has no variables; only `{INPUTS} = []` and `{OUTPUTS} = []` mean something: none"
+            )),
+        }
+    }
+
+    /// All variables of one causality that can be signals, in an order without gaps.
+    fn every(&self, causality: Causality) -> Result<Vec<Planned<'a>>, String> {
+        let version = self.description.version;
+        let own = self
+            .description
+            .variables
+            .iter()
+            .filter(|one| one.causality == causality);
+        let signals = own.filter(|one| element(version, one.kind).is_some());
+        let mut fields = signals
+            .map(|one| self.field(one.name.clone(), vec![one], false, None, ""))
+            .collect::<Result<Vec<_>, _>>()?;
+        fields.sort_by_key(|planned| std::cmp::Reverse(planned.field.element.size()));
+        Ok(fields)
+    }
+
+    fn listed(&self, entries: &[FieldEntry]) -> Result<Vec<Planned<'a>>, String> {
+        let planned = entries.iter().map(|entry| {
+            let (name, variables, listed, unit, frame) = entry.parts();
+            let variables = variables
+                .into_iter()
+                .map(|name| self.variable(name))
+                .collect::<Result<Vec<_>, _>>()?;
+            self.field(name, variables, listed, unit, frame)
+        });
+        planned.collect()
+    }
+
+    fn field(
+        &self,
+        name: String,
+        variables: Vec<&'a Variable>,
+        listed: bool,
+        unit: Option<&str>,
+        frame: &str,
+    ) -> Result<Planned<'a>, String> {
+        let first = *variables
+            .first()
+            .ok_or_else(|| format!("the field `{name}` has no variables"))?;
+        let version = self.description.version;
+        let Some(element) = element(version, first.kind) else {
+            return Err(format!(
+                "`{}` is a {}, which is no signal; it keeps its start value",
+                first.name,
+                first.kind.name()
+            ));
+        };
+        if let Some(other) = variables
+            .iter()
+            .find(|one| (one.kind, &one.unit) != (first.kind, &first.unit))
+        {
+            return Err(format!(
+                "`{}` and `{}` have different types or units and cannot be one field",
+                first.name, other.name
+            ));
+        }
+        let shape = if listed {
+            if let Some(array) = variables.iter().find(|one| !one.extents.is_empty()) {
+                return Err(format!(
+                    "`{}` is an array already; list scalars, or name it alone",
+                    array.name
+                ));
+            }
+            vec![variables.len() as u32]
+        } else {
+            self.settings
+                .shape(first)
+                .map_err(|reason| format!("`{}`: {reason}", first.name))?
+        };
+        let own = self.description.unit(first);
+        let conversion = match (own, unit) {
+            (None, None) => Conversion::none("1"),
+            // The FMU says nothing, so the user knows better.
+            (None, Some(unit)) => Conversion::none(unit),
+            (Some(own), None) => own.of_port(),
+            (Some(own), Some(unit)) => own.to(unit).map_err(|reason| format!("`{}`: {reason}", first.name))?,
+        };
+        if !conversion.is_none() && !first.kind.is_float() {
+            return Err(format!(
+                "`{}` is a {}, whose unit cannot be converted",
+                first.name,
+                first.kind.name()
+            ));
+        }
+        let field = Field {
+            name,
+            element,
+            shape,
+            unit: conversion.unit.clone(),
+            frame: frame.to_owned(),
+            offset: 0,
+        };
+        Ok(Planned {
+            field,
+            variables,
+            conversion,
+        })
+    }
+
+    /// Adds a port; none where there are no fields.
+    fn port(&mut self, name: &str, message: &str, input: bool, fields: Vec<Planned<'a>>) -> Result<(), String> {
+        if fields.is_empty() {
+            return Ok(());
+        }
+        let number = if input {
+            self.layout.interface.inputs.len()
+        } else {
+            self.layout.interface.outputs.len()
+        };
+        let mut offset = 0_usize;
+        let mut largest = 1;
+        let mut described = Vec::new();
+        for mut planned in fields {
+            let size = planned.field.element.size();
+            if !offset.is_multiple_of(size) {
+                return Err(format!(
+                    "`{}` has elements of {size} bytes and would start at byte {offset}: list the fields with larger elements first",
+                    planned.field.name
+                ));
+            }
+            if offset > Descriptor::MAX_SIZE as usize {
+                return Err(format!("the port has more than {} bytes", Descriptor::MAX_SIZE));
+            }
+            planned.field.offset = offset as u32;
+            self.slots(input, number, &planned)?;
+            offset += planned.field.len() * size;
+            largest = largest.max(size);
+            described.push(planned.field);
+        }
+        let rest = offset.next_multiple_of(largest) - offset;
+        if rest > 0 {
+            described.push(Field {
+                name: "padding".into(),
+                element: Element::U8,
+                shape: vec![rest as u32],
+                unit: "1".into(),
+                frame: String::new(),
+                offset: offset as u32,
+            });
+        }
+        let descriptor = Descriptor {
+            name: message.to_owned(),
+            size: (offset + rest) as u32,
+            fields: described,
+        };
+        let name = name.to_owned();
+        let interface = &mut self.layout.interface;
+        if input {
+            let required = true;
+            interface.inputs.push(Input {
+                name,
+                descriptor,
+                required,
+            });
+        } else {
+            interface.outputs.push(Output { name, descriptor });
+        }
+        Ok(())
+    }
+
+    fn slots(&mut self, input: bool, port: usize, planned: &Planned<'a>) -> Result<(), String> {
+        let version = self.description.version;
+        let field = &planned.field;
+        let each = field.len() / planned.variables.len();
+        for (number, variable) in planned.variables.iter().enumerate() {
+            let native = Native::of(version, variable.kind).ok_or_else(|| {
+                format!(
+                    "`{}` is a {}, which FMI 2.0 does not have",
+                    variable.name,
+                    variable.kind.name()
+                )
+            })?;
+            let transfers = if input {
+                &mut self.layout.inputs
+            } else {
+                &mut self.layout.outputs
+            };
+            let at = transfers
+                .iter()
+                .position(|one| one.values.native == native)
+                .unwrap_or_else(|| {
+                    transfers.push(Transfer {
+                        values: Values::new(native, Vec::new(), 0),
+                        slots: Vec::new(),
+                    });
+                    transfers.len() - 1
+                });
+            let transfer = &mut transfers[at];
+            if input && transfer.values.references.contains(&variable.reference) {
+                return Err(format!("the input `{}` stands in two fields", variable.name));
+            }
+            let first = transfer.values.count;
+            let mut references = std::mem::take(&mut transfer.values.references);
+            references.push(variable.reference);
+            transfer.values = Values::new(native, references, first + each);
+            let conversion = &planned.conversion;
+            transfer.slots.push(Slot {
+                port,
+                offset: field.offset as usize + number * each * field.element.size(),
+                element: field.element,
+                first,
+                len: each,
+                conversion: (!conversion.is_none()).then_some((conversion.factor, conversion.offset)),
+                name: variable.name.clone(),
+            });
+        }
+        Ok(())
+    }
+}
+
+impl Slot {
+    fn read(&self, payload: &[u8], values: &mut Values) -> Result<(), String> {
+        let size = self.element.size();
+        for index in 0..self.len {
+            let at = self.offset + index * size;
+            let own = &payload[at..at + size];
+            let mut bytes = [0; 8];
+            match (values.native, self.conversion) {
+                (Native::F64, Some((factor, shift))) => {
+                    let value = f64::from_le_bytes(own.try_into().unwrap_or_default());
+                    bytes = ((value - shift) / factor).to_ne_bytes();
+                }
+                (Native::F32, Some((factor, shift))) => {
+                    let value = f64::from(f32::from_le_bytes(own.try_into().unwrap_or_default()));
+                    bytes[..4].copy_from_slice(&(((value - shift) / factor) as f32).to_ne_bytes());
+                }
+                // The same representation.
+                (native, _) if native.size() == size && !matches!(native, Native::Bool8) => {
+                    bytes[..size].copy_from_slice(own)
+                }
+                (native, _) => {
+                    let value = self.element.to_f64(own);
+                    bytes = self.narrowed(native, value)?;
+                }
+            }
+            values.put(self.first + index, &bytes);
+        }
+        Ok(())
+    }
+
+    /// Small integers and booleans, which stand in a larger element.
+    fn narrowed(&self, native: Native, value: f64) -> Result<[u8; 8], String> {
+        let (least, largest) = match native {
+            Native::I8 => (f64::from(i8::MIN), f64::from(i8::MAX)),
+            Native::I16 => (f64::from(i16::MIN), f64::from(i16::MAX)),
+            Native::U16 => (0.0, f64::from(u16::MAX)),
+            _ => (0.0, 1.0),
+        };
+        if !(least..=largest).contains(&value) {
+            return Err(format!(
+                "the input `{}` is {value}; from {least} to {largest} is allowed",
+                self.name
+            ));
+        }
+        Ok((value as i64).to_le_bytes())
+    }
+
+    fn write(&self, values: &Values, payload: &mut [u8]) {
+        let size = self.element.size();
+        for index in 0..self.len {
+            let bytes = values.bytes(self.first + index);
+            let at = self.offset + index * size;
+            let own = &mut payload[at..at + size];
+            let (one, two) = ([bytes[0]], [bytes[0], bytes[1]]);
+            let four = [bytes[0], bytes[1], bytes[2], bytes[3]];
+            match (values.native, self.conversion) {
+                (Native::F64, Some((factor, shift))) => {
+                    own.copy_from_slice(&(f64::from_ne_bytes(bytes) * factor + shift).to_le_bytes());
+                }
+                (Native::F32, Some((factor, shift))) => {
+                    let value = f64::from(f32::from_ne_bytes(four)) * factor + shift;
+                    own.copy_from_slice(&(value as f32).to_le_bytes());
+                }
+                (Native::I8, _) => own.copy_from_slice(&i32::from(i8::from_ne_bytes(one)).to_le_bytes()),
+                (Native::I16, _) => own.copy_from_slice(&i32::from(i16::from_ne_bytes(two)).to_le_bytes()),
+                (Native::U16, _) => own.copy_from_slice(&u32::from(u16::from_ne_bytes(two)).to_le_bytes()),
+                // Whatever is not false is true.
+                (Native::Bool32, _) => own[0] = u8::from(i32::from_ne_bytes(four) != 0),
+                (Native::Bool8, _) => own[0] = u8::from(bytes[0] != 0),
+                _ => own.copy_from_slice(&bytes[..size]),
+            }
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! What a scenario says of an FMU below `run`, beside its file.
+
+use std::collections::BTreeMap;
+
+use lockstep::participant::ParameterError;
+use serde::Deserialize;
+
+/// The keys beside `fmu`.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Options {
+    /// The ports by name; inputs or outputs of which none is named have one port each, `inputs` and `outputs`.
+    pub ports: BTreeMap<String, Vec<FieldEntry>>,
+    /// The message types of ports, where what they are connected to calls them something.
+    pub messages: BTreeMap<String, String>,
+    /// Variables of any causality that are recorded in an output port `recorded`.
+    pub record: Vec<FieldEntry>,
+    /// Whether the outputs at an instant follow from the inputs at the same instant.
+    pub feedthrough: bool,
+    /// The relative tolerance of the FMU's solver, in place of that of its default experiment.
+    pub tolerance: Option<f64>,
+}
+
+/// A field of a port.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum FieldEntry {
+    /// The variable of this name.
+    Plain(String),
+    /// A field with a name of its own.
+    Full(FullEntry),
+}
+
+/// A field with a name of its own: of one variable, or of several scalars as one array.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FullEntry {
+    /// The field's name; the variable's where it is missing.
+    pub name: Option<String>,
+    /// The variable, or the scalars that become an array in this order.
+    pub variable: Variables,
+    /// The unit of the field, where it is not the variable's.
+    pub unit: Option<String>,
+    /// The frame of its components.
+    #[serde(default)]
+    pub frame: String,
+}
+
+/// One variable or several.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Variables {
+    /// One.
+    One(String),
+    /// Several scalars.
+    Many(Vec<String>),
+}
+
+impl Options {
+    /// Reads the table.
+    ///
+    /// # Errors
+    /// Names the key.
+    pub fn read(table: &toml::Table) -> Result<Options, ParameterError> {
+        let options: Options = lockstep::units::read(table).map_err(|error| {
+            let reason = match error.reason.contains("untagged") {
+                true => "a field is the name of a variable, or { name = \"FIELD\", variable = \"NAME\" or [\"NAME\", …], unit = \
+                         \"UNIT\", frame = \"FRAME\" }"
+                    .to_owned(),
+                false => error.reason,
+            };
+            ParameterError::new(error.key, reason)
+        })?;
+        if let Some(tolerance) = options.tolerance.filter(|one| !(one.is_finite() && *one > 0.0)) {
+            let reason = format!("the tolerance is {tolerance}; it must be positive, such as 1e-6");
+            return Err(ParameterError::new("tolerance", reason));
+        }
+        Ok(options)
+    }
+}
+
+impl FieldEntry {
+    /// Name, variables, unit and frame.
+    pub(crate) fn parts(&self) -> (String, Vec<&str>, bool, Option<&str>, &str) {
+        match self {
+            FieldEntry::Plain(name) => (name.clone(), vec![name], false, None, ""),
+            FieldEntry::Full(full) => {
+                let (variables, listed): (Vec<&str>, bool) = match &full.variable {
+                    Variables::One(one) => (vec![one], false),
+                    Variables::Many(many) => (many.iter().map(String::as_str).collect(), true),
+                };
+                let name = full.name.as_deref().or(variables.first().copied()).unwrap_or_default();
+                (name.to_owned(), variables, listed, full.unit.as_deref(), &full.frame)
+            }
+        }
+    }
+}

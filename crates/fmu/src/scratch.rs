@@ -1,0 +1,105 @@
+//! The private folder on disk in which an FMU is unpacked, and what dead processes left behind.
+//!
+//! A lock on a file in the folder says that its process is alive; the kernel lifts it however the process ends. So each folder
+//! without a lock can be removed, which whoever makes the next one does, and `doctor --remove`.
+
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use rustix::fs::{FlockOperation, flock};
+use rustix::rand::{GetRandomFlags, getrandom};
+
+/// What the names of the folders start with.
+pub const FOLDER: &str = "escapement-fmu-";
+const LOCK: &str = "lock";
+/// A folder without a lock file may be just about to get one.
+const YOUNG: Duration = Duration::from_secs(10);
+
+/// A private folder, removed when this is dropped.
+#[derive(Debug)]
+pub struct Scratch {
+    folder: PathBuf,
+    _lock: File,
+}
+
+impl Scratch {
+    /// Makes one where the system keeps temporary files (`TMPDIR`, else `/tmp`), and removes those of dead processes.
+    ///
+    /// # Errors
+    /// What the operating system says, with the folder.
+    pub fn create() -> io::Result<Scratch> {
+        remove_leftovers();
+        let mut random = [0_u8; 12];
+        getrandom(&mut random, GetRandomFlags::empty())?;
+        let name: String = random.iter().map(|byte| format!("{byte:02x}")).collect();
+        let folder = std::path::absolute(std::env::temp_dir().join(format!("{FOLDER}{name}")))?;
+        let named = |error: io::Error| {
+            let text = format!("{}: {error} (TMPDIR names another place)", folder.display());
+            io::Error::new(error.kind(), text)
+        };
+        fs::DirBuilder::new().mode(0o700).create(&folder).map_err(named)?;
+        let lock = OpenOptions::new()
+            .create_new(true)
+            .write(true)
+            .mode(0o600)
+            .open(folder.join("lock.new"));
+        let lock = lock.map_err(named)?;
+        flock(&lock, FlockOperation::NonBlockingLockExclusive)?;
+        fs::rename(folder.join("lock.new"), folder.join(LOCK)).map_err(named)?;
+        let scratch = Scratch { folder, _lock: lock };
+        for part in [scratch.unpacked(), scratch.work()] {
+            fs::DirBuilder::new().mode(0o700).create(part)?;
+        }
+        Ok(scratch)
+    }
+
+    /// Where the FMU is unpacked.
+    pub fn unpacked(&self) -> PathBuf {
+        self.folder.join("fmu")
+    }
+
+    /// An empty folder to work in: an FMU that litters its working directory litters this one.
+    pub fn work(&self) -> PathBuf {
+        self.folder.join("work")
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.folder);
+    }
+}
+
+/// The folders of this user that dead processes left.
+pub fn leftovers() -> Vec<PathBuf> {
+    let user = rustix::process::getuid().as_raw();
+    let entries = fs::read_dir(std::env::temp_dir()).into_iter().flatten().flatten();
+    let own = entries.filter(|entry| {
+        let named = entry.file_name().to_str().is_some_and(|name| name.starts_with(FOLDER));
+        named
+            && entry
+                .metadata()
+                .is_ok_and(|about| about.is_dir() && about.uid() == user)
+    });
+    own.map(|entry| entry.path()).filter(|folder| dead(folder)).collect()
+}
+
+/// Removes the folders of this user that dead processes left.
+pub fn remove_leftovers() {
+    for folder in leftovers() {
+        let _ = fs::remove_dir_all(folder);
+    }
+}
+
+fn dead(folder: &Path) -> bool {
+    match File::open(folder.join(LOCK)) {
+        Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok(),
+        Err(_) => {
+            let made = fs::metadata(folder).and_then(|about| about.modified());
+            made.is_ok_and(|made| SystemTime::now().duration_since(made).is_ok_and(|age| age > YOUNG))
+        }
+    }
+}

@@ -1,0 +1,357 @@
+//! Start values and parameters of a scenario, checked against the model description.
+
+use std::collections::BTreeMap;
+use std::ffi::CString;
+
+use lockstep::participant::ParameterError;
+use lockstep::units::convert;
+use toml::{Table, Value};
+
+use crate::abi::{Native, Values};
+use crate::description::{Causality, Description, Extent, Type, Variable};
+use crate::names::unknown;
+
+/// The most values that an array may have.
+const VALUES_MAX: u64 = 1 << 20;
+
+/// A value for one variable.
+#[derive(Debug, Clone)]
+pub struct Setting {
+    /// The variable.
+    pub reference: u32,
+    /// Its name.
+    pub name: String,
+    /// What it is set to.
+    pub value: Content,
+}
+
+/// What a variable is set to.
+#[derive(Debug, Clone)]
+pub enum Content {
+    /// Numbers.
+    Numbers(Values),
+    /// A string.
+    Text(CString),
+    /// Bytes.
+    Bytes(Vec<u8>),
+}
+
+/// Everything that is set before the first step, by the mode in which the standard allows it.
+#[derive(Debug, Clone, Default)]
+pub struct Settings {
+    /// In configuration mode.
+    pub structural: Vec<Setting>,
+    /// Before the initialization mode.
+    pub start: Vec<Setting>,
+    /// In initialization mode.
+    pub inputs: Vec<Setting>,
+    /// The values of structural parameters, set or not, by reference.
+    pub extents: BTreeMap<u32, u64>,
+}
+
+/// A number in a scenario, before it is known how it is kept.
+#[derive(Debug, Clone, Copy)]
+enum Number {
+    Float(f64),
+    Integer(i128),
+}
+
+impl Settings {
+    /// Reads `participants.NAME.parameters`: variables by name, those with dots also as tables in tables.
+    ///
+    /// # Errors
+    /// Names the key, the value, and what is allowed.
+    pub fn read(description: &Description, table: &Table) -> Result<Settings, ParameterError> {
+        let mut given = BTreeMap::new();
+        flatten(description, "", table, &mut given);
+        let mut settings = Settings::default();
+        for variable in &description.variables {
+            if variable.causality == Causality::StructuralParameter
+                && let Some(start) = variable.start.first().and_then(|start| start.parse().ok())
+            {
+                settings.extents.insert(variable.reference, start);
+            }
+        }
+        // Structural parameters first: extents of arrays follow from them.
+        for structural in [true, false] {
+            for (name, value) in &given {
+                let found = description.variable(name);
+                let variable = found.ok_or_else(|| {
+                    let known = description.variables.iter().filter(|one| one.settable().is_ok());
+                    ParameterError::new(name, unknown(name, known.map(|one| one.name.as_str())))
+                })?;
+                if structural == (variable.causality == Causality::StructuralParameter) {
+                    settings
+                        .put(description, variable, value)
+                        .map_err(|reason| ParameterError::new(name, reason))?;
+                }
+            }
+        }
+        Ok(settings)
+    }
+
+    fn put(&mut self, description: &Description, variable: &Variable, value: &Value) -> Result<(), String> {
+        variable
+            .settable()
+            .map_err(|reason| format!("it cannot be set: {reason}"))?;
+        let setting = Setting {
+            reference: variable.reference,
+            name: variable.name.clone(),
+            value: self.content(description, variable, value)?,
+        };
+        match variable.causality {
+            Causality::StructuralParameter => {
+                if let Content::Numbers(values) = &setting.value {
+                    self.extents
+                        .insert(variable.reference, u64::from_ne_bytes(values.bytes(0)));
+                }
+                self.structural.push(setting);
+            }
+            Causality::Input => self.inputs.push(setting),
+            _ => self.start.push(setting),
+        }
+        Ok(())
+    }
+
+    /// The extents of an array.
+    ///
+    /// # Errors
+    /// When one is unknown or zero, or the array too large.
+    pub fn shape(&self, variable: &Variable) -> Result<Vec<u32>, String> {
+        let mut count = 1_u64;
+        let mut shape = Vec::new();
+        for extent in &variable.extents {
+            let extent = match extent {
+                Extent::Fixed(extent) => *extent,
+                Extent::Parameter(reference) => *self.extents.get(reference).ok_or_else(|| {
+                    format!("its size is the value of variable {reference}, which is no structural parameter with a start value")
+                })?,
+            };
+            count = count
+                .checked_mul(extent)
+                .filter(|count| *count <= VALUES_MAX)
+                .ok_or_else(|| format!("it has more than {VALUES_MAX} elements"))?;
+            if extent == 0 {
+                return Err("it has no elements".to_owned());
+            }
+            shape.push(extent as u32);
+        }
+        Ok(shape)
+    }
+
+    fn content(&self, description: &Description, variable: &Variable, value: &Value) -> Result<Content, String> {
+        match variable.kind {
+            Type::String | Type::Binary if !variable.extents.is_empty() => {
+                return Err("arrays of strings and binaries cannot be set".to_owned());
+            }
+            Type::Clock => return Err("clocks are not supported".to_owned()),
+            Type::String => {
+                let Value::String(text) = value else {
+                    return Err(format!("{value} is not text; write it in quotes"));
+                };
+                return CString::new(text.as_str())
+                    .map(Content::Text)
+                    .map_err(|_| "the text has a zero byte".to_owned());
+            }
+            Type::Binary => {
+                let bytes = value.as_str().and_then(hexadecimal);
+                return bytes
+                    .map(Content::Bytes)
+                    .ok_or_else(|| format!("{value} is not bytes; write them in hexadecimal, such as \"666f6f\""));
+            }
+            _ => {}
+        }
+        let native = Native::of(description.version, variable.kind).ok_or("its type does not exist in FMI 2.0")?;
+        let shape = self.shape(variable)?;
+        let count: usize = shape.iter().map(|&extent| extent as usize).product();
+        let numbers = numbers(description, variable, value)?;
+        if numbers.len() != count {
+            return Err(format!("{value} has {} values; {count} are needed", numbers.len()));
+        }
+        let mut values = Values::new(native, vec![variable.reference], count);
+        for (index, number) in numbers.into_iter().enumerate() {
+            check(variable, number)?;
+            values.put(index, &bytes_of(native, number));
+        }
+        Ok(Content::Numbers(values))
+    }
+}
+
+/// Variables by their full names: a table is one of several variables unless a variable has its name.
+fn flatten<'a>(description: &Description, above: &str, table: &'a Table, given: &mut BTreeMap<String, &'a Value>) {
+    for (key, value) in table {
+        let name = if above.is_empty() {
+            key.clone()
+        } else {
+            format!("{above}.{key}")
+        };
+        match value {
+            Value::Table(inner) if description.variable(&name).is_none() && !inner.is_empty() => {
+                flatten(description, &name, inner, given);
+            }
+            _ => drop(given.insert(name, value)),
+        }
+    }
+}
+
+fn hexadecimal(text: &str) -> Option<Vec<u8>> {
+    if !text.is_ascii() || !text.len().is_multiple_of(2) {
+        return None;
+    }
+    (0..text.len())
+        .step_by(2)
+        .map(|at| u8::from_str_radix(&text[at..at + 2], 16).ok())
+        .collect()
+}
+
+/// The numbers that a value stands for, in the unit of the FMU.
+fn numbers(description: &Description, variable: &Variable, value: &Value) -> Result<Vec<Number>, String> {
+    let one = |value: &Value| number(variable, value);
+    match (variable.kind.is_float(), value) {
+        (true, Value::String(text)) => quantity(description, variable, text),
+        (true, _) if variable.unit.is_some() => {
+            let unit = description
+                .unit(variable)
+                .map_or_else(|| "1".to_owned(), |unit| unit.of_port().unit);
+            if unit == "1" {
+                return match value {
+                    Value::Array(all) => all.iter().map(one).collect(),
+                    value => Ok(vec![one(value)?]),
+                };
+            }
+            let example = if variable.extents.is_empty() {
+                "0.5"
+            } else {
+                "[0.5, 1.5]"
+            };
+            Err(format!("{value} has no unit; write for example \"{example} {unit}\""))
+        }
+        (_, Value::Array(all)) => all.iter().map(one).collect(),
+        (_, value) => Ok(vec![one(value)?]),
+    }
+}
+
+fn number(variable: &Variable, value: &Value) -> Result<Number, String> {
+    match (variable.kind, value) {
+        (kind, Value::Float(value)) if kind.is_float() && value.is_finite() => Ok(Number::Float(*value)),
+        (kind, Value::Integer(value)) if kind.is_float() => Ok(Number::Float(*value as f64)),
+        (kind, _) if kind.is_float() => Err(format!("{value} is not a finite number")),
+        (Type::Boolean, Value::Boolean(value)) => Ok(Number::Integer((*value).into())),
+        (Type::Boolean, _) => Err(format!("{value} is neither true nor false")),
+        (Type::Enumeration, Value::String(name)) => {
+            let found = variable.items.iter().find(|item| item.name == *name);
+            found
+                .map(|item| Number::Integer(item.value.into()))
+                .ok_or_else(|| items(variable, &format!("\"{name}\"")))
+        }
+        (Type::Enumeration, Value::Integer(value)) => {
+            let known = variable.items.is_empty() || variable.items.iter().any(|item| item.value == *value);
+            if known {
+                Ok(Number::Integer((*value).into()))
+            } else {
+                Err(items(variable, &value.to_string()))
+            }
+        }
+        (_, Value::Integer(value)) => Ok(Number::Integer((*value).into())),
+        // TOML's integers end at 2^63.
+        (Type::UInt64, Value::String(text)) => {
+            let value = text.trim().parse::<u64>();
+            value
+                .map(|value| Number::Integer(value.into()))
+                .map_err(|_| format!("\"{text}\" is not a whole number"))
+        }
+        (_, value) => Err(format!("{value} is not a whole number")),
+    }
+}
+
+fn items(variable: &Variable, value: &str) -> String {
+    let known: Vec<String> = variable
+        .items
+        .iter()
+        .map(|item| format!("\"{}\" ({})", item.name, item.value))
+        .collect();
+    format!("{value} is no item of the enumeration; there is {}", known.join(", "))
+}
+
+/// `"0.5 mm"` or `"[1, 2] mm"` in the unit of the FMU.
+fn quantity(description: &Description, variable: &Variable, text: &str) -> Result<Vec<Number>, String> {
+    let Some(unit) = description.unit(variable) else {
+        let read = convert(text, "1")
+            .map_err(|_| format!("\"{text}\": the variable has no unit; write a number without quotes"))?;
+        return Ok(read.0.into_iter().map(Number::Float).collect());
+    };
+    // As the FMU calls it: no conversion.
+    let own = text
+        .trim()
+        .strip_suffix(unit.name.as_str())
+        .filter(|_| !unit.name.is_empty());
+    if let Some((values, _)) = own.and_then(|numbers| convert(&format!("{numbers} 1"), "1").ok()) {
+        return Ok(values.into_iter().map(Number::Float).collect());
+    }
+    let port = unit.of_port();
+    let (values, _) = convert(text, &port.unit).map_err(|error| error.to_string())?;
+    Ok(values
+        .into_iter()
+        .map(|value| Number::Float((value - port.offset) / port.factor))
+        .collect())
+}
+
+/// Whether a value is within the limits of the variable and of its type.
+fn check(variable: &Variable, number: Number) -> Result<(), String> {
+    let unit = variable.unit.as_deref().unwrap_or_default();
+    let (min, max) = (variable.range.min.as_deref(), variable.range.max.as_deref());
+    let within = |low: Option<bool>, high: Option<bool>, value: String| {
+        if low == Some(false) {
+            return Err(format!(
+                "{value} {unit} is below the minimum {} {unit}",
+                min.unwrap_or_default()
+            ));
+        }
+        if high == Some(false) {
+            return Err(format!(
+                "{value} {unit} is above the maximum {} {unit}",
+                max.unwrap_or_default()
+            ));
+        }
+        Ok(())
+    };
+    match number {
+        Number::Float(value) => {
+            let limit = |text: Option<&str>| text.and_then(|text| text.parse::<f64>().ok());
+            within(
+                limit(min).map(|min| value >= min),
+                limit(max).map(|max| value <= max),
+                value.to_string(),
+            )
+        }
+        Number::Integer(value) => {
+            let limit = |text: Option<&str>| text.and_then(|text| text.parse::<i128>().ok());
+            if let Some((least, largest)) = variable.kind.integers()
+                && !(least..=largest).contains(&value)
+            {
+                return Err(format!(
+                    "{value} is no {}: from {least} to {largest}",
+                    variable.kind.name()
+                ));
+            }
+            within(
+                limit(min).map(|min| value >= min),
+                limit(max).map(|max| value <= max),
+                value.to_string(),
+            )
+        }
+    }
+    .map_err(|reason| reason.replace("  ", " ").trim().to_owned())
+}
+
+fn bytes_of(native: Native, number: Number) -> [u8; 8] {
+    let mut bytes = [0; 8];
+    let size = native.size();
+    match (native, number) {
+        (Native::F64, Number::Float(value)) => bytes.copy_from_slice(&value.to_ne_bytes()),
+        (Native::F32, Number::Float(value)) => bytes[..4].copy_from_slice(&(value as f32).to_ne_bytes()),
+        (_, Number::Integer(value)) => bytes[..size].copy_from_slice(&value.to_le_bytes()[..size]),
+        (_, Number::Float(value)) => bytes[..size].copy_from_slice(&(value as i128).to_le_bytes()[..size]),
+    }
+    bytes
+}

@@ -1,0 +1,4 @@
+//! `orchestrator::decoders::fmu` under libFuzzer.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| orchestrator::decoders::fmu(bytes));

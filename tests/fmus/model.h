@@ -1,0 +1,61 @@
+/* What the FMUs of the tests do, whatever the version of the standard: a mass on a spring, or a damper (DAMPER). FAULT makes one go
+ * wrong from t = 0.5 s on. */
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* 0: input, 1 and 2: outputs, 3: stiffness or damping, 4: mass, 5: acceleration */
+typedef struct {
+    double value[6];
+    double t;
+    char marker[256];
+} Model;
+
+enum { FINE, SEGFAULT, LOOP, EXIT, NOT_A_NUMBER, ERROR, DISCARD, FATAL, LITTER, FICKLE, CRASH_ONCE };
+
+#ifndef FAULT
+#define FAULT FINE
+#endif
+
+static void start(Model *m) {
+    memset(m, 0, sizeof *m);
+#ifdef DAMPER
+    m->value[3] = 0.5;
+#else
+    m->value[1] = 0.1;
+    m->value[3] = 40;
+    m->value[4] = 1;
+#endif
+}
+
+/* The status of the step. */
+static int step(Model *m, double t, double h) {
+    double *x = m->value;
+    m->t = t + h;
+#ifdef DAMPER
+    x[1] = -x[3] * x[0];
+#else
+    x[5] = (x[0] - x[3] * x[1]) / x[4];
+    x[2] += h * x[5];
+    x[1] += h * x[2];
+#endif
+    if (t < 0.5) return 0;
+    switch (FAULT) {
+    case SEGFAULT: *(volatile int *)8 = 1; break;
+    case LOOP: for (;;) { *(volatile double *)&m->t = t; } break;
+    case EXIT: exit(7);
+    case NOT_A_NUMBER: x[1] = sqrt(-1.0); break;
+    case ERROR: return 3;
+    case DISCARD: return 2;
+    case FATAL: return 4;
+    case LITTER: { FILE *f = fopen("litter.txt", "w"); if (f) { fputs("litter", f); fclose(f); } break; }
+    case FICKLE: x[1] += 1e-9 * getpid(); break;
+    case CRASH_ONCE:
+        if (access(m->marker, F_OK) != 0) { FILE *f = fopen(m->marker, "w"); if (f) fclose(f); abort(); }
+        break;
+    }
+    return 0;
+}

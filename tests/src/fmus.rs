@@ -1,0 +1,188 @@
+//! FMUs that tests build from the C sources in `tests/fmus`, and archives that are none.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::program::{Folder, root, text};
+
+/// What an FMU is to be.
+#[derive(Debug, Clone, Copy)]
+pub struct Recipe {
+    /// 2 or 3.
+    pub version: u8,
+    /// A damper in place of a mass on a spring.
+    pub damper: bool,
+    /// Whether it can save its state.
+    pub state: bool,
+    /// The constant of `model.h` that says how it goes wrong.
+    pub fault: &'static str,
+    /// Attributes of `CoSimulation`.
+    pub attributes: &'static str,
+    /// The sizes of the array that the description has and the library has, in place of everything else.
+    pub sizes: Option<(u32, u32)>,
+    /// The folder of its library.
+    pub platform: Option<&'static str>,
+}
+
+impl Recipe {
+    /// A healthy spring that can save its state.
+    pub const fn new(version: u8) -> Recipe {
+        Recipe {
+            version,
+            damper: false,
+            state: true,
+            fault: "FINE",
+            attributes: "",
+            sizes: None,
+            platform: None,
+        }
+    }
+
+    /// Builds it as `name` in `folder`.
+    ///
+    /// # Panics
+    /// When there is no C compiler.
+    pub fn build(self, folder: &Folder, name: &str) -> PathBuf {
+        let library = folder.path().join(format!("{name}.so"));
+        let source = if self.version == 2 { "two.c" } else { "three.c" };
+        let mut compiler = Command::new("cc");
+        compiler.args(["-shared", "-fPIC", "-O1", "-Wall", "-o", text(&library)]);
+        compiler.arg(format!("-DFAULT={}", self.fault));
+        compiler.args(self.damper.then_some("-DDAMPER"));
+        compiler.args(self.state.then_some("-DSTATE"));
+        compiler.args(self.sizes.map(|(_, size)| format!("-DSIZE={size}")));
+        compiler.arg(root().join("tests/fmus").join(source)).arg("-lm");
+        let said = compiler.output().expect("a C compiler can be started");
+        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+        let code = std::fs::read(&library).expect("the compiler has written it");
+        let native = if self.version == 2 { "linux64" } else { "x86_64-linux" };
+        let place = format!("binaries/{}/model.so", self.platform.unwrap_or(native));
+        let path = folder.path().join(format!("{name}.fmu"));
+        let entries = [
+            ("modelDescription.xml", self.description().into_bytes()),
+            (place.as_str(), code),
+        ];
+        std::fs::write(&path, archive(&entries)).expect("the folder can be written");
+        path
+    }
+
+    fn description(self) -> String {
+        let (token, state) = match self.version {
+            2 => ("guid", "canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\""),
+            _ => (
+                "instantiationToken",
+                "canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\"",
+            ),
+        };
+        let state = if self.state { state } else { "" };
+        let mut variables = String::new();
+        for (number, (name, unit, about)) in self.variables().iter().enumerate() {
+            variables += &match self.version {
+                2 => format!(
+                    "<ScalarVariable name=\"{name}\" valueReference=\"{number}\" {}><Real unit=\"{unit}\" {}/></ScalarVariable>\n",
+                    about.0, about.1
+                ),
+                _ => format!(
+                    "<Float64 name=\"{name}\" valueReference=\"{number}\" unit=\"{unit}\" {} {}/>\n",
+                    about.0, about.1
+                ),
+            };
+        }
+        variables += match self.version {
+            2 => {
+                "<ScalarVariable name=\"marker\" valueReference=\"9\" causality=\"parameter\" variability=\"fixed\"><String start=\"none\"/></ScalarVariable>"
+            }
+            _ => {
+                "<String name=\"marker\" valueReference=\"9\" causality=\"parameter\" variability=\"fixed\"><Start value=\"none\"/></String>"
+            }
+        };
+        if let Some((size, _)) = self.sizes {
+            variables = format!(
+                "<Float64 name=\"all\" valueReference=\"1\" causality=\"output\"><Dimension start=\"{size}\"/></Float64>"
+            );
+        }
+        format!(
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"{}.0\" modelName=\"Spring\" {token}=\"{{spring}}\">\n\
+             <CoSimulation modelIdentifier=\"model\" canHandleVariableCommunicationStepSize=\"true\" {state} {}/>\n<UnitDefinitions>\
+             <Unit name=\"m\"><BaseUnit m=\"1\"/></Unit><Unit name=\"m/s\"><BaseUnit m=\"1\" s=\"-1\"/></Unit>\
+             <Unit name=\"N\"><BaseUnit kg=\"1\" m=\"1\" s=\"-2\"/></Unit><Unit name=\"kg\"><BaseUnit kg=\"1\"/></Unit>\
+             <Unit name=\"N/m\"><BaseUnit kg=\"1\" s=\"-2\"/></Unit><Unit name=\"N.s/m\"><BaseUnit kg=\"1\" s=\"-1\"/></Unit>\
+             <Unit name=\"m/s2\"><BaseUnit m=\"1\" s=\"-2\"/></Unit></UnitDefinitions>\n<ModelVariables>\n{variables}\n</ModelVariables>\n\
+             <ModelStructure/>\n</fmiModelDescription>\n",
+            self.version, self.attributes
+        )
+    }
+
+    #[allow(clippy::type_complexity, reason = "a table")]
+    fn variables(self) -> &'static [(&'static str, &'static str, (&'static str, &'static str))] {
+        const INPUT: &str = "causality=\"input\"";
+        const OUTPUT: &str = "causality=\"output\"";
+        const PARAMETER: &str = "causality=\"parameter\" variability=\"fixed\"";
+        if self.damper {
+            &[
+                ("v", "m/s", (INPUT, "start=\"0\"")),
+                ("f", "N", (OUTPUT, "")),
+                ("unused", "N", ("causality=\"local\"", "")),
+                ("damping", "N.s/m", (PARAMETER, "start=\"0.5\" min=\"0\" max=\"10\"")),
+            ]
+        } else {
+            &[
+                ("f", "N", (INPUT, "start=\"0\"")),
+                ("x", "m", ("causality=\"output\" initial=\"exact\"", "start=\"0.1\"")),
+                ("v", "m/s", (OUTPUT, "")),
+                ("stiffness", "N/m", (PARAMETER, "start=\"40\" min=\"0\"")),
+                ("mass", "kg", (PARAMETER, "start=\"1\" min=\"0.1\" max=\"100\"")),
+                ("inner.a", "m/s2", ("causality=\"local\"", "")),
+            ]
+        }
+    }
+}
+
+/// A ZIP archive of these files, not packed.
+pub fn archive(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
+    let (mut bytes, mut directory) = (Vec::new(), Vec::new());
+    for (name, contents) in entries {
+        let (size, crc) = (contents.len() as u32, checksum(contents));
+        let at = bytes.len() as u32;
+        let mut common = vec![20, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        common.extend(crc.to_le_bytes());
+        common.extend(size.to_le_bytes());
+        common.extend(size.to_le_bytes());
+        common.extend((name.len() as u16).to_le_bytes());
+        common.extend([0, 0]);
+        bytes.extend(b"PK\x03\x04");
+        bytes.extend(&common);
+        bytes.extend(name.as_bytes());
+        bytes.extend(contents);
+        directory.extend(b"PK\x01\x02\x14\x00");
+        directory.extend(&common);
+        directory.extend([0; 10]);
+        directory.extend(at.to_le_bytes());
+        directory.extend(name.as_bytes());
+    }
+    let (start, count) = (bytes.len() as u32, entries.len() as u16);
+    bytes.extend(&directory);
+    bytes.extend(b"PK\x05\x06\x00\x00\x00\x00");
+    bytes.extend(count.to_le_bytes());
+    bytes.extend(count.to_le_bytes());
+    bytes.extend((directory.len() as u32).to_le_bytes());
+    bytes.extend(start.to_le_bytes());
+    bytes.extend([0, 0]);
+    bytes
+}
+
+/// CRC-32.
+fn checksum(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0_u32, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+            (crc >> 1) ^ (0xedb8_8320 & 0_u32.wrapping_sub(crc & 1))
+        })
+    })
+}
+
+/// The folders with unpacked FMUs below `temporary`.
+pub fn unpacked(temporary: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(temporary).into_iter().flatten().flatten();
+    let named = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with("escapement-fmu-"));
+    named.map(|entry| entry.path()).collect()
+}

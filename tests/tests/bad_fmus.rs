@@ -1,0 +1,210 @@
+//! FMUs that misbehave, and files that are none: each is named with what is wrong, and leaves nothing behind.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use escapement_tests::fmus::{Recipe, archive, unpacked};
+use escapement_tests::program::{Folder, Said, finish, orchestrate, orchestrator, text};
+
+/// A run of the FMU `file` alone, with a folder of its own for temporary files, which is empty afterwards.
+fn run(folder: &Folder, file: &Path, keys: &str, arguments: &[&str]) -> Said {
+    let scenario = folder.write(
+        "bad.toml",
+        &format!(
+            "duration = \"1 s\"\n[participants.it]\nperiod = \"1 ms\"\nrun.fmu = \"{}\"\n{keys}\n",
+            text(file)
+        ),
+    );
+    let (out, temporary) = (folder.path().join("run"), folder.path().join("temporary"));
+    let _ = std::fs::remove_dir_all(&out);
+    std::fs::create_dir_all(&temporary).expect("the folder can be written");
+    let mut command = Command::new(orchestrator());
+    command
+        .args(["run", text(&scenario), "--out", text(&out), "--quiet"])
+        .args(arguments);
+    command.current_dir(folder.path()).env("TMPDIR", &temporary);
+    command
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    let said = finish(command.spawn().expect("the program can be started"));
+    assert_eq!(unpacked(&temporary), Vec::<std::path::PathBuf>::new(), "{said:?}");
+    said
+}
+
+#[test]
+fn failing_fmu_is_named_with_its_own_words() {
+    for (fault, words) in [
+        ("SEGFAULT", &["segmentation fault", "`it`"][..]),
+        ("EXIT", &["exited with status 7", "`it`"]),
+        ("NOT_A_NUMBER", &["outputs", "x", "NaN"]),
+        ("ERROR", &["returned Error", "its log: the spring broke", "t = 0.5 s"]),
+        (
+            "DISCARD",
+            &["returned Discard", "came to t =", "its log: the spring broke"],
+        ),
+        (
+            "FATAL",
+            &["returned Fatal", "no instance of this FMU", "its log: the spring broke"],
+        ),
+    ] {
+        for version in [2, 3] {
+            let folder = Folder::new("failing");
+            let file = Recipe {
+                fault,
+                ..Recipe::new(version)
+            }
+            .build(&folder, "bad");
+            let said = run(&folder, &file, "run.ports.inputs = []", &[]);
+            assert_eq!(said.code, Some(1), "{said:?}");
+            for word in words {
+                assert!(said.err.contains(word), "{fault}: `{word}`: {said:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn endless_step_is_ended_by_patience() {
+    let folder = Folder::new("endless");
+    let file = Recipe {
+        fault: "LOOP",
+        ..Recipe::new(3)
+    }
+    .build(&folder, "bad");
+    let said = run(&folder, &file, "run.ports.inputs = []", &["--patience", "1s"]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("`it`"), "{said:?}");
+}
+
+#[test]
+fn litter_goes_with_the_run() {
+    let folder = Folder::new("litter");
+    let file = Recipe {
+        fault: "LITTER",
+        ..Recipe::new(2)
+    }
+    .build(&folder, "bad");
+    let said = run(&folder, &file, "run.ports.inputs = []", &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(!folder.path().join("litter.txt").exists());
+}
+
+#[test]
+fn library_that_contradicts_its_description_is_an_error() {
+    let folder = Folder::new("sizes");
+    let file = Recipe {
+        sizes: Some((3, 2)),
+        ..Recipe::new(3)
+    }
+    .build(&folder, "bad");
+    let said = run(&folder, &file, "", &[]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("the array has another size"), "{said:?}");
+    let file = Recipe {
+        sizes: Some((3, 3)),
+        ..Recipe::new(3)
+    }
+    .build(&folder, "good");
+    assert_eq!(run(&folder, &file, "", &[]).code, Some(0));
+}
+
+#[test]
+fn foreign_platform_is_refused_with_those_there_are() {
+    let folder = Folder::new("platform");
+    let file = Recipe {
+        platform: Some("win64"),
+        ..Recipe::new(2)
+    }
+    .build(&folder, "bad");
+    let said = run(&folder, &file, "run.ports.inputs = []", &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err.contains("linux64/model.so") && said.err.contains("made for win64"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn second_instance_in_one_process_is_refused_where_one_is_allowed() {
+    let folder = Folder::new("single");
+    let attributes = "canBeInstantiatedOnlyOncePerProcess=\"true\"";
+    let file = Recipe {
+        attributes,
+        ..Recipe::new(2)
+    }
+    .build(&folder, "single");
+    let second = format!(
+        "run.ports.inputs = []\n[participants.other]\nperiod = \"2 ms\"\nrun.fmu = \"{}\"\nrun.ports.inputs = []",
+        text(&file)
+    );
+    assert_eq!(run(&folder, &file, &second, &[]).code, Some(0));
+    let said = run(&folder, &file, &second, &["--in-process"]);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(
+        said.err.contains("only once in a process") && said.err.contains("leave out --in-process"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn archive_that_cannot_be_trusted_is_refused() {
+    let folder = Folder::new("archives");
+    let description = b"<fmiModelDescription fmiVersion=\"2.0\"/>".to_vec();
+    let good = archive(&[("modelDescription.xml", description.clone())]);
+    let spoil = |change: fn(&mut Vec<u8>)| {
+        let mut bad = good.clone();
+        change(&mut bad);
+        bad
+    };
+    let find = |bytes: &[u8], mark: &[u8]| bytes.windows(4).position(|part| part == mark).expect("a mark");
+    let directory = find(&good, b"PK\x01\x02");
+    let mut huge = good.clone();
+    huge[directory + 24..directory + 28].copy_from_slice(&0xf000_0000_u32.to_le_bytes());
+    let mut link = good.clone();
+    link[directory + 5] = 3;
+    link[directory + 38..directory + 42].copy_from_slice(&(0o120_777_u32 << 16).to_le_bytes());
+    let mut locked = good.clone();
+    locked[directory + 8] |= 1;
+    for (bytes, words) in [
+        (b"no archive at all, whatever its name".to_vec(), "not a ZIP archive"),
+        (Vec::new(), "not a ZIP archive"),
+        (spoil(|bytes| bytes.truncate(bytes.len() - 30)), "not a ZIP archive"),
+        (archive(&[("../../evil", Vec::new())]), "leads out of the archive"),
+        (archive(&[("/etc/evil", Vec::new())]), "absolute path"),
+        (archive(&[("a\\b", Vec::new())]), "backslash"),
+        (archive(&[("a", Vec::new()), ("a", Vec::new())]), "there twice"),
+        (archive(&[("readme", Vec::new())]), "no modelDescription.xml"),
+        (huge, "at most 2147483648 are unpacked"),
+        (link, "symbolic link"),
+        (locked, "encrypted"),
+        (spoil(|bytes| bytes[60] ^= 1), "checksum"),
+        (good.clone(), "no `CoSimulation`"),
+        (
+            archive(&[("modelDescription.xml", b"<fmiModelDescription".to_vec())]),
+            "modelDescription.xml",
+        ),
+        (
+            archive(&[(
+                "modelDescription.xml",
+                b"<fmiModelDescription fmiVersion=\"1.0\"/>".to_vec(),
+            )]),
+            "2.0 and 3.0 are supported",
+        ),
+    ] {
+        let file = folder.path().join("bad.fmu");
+        std::fs::write(&file, bytes).expect("the folder can be written");
+        let said = orchestrate(&["fmu", "inspect", text(&file)]);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(
+            said.err.contains(words) && said.err.contains("bad.fmu"),
+            "`{words}`: {said:?}"
+        );
+        let said = run(&folder, &file, "", &[]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(
+            said.err.contains(words) && said.err.contains("bad.toml:4"),
+            "`{words}`: {said:?}"
+        );
+    }
+}
