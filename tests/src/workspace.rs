@@ -8,7 +8,7 @@ use crate::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-pub const ARROWS: [(&str, &[&str]); 18] = [
+pub const ARROWS: [(&str, &[&str]); 19] = [
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &[]),

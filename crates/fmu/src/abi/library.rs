@@ -79,7 +79,7 @@ macro_rules! functions {
         }
 
         impl $name {
-            fn load(library: &$crate::abi::library::Library) -> Result<$name, $crate::abi::LoadError> {
+            fn load(library: &$crate::abi::library::Library) -> Result<$name, $crate::abi::library::LoadError> {
                 Ok($name {
                     $($field: {
                         let address = library.function($symbol)?;

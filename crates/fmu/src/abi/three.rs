@@ -4,9 +4,9 @@ use std::ffi::{CString, c_char, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
-use super::library::{Library, functions};
-use super::log::log_message;
-use super::{Instance, LoadError, Log, Native, Status, Stepped, Texts, Values, failure_categories};
+use super::interface::{Instance, Native, Status, Stepped, Texts, Values, failure_categories};
+use super::library::{Library, LoadError, functions};
+use super::log::{Log, log_message};
 use crate::description::Description;
 
 type Pointer = *mut c_void;

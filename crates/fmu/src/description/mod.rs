@@ -1,93 +1,11 @@
 //! What `modelDescription.xml` says of an FMU, in the same terms for FMI 2.0 and 3.0.
 
+mod content;
 mod read;
 mod units;
 mod variable;
 
+pub use content::{Abilities, Description, Experiment, Version};
 pub use read::DescriptionError;
 pub use units::{BaseUnit, Conversion, Unit};
 pub use variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
-
-use std::collections::BTreeMap;
-
-/// The version of the standard.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Version {
-    /// FMI 2.0.
-    Two,
-    /// FMI 3.0.
-    Three,
-}
-
-/// What the FMU can do in a co-simulation.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Abilities {
-    /// The name of the library and, with FMI 2.0, of nothing else.
-    pub identifier: String,
-    /// It only talks to a tool that must be installed.
-    pub needs_execution_tool: bool,
-    /// A process may hold one instance only.
-    pub once_per_process: bool,
-    /// Steps may have different lengths.
-    pub variable_step: bool,
-    /// The step of its own solver, s, where it is fixed.
-    pub fixed_step: Option<f64>,
-    /// Its state can be taken and put back.
-    pub state: bool,
-    /// Its state can be written as bytes.
-    pub serialise: bool,
-    /// It has an event mode (FMI 3.0).
-    pub event_mode: bool,
-}
-
-/// The experiment for which the FMU was made.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Experiment {
-    /// Start, s.
-    pub start: Option<f64>,
-    /// End, s.
-    pub stop: Option<f64>,
-    /// Communication step, s.
-    pub step: Option<f64>,
-    /// Relative tolerance of its solver.
-    pub tolerance: Option<f64>,
-}
-
-/// A model description.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Description {
-    /// The version of the standard.
-    pub version: Version,
-    /// The model's name.
-    pub model: String,
-    /// What it is, in the exporter's words.
-    pub text: String,
-    /// The tool that exported it.
-    pub tool: String,
-    /// The `guid` or `instantiationToken`.
-    pub token: String,
-    /// What it can do in a co-simulation.
-    pub abilities: Abilities,
-    /// The experiment for which it was made.
-    pub experiment: Experiment,
-    /// The units by name.
-    pub units: BTreeMap<String, Unit>,
-    /// The variables in the order of the file.
-    pub variables: Vec<Variable>,
-    /// The names of the log categories.
-    pub log_categories: Vec<String>,
-    /// What is wrong with it and can be lived with.
-    pub problems: Vec<String>,
-}
-
-impl Description {
-    /// The variable called `name`.
-    pub fn variable(&self, name: &str) -> Option<&Variable> {
-        self.variables.iter().find(|variable| variable.name == name)
-    }
-
-    /// The variable's unit, where it has one that the description defines.
-    pub fn unit(&self, variable: &Variable) -> Option<&Unit> {
-        variable.unit.as_ref().and_then(|name| self.units.get(name))
-    }
-}

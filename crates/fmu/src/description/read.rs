@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 
 use roxmltree::{Document, Node, ParsingOptions};
 
+use super::content::{Abilities, Description, Experiment, Version};
+use super::units::{BaseUnit, Unit};
 use super::variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
-use super::{Abilities, BaseUnit, Description, Experiment, Unit, Version};
 
 /// The largest description, bytes.
 pub const SIZE_MAX: usize = 64 << 20;

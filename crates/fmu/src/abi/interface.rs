@@ -1,0 +1,207 @@
+//! What both versions of the standard have in common: statuses, values, and the calls of an instance.
+
+use std::ffi::c_void;
+
+use crate::description::{Description, Type, Version};
+
+/// How a call ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// Done.
+    Ok,
+    /// Done, with a warning in the log.
+    Warning,
+    /// Not done; the FMU is as it was.
+    Discard,
+    /// Failed; this instance is of no use any more.
+    Error,
+    /// Failed, and all instances of this FMU with it.
+    Fatal,
+    /// Under way, which the FMU was not asked for, or no status at all.
+    Odd(i32),
+}
+
+impl Status {
+    pub(super) fn of(number: i32) -> Status {
+        match number {
+            0 => Status::Ok,
+            1 => Status::Warning,
+            2 => Status::Discard,
+            3 => Status::Error,
+            4 => Status::Fatal,
+            other => Status::Odd(other),
+        }
+    }
+
+    /// Whether it was done.
+    pub fn done(self) -> bool {
+        matches!(self, Status::Ok | Status::Warning)
+    }
+
+    /// "returned Error".
+    pub fn words(self) -> String {
+        match self {
+            Status::Odd(5) => "returned Pending: it works asynchronously, which nobody has asked it for".to_owned(),
+            Status::Odd(other) => format!("returned {other}, which is no status"),
+            status => format!("returned {status:?}"),
+        }
+    }
+}
+
+/// The types of values that functions of the library take: one function for each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[allow(missing_docs, reason = "the names are the standard's")]
+pub enum Native {
+    F64,
+    F32,
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    /// `fmi2Boolean`, an int.
+    Bool32,
+    /// `fmi3Boolean`, a byte.
+    Bool8,
+}
+
+impl Native {
+    /// The function for variables of `kind`; nothing for strings, binaries and clocks.
+    pub fn of(version: Version, kind: Type) -> Option<Native> {
+        Some(match (version, kind) {
+            (_, Type::Float64) => Native::F64,
+            (Version::Two, Type::Int32 | Type::Enumeration) => Native::I32,
+            (Version::Two, Type::Boolean) => Native::Bool32,
+            (Version::Three, Type::Float32) => Native::F32,
+            (Version::Three, Type::Int8) => Native::I8,
+            (Version::Three, Type::UInt8) => Native::U8,
+            (Version::Three, Type::Int16) => Native::I16,
+            (Version::Three, Type::UInt16) => Native::U16,
+            (Version::Three, Type::Int32) => Native::I32,
+            (Version::Three, Type::UInt32) => Native::U32,
+            (Version::Three, Type::Int64 | Type::Enumeration) => Native::I64,
+            (Version::Three, Type::UInt64) => Native::U64,
+            (Version::Three, Type::Boolean) => Native::Bool8,
+            _ => return None,
+        })
+    }
+
+    /// Bytes of one value.
+    pub const fn size(self) -> usize {
+        match self {
+            Native::F64 | Native::I64 | Native::U64 => 8,
+            Native::F32 | Native::I32 | Native::U32 | Native::Bool32 => 4,
+            Native::I16 | Native::U16 => 2,
+            Native::I8 | Native::U8 | Native::Bool8 => 1,
+        }
+    }
+}
+
+/// Values of variables of one type, in memory that is aligned for them.
+#[derive(Debug, Clone)]
+pub struct Values {
+    /// The function that takes them.
+    pub native: Native,
+    /// The variables.
+    pub references: Vec<u32>,
+    /// How many values they have together.
+    pub count: usize,
+    words: Vec<u64>,
+}
+
+impl Values {
+    /// All zeros.
+    pub fn new(native: Native, references: Vec<u32>, count: usize) -> Values {
+        let words = vec![0; (count * native.size()).div_ceil(8)];
+        Values {
+            native,
+            references,
+            count,
+            words,
+        }
+    }
+
+    pub(super) fn pointer(&mut self) -> *mut c_void {
+        self.words.as_mut_ptr().cast()
+    }
+
+    /// Value number `index` as bytes, in its own size.
+    pub fn bytes(&self, index: usize) -> [u8; 8] {
+        let (size, mut bytes) = (self.native.size(), [0; 8]);
+        let at = index * size;
+        let word = self.words[at / 8].to_ne_bytes();
+        bytes[..size].copy_from_slice(&word[at % 8..at % 8 + size]);
+        bytes
+    }
+
+    /// Puts value number `index`.
+    pub fn put(&mut self, index: usize, bytes: &[u8]) {
+        let size = self.native.size();
+        let at = index * size;
+        let mut word = self.words[at / 8].to_ne_bytes();
+        word[at % 8..at % 8 + size].copy_from_slice(&bytes[..size]);
+        self.words[at / 8] = u64::from_ne_bytes(word);
+    }
+}
+
+/// The values of text variables, for setting.
+pub enum Texts<'a> {
+    /// A string.
+    String(&'a std::ffi::CStr),
+    /// Bytes (FMI 3.0).
+    Binary(&'a [u8]),
+}
+
+/// What became of a step.
+#[derive(Debug, Clone, Copy)]
+pub struct Stepped {
+    /// The status.
+    pub status: Status,
+    /// The FMU asks for the end of the simulation.
+    pub terminate: bool,
+    /// It came only to [`Stepped::last`], although it must not.
+    pub early: bool,
+    /// How far it came, s, where it says so.
+    pub last: Option<f64>,
+}
+
+/// One instance of an FMU for co-simulation.
+pub trait Instance: Send {
+    /// Enters and leaves configuration mode (FMI 3.0) around `work`.
+    fn configure(&mut self, entering: bool) -> Status;
+    /// Says when the run starts, and enters the initialization mode.
+    fn enter_initialisation(&mut self, start: f64, tolerance: Option<f64>) -> Result<(), (&'static str, Status)>;
+    /// Leaves the initialization mode.
+    fn exit_initialisation(&mut self) -> Status;
+    /// Reads values.
+    fn get(&mut self, values: &mut Values) -> Status;
+    /// Sets values.
+    fn set(&mut self, values: &mut Values) -> Status;
+    /// Sets the variable `reference` to text or bytes.
+    fn set_text(&mut self, reference: u32, text: Texts<'_>) -> Status;
+    /// From `t` to `t + step`, s.
+    fn step(&mut self, t: f64, step: f64) -> Stepped;
+    /// The state as bytes.
+    fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)>;
+    /// Puts the state back.
+    fn deserialise(&mut self, bytes: &[u8]) -> Result<(), (&'static str, Status)>;
+    /// Ends the simulation, where it has begun.
+    fn terminate(&mut self) -> Status;
+    /// Frees it. Nothing may be called afterwards.
+    fn free(&mut self);
+}
+
+/// The log categories that tell of failures: all others would be formatted and thrown away.
+pub(super) fn failure_categories(description: &Description) -> Vec<std::ffi::CString> {
+    let words = ["error", "fatal", "discard", "warning"];
+    let failures = description.log_categories.iter().filter(|name| {
+        let name = name.to_lowercase();
+        words.iter().any(|word| name.contains(word))
+    });
+    failures
+        .filter_map(|name| std::ffi::CString::new(name.as_str()).ok())
+        .collect()
+}
