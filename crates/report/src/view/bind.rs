@@ -6,7 +6,7 @@ use serde::Serialize;
 use tape::StreamSpec;
 use toml::Value;
 
-use super::evaluate::Evaluate;
+use super::evaluate::{Evaluate, Operand};
 use super::prefix::{Scale, scales};
 use super::signal::Slice;
 use super::{Curve, Figure, Formula, Limit, Line, Mistake, Signal, Unit};
@@ -220,14 +220,19 @@ fn slot(streams: &mut Vec<usize>, stream: usize) -> usize {
     })
 }
 
-/// What a formula needs of the streams, and what it gives.
-fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
-    let mut used = Vec::new();
-    let mut names: Vec<String> = Vec::new();
-    let mut operand = |signal: &Signal, like: Option<&Slice>, least: usize| {
-        // Alternatives of one formula belong to one participant where the signal leaves that open.
-        let (stream, slice) = signal.find(streams).ok_or_else(|| signal.missing(streams))?;
-        let name = format!("{}.{}", streams[stream].name(), written(&slice));
+/// The signals of a formula among the streams, as they are found one after the other.
+struct Operands<'a> {
+    all: &'a [StreamSpec],
+    /// The streams that were found.
+    used: Vec<usize>,
+    names: Vec<String>,
+}
+
+impl Operands<'_> {
+    /// A signal with at least `least` elements, and of the shape and the unit of `like`.
+    fn operand(&mut self, signal: &Signal, like: Option<&Slice>, least: usize) -> Result<Operand, String> {
+        let (stream, slice) = signal.find(self.all).ok_or_else(|| signal.missing(self.all))?;
+        let name = format!("{}.{}", self.all[stream].name(), written(&slice));
         if slice.len < least {
             return Err(format!("`{name}` has {} elements, and {least} are needed", slice.len));
         }
@@ -235,16 +240,24 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
             if like.len != slice.len {
                 return Err(format!("`{name}` has {} elements, not {}", slice.len, like.len));
             }
-            if like.field.unit != slice.field.unit {
-                return Err(format!(
-                    "`{name}` is in `{}`, not in `{}`",
-                    slice.field.unit, like.field.unit
-                ));
+            let (unit, needed) = (&slice.field.unit, &like.field.unit);
+            if unit != needed {
+                return Err(format!("`{name}` is in `{unit}`, not in `{needed}`"));
             }
         }
-        names.push(name);
-        Ok((slot(&mut used, stream), slice))
+        self.names.push(name);
+        Ok((slot(&mut self.used, stream), slice))
+    }
+}
+
+/// What a formula needs of the streams, and what it gives.
+fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
+    let mut found = Operands {
+        all: streams,
+        used: Vec::new(),
+        names: Vec::new(),
     };
+    let mut operand = |signal: &Signal, like: Option<&Slice>, least: usize| found.operand(signal, like, least);
     let (evaluate, width, unit, lead) = match &curve.formula {
         Formula::Each(a) => {
             let a = operand(a, None, 1)?;
@@ -293,8 +306,8 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
         Formula::Computed(computed) => {
             let (participant, port) = computed.stream();
             let of = |spec: &StreamSpec| spec.participant == participant && spec.port == port;
-            used = vec![streams.iter().position(of).ok_or("the stream is not there")?];
-            names = vec![computed.origin()];
+            found.used = vec![streams.iter().position(of).ok_or("the stream is not there")?];
+            found.names = vec![computed.origin()];
             (
                 Evaluate::Computed(computed.clone()),
                 computed.labels().len(),
@@ -305,13 +318,13 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
     };
     let whole = |element: Element| !matches!(element, Element::F64 | Element::F32);
     Ok(Found {
-        streams: used,
+        streams: found.used,
         evaluate,
         width,
         unit,
         frame: lead.as_ref().map(|slice| slice.field.frame.clone()).unwrap_or_default(),
         step: lead.is_some_and(|slice| whole(slice.field.element)),
-        origin: names.join(", "),
+        origin: found.names.join(", "),
     })
 }
 

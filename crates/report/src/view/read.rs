@@ -388,7 +388,6 @@ mod tests {
                 "[[panels]]\ncurve = ['cart.state.x']",
                 "panels.1.curve: unknown field `curve`",
             ),
-            ("panel = 3", "panel: unknown field `panel`"),
             (
                 "[[panels]]\ncurves = [{ of = 'cart.state.x', les = 'x' }]",
                 "panels.1.curves.1.les: unknown field `les`",
