@@ -123,16 +123,7 @@ fn a_version_names_the_commit_where_there_is_one() {
     let folder = Folder::new("version");
     let out = folder.path().join("run");
     let scenario = escapement_tests::program::root().join("examples/lander/lander.toml");
-    let run = [
-        "run",
-        text(&scenario),
-        "--out",
-        text(&out),
-        "--quiet",
-        "--in-process",
-        "--duration",
-        "1s",
-    ];
+    let run = ["run", text(&scenario), "--out", text(&out), "--quiet", "--in-process"];
     assert_eq!(say("lander", &run).code, Some(0));
     assert_eq!(noted(&out), format!("{number}, built on escapement {built_on}"));
 }
