@@ -385,6 +385,7 @@ fn marks_of(named: &[(String, lockstep::time::Rational)], events: &[Event]) -> V
             tape::EventKind::Restart => "restart",
             tape::EventKind::Checkpoint => "checkpoint",
             tape::EventKind::Resume => "resume",
+            tape::EventKind::Input => "input",
             tape::EventKind::Note => "note",
         },
         text: match &event.participant {
