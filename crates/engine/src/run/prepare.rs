@@ -205,12 +205,11 @@ pub(super) fn recorder(
     Ok(Recorder::new(plan.clone(), store, assessment, watches))
 }
 
+/// The assessment of a run, if it has one, and its guards.
+type Judges = (Option<Box<dyn Assessment>>, Vec<Watch>);
+
 /// The assessment and the guards of a run at its beginning.
-pub(super) fn judges(
-    scenario: &Scenario,
-    plan: &Plan,
-    streams: &[StreamSpec],
-) -> Result<(Option<Box<dyn Assessment>>, Vec<Watch>), ScenarioError> {
+pub(super) fn judges(scenario: &Scenario, plan: &Plan, streams: &[StreamSpec]) -> Result<Judges, ScenarioError> {
     scenario.check_pictures(plan, |_| true)?;
     Ok((assess(scenario, streams)?, scenario.watches(plan, |_| true)?))
 }
