@@ -18,6 +18,7 @@ use super::placement::Placement;
 use super::processes::{GRACE, Processes};
 use super::room;
 use super::survive::Fallen;
+use crate::scenario::Entry;
 
 impl Processes {
     /// Moves everybody to a fresh place, where they go on at `cut`, and gives those who failed on the way. The others have
@@ -72,19 +73,7 @@ impl Processes {
             newcomers.push(newcomer);
             states.push(state);
         }
-        let mut waited = Awake::since(Instant::now());
-        for (number, (member, newcomer)) in crew.iter_mut().zip(&newcomers).enumerate() {
-            missing.unless(number, member, |member| {
-                crew::arrive(member, &mut waited, &self.monitor)?;
-                match newcomer {
-                    None => crew::greet(member, &self.monitor),
-                    Some(entry) => {
-                        let known = &course.plan.participants[number].interface;
-                        crew::introduce(&course.scenario, entry, Some(known), member, &self.monitor).map(drop)
-                    }
-                }
-            })?;
-        }
+        self.receive(course, &mut crew, &newcomers, &mut missing)?;
         self.place = Place::furnish(domain, &course.plan)?;
         self.scope.clear(&left);
         let mut positions = course.positions(cut)?;
@@ -109,6 +98,30 @@ impl Processes {
         }
         self.rounds.patience.renew();
         Ok(missing.0)
+    }
+
+    /// Waits until everybody has entered the new place, and greets them; newcomers are asked for their ports.
+    fn receive(
+        &self,
+        course: &Course,
+        crew: &mut [Member],
+        newcomers: &[Option<Box<Entry>>],
+        missing: &mut Missing,
+    ) -> Result<(), RunFailure> {
+        let mut waited = Awake::since(Instant::now());
+        for (number, (member, newcomer)) in crew.iter_mut().zip(newcomers).enumerate() {
+            missing.unless(number, member, |member| {
+                crew::arrive(member, &mut waited, &self.monitor)?;
+                match newcomer {
+                    None => crew::greet(member, &self.monitor),
+                    Some(entry) => {
+                        let known = &course.plan.participants[number].interface;
+                        crew::introduce(&course.scenario, entry, Some(known), member, &self.monitor).map(drop)
+                    }
+                }
+            })?;
+        }
+        Ok(())
     }
 }
 

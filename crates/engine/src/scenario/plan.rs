@@ -7,7 +7,7 @@ use lockstep::participant::{Input, Interface, Kind, Output};
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan, PlanError};
 use lockstep::port::{Descriptor, Element, Field};
 
-use super::error::ScenarioError;
+use super::error::{Mistake, ScenarioError};
 use super::resolve::Scenario;
 
 impl Scenario {
@@ -115,28 +115,7 @@ impl Scenario {
                 });
             }
         }
-        let mut interfaces = interfaces.to_vec();
-        for (participant, name) in self.inputs.iter().filter(|(participant, _)| certain(*participant)) {
-            let port = format!("{}.{name}", self.participants[*participant].setup.name);
-            let fed = links
-                .iter()
-                .find(|link| link.to == (self.participants[*participant].setup.name.clone(), name.clone()));
-            let inputs = &mut interfaces[*participant].inputs;
-            let reason = match (inputs.iter_mut().find(|input| input.name == *name), fed) {
-                (Some(input), None) => {
-                    input.required = false;
-                    continue;
-                }
-                (Some(_), Some(link)) => {
-                    format!("the connection `{}` feeds `{port}`: leave one of them out", link.name)
-                }
-                (None, _) => {
-                    let known: Vec<String> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
-                    format!("there is no input `{port}`; there is {}", known.join(", "))
-                }
-            };
-            mistakes.push(self.source.mistake("inputs", reason));
-        }
+        let interfaces = self.with_open_inputs(interfaces, &links, &certain, &mut mistakes);
         if !mistakes.is_empty() {
             return Err(self.source.error(mistakes));
         }
@@ -161,6 +140,39 @@ impl Scenario {
         plan.disturb(faults.map_err(|mistakes| self.source.error(mistakes))?)
             .map_err(refuse)?;
         Ok(plan)
+    }
+
+    /// `interfaces` with the inputs that a program sets needing no connection; those that have one, or do not exist, are mistakes.
+    fn with_open_inputs(
+        &self,
+        interfaces: &[Interface],
+        links: &[LinkSpec],
+        certain: impl Fn(usize) -> bool,
+        mistakes: &mut Vec<Mistake>,
+    ) -> Vec<Interface> {
+        let mut interfaces = interfaces.to_vec();
+        for (participant, name) in self.inputs.iter().filter(|(participant, _)| certain(*participant)) {
+            let port = format!("{}.{name}", self.participants[*participant].setup.name);
+            let fed = links
+                .iter()
+                .find(|link| link.to == (self.participants[*participant].setup.name.clone(), name.clone()));
+            let inputs = &mut interfaces[*participant].inputs;
+            let reason = match (inputs.iter_mut().find(|input| input.name == *name), fed) {
+                (Some(input), None) => {
+                    input.required = false;
+                    continue;
+                }
+                (Some(_), Some(link)) => {
+                    format!("the connection `{}` feeds `{port}`: leave one of them out", link.name)
+                }
+                (None, _) => {
+                    let known: Vec<String> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+                    format!("there is no input `{port}`; there is {}", known.join(", "))
+                }
+            };
+            mistakes.push(self.source.mistake("inputs", reason));
+        }
+        interfaces
     }
 }
 

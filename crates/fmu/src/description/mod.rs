@@ -1,6 +1,7 @@
 //! What `modelDescription.xml` says of an FMU, in the same terms for FMI 2.0 and 3.0.
 
 mod content;
+mod nodes;
 mod read;
 mod units;
 mod variable;

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::content::{Abilities, Description, Experiment, Version};
+use super::nodes::{child, elements, range, type_of, words};
 use super::units::{BaseUnit, Unit};
 use super::variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
 
@@ -80,16 +81,6 @@ impl Description {
         };
         reader.description(root)
     }
-}
-
-fn child<'a>(node: Node<'a, 'a>, name: &str) -> Option<Node<'a, 'a>> {
-    node.children().find(|child| child.has_tag_name(name))
-}
-
-fn elements<'a>(node: Option<Node<'a, 'a>>) -> impl Iterator<Item = Node<'a, 'a>> {
-    node.into_iter()
-        .flat_map(|node| node.children())
-        .filter(Node::is_element)
 }
 
 impl<'a> Reader<'a> {
@@ -331,21 +322,7 @@ impl<'a> Reader<'a> {
             (Version::Two, true) => own.attribute("start").map(str::to_owned).into_iter().collect(),
             _ => own.attribute("start").map(words).unwrap_or_default(),
         };
-        let mut extents = Vec::new();
-        for dimension in node.children().filter(|child| child.has_tag_name("Dimension")) {
-            let extent = match (
-                self.number(dimension, "start")?,
-                self.number(dimension, "valueReference")?,
-            ) {
-                (Some(fixed), None) => Extent::Fixed(fixed),
-                (None, Some(reference)) => Extent::Parameter(reference),
-                _ => {
-                    let reason = format!("a dimension of `{name}` needs either `start` or `valueReference`");
-                    return Err(self.error(dimension, reason));
-                }
-            };
-            extents.push(extent);
-        }
+        let extents = self.extents(node, &name)?;
         Ok(Variable {
             reference,
             kind,
@@ -368,6 +345,25 @@ impl<'a> Reader<'a> {
             text: node.attribute("description").unwrap_or_default().to_owned(),
             name,
         })
+    }
+
+    fn extents(&self, node: Node<'_, '_>, name: &str) -> Result<Vec<Extent>, DescriptionError> {
+        let mut extents = Vec::new();
+        for dimension in node.children().filter(|child| child.has_tag_name("Dimension")) {
+            let extent = match (
+                self.number(dimension, "start")?,
+                self.number(dimension, "valueReference")?,
+            ) {
+                (Some(fixed), None) => Extent::Fixed(fixed),
+                (None, Some(reference)) => Extent::Parameter(reference),
+                _ => {
+                    let reason = format!("a dimension of `{name}` needs either `start` or `valueReference`");
+                    return Err(self.error(dimension, reason));
+                }
+            };
+            extents.push(extent);
+        }
+        Ok(extents)
     }
 
     fn causality(&self, node: Node<'_, '_>, name: &str) -> Result<Causality, DescriptionError> {
@@ -468,37 +464,4 @@ impl<'a> Reader<'a> {
         }
         Ok(())
     }
-}
-
-fn range(node: Node<'_, '_>) -> Range {
-    let text = |name| node.attribute(name).map(|text| text.trim().to_owned());
-    Range {
-        min: text("min"),
-        max: text("max"),
-    }
-}
-
-fn words(text: &str) -> Vec<String> {
-    text.split_whitespace().map(str::to_owned).collect()
-}
-
-fn type_of(element: &str) -> Option<Type> {
-    Some(match element {
-        "Real" | "Float64" => Type::Float64,
-        "Float32" => Type::Float32,
-        "Int8" => Type::Int8,
-        "UInt8" => Type::UInt8,
-        "Int16" => Type::Int16,
-        "UInt16" => Type::UInt16,
-        "Integer" | "Int32" => Type::Int32,
-        "UInt32" => Type::UInt32,
-        "Int64" => Type::Int64,
-        "UInt64" => Type::UInt64,
-        "Boolean" => Type::Boolean,
-        "Enumeration" => Type::Enumeration,
-        "String" => Type::String,
-        "Binary" => Type::Binary,
-        "Clock" => Type::Clock,
-        _ => return None,
-    })
 }
