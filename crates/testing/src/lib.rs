@@ -2,3 +2,5 @@
 
 pub mod allocation;
 pub mod random;
+
+pub use loom;

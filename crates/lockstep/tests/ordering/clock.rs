@@ -1,6 +1,6 @@
 //! The clock: who dozes at the horizon sees it move, and an order to leave is seen by who is woken for it.
 
-use loom::thread;
+use testing::loom::thread;
 
 use crate::control::Waiting;
 use crate::model::{Board, Event, check};

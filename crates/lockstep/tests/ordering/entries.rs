@@ -1,6 +1,6 @@
 //! A record's ring: whole activations, in order, and none that is shown to others before the recorder has it.
 
-use loom::thread;
+use testing::loom::thread;
 
 use crate::model::{Board, check, memory};
 use crate::transport::interface::{Broken, Header};

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use loom::sync::{Arc, Condvar, Mutex};
+use testing::loom::sync::{Arc, Condvar, Mutex};
 
 use crate::transport::interface::Broken;
 use crate::transport::lock_free::asleep::{Announce, Sleep, Sleeping, set_asleep};
@@ -13,7 +13,7 @@ use crate::transport::lock_free::words::Word;
 /// Runs `body` in every order with at most `preemptions` switches away from a thread that could have gone on. Two are known to show nearly
 /// all mistakes of such protocols; every lacking ordering below is found with them.
 pub(crate) fn check(preemptions: usize, body: impl Fn() + Sync + Send + 'static) {
-    let mut builder = loom::model::Builder::new();
+    let mut builder = testing::loom::model::Builder::new();
     builder.preemption_bound = Some(preemptions);
     builder.check(body);
 }

@@ -1,6 +1,6 @@
 //! A link's ring: samples arrive whole, in order, once each.
 
-use loom::thread;
+use testing::loom::thread;
 
 use crate::model::{Board, check, memory};
 use crate::transport::interface::Header;

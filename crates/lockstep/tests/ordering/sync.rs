@@ -6,10 +6,10 @@
 use std::cell::Cell;
 pub(crate) use std::sync::atomic::Ordering;
 
-use loom::cell::UnsafeCell;
-use loom::sync::atomic;
+use testing::loom::cell::UnsafeCell;
+use testing::loom::sync::atomic;
 
-loom::thread_local! {
+testing::loom::thread_local! {
     static LACKING: Cell<Option<Ordering>> = Cell::new(None);
 }
 

@@ -1,7 +1,7 @@
 //! Sleep and wake-up: nobody sleeps on while what it waits for is there.
 
-use loom::sync::Arc;
-use loom::thread;
+use testing::loom::sync::Arc;
+use testing::loom::thread;
 
 use crate::control::Waiting;
 use crate::model::{AsleepWord, Board, Event, check, memory};
