@@ -150,7 +150,7 @@ fn overrides_are_checked_like_the_file() {
     refused_with("seed=-1", &["seed"]);
     refused_with(
         "participants.plant.run.exe=/bin/true",
-        &["participants.plant.run", "either"],
+        &["participants.plant.run", "write {"],
     );
     refused_with("nonsense", &["KEY.PATH=VALUE"]);
 }
