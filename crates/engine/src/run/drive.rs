@@ -256,7 +256,7 @@ impl Run {
     /// The state of the run now.
     ///
     /// # Errors
-    /// When a participant cannot save its state; when the run keeps no samples to go back to ([`Record`]); [`RunFailure::Over`].
+    /// When a participant cannot save its state; when the run keeps no samples to go back to ([`Record`](super::Record)); [`RunFailure::Over`].
     pub fn save(&mut self) -> Result<Checkpoint, RunFailure> {
         if self.over.is_some() {
             return Err(self.ended());
