@@ -152,7 +152,7 @@ impl Catalogue {
         self
     }
 
-    /// The warnings about `scenario`, where nobody wants the findings besides.
+    /// The warnings about `scenario`, without the findings.
     pub fn warnings(&self, scenario: &Scenario) -> Vec<String> {
         self.warnings_with(scenario, &self.findings(scenario))
     }

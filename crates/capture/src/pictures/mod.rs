@@ -27,7 +27,7 @@ const HEADLINE: [&str; 9] = [
     "slosh_max_deg",
 ];
 
-/// The view of a run: the figures whose ports and fields it has, whoever publishes them, and the instants of the schedule.
+/// The view of a run: the figures whose ports and fields it has, whichever participant publishes them, and the instants of the schedule.
 pub fn view(streams: &[StreamSpec], plan: &Table) -> View {
     let limits = limits_of(plan);
     let momenta = streams

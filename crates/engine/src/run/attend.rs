@@ -1,4 +1,4 @@
-//! What a run does while everybody rests: checkpoints, substitutions, pauses.
+//! What a run does while all participants rest: checkpoints, substitutions, pauses.
 
 use lockstep::plan::Cut;
 use lockstep::time::{Rational, Ticks};
@@ -12,7 +12,7 @@ use super::prepare;
 use super::survive::Fallen;
 use crate::scenario::State;
 
-/// Does what the agenda has for `now`, at which everybody is at rest. `Some` when the run is over; the error is a failure that
+/// Does what the agenda has for `now`, at which all participants rest. `Some` when the run is over; the error is a failure that
 /// the run may survive, and then what was not done is still on the agenda.
 pub(super) fn attend(executor: &mut dyn Executor, course: &mut Course, now: Ticks) -> Result<Option<Ending>, Ending> {
     while let Some(business) = course.guide.take(now) {
@@ -53,7 +53,7 @@ pub(super) fn fell(executor: &mut dyn Executor, course: &Course, fallen: Vec<Fal
     Err(ending)
 }
 
-/// The state of the run, with everybody at rest at `cut`.
+/// The state of the run, with all participants at rest at `cut`.
 pub(super) fn saved<E: Executor + ?Sized>(
     executor: &mut E,
     course: &Course,
@@ -72,7 +72,8 @@ pub(super) fn saved<E: Executor + ?Sized>(
     ))
 }
 
-/// A restart need not go back to before `time`, where everybody has just gone on at `cut`. Gives who failed meanwhile.
+/// A restart need not go back to before `time`, where all participants have just gone on at `cut`. Gives those that
+/// failed meanwhile.
 pub(super) fn keep_for_restarts<E: Executor + ?Sized>(
     executor: &mut E,
     course: &mut Course,

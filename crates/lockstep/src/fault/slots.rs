@@ -31,14 +31,8 @@ impl Slot {
     /// The elements that `name` names: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the field they
     /// are of. `None` when the payload has nothing of that name.
     pub fn named<'a>(descriptor: &'a Descriptor, name: &str) -> Option<(&'a Field, Vec<Slot>)> {
-        let bare = name.split('[').next().unwrap_or(name);
-        let field = descriptor.field(bare)?;
-        let slots = Slot::of(field);
-        if bare == name {
-            return Some((field, slots));
-        }
-        let index = (0..slots.len()).find(|&index| field.element_name(index) == name)?;
-        Some((field, vec![slots[index]]))
+        let (field, elements) = descriptor.named(name)?;
+        Some((field, Slot::of(field)[elements].to_vec()))
     }
 
     /// Where the bytes of the element are in a payload.

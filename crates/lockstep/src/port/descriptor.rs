@@ -251,6 +251,17 @@ impl Descriptor {
         self.fields.iter().find(|field| field.name == name)
     }
 
+    /// What `name` names: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the elements that are meant,
+    /// row-major. `None` when the payload has nothing of that name.
+    pub fn named(&self, name: &str) -> Option<(&Field, std::ops::Range<usize>)> {
+        if let Some(field) = self.field(name) {
+            return Some((field, 0..field.len()));
+        }
+        let field = self.field(name.split('[').next()?)?;
+        let index = (0..field.len()).find(|&index| field.element_name(index) == name)?;
+        Some((field, index..index + 1))
+    }
+
     /// A 64-bit FNV-1a hash of names, types, shapes, units, frames and offsets. Equal descriptors have equal hashes on
     /// every machine and in every language; the text that is hashed is one line per field, as [`Descriptor::canonical`]
     /// gives it.

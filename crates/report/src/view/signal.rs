@@ -123,21 +123,16 @@ impl Signal {
 }
 
 fn slice(spec: &StreamSpec, name: &str, part: Option<(usize, usize)>) -> Option<Slice> {
-    if let Some(field) = spec.descriptor.field(name) {
-        let (from, to) = part.unwrap_or((0, field.len()));
-        let field = field.clone();
-        return (from < to && to <= field.len()).then(|| Slice {
-            field,
-            from,
-            len: to - from,
-        });
-    }
-    let bare = name.split('[').next()?;
-    let field = spec.descriptor.field(bare).filter(|_| part.is_none())?;
-    let from = (0..field.len()).find(|&index| field.element_name(index) == name)?;
-    Some(Slice {
+    let (field, all) = spec.descriptor.named(name)?;
+    let (from, to) = match part {
+        None => (all.start, all.end),
+        Some(part) if field.name == name => part,
+        // An element has no parts.
+        Some(_) => return None,
+    };
+    (from < to && to <= field.len()).then(|| Slice {
         field: field.clone(),
         from,
-        len: 1,
+        len: to - from,
     })
 }

@@ -1,4 +1,4 @@
-//! Who is answered, and with what.
+//! Which requests are answered, and with what.
 
 use super::*;
 
