@@ -45,10 +45,10 @@ foreign_participant() {
     in_python="participants.right.run={ exe = \"$(command -v "$python")\", args = [\"../python/spring.py\"] }"
     "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python" --set "$in_python"
     "$orchestrator" compare "$work/rust" "$work/python"
-    # Draws and gaps too.
+    # Draws and gaps too. That they keep the criterion of the scenario is not asked.
     late=(--set connections.to-right.jitter=7ms --set connections.to-left.drop=0.2 --set connections.to-left.hold=initial)
-    "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust-late" "${late[@]}"
-    "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python-late" "${late[@]}" --set "$in_python"
+    "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust-late" "${late[@]}" || [ $? -eq 3 ]
+    "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python-late" "${late[@]}" --set "$in_python" || [ $? -eq 3 ]
     "$orchestrator" compare "$work/rust-late" "$work/python-late"
 }
 step "participant in Python" foreign_participant
