@@ -8,7 +8,8 @@ use crate::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-pub const ARROWS: [(&str, &[&str]); 19] = [
+pub const ARROWS: [(&str, &[&str]); 20] = [
+    ("allocation", &[]),
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &[]),
@@ -18,7 +19,7 @@ pub const ARROWS: [(&str, &[&str]); 19] = [
     ("tape", &["lockstep"]),
     ("fmu", &["lockstep"]),
     ("plugin", &["lockstep"]),
-    ("testing", &[]),
+    ("testing", &["allocation"]),
     ("report", &["lockstep", "multibody", "tape"]),
     ("engine", &["fmu", "lockstep", "plugin", "report", "tape"]),
     (
@@ -63,7 +64,10 @@ pub const ARROWS: [(&str, &[&str]); 19] = [
             "tape",
         ],
     ),
-    ("escapement", &["engine", "lockstep", "orchestrator", "plugin", "tape"]),
+    (
+        "escapement",
+        &["allocation", "engine", "lockstep", "orchestrator", "plugin", "tape"],
+    ),
     ("escapement-c", &["plugin"]),
 ];
 

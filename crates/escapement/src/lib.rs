@@ -106,6 +106,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod testing;
+
 pub use engine;
 pub use engine::Catalogue;
 pub use engine::run::run;
@@ -121,7 +123,8 @@ pub mod prelude {
     pub use engine::run::{Checkpoint, Ending, Options, Outcome, Record, Run, RunFailure, Sample};
     pub use engine::scenario::Scenario;
     pub use lockstep::participant::{
-        Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step,
+        Failure, InputPort, Inputs, Interface, Kind, OutputPort, Outputs, ParameterError, Participant, Ports, Setup,
+        Step, state,
     };
     pub use orchestrator::Program;
 }

@@ -17,6 +17,9 @@ struct Parameters {
 }
 
 struct Autopilot {
+    ports: Ports,
+    motion: InputPort<Motion>,
+    command: OutputPort<Command>,
     deceleration: f64,
     touchdown: f64,
     gain: f64,
@@ -25,7 +28,11 @@ struct Autopilot {
 /// Makes an autopilot.
 pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let parameters: Parameters = units::read(&setup.parameters)?;
+    let mut ports = Ports::new(Kind::Sampled);
     Ok(Box::new(Autopilot {
+        motion: ports.input("motion"),
+        command: ports.output("command"),
+        ports,
         deceleration: parameters.deceleration.si(),
         touchdown: parameters.touchdown.si(),
         gain: parameters.gain.si(),
@@ -34,33 +41,23 @@ pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
 
 impl Participant for Autopilot {
     fn interface(&self) -> Interface {
-        Interface::new(Kind::Sampled)
-            .input::<Motion>("motion")
-            .output::<Command>("command")
-    }
-
-    fn initialise(&mut self, _t: f64, _outputs: &mut Outputs) -> Result<(), Failure> {
-        Ok(())
+        self.ports.interface()
     }
 
     fn step(&mut self, _step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        let motion = inputs.get::<Motion>(0);
+        let motion = &inputs[self.motion];
         let wanted = -(2.0 * self.deceleration * motion.height.max(0.0)).sqrt() - self.touchdown;
         let acceleration = self.deceleration + self.gain * (wanted - motion.velocity);
-        outputs.get_mut::<Command>(0).thrust = motion.mass * (GRAVITY + acceleration);
+        outputs[self.command].thrust = motion.mass * (GRAVITY + acceleration);
         Ok(())
     }
 
     fn save(&self) -> Option<Vec<u8>> {
         // It has no state.
-        Some(Vec::new())
+        state::to_bytes(&())
     }
 
-    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
-        if state.is_empty() {
-            Ok(())
-        } else {
-            Err(format!("an autopilot has no state, not {} bytes of it", state.len()).into())
-        }
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), Failure> {
+        state::from_bytes(bytes)
     }
 }

@@ -23,7 +23,10 @@ struct Parameters {
 }
 
 struct Lander {
-    motion: Motion,
+    ports: Ports,
+    command: InputPort<Command>,
+    motion: OutputPort<Motion>,
+    now: Motion,
     dry_mass: f64,
     thrust_max: f64,
 }
@@ -36,8 +39,12 @@ pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
         let reason = format!("{dry_mass} kg is not between zero and the mass of {mass} kg");
         return Err(ParameterError::new("dry_mass", reason));
     }
+    let mut ports = Ports::new(Kind::Continuous);
     Ok(Box::new(Lander {
-        motion: Motion {
+        command: ports.input("command"),
+        motion: ports.output("motion"),
+        ports,
+        now: Motion {
             height: parameters.height.si(),
             velocity: parameters.velocity.si(),
             mass,
@@ -50,59 +57,68 @@ pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
 
 impl Participant for Lander {
     fn interface(&self) -> Interface {
-        Interface::new(Kind::Continuous)
-            .input::<Command>("command")
-            .output::<Motion>("motion")
+        self.ports.interface()
     }
 
     fn initialise(&mut self, _t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
-        *outputs.get_mut(0) = self.motion;
+        outputs[self.motion] = self.now;
         Ok(())
     }
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        let asked = inputs.get::<Command>(0).thrust.clamp(0.0, self.thrust_max);
-        let motion = &mut self.motion;
-        if motion.touchdown_speed == 0.0 {
-            let thrust = if motion.mass > self.dry_mass { asked } else { 0.0 };
-            motion.mass = (motion.mass - step.period * thrust / EXHAUST_SPEED).max(self.dry_mass);
-            motion.velocity += step.period * (thrust / motion.mass - GRAVITY);
-            motion.height += step.period * motion.velocity;
-            if motion.height <= 0.0 {
-                motion.touchdown_speed = motion.velocity.abs();
-                (motion.height, motion.velocity) = (0.0, 0.0);
+        let asked = inputs[self.command].thrust.clamp(0.0, self.thrust_max);
+        let now = &mut self.now;
+        if now.touchdown_speed == 0.0 {
+            let thrust = if now.mass > self.dry_mass { asked } else { 0.0 };
+            now.mass = (now.mass - step.period * thrust / EXHAUST_SPEED).max(self.dry_mass);
+            now.velocity += step.period * (thrust / now.mass - GRAVITY);
+            now.height += step.period * now.velocity;
+            if now.height <= 0.0 {
+                now.touchdown_speed = now.velocity.abs();
+                (now.height, now.velocity) = (0.0, 0.0);
             }
         }
-        *outputs.get_mut(0) = *motion;
+        outputs[self.motion] = *now;
         Ok(())
     }
 
     fn save(&self) -> Option<Vec<u8>> {
-        let Motion {
-            height,
-            velocity,
-            mass,
-            touchdown_speed,
-        } = self.motion;
-        Some([height, velocity, mass, touchdown_speed].map(f64::to_le_bytes).concat())
+        state::to_bytes(&self.now)
     }
 
-    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
-        let (numbers, rest) = state.as_chunks::<8>();
-        let &[height, velocity, mass, touchdown_speed] = numbers else {
-            return Err(format!("a state of a lander is four numbers, not {} bytes", state.len()).into());
-        };
-        if !rest.is_empty() {
-            return Err(format!("{} bytes too many for the state of a lander", rest.len()).into());
-        }
-        let [height, velocity, mass, touchdown_speed] =
-            [height, velocity, mass, touchdown_speed].map(f64::from_le_bytes);
-        self.motion = Motion {
-            height,
-            velocity,
-            mass,
-            touchdown_speed,
-        };
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), Failure> {
+        self.now = state::from_bytes(bytes)?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use escapement::testing::{Harness, assert_repeats, assert_resumes};
+
+    use super::*;
+
+    fn lander() -> Harness {
+        let parameters =
+            r#"height = "10 m", velocity = "0 m/s", mass = "100 kg", dry_mass = "60 kg", thrust_max = "500 N""#;
+        Harness::made(make, &parameters.replace(", ", "\n"), "10 ms")
+    }
+
+    #[test]
+    fn without_thrust_it_falls() {
+        let mut lander = lander();
+        lander.steps(100);
+        // The speed at the end of a step is that of the whole step: half a step more than g t²/2.
+        assert!((lander.value("motion.height") - (10.0 - 0.5 * GRAVITY * 1.01)).abs() < 1e-9);
+        lander.steps(300);
+        assert_eq!(lander.get::<Motion>("motion").height, 0.0);
+        assert!(lander.value("motion.touchdown_speed") > 5.6);
+    }
+
+    #[test]
+    fn it_is_saved_whole_and_has_no_other_memory() {
+        let thrust = |lander: &mut Harness| lander.set_value("command.thrust", 100.0 * lander.t());
+        assert_resumes(lander, 400, thrust);
+        assert_repeats(lander, 400, thrust);
     }
 }

@@ -1,6 +1,9 @@
 //! A mass on a spring that its neighbour pulls along. One program, two participants: see `spring.toml`.
 
-use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::participant::{
+    Failure, InputPort, Inputs, Interface, Kind, OutputPort, Outputs, ParameterError, Participant, Ports, Setup, Step,
+    state,
+};
 
 lockstep::message! {
     /// Where a mass is and how fast it moves.
@@ -12,7 +15,12 @@ lockstep::message! {
     }
 }
 
-struct Spring(Motion);
+struct Spring {
+    ports: Ports,
+    neighbour: InputPort<Motion>,
+    motion: OutputPort<Motion>,
+    now: Motion,
+}
 
 /// What the scenario may say below `parameters`.
 #[derive(serde::Deserialize)]
@@ -24,30 +32,43 @@ struct Parameters {
 
 fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let parameters: Parameters = lockstep::units::read(&setup.parameters)?;
-    Ok(Box::new(Spring(Motion {
-        position: parameters.position,
-        velocity: 0.0,
-    })))
+    let mut ports = Ports::new(Kind::Continuous);
+    Ok(Box::new(Spring {
+        neighbour: ports.input("neighbour"),
+        motion: ports.output("motion"),
+        ports,
+        now: Motion {
+            position: parameters.position,
+            velocity: 0.0,
+        },
+    }))
 }
 
 impl Participant for Spring {
     fn interface(&self) -> Interface {
-        Interface::new(Kind::Continuous)
-            .input::<Motion>("neighbour")
-            .output::<Motion>("motion")
+        self.ports.interface()
     }
 
     fn initialise(&mut self, _t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
-        *outputs.get_mut(0) = self.0;
+        outputs[self.motion] = self.now;
         Ok(())
     }
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        let neighbour = inputs.get::<Motion>(0);
-        let acceleration = 5.0 * (neighbour.position - self.0.position) - 40.0 * self.0.position; // stiffness over mass, 1/s²
-        self.0.velocity += step.period * acceleration;
-        self.0.position += step.period * self.0.velocity;
-        *outputs.get_mut(0) = self.0;
+        let now = &mut self.now;
+        let pull = 5.0 * (inputs[self.neighbour].position - now.position); // stiffness over mass, 1/s²
+        now.velocity += step.period * (pull - 40.0 * now.position);
+        now.position += step.period * now.velocity;
+        outputs[self.motion] = *now;
+        Ok(())
+    }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        state::to_bytes(&self.now)
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), Failure> {
+        self.now = state::from_bytes(bytes)?;
         Ok(())
     }
 }

@@ -18,6 +18,10 @@ pub struct Template {
 }
 
 /// What is known of a project before it is written.
+#[cfg_attr(
+    not(feature = "capture"),
+    expect(dead_code, reason = "only templates of the stock program look at it")
+)]
 pub struct Project<'a> {
     /// The name of its folder.
     pub name: String,

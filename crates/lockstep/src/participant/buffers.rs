@@ -187,4 +187,9 @@ impl Outputs {
     pub fn get<M: Message>(&self, port: usize) -> &M {
         bytemuck::from_bytes(self.payloads[port].bytes())
     }
+
+    /// The raw bytes of output number `port`, for whoever drives a participant by hand.
+    pub fn bytes(&self, port: usize) -> &[u8] {
+        self.payloads[port].bytes()
+    }
 }

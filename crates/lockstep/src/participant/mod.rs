@@ -1,13 +1,16 @@
 //! Participants: models that own their state and meet the rest of the world only at communication points.
 
 mod buffers;
+mod handles;
 mod interface;
+pub mod state;
 
 use std::error::Error;
 use std::sync::Arc;
 
 pub(crate) use buffers::{FiniteCheck, first_not_finite};
 pub use buffers::{Inputs, Outputs, Payload};
+pub use handles::{InputPort, OutputPort, Ports};
 pub use interface::{Input, Interface, InterfaceError, Kind, Output};
 
 /// Why a participant gives up; the text reaches the user, so it should name the quantity, its value and the remedy.
@@ -73,22 +76,48 @@ pub trait Participant: Send {
     fn interface(&self) -> Interface;
 
     /// Called once before the first step. A [`Kind::Continuous`] participant writes its outputs for the instant of its
-    /// first activation; a [`Kind::Sampled`] one has nothing to write yet.
-    fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure>;
+    /// first activation; a [`Kind::Sampled`] one has nothing to write yet. Unless given: outputs are zeros.
+    fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        let _ = (t, outputs);
+        Ok(())
+    }
 
     /// One activation. A sampled participant writes the outputs for `step.t`; a continuous one holds the inputs over
     /// the step and writes the outputs for `step.t_next`.
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure>;
 
-    /// The complete state as bytes, so that [`Participant::restore`] in another process continues to the last bit.
-    /// `None` when the participant cannot be saved.
+    /// The complete state as bytes, so that [`Participant::restore`] in another process continues to the last bit;
+    /// [`state::to_bytes`] makes them by serde. `None` when the participant cannot be saved.
     fn save(&self) -> Option<Vec<u8>> {
         None
     }
 
-    /// Takes over a state that [`Participant::save`] gave. The bytes may come from a file: they must be checked.
+    /// Takes over a state that [`Participant::save`] gave. The bytes may come from a file: they must be checked,
+    /// which [`state::from_bytes`] does.
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
         let _ = state;
         Err("this participant cannot restore a state".into())
+    }
+}
+
+impl<P: Participant + ?Sized> Participant for Box<P> {
+    fn interface(&self) -> Interface {
+        (**self).interface()
+    }
+
+    fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        (**self).initialise(t, outputs)
+    }
+
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        (**self).step(step, inputs, outputs)
+    }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        (**self).save()
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
+        (**self).restore(state)
     }
 }

@@ -43,6 +43,43 @@ pub mod __private {
     use super::{Field, FieldType};
 
     pub use bytemuck;
+    pub use serde;
+
+    /// As bytes: exact, and the same length for every value.
+    pub fn serialize<M: super::Message, S: serde::Serializer>(message: &M, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_bytes(bytemuck::bytes_of(message))
+    }
+
+    pub fn deserialize<'de, M: super::Message, D: serde::Deserializer<'de>>(from: D) -> Result<M, D::Error> {
+        from.deserialize_byte_buf(Bytes(std::marker::PhantomData))
+    }
+
+    struct Bytes<M>(std::marker::PhantomData<fn() -> M>);
+
+    impl<'de, M: super::Message> serde::de::Visitor<'de> for Bytes<M> {
+        type Value = M;
+
+        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+            write!(f, "the {} bytes of a message", size_of::<M>())
+        }
+
+        fn visit_bytes<E: serde::de::Error>(self, bytes: &[u8]) -> Result<M, E> {
+            bytemuck::try_pod_read_unaligned(bytes).map_err(|_| E::invalid_length(bytes.len(), &self))
+        }
+
+        fn visit_byte_buf<E: serde::de::Error>(self, bytes: Vec<u8>) -> Result<M, E> {
+            self.visit_bytes(&bytes)
+        }
+
+        fn visit_seq<A: serde::de::SeqAccess<'de>>(self, mut seq: A) -> Result<M, A::Error> {
+            let mut message = M::zeroed();
+            for (number, byte) in bytemuck::bytes_of_mut(&mut message).iter_mut().enumerate() {
+                let next = seq.next_element()?;
+                *byte = next.ok_or_else(|| serde::de::Error::invalid_length(number, &self))?;
+            }
+            Ok(message)
+        }
+    }
 
     pub fn field<T: FieldType>(name: &str, unit: &str, frame: &str, offset: usize) -> Field {
         let mut shape = Vec::new();
@@ -74,7 +111,9 @@ pub mod __private {
 /// assert_eq!(Motor::descriptor().fields[0].unit, "N m s");
 /// ```
 ///
-/// A struct with padding does not compile: make the padding a field.
+/// A struct with padding does not compile: make the padding a field. Messages implement `serde::Serialize` and
+/// `serde::Deserialize` as their bytes, so that they can stand in the state of a participant
+/// ([`crate::participant::state`]).
 #[macro_export]
 macro_rules! message {
     (
@@ -117,6 +156,24 @@ macro_rules! message {
             }
         }
 
+        impl $crate::port::__private::serde::Serialize for $name {
+            fn serialize<S>(&self, to: S) -> ::core::result::Result<S::Ok, S::Error>
+            where
+                S: $crate::port::__private::serde::Serializer,
+            {
+                $crate::port::__private::serialize(self, to)
+            }
+        }
+
+        impl<'de> $crate::port::__private::serde::Deserialize<'de> for $name {
+            fn deserialize<D>(from: D) -> ::core::result::Result<Self, D::Error>
+            where
+                D: $crate::port::__private::serde::Deserializer<'de>,
+            {
+                $crate::port::__private::deserialize(from)
+            }
+        }
+
         impl ::core::default::Default for $name {
             fn default() -> Self {
                 $crate::port::__private::bytemuck::Zeroable::zeroed()
@@ -135,6 +192,25 @@ mod tests {
             table: [[f32; 2]; 3] = "N m",
             count: u64 = "1",
         }
+    }
+
+    /// In a format with bytes and in one that has only lists of numbers.
+    #[test]
+    fn a_message_is_a_state() {
+        let sample = Sample {
+            position: [-0.0, f64::NAN, 1e-300],
+            table: [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]],
+            count: u64::MAX,
+        };
+        let bits = bytemuck::bytes_of(&sample);
+        let saved = crate::participant::state::to_bytes(&(1_u8, sample)).unwrap();
+        let (one, again): (u8, Sample) = crate::participant::state::from_bytes(&saved).unwrap();
+        assert_eq!((one, bytemuck::bytes_of(&again)), (1, bits));
+        assert!(crate::participant::state::from_bytes::<(u8, Sample)>(&saved[..saved.len() - 1]).is_err());
+
+        let table = toml::Table::try_from(std::collections::BTreeMap::from([("sample", sample)])).unwrap();
+        let again: std::collections::BTreeMap<String, Sample> = crate::units::read(&table).unwrap();
+        assert_eq!(bytemuck::bytes_of(&again["sample"]), bits);
     }
 
     #[test]

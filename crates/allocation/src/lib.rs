@@ -2,9 +2,9 @@
 //!
 //! ```
 //! #[global_allocator]
-//! static ALLOCATOR: testing::allocation::Counting = testing::allocation::Counting;
+//! static ALLOCATOR: allocation::Counting = allocation::Counting;
 //!
-//! assert_eq!(testing::allocation::taken_by(|| drop(std::hint::black_box(Box::new(7_u8)))).times, 1);
+//! assert_eq!(allocation::taken_by(|| drop(std::hint::black_box(Box::new(7_u8)))).times, 1);
 //! ```
 
 use std::alloc::{GlobalAlloc, Layout, System};

@@ -1,0 +1,40 @@
+//! The state of a participant as bytes, by serde.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::Failure;
+use crate::wire;
+
+/// The bytes of `state`, for [`super::Participant::save`]. Every `f64` keeps its bits, and a message is a state too.
+///
+/// ```
+/// use lockstep::participant::state;
+///
+/// #[derive(serde::Serialize, serde::Deserialize)]
+/// struct Filter {
+///     value: f64,
+///     seen: Vec<f64>,
+/// }
+///
+/// let filter = Filter { value: -0.0, seen: vec![1.5, 2.5] };
+/// let saved = state::to_bytes(&filter).unwrap();
+/// let again: Filter = state::from_bytes(&saved)?;
+/// assert!(again.value.is_sign_negative());
+/// assert_eq!(again.seen, filter.seen);
+/// assert!(state::from_bytes::<Filter>(&saved[1..]).is_err());
+/// # Ok::<(), lockstep::participant::Failure>(())
+/// ```
+///
+/// `None` when `state` has more than 64 MiB or serde refuses it.
+pub fn to_bytes<T: Serialize>(state: &T) -> Option<Vec<u8>> {
+    wire::encode("the state", state).ok()
+}
+
+/// The state that [`to_bytes`] gave, for [`super::Participant::restore`].
+///
+/// # Errors
+/// When the bytes are not exactly one `T`.
+pub fn from_bytes<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Failure> {
+    Ok(wire::decode("the state", bytes)?)
+}
