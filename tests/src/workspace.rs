@@ -8,7 +8,7 @@ use crate::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-pub const ARROWS: [(&str, &[&str]); 20] = [
+pub const ARROWS: [(&str, &[&str]); 21] = [
     ("allocation", &[]),
     ("lockstep", &[]),
     ("multibody", &[]),
@@ -20,8 +20,9 @@ pub const ARROWS: [(&str, &[&str]); 20] = [
     ("fmu", &["lockstep"]),
     ("plugin", &["lockstep"]),
     ("testing", &["allocation"]),
+    ("sampling", &["lockstep"]),
     ("report", &["lockstep", "multibody", "tape"]),
-    ("engine", &["fmu", "lockstep", "plugin", "report", "tape"]),
+    ("engine", &["fmu", "lockstep", "plugin", "report", "sampling", "tape"]),
     (
         "capture",
         &[

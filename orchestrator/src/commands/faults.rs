@@ -76,8 +76,9 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         overrides,
         columns: cases.columns,
         points: cases.points,
+        refused: Vec::new(),
     };
-    known_figures(&campaign)?;
+    known_figures(&campaign, 1)?;
     let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;
     let files = write(&campaign, &finished, None)?;
     if args.campaign.json {

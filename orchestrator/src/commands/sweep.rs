@@ -8,11 +8,15 @@ use clap::Args;
 
 use crate::cli::ScenarioArgs;
 use engine::assessment::Criterion;
-use engine::campaign::{self, Axis, Campaign, CampaignError, Finished, Kind, Number, Options, Picture};
+use engine::campaign::{
+    self, Axis, Campaign, CampaignError, CampaignFile, Finished, GridError, Kind, Number, Options, Picture, Plan,
+};
 use engine::run::check;
 use engine::scenario::Scenario;
 
-/// Run a scenario over a grid of values, and make one table and a picture.
+/// Run a scenario over a grid of values or over what a campaign file draws, and make one table, a picture and a report.
+///
+/// A campaign file names a scenario and says how its keys are dispersed (docs/campaigns.md): sweep CAMPAIGN.toml.
 ///
 /// Values are a list (5ms,10ms), a range with both ends (0ms..200ms:10ms), whole numbers (seed=1..100) or texts
 /// (participants.controller.parameters.law=hierarchical,reference). Several --vary make all combinations.
@@ -24,7 +28,7 @@ use engine::scenario::Scenario;
 /// grid or the folder is wrong, nothing was run.
 #[derive(Debug, Args)]
 pub struct SweepArgs {
-    /// The scenario
+    /// The scenario, or a campaign file
     #[command(flatten)]
     pub scenario: ScenarioArgs,
     /// A key of the scenario and its values, such as connections.measured.delay=0ms..200ms:10ms (may be given more than once)
@@ -87,37 +91,20 @@ pub fn run(args: &SweepArgs) -> anyhow::Result<i32> {
 
 fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     let overrides = args.scenario.overrides();
-    let scenario = Scenario::read(catalogue(), &args.scenario.scenario, &overrides)?;
-    let mut axes: Vec<Axis> = args.vary.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
-    if let Some(count) = args.seeds {
-        axes.push(campaign::range_of_seeds(scenario.seed, count)?);
-    }
-    let grid_error = |text: &str, reason: &str| campaign::GridError {
-        text: text.to_owned(),
-        reason: reason.to_owned(),
+    let file = declared(args)?;
+    let path = file.as_ref().map_or(&*args.scenario.scenario, CampaignFile::scenario);
+    let scenario = Scenario::read(catalogue(), path, &overrides)?;
+    let plan = match &file {
+        Some(file) => file.plan(&scenario)?,
+        None => listed(args, &scenario, &overrides)?,
     };
-    if axes.is_empty() {
-        let reason = "is missing: say what to vary, such as connections.measured.delay=0ms..200ms:10ms";
-        return Err(grid_error("KEY.PATH=VALUES", reason).into());
-    }
-    for axis in &axes {
-        let fixed = overrides
-            .iter()
-            .find(|one| one.split('=').next().map(str::trim) == Some(&*axis.key));
-        // --seeds starts from the scenario's seed, given or not
-        if fixed.is_some() && !(axis.key == "seed" && args.seeds.is_some()) {
-            return Err(grid_error(&axis.key, "is given with --set or an option as well: vary it or fix it").into());
-        }
-    }
-    let (columns, points) = campaign::grid(&axes)?;
-    let campaign = Campaign {
-        kind: Kind::Sweep,
-        scenario: args.scenario.scenario.clone(),
-        overrides,
-        columns,
-        points,
-    };
-    let figures = known_figures(&campaign)?;
+    let campaign = Campaign::of_plan(Kind::Sweep, path.to_owned(), overrides, &plan);
+    // Where values are drawn, the first of them may be one that cannot be; of a grid somebody wrote every value.
+    let tries = if file.is_some() { TRIES } else { 1 };
+    let figures = known_figures(&campaign, tries).map_err(|error| match &file {
+        Some(file) => file.blame(&plan, error, tries.min(campaign.points.len())),
+        None => error,
+    })?;
     let figure = match &args.figure {
         Some(name) => Some(campaign::figure_of(name, &figures)?),
         None => None,
@@ -147,13 +134,64 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
             figure.as_ref()
         },
     };
-    let pictures = write(&campaign, &finished, Some(&picture))?;
+    let title = file.as_ref().map(CampaignFile::title).filter(|title| !title.is_empty());
+    let title = title.unwrap_or(picture.title);
+    let mut pictures = write(&campaign, &finished, Some(&picture))?;
+    pictures.push(write_page(title, &campaign, &plan, &finished)?);
     if args.campaign.json {
         println!("{}", json(&campaign, &finished, &pictures));
     } else if !args.campaign.quiet {
         print(&scenario, &campaign, &finished, shown.as_ref(), &pictures);
     }
     Ok(code(&finished))
+}
+
+/// So many points are tried before all of them are taken to be wrong.
+const TRIES: usize = 20;
+
+/// The campaign that the file declares, unless the command line says itself what varies.
+fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
+    let file = CampaignFile::open(&args.scenario.scenario)?;
+    if args.vary.is_empty() && args.seeds.is_none() {
+        return Ok(file);
+    }
+    match file {
+        Some(file) if file.scenario() != args.scenario.scenario => {
+            let path = args.scenario.scenario.display();
+            let text = args.vary.first().cloned().unwrap_or_else(|| "--seeds".to_owned());
+            let reason = format!("{path} says what varies: add a table [vary.NAME] to it, or sweep its scenario");
+            Err(GridError { text, reason }.into())
+        }
+        _ => Ok(None),
+    }
+}
+
+/// The grid of the command line.
+fn listed(args: &SweepArgs, scenario: &Scenario, overrides: &[String]) -> Result<Plan, CampaignError> {
+    let mut axes: Vec<Axis> = args.vary.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
+    if let Some(count) = args.seeds {
+        axes.push(campaign::range_of_seeds(scenario.seed, count)?);
+    }
+    let grid_error = |text: &str, reason: &str| GridError {
+        text: text.to_owned(),
+        reason: reason.to_owned(),
+    };
+    if axes.is_empty() {
+        let reason =
+            "is missing: say what to vary, such as connections.measured.delay=0ms..200ms:10ms, or name a campaign file";
+        return Err(grid_error("KEY.PATH=VALUES", reason).into());
+    }
+    for axis in &axes {
+        let fixed = overrides
+            .iter()
+            .find(|one| one.split('=').next().map(str::trim) == Some(&*axis.key));
+        // --seeds starts from the scenario's seed, given or not
+        if fixed.is_some() && !(axis.key == "seed" && args.seeds.is_some()) {
+            return Err(grid_error(&axis.key, "is given with --set or an option as well: vary it or fix it").into());
+        }
+    }
+    let (columns, points) = campaign::grid(&axes)?;
+    Ok(Plan::Listed { columns, points })
 }
 
 /// The exit code: whether all points ran.
@@ -168,18 +206,26 @@ pub fn code(finished: &Finished) -> i32 {
     i32::from(!finished.all_ran())
 }
 
-/// Checks the first point with everything but launch, and says which figures of merit there are.
+/// Checks the first point with everything but launch, and says which figures of merit there are. Where it is refused, up to `tries`
+/// points are tried for one that is not.
 ///
 /// # Errors
-/// What is wrong with it.
-pub fn known_figures(campaign: &Campaign) -> Result<Vec<Number>, CampaignError> {
-    let Some(first) = campaign.points.first() else {
-        return Ok(Vec::new());
-    };
-    let changes = [campaign.overrides.as_slice(), first].concat();
-    let scenario = Scenario::read(catalogue(), &campaign.scenario, &changes)?;
-    let known = check(&scenario)?;
-    Ok(campaign::figures_of(&scenario, &known.plan))
+/// What is wrong with the first one.
+pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Vec<Number>, CampaignError> {
+    let mut first = None;
+    for point in campaign.points.iter().take(tries) {
+        let changes = [campaign.overrides.as_slice(), point].concat();
+        let scenario = Scenario::read(catalogue(), &campaign.scenario, &changes).map_err(CampaignError::from);
+        let known = scenario.and_then(|scenario| {
+            let known = check(&scenario)?;
+            Ok(campaign::figures_of(&scenario, &known.plan))
+        });
+        match known {
+            Ok(known) => return Ok(known),
+            Err(error) => first = first.or(Some(error)),
+        }
+    }
+    first.map_or(Ok(Vec::new()), Err)
 }
 
 /// What is shown unless the user says: the first thing that the run is judged by.
@@ -205,6 +251,19 @@ pub fn write(
         }
     }
     Ok(files)
+}
+
+/// Writes the page with the statistics; gives the file.
+pub fn write_page(
+    title: &str,
+    campaign: &Campaign,
+    plan: &Plan,
+    finished: &Finished,
+) -> Result<PathBuf, CampaignError> {
+    let data = campaign::analysis(title, campaign, plan, &finished.results);
+    finished
+        .folder
+        .write("report.html", report::campaign::page(title, &data))
 }
 
 /// The campaign as JSON: counts, files, and every row.

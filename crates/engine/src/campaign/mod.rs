@@ -4,11 +4,16 @@
 //! time each, so that a crash of one point costs that point alone; the results go to a journal in the order in which they come
 //! and into the table in the order of the points. Nothing in the table depends on the number of workers or on time.
 
+mod analysis;
 mod cases;
+mod declared;
+mod dispersions;
 mod figures;
+mod file;
 mod folder;
 mod grid;
 mod picture;
+mod plan;
 mod point;
 mod table;
 mod tell;
@@ -17,11 +22,15 @@ mod worker;
 
 use std::path::PathBuf;
 
+pub use analysis::analysis;
 pub use cases::{Cases, CasesError, appended, builtin, from_file as cases_from_file};
+pub use declared::Declared;
 pub use figures::{Figures, Number};
+pub use file::CampaignFile;
 pub use folder::Kind;
 pub use grid::{Axis, GridError, grid, range_of_seeds};
 pub use picture::{Picture, draw};
+pub use plan::{Cell, Head, Plan, Point};
 pub use point::{Outcome, figures_of};
 pub use table::{figure_of, figure_value, sheet, short};
 pub use tell::{good_word, map, quantiles, stretches, verdicts, wilson};
@@ -47,6 +56,30 @@ pub struct Campaign {
     pub columns: Vec<Column>,
     /// The changes of each point.
     pub points: Vec<Vec<String>>,
+    /// Points, from 0, that there cannot be, with the reason.
+    pub refused: Vec<(usize, String)>,
+}
+
+impl Campaign {
+    /// All points of a plan.
+    pub fn of_plan(kind: Kind, scenario: PathBuf, overrides: Vec<String>, plan: &Plan) -> Campaign {
+        let (columns, settings) = plan.unrolled();
+        let mut refused = Vec::new();
+        let points = settings.into_iter().enumerate().map(|(k, settings)| {
+            settings.unwrap_or_else(|reason| {
+                refused.push((k, reason));
+                Vec::new()
+            })
+        });
+        Campaign {
+            points: points.collect(),
+            kind,
+            scenario,
+            overrides,
+            columns,
+            refused,
+        }
+    }
 }
 
 /// A column that tells points apart.

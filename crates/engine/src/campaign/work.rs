@@ -66,7 +66,14 @@ impl Finished {
 /// # Errors
 /// When the folder cannot be taken or written, or no process can be started. What was complete before stays in the journal.
 pub fn run(campaign: &Campaign, scenario: &Scenario, options: &Options) -> Result<Finished, CampaignError> {
-    let (folder, results) = Folder::open(campaign, scenario, options.out.as_deref())?;
+    let (mut folder, mut results) = Folder::open(campaign, scenario, options.out.as_deref())?;
+    for (point, reason) in &campaign.refused {
+        if results[*point].is_none() {
+            let result = PointResult::without(Outcome::Refused, reason.clone());
+            folder.note(point + 1, &result)?;
+            results[*point] = Some(result);
+        }
+    }
     let interrupt = options.interrupt.clone();
     let open: VecDeque<usize> = (0..results.len()).filter(|&at| results[at].is_none()).collect();
     let cores = std::thread::available_parallelism().map_or(1, usize::from);

@@ -9,14 +9,14 @@ use super::source::fault_name;
 
 /// The keys of a text with their lines, as a tree. It is made once for all mistakes of a text.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Lines {
+pub(crate) struct Lines {
     line: usize,
     below: HashMap<String, Lines>,
 }
 
 impl Lines {
     /// The keys of `text`; none if it is not TOML.
-    pub(super) fn of(text: &str) -> Lines {
+    pub(crate) fn of(text: &str) -> Lines {
         #[cfg(test)]
         tests::MADE.set(tests::MADE.get() + 1);
         let breaks: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
@@ -62,7 +62,7 @@ impl Lines {
     }
 
     /// The line of the dotted `key`, from 1, or of the nearest table around it.
-    pub(super) fn line(&self, key: &str) -> Option<usize> {
+    pub(crate) fn line(&self, key: &str) -> Option<usize> {
         let (mut here, mut found) = (self, None);
         for part in key.split('.').filter(|part| !part.is_empty()) {
             let Some(next) = here.below.get(part) else { break };

@@ -18,10 +18,11 @@ mod source;
 mod types;
 
 pub use entry::Entry;
-pub use error::ScenarioError;
+pub use error::{Mistake, ScenarioError};
 pub use failure::OnFailure;
 pub use faults::{State, table as fault_table};
 pub(crate) use initial::payload;
+pub(crate) use lines::Lines;
 pub use measures::{DeclaredMeasure, measures_of_file};
 pub use program::{Program, in_path};
 pub use resolve::Scenario;

@@ -152,7 +152,8 @@ impl Source {
             return Err(fail(key, "a key has no empty parts".into()));
         }
         let mut table = &mut self.table;
-        for (depth, part) in above.iter().enumerate() {
+        let mut way = above.iter().enumerate();
+        while let Some((depth, part)) = way.next() {
             let known: Vec<String> = table.keys().map(|name| format!("`{name}`")).collect();
             // Names of participants and connections must exist; what is below may be a default that the file leaves out. A
             // guard, a measure or what the report draws may be new.
@@ -174,10 +175,15 @@ impl Source {
             let entry = table
                 .entry((*part).to_owned())
                 .or_insert_with(|| Value::Table(Table::new()));
+            let kind = entry.type_str();
             table = match entry {
                 Value::Table(inner) => inner,
-                other => {
-                    let reason = format!("`{part}` is {} and has no keys (given with --set)", other.type_str());
+                Value::Array(list) if list.iter().any(Value::is_table) => {
+                    let part = way.next().map(|(_, part)| *part);
+                    entry_of(list, part).map_err(|reason| fail(key, reason))?
+                }
+                _ => {
+                    let reason = format!("`{part}` is {kind} and has no keys (given with --set)");
                     return Err(fail(key, reason));
                 }
             };
@@ -249,6 +255,25 @@ pub(super) fn typed<T: DeserializeOwned>(source: &Source, key: &str, value: Valu
 /// What a fault is called: its own name, or its number in the list, from 1.
 pub fn fault_name(own: Option<&str>, position: usize) -> String {
     own.map_or_else(|| format!("fault-{}", position + 1), str::to_owned)
+}
+
+/// An entry of a list of tables, by its name or its number, from 1.
+fn entry_of<'a>(list: &'a mut [Value], name: Option<&str>) -> Result<&'a mut Table, String> {
+    let names: Vec<String> = list
+        .iter()
+        .enumerate()
+        .map(|(position, item)| fault_name(item.get("name").and_then(Value::as_str), position))
+        .collect();
+    let wanted = name.unwrap_or_default();
+    let at = names.iter().position(|own| own == wanted);
+    let number = || wanted.parse::<usize>().ok()?.checked_sub(1);
+    let at = at.or_else(number);
+    let found = at.and_then(|at| list.get_mut(at)).and_then(Value::as_table_mut);
+    found.ok_or_else(|| {
+        let known: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        let known = known.join(", ");
+        format!("the list has no entry `{wanted}` with keys (given with --set); there is {known}, or a number from 1")
+    })
 }
 
 /// What reads as TOML is taken as TOML; anything else is text, so that quotes need not survive the shell.

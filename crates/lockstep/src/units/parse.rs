@@ -235,6 +235,15 @@ pub fn convert(text: &str, unit: &str) -> Result<(Vec<f64>, bool), UnitError> {
     Ok((numbers.split(',').map(number).collect::<Result<_, _>>()?, listed))
 }
 
+/// What one of the unit called `unit` is in SI units and radians, and its dimension.
+///
+/// # Errors
+/// Names a symbol that is no unit.
+pub fn unit_factor(unit: &str) -> Result<(f64, Dimension), UnitError> {
+    let ((factor, _), dimension) = unit_of(unit, unit)?;
+    Ok((factor, dimension))
+}
+
 /// The unit that stands in `text` behind a number or a list of numbers, as it is written.
 pub fn unit_in(text: &str) -> Option<&str> {
     let (_, unit, _) = split(text.trim())?;

@@ -8,11 +8,16 @@ use super::summary::{Row, outcome};
 use super::{Run, merged};
 
 const TEMPLATE: &str = include_str!("assets/page.html");
-const STYLE: &str = include_str!("assets/style.css");
+/// How pages look.
+pub(crate) const STYLE: &str = include_str!("assets/style.css");
+/// Small things that every page uses.
+pub(crate) const TOOLS: &str = include_str!("assets/base.js");
+/// Round numbers for axes, and panels over time.
+pub(crate) const TICKS: &str = include_str!("assets/chart.js");
 const SCRIPTS: [&str; 9] = [
-    include_str!("assets/base.js"),
+    TOOLS,
     include_str!("assets/pens.js"),
-    include_str!("assets/chart.js"),
+    TICKS,
     include_str!("assets/figure.js"),
     include_str!("assets/gl.js"),
     include_str!("assets/scene.js"),
@@ -36,18 +41,29 @@ pub(crate) fn data(title: &str, runs: &[Run], rows: &[Row]) -> Value {
 pub(crate) fn render(title: &str, data: &Value, live: bool) -> String {
     // Inside a script element only `</` and `<!` could end or disturb it; `<` never needs to be literal in JSON.
     let data = data.to_string().replace('<', "\\u003c");
+    let connect = if live { "; connect-src 'self'" } else { "" };
+    filled(
+        &TEMPLATE.replace("{{connect}}", connect),
+        title,
+        &[STYLE],
+        &data,
+        &SCRIPTS,
+    )
+}
+
+/// A template with its places filled in: `data` is JSON without `<`.
+pub(crate) fn filled(template: &str, title: &str, styles: &[&str], data: &str, scripts: &[&str]) -> String {
     let mut page = String::with_capacity(data.len() + 200_000);
-    let mut rest = TEMPLATE;
+    let mut rest = template;
     while let Some((before, after)) = rest.split_once("{{") {
         page += before;
         let (name, after) = after.split_once("}}").unwrap_or((after, ""));
         match name {
             "title" => page += &escape(title),
-            "style" => page += STYLE,
-            "data" => page += &data,
-            "connect" => page += if live { "; connect-src 'self'" } else { "" },
-            "scripts" => SCRIPTS.iter().for_each(|script| page += script),
-            _ => unreachable!("the template has no other places"),
+            "style" => styles.iter().for_each(|style| page += style),
+            "data" => page += data,
+            "scripts" => scripts.iter().for_each(|script| page += script),
+            _ => unreachable!("a template has no other places"),
         }
         rest = after;
     }

@@ -1,0 +1,184 @@
+//! One figure over all points.
+
+use sampling::statistics::{correlation, indices, moments, percentile, ranks};
+use serde_json::{Value, json};
+
+use super::super::point::Result as PointResult;
+use super::super::{Column, Figures, wilson};
+use super::CONFIDENCE;
+
+/// The parts of a sample whose percentiles are told.
+const PARTS: [f64; 6] = [0.01, 0.05, 0.5, 0.9, 0.95, 0.99];
+
+/// The values of a figure.
+pub(super) struct Sample {
+    pub(super) name: String,
+    pub(super) unit: String,
+    /// Whether it is that the criteria are met: 0 or 1.
+    pub(super) truth: bool,
+    /// The limits of its criterion, in its unit.
+    pub(super) limits: Vec<f64>,
+    /// Whether small values are the bad ones.
+    pub(super) lowest: bool,
+    /// The value of each point.
+    pub(super) values: Vec<Option<f64>>,
+}
+
+/// A column of numbers with its ranks.
+pub(super) struct Ranked<'a> {
+    numbers: &'a [f64],
+    ranks: Vec<f64>,
+}
+
+impl Ranked<'_> {
+    pub(super) fn of(column: &Column) -> Option<Ranked<'_>> {
+        column.numbers.as_ref().map(|numbers| Ranked {
+            numbers,
+            ranks: ranks(numbers),
+        })
+    }
+}
+
+/// Whether points are good, where they differ, and every figure.
+pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
+    let mut all = Vec::new();
+    let good: Vec<Option<f64>> = results
+        .iter()
+        .map(|result| result.as_ref().map(|result| f64::from(u8::from(result.outcome.good()))))
+        .collect();
+    let differs = good.iter().flatten().any(|one| *one == 0.0) && good.iter().flatten().any(|one| *one == 1.0);
+    if differs {
+        all.push(Sample {
+            name: super::super::good_word(results).to_owned(),
+            unit: String::new(),
+            truth: true,
+            limits: Vec::new(),
+            lowest: true,
+            values: good,
+        });
+    }
+    let with = || results.iter().flatten().filter_map(|result| result.figures.as_ref());
+    for number in with().next().map_or(Vec::new(), Figures::ordered) {
+        let values = results.iter().map(|result| {
+            result
+                .as_ref()?
+                .figures
+                .as_ref()?
+                .value(&number.key)
+                .filter(|value| value.is_finite())
+        });
+        let (limits, lowest) = limits(&number.name, &number.key, with());
+        all.push(Sample {
+            name: number.words(),
+            unit: number.unit,
+            truth: false,
+            limits,
+            lowest,
+            values: values.collect(),
+        });
+    }
+    all
+}
+
+/// The limits of the criterion of that name in the unit of the figure: a criterion may count in another one.
+fn limits<'a>(name: &str, key: &str, all: impl Iterator<Item = &'a Figures>) -> (Vec<f64>, bool) {
+    for figures in all {
+        let Some(criterion) = figures.criteria.iter().find(|criterion| criterion.name == name) else {
+            return (Vec::new(), false);
+        };
+        let lowest = criterion.limit.is_none() && criterion.at_least.is_some();
+        let (Some(value), Some(own)) = (criterion.value.filter(|value| *value != 0.0), figures.value(key)) else {
+            continue;
+        };
+        let both = criterion.limit.into_iter().chain(criterion.at_least);
+        return (both.map(|limit| limit * own / value).collect(), lowest);
+    }
+    (Vec::new(), false)
+}
+
+impl Sample {
+    /// The values that are there.
+    pub(super) fn there(&self) -> Vec<f64> {
+        self.values.iter().flatten().copied().collect()
+    }
+
+    pub(super) fn moments(&self) -> Option<[f64; 2]> {
+        moments(&self.there()).map(|(mean, deviation)| [mean, deviation])
+    }
+
+    /// A row for each: the part, the percentile, and the ends of its interval.
+    pub(super) fn percentiles(&self) -> Value {
+        let mut sorted = self.there();
+        sorted.sort_by(f64::total_cmp);
+        let rows = PARTS.iter().filter_map(|part| {
+            let own = percentile(&sorted, *part, CONFIDENCE)?;
+            Some(json!([part, own.value, own.low, own.high]))
+        });
+        rows.collect()
+    }
+
+    /// The rank correlation with each input; none with texts.
+    pub(super) fn correlations(&self, inputs: &[Option<Ranked<'_>>]) -> Vec<Option<f64>> {
+        let whole = self.values.iter().all(Option::is_some);
+        let own = ranks(&self.there());
+        let with = |input: &Ranked<'_>| {
+            if whole {
+                return correlation(&input.ranks, &own);
+            }
+            let both = self.values.iter().zip(input.numbers);
+            let theirs: Vec<f64> = both.filter(|(value, _)| value.is_some()).map(|(_, x)| *x).collect();
+            correlation(&ranks(&theirs), &own)
+        };
+        inputs.iter().map(|input| input.as_ref().and_then(with)).collect()
+    }
+
+    /// Estimates after more and more points: how many; of a truth its share, else median and 95 %; each with its interval.
+    pub(super) fn convergence(&self) -> Value {
+        let all = self.there();
+        let mut sizes = Vec::new();
+        let mut size = 10_usize;
+        while size < all.len() {
+            sizes.push(size);
+            size += (size / 3).max(1);
+        }
+        sizes.push(all.len());
+        let mut rows = Vec::new();
+        for size in sizes.into_iter().filter(|size| *size > 0) {
+            let mut part = all[..size].to_vec();
+            if self.truth {
+                let good = part.iter().filter(|one| **one > 0.5).count();
+                let (low, high) = wilson(good, size);
+                rows.push(json!([size, good as f64 / size as f64, low, high]));
+                continue;
+            }
+            part.sort_by(f64::total_cmp);
+            let [median, most] = [0.5, 0.95].map(|at| percentile(&part, at, CONFIDENCE));
+            if let (Some(median), Some(most)) = (median, most) {
+                rows.push(json!([
+                    size,
+                    median.value,
+                    median.low,
+                    median.high,
+                    most.value,
+                    most.low,
+                    most.high
+                ]));
+            }
+        }
+        rows.into()
+    }
+
+    /// First-order and total indices with the halves of their intervals; of rows that ran whole. `width` points make a row.
+    pub(super) fn indices(&self, width: usize) -> Option<Value> {
+        if width == 0 {
+            return None;
+        }
+        let rows = self.values.chunks_exact(width);
+        let whole: Vec<Vec<f64>> = rows.filter_map(|row| row.iter().copied().collect()).collect();
+        let all = indices(&whole)?;
+        let rows = all
+            .iter()
+            .map(|one| json!([one.first, one.first_half, one.total, one.total_half]));
+        Some(json!({ "rows": whole.len(), "of": rows.collect::<Vec<_>>() }))
+    }
+}

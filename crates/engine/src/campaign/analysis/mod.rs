@@ -1,0 +1,149 @@
+//! Statistics of a campaign: everything that its page shows.
+
+mod failures;
+mod figure;
+mod vectors;
+
+use report::campaign::floats;
+use serde_json::{Value, json};
+
+use super::point::Result as PointResult;
+use super::{Campaign, Column, Figures, Plan, good_word, verdicts, wilson};
+use figure::Sample;
+
+/// All intervals hold with this probability.
+const CONFIDENCE: f64 = 0.95;
+
+/// More points than this are thinned out in pictures; the numbers are of all of them.
+const SHOWN_MAX: usize = 5000;
+
+/// The statistics of a campaign, for its page.
+pub fn analysis(title: &str, campaign: &Campaign, plan: &Plan, results: &[Option<PointResult>]) -> Value {
+    let inputs: Vec<&Column> = campaign.columns.iter().filter(|column| counts(column)).collect();
+    let ranked: Vec<Option<figure::Ranked<'_>>> = inputs.iter().map(|column| figure::Ranked::of(column)).collect();
+    let samples = figure::samples(results);
+    let blocks = match plan {
+        Plan::Declared(declared) => declared.factors(),
+        Plan::Listed { .. } => None,
+    };
+    let width = blocks.as_ref().map_or(0, |factors| factors.len() + 2);
+    let every = results.len().div_ceil(SHOWN_MAX).max(1);
+    let shown: Vec<usize> = (0..results.len()).step_by(every).collect();
+    let measures = samples.iter().map(|sample| sample.json(&ranked, width, &shown));
+    let ran = results.iter().flatten().filter(|result| result.outcome.ran()).count();
+    let good = results.iter().flatten().filter(|result| result.outcome.good()).count();
+    let (low, high) = wilson(good, ran);
+    json!({
+        "title": title,
+        "words": verdicts(results),
+        "good": good_word(results),
+        "points": results.len(),
+        "shown": shown.iter().map(|at| at + 1).collect::<Vec<_>>(),
+        "share": { "good": good, "ran": ran, "low": low, "high": high },
+        "outcomes": shown.iter().map(|at| word(results[*at].as_ref())).collect::<Vec<_>>(),
+        "columns": campaign.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>(),
+        "inputs": inputs.iter().map(|column| input(column, &shown)).collect::<Vec<_>>(),
+        "measures": measures.collect::<Vec<_>>(),
+        "factors": blocks,
+        "vectors": vectors::vectors(&samples, &shown),
+        "failures": failures::failures(results),
+        "worst": worst(campaign, results),
+    })
+}
+
+fn word(result: Option<&PointResult>) -> &'static str {
+    result.map_or("not run", |result| result.outcome.word())
+}
+
+/// Whether a column is something that figures may depend on: not the number of a run, and not the same everywhere.
+fn counts(column: &Column) -> bool {
+    let differs = column.texts.iter().any(|text| *text != column.texts[0]);
+    differs && !["seed", "row", "matrix"].contains(&column.name.as_str())
+}
+
+/// A column as the page draws it: numbers, or which of its texts.
+fn input(column: &Column, shown: &[usize]) -> Value {
+    let mut words: Vec<&String> = Vec::new();
+    let numbers: Vec<f64> = match &column.numbers {
+        Some(numbers) => shown.iter().map(|at| numbers[*at]).collect(),
+        None => {
+            words = super::tell::distinct(&column.texts);
+            let place = |at: &usize| words.iter().position(|word| **word == column.texts[*at]);
+            shown
+                .iter()
+                .map(|at| place(at).map_or(f64::NAN, |at| at as f64))
+                .collect()
+        }
+    };
+    json!({
+        "name": column.name,
+        "unit": column.unit,
+        "words": words,
+        "values": floats(numbers),
+    })
+}
+
+/// The ten points that are nearest to their limits, or furthest beyond, as parts of them; with what was drawn for each.
+fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
+    let mut all: Vec<(f64, &str, usize)> = Vec::new();
+    for (at, result) in results.iter().enumerate() {
+        let figures = result.as_ref().filter(|result| result.outcome.ran());
+        let Some(figures) = figures.and_then(|result| result.figures.as_ref()) else {
+            continue;
+        };
+        if let Some((part, name)) = part_of_limit(figures) {
+            all.push((part, name, at));
+        }
+    }
+    all.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
+    all.iter()
+        .take(10)
+        .map(|(part, name, at)| {
+            let drawn = campaign.columns.iter().map(|column| column.texts[*at].clone());
+            json!({
+                "point": at + 1,
+                "outcome": word(results[*at].as_ref()),
+                "criterion": name.replace('_', " "),
+                "part": if part.is_finite() { Some(*part) } else { None },
+                "drawn": drawn.collect::<Vec<_>>(),
+            })
+        })
+        .collect()
+}
+
+/// The criterion that comes nearest to its limit, with the part of it that is reached; what could not be measured comes first.
+fn part_of_limit(figures: &Figures) -> Option<(f64, &str)> {
+    let parts = figures.criteria.iter().filter_map(|criterion| {
+        let Some(value) = criterion.value else {
+            return Some((f64::INFINITY, criterion.name.as_str()));
+        };
+        let most = criterion.limit.filter(|limit| *limit > 0.0).map(|limit| value / limit);
+        let least = criterion
+            .at_least
+            .filter(|limit| *limit > 0.0)
+            .map(|limit| if value > 0.0 { limit / value } else { f64::INFINITY });
+        let part = most.into_iter().chain(least).reduce(f64::max)?;
+        Some((part, criterion.name.as_str()))
+    });
+    parts.max_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+impl Sample {
+    fn json(&self, inputs: &[Option<figure::Ranked<'_>>], width: usize, shown: &[usize]) -> Value {
+        let values = shown.iter().map(|at| self.values[*at].unwrap_or(f64::NAN));
+        json!({
+            "name": self.name,
+            "unit": self.unit,
+            "truth": self.truth,
+            "limits": self.limits,
+            "lowest": self.lowest,
+            "count": self.there().len(),
+            "values": floats(values.collect()),
+            "moments": self.moments(),
+            "percentiles": self.percentiles(),
+            "correlations": self.correlations(inputs),
+            "convergence": self.convergence(),
+            "indices": self.indices(width),
+        })
+    }
+}

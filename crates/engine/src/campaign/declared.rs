@@ -1,0 +1,475 @@
+//! Dispersions and designs put together: point number k.
+
+use std::collections::BTreeMap;
+
+use lockstep::units::{Dimension, unit_factor};
+use sampling::design::{Coordinate, DIMENSIONS};
+
+use super::POINTS_MAX;
+use super::dispersions::{Design, Dispersion, Drawn, Draws, Formula, Quantity, Sized};
+use super::plan::{Cell, Head, Point};
+
+/// Dispersions with their designs.
+#[derive(Debug)]
+pub struct Declared {
+    dispersions: Vec<Dispersion>,
+    ways: Vec<Way>,
+    /// How many points each cell of the grid has, or each of the matrices.
+    inner: usize,
+    /// How many cells the grid has, or how many matrices there are.
+    outer: usize,
+    /// Whether the outer ones are the matrices A, B and AB.
+    matrices: bool,
+    /// The numbers that the scenario has at the keys.
+    start: BTreeMap<String, Quantity>,
+    /// The seed of the first point, where each has its own.
+    first_seed: Option<u64>,
+    heads: Vec<Head>,
+}
+
+/// How a dispersion draws.
+#[derive(Debug)]
+enum Way {
+    /// The same for all points.
+    Once(Vec<Coordinate>),
+    /// From coordinates.
+    Cube(Vec<Coordinate>),
+    /// Of a grid: so many values, of which each stays for so many cells.
+    Grid { levels: usize, every: usize },
+    /// From the coordinates of A, or of B in the matrices B and AB number `factor`.
+    Matrices {
+        a: Vec<Coordinate>,
+        b: Vec<Coordinate>,
+        factor: usize,
+    },
+}
+
+/// What is wrong, with its key.
+type Wrong = (String, String);
+
+fn wrong<T>(key: impl Into<String>, reason: impl Into<String>) -> Result<T, Wrong> {
+    Err((key.into(), reason.into()))
+}
+
+/// Gives coordinates to dispersions, in the order of the file.
+struct Dealer {
+    seed: u64,
+    points: u64,
+    /// Dimensions of Sobol' sequences that are taken.
+    taken: usize,
+}
+
+impl Dealer {
+    fn coordinates(&mut self, one: &Dispersion, design: Design) -> Result<Vec<Coordinate>, Wrong> {
+        let name = |at: usize| format!("{}[{at}]", one.name);
+        let all = 0..one.draws.coordinates();
+        all.map(|at| match design {
+            Design::LatinHypercube => Ok(Coordinate::latin_hypercube(self.seed, &name(at), self.points)),
+            Design::Sobol => self.sobol(one, &name(at)),
+            _ => Ok(Coordinate::random(self.seed, &name(at))),
+        })
+        .collect()
+    }
+
+    /// A and B take turns, so that a dispersion at the end changes no other.
+    fn matrices(&mut self, one: &Dispersion, factor: usize) -> Result<Way, Wrong> {
+        let (mut a, mut b) = (Vec::new(), Vec::new());
+        for at in 0..one.draws.coordinates() {
+            a.push(self.sobol(one, &format!("{}[{at}]", one.name))?);
+            b.push(self.sobol(one, &format!("{}[{at}] B", one.name))?);
+        }
+        Ok(Way::Matrices { a, b, factor })
+    }
+
+    fn sobol(&mut self, one: &Dispersion, name: &str) -> Result<Coordinate, Wrong> {
+        let made = Coordinate::sobol(self.seed, name, self.taken);
+        self.taken += 1;
+        match made {
+            Some(made) => Ok(made),
+            None => wrong(
+                format!("vary.{}", one.name),
+                format!(
+                    "would need more than the {DIMENSIONS} dimensions that there are for Sobol' sequences: use another design for some dispersions"
+                ),
+            ),
+        }
+    }
+}
+
+impl Declared {
+    /// Puts them together. `start` are the scenario's own numbers; `first_seed` the seed of the first point, where each has its own.
+    ///
+    /// # Errors
+    /// What cannot be, with its key.
+    pub fn new(
+        dispersions: Vec<Dispersion>,
+        design: Design,
+        seed: u64,
+        points: Option<u64>,
+        start: BTreeMap<String, Quantity>,
+        first_seed: Option<u64>,
+    ) -> Result<Declared, Wrong> {
+        no_overlaps(&dispersions)?;
+        let matrices = design == Design::Saltelli;
+        let own = |one: &Dispersion| one.design.unwrap_or(design);
+        for one in &dispersions {
+            agree(one, own(one), matrices)?;
+        }
+        let on_grid = |one: &Dispersion| own(one) == Design::Grid && one.levels.or(one.draws.choices()).is_some();
+        let drawn = |one: &&Dispersion| !one.once && !on_grid(one) && one.draws.varies();
+        let others = dispersions.iter().any(|one| drawn(&one));
+        let inner = match points {
+            Some(points) if others || first_seed.is_some() => points as usize,
+            Some(1) => 1,
+            Some(_) => {
+                return wrong(
+                    "points",
+                    "would be the same runs again: all dispersions are on the grid, whose values say how many points there are; take it out",
+                );
+            }
+            None if others => return wrong("points", "is missing: write for example points = 200"),
+            None => 1,
+        };
+        let (mut ways, mut outer) = (Vec::new(), 1_usize);
+        let mut dealer = Dealer {
+            seed,
+            points: inner as u64,
+            taken: 0,
+        };
+        let mut factors = 0;
+        for one in &dispersions {
+            ways.push(if one.once {
+                Way::Once(dealer.coordinates(one, Design::Random)?)
+            } else if on_grid(one) {
+                let levels = one.levels.or(one.draws.choices()).unwrap_or(1);
+                outer = outer.saturating_mul(levels);
+                Way::Grid { levels, every: 1 }
+            } else if matrices && one.draws.coordinates() > 0 {
+                factors += 1;
+                dealer.matrices(one, factors)?
+            } else {
+                Way::Cube(dealer.coordinates(one, own(one))?)
+            });
+        }
+        if matrices {
+            outer = factors + 2;
+        }
+        if inner.saturating_mul(outer) > POINTS_MAX {
+            return wrong(
+                "points",
+                format!("{inner} times {outer} points are more than {POINTS_MAX}: draw less"),
+            );
+        }
+        // The first one of a grid changes slowest.
+        let mut left = outer;
+        for way in &mut ways {
+            if let Way::Grid { levels, every } = way {
+                left /= *levels;
+                *every = left;
+            }
+        }
+        let mut made = Declared {
+            dispersions,
+            ways,
+            inner,
+            outer,
+            matrices,
+            start,
+            first_seed,
+            heads: Vec::new(),
+        };
+        let (_, heads) = made.drawn(0);
+        made.heads = heads;
+        made.formulas_have_values()?;
+        Ok(made)
+    }
+
+    /// How many points there are.
+    pub fn count(&self) -> usize {
+        self.inner * self.outer
+    }
+
+    /// The columns.
+    pub fn heads(&self) -> &[Head] {
+        &self.heads
+    }
+
+    /// The dispersions in the order of the file.
+    pub fn dispersions(&self) -> &[Dispersion] {
+        &self.dispersions
+    }
+
+    /// The names of the dispersions whose Sobol' indices can be told, in the order of the matrices AB; `None` without those.
+    pub fn factors(&self) -> Option<Vec<&str>> {
+        let both = self.dispersions.iter().zip(&self.ways);
+        let factors = both.filter(|(_, way)| matches!(way, Way::Matrices { .. }));
+        self.matrices
+            .then(|| factors.map(|(one, _)| one.name.as_str()).collect())
+    }
+
+    /// Point number `k`, from 0.
+    pub fn point(&self, k: usize) -> Point {
+        self.drawn(k).0
+    }
+
+    /// Grids and matrices change with every point, what is drawn after all of them: a campaign that grows keeps its points.
+    fn drawn(&self, k: usize) -> (Point, Vec<Head>) {
+        let (inner, outer) = (k / self.outer, k % self.outer);
+        let mut made = Made::new(&self.start);
+        if self.matrices {
+            let matrix = match outer {
+                0 => "A".to_owned(),
+                1 => "B".to_owned(),
+                _ => format!("AB {}", self.factors().unwrap_or_default()[outer - 2]),
+            };
+            made.text("matrix", matrix);
+            made.whole("row", inner as u64 + 1);
+        }
+        for (one, way) in self.dispersions.iter().zip(&self.ways) {
+            let at = |all: &[Coordinate], k: u64| all.iter().map(|one| one.at(k)).collect::<Vec<f64>>();
+            let point = inner as u64;
+            let u = match way {
+                Way::Once(all) => at(all, 0),
+                Way::Cube(all) => at(all, point),
+                Way::Grid { levels, every } => {
+                    let level = outer / every % levels;
+                    if let Some(drawn) = one.draws.choice(level) {
+                        made.put(one, drawn);
+                        continue;
+                    }
+                    // The middle of each part of equal probability.
+                    vec![(level as f64 + 0.5) / *levels as f64]
+                }
+                Way::Matrices { a, b, factor } => at(if outer == 1 || outer == factor + 1 { b } else { a }, point),
+            };
+            let number = if matches!(way, Way::Once(_)) { 0 } else { point };
+            let drawn = one
+                .draws
+                .draw(&u, number, &|formula| made.formula(formula).unwrap_or(f64::NAN));
+            made.put(one, drawn);
+        }
+        if let Some(first) = self.first_seed {
+            let seed = first.saturating_add(inner as u64);
+            made.settings.insert("seed".to_owned(), seed.to_string());
+            made.whole("seed", seed);
+        }
+        made.finish()
+    }
+
+    fn formulas_have_values(&self) -> Result<(), Wrong> {
+        let names: Vec<&str> = self.heads.iter().map(|head| head.name.as_str()).collect();
+        for one in &self.dispersions {
+            if let Draws::Formula(formula, _) = &one.draws
+                && let Some(missing) = formula.names().into_iter().find(|name| !names.contains(name))
+            {
+                let key = format!("vary.{}.formula", one.name);
+                return wrong(
+                    key,
+                    format!(
+                        "`{missing}` is no number of a dispersion above it; there is {}",
+                        names.join(", ")
+                    ),
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A point under way.
+struct Made<'a> {
+    start: &'a BTreeMap<String, Quantity>,
+    /// Keys that have got numbers.
+    numbers: BTreeMap<&'a str, Quantity>,
+    settings: BTreeMap<String, String>,
+    /// The numbers of the dispersions so far, in SI units, for formulas.
+    known: BTreeMap<String, Sized>,
+    refused: Option<String>,
+    heads: Vec<Head>,
+    cells: Vec<Cell>,
+}
+
+impl<'a> Made<'a> {
+    fn new(start: &'a BTreeMap<String, Quantity>) -> Made<'a> {
+        Made {
+            start,
+            numbers: BTreeMap::new(),
+            settings: BTreeMap::new(),
+            known: BTreeMap::new(),
+            refused: None,
+            heads: Vec::new(),
+            cells: Vec::new(),
+        }
+    }
+
+    fn cell(&mut self, name: &str, unit: &str, text: String, number: Option<f64>) {
+        self.heads.push(Head {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+        });
+        self.cells.push(Cell { text, number });
+    }
+
+    fn text(&mut self, name: &str, text: String) {
+        self.cell(name, "", text, None);
+    }
+
+    fn whole(&mut self, name: &str, number: u64) {
+        self.cell(name, "", number.to_string(), Some(number as f64));
+    }
+
+    fn formula(&self, formula: &Formula) -> Option<f64> {
+        let value = formula.value(&|name| self.known.get(name).copied());
+        value.ok().map(|(value, _)| value)
+    }
+
+    fn put(&mut self, one: &'a Dispersion, drawn: Drawn) {
+        let draw = match drawn {
+            Drawn::Numbers(draw) => draw,
+            Drawn::Value(value, label) => {
+                for target in &one.targets {
+                    self.settings.insert(target.key.clone(), value.to_string());
+                }
+                return self.text(&one.name, label);
+            }
+        };
+        let mut shown = None;
+        for target in &one.targets {
+            let own = self
+                .numbers
+                .get(target.key.as_str())
+                .or_else(|| self.start.get(&target.key));
+            let made = one.applied(own, target.element, &draw);
+            shown.get_or_insert_with(|| (made.clone(), target.element));
+            self.numbers.insert(&target.key, made);
+        }
+        let (shown, element) = shown.unwrap_or_else(|| (one.applied(None, None, &draw), None));
+        let single = element.is_some() || shown.numbers.len() == 1 && !shown.listed;
+        let factor = if shown.unit.is_empty() {
+            Ok((1.0, Dimension::default()))
+        } else {
+            unit_factor(&shown.unit)
+        };
+        for at in element.map_or(0..shown.numbers.len(), |at| at..at + 1) {
+            let name = if single {
+                one.name.clone()
+            } else {
+                format!("{}[{at}]", one.name)
+            };
+            let number = shown.numbers[at];
+            if !number.is_finite() {
+                self.refused
+                    .get_or_insert(format!("vary.{}: {number} is drawn, which is not finite", one.name));
+            }
+            if let Ok((factor, dimension)) = factor {
+                self.known.insert(name.clone(), (number * factor, dimension));
+            }
+            let space = if shown.unit.is_empty() { "" } else { " " };
+            let text = format!("{}{space}{}", shown.digits(at), shown.unit);
+            self.cell(&name, &shown.unit, text, Some(number));
+        }
+    }
+
+    /// A table is set before what is below it.
+    fn finish(mut self) -> (Point, Vec<Head>) {
+        for (key, quantity) in std::mem::take(&mut self.numbers) {
+            self.settings.insert(key.to_owned(), quantity.text());
+        }
+        let mut settings: Vec<(usize, String, String)> = self
+            .settings
+            .into_iter()
+            .map(|(key, text)| (key.split('.').count(), key, text))
+            .collect();
+        settings.sort();
+        let settings = settings.into_iter().map(|(_, key, text)| format!("{key}={text}"));
+        let point = Point {
+            settings: match self.refused {
+                None => Ok(settings.collect()),
+                Some(reason) => Err(reason),
+            },
+            cells: self.cells,
+        };
+        (point, self.heads)
+    }
+}
+
+/// The dimension of the number called `name` among `above`, as the value one of it.
+pub(super) fn dimension_of(above: &[Dispersion], name: &str) -> Option<Sized> {
+    let stem = name.split('[').next().unwrap_or(name);
+    let found = above.iter().find(|one| one.name == stem)?;
+    found.draws.numbers()?;
+    if found.made.is_empty() {
+        return Some((1.0, Dimension::default()));
+    }
+    unit_factor(&found.made).ok().map(|(_, dimension)| (1.0, dimension))
+}
+
+/// Whether a dispersion goes with its design.
+fn agree(one: &Dispersion, design: Design, matrices: bool) -> Result<(), Wrong> {
+    let key = |key: &str| format!("vary.{}.{key}", one.name);
+    if matrices && one.design.is_some() {
+        return wrong(
+            key("design"),
+            "a campaign of the design saltelli has all dispersions in its matrices: take it out",
+        );
+    }
+    if !matrices && design == Design::Saltelli {
+        return wrong(
+            key("design"),
+            "is the design of a whole campaign: write it beside `points`",
+        );
+    }
+    if one.once && one.design.is_some() {
+        return wrong(
+            key("design"),
+            "is drawn once for all points and has no design: take one of both out",
+        );
+    }
+    if design != Design::Grid && one.levels.is_some() {
+        return wrong(
+            key("levels"),
+            "is for the design grid: take it out, or write design = \"grid\"",
+        );
+    }
+    if design != Design::Grid || one.once || one.draws.coordinates() == 0 {
+        return Ok(());
+    }
+    match (one.draws.choices(), one.levels, one.draws.coordinates()) {
+        (Some(_), Some(_), _) => wrong(key("levels"), "a list has its own values on a grid: take it out"),
+        (None, None, 1) => wrong(
+            key("levels"),
+            "is missing: write how many values it takes on the grid, such as levels = 5",
+        ),
+        (None, _, 2..) => wrong(
+            key("design"),
+            "a grid takes distributions of one number: use another design for this one",
+        ),
+        _ => Ok(()),
+    }
+}
+
+/// Two dispersions of one key must not undo each other.
+fn no_overlaps(dispersions: &[Dispersion]) -> Result<(), Wrong> {
+    for (at, one) in dispersions.iter().enumerate() {
+        for target in &one.targets {
+            let key = format!("vary.{}.key", one.name);
+            if one.targets.iter().filter(|other| *other == target).count() > 1 {
+                return wrong(key, format!("names `{}` twice", target.key));
+            }
+            for other in &dispersions[..at] {
+                let Some(theirs) = other.targets.iter().find(|theirs| theirs.key == target.key) else {
+                    continue;
+                };
+                let whole = one.replaces() && (target.element.is_none() || target.element == theirs.element);
+                if whole || other.draws.numbers().is_none() || one.draws.numbers().is_none() {
+                    let reason = format!(
+                        "replaces what `{}` gives `{}`: add to it with as = \"offset\", or take one out",
+                        other.name, target.key
+                    );
+                    return wrong(key, reason);
+                }
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,233 @@
+//! The keys of one table `[vary.NAME]`, read one by one.
+
+use std::collections::BTreeSet;
+
+use lockstep::units::{convert, unit_in};
+use toml::{Table, Value};
+
+use super::quantity::{Step, number};
+
+/// A table, and what is wrong with it so far.
+pub(super) struct Keys<'a> {
+    table: &'a Table,
+    used: BTreeSet<String>,
+    /// What is wrong, by key; the empty key is the whole table.
+    pub(super) wrong: Vec<(String, String)>,
+    /// The unit of its quantities, once it is known.
+    pub(super) unit: Option<String>,
+    /// Its quantities are parts of something: plain numbers, or with `%`.
+    pub(super) parts: bool,
+}
+
+impl<'a> Keys<'a> {
+    pub(super) fn new(table: &'a Table) -> Keys<'a> {
+        Keys {
+            table,
+            used: BTreeSet::new(),
+            wrong: Vec::new(),
+            unit: None,
+            parts: false,
+        }
+    }
+
+    pub(super) fn refuse(&mut self, key: &str, reason: impl Into<String>) {
+        self.wrong.push((key.to_owned(), reason.into()));
+    }
+
+    /// What stands at `key`, if anything does.
+    pub(super) fn value(&mut self, key: &str) -> Option<&'a Value> {
+        self.used.insert(key.to_owned());
+        self.table.get(key)
+    }
+
+    /// What must stand at `key`.
+    pub(super) fn need(&mut self, key: &str, example: &str) -> Option<&'a Value> {
+        let found = self.value(key);
+        if found.is_none() {
+            self.refuse("", format!("`{key}` is missing: write for example {key} = {example}"));
+        }
+        found
+    }
+
+    pub(super) fn text(&mut self, key: &str) -> Option<&'a str> {
+        let value = self.value(key)?;
+        let text = value.as_str();
+        if text.is_none() {
+            self.refuse(key, format!("{value} is no text"));
+        }
+        text
+    }
+
+    pub(super) fn flag(&mut self, key: &str) -> bool {
+        match self.value(key) {
+            Some(Value::Boolean(yes)) => *yes,
+            Some(other) => {
+                self.refuse(key, format!("{other} is neither true nor false"));
+                false
+            }
+            None => false,
+        }
+    }
+
+    pub(super) fn whole(&mut self, key: &str, most: usize) -> Option<usize> {
+        let value = self.value(key)?;
+        let whole = value.as_integer().and_then(|whole| usize::try_from(whole).ok());
+        let whole = whole.filter(|whole| (1..=most).contains(whole));
+        if whole.is_none() {
+            self.refuse(key, format!("{value} is no whole number from 1 to {most}"));
+        }
+        whole
+    }
+
+    /// One of `words`.
+    pub(super) fn word<T: Copy>(&mut self, key: &str, words: &[(&str, T)]) -> Option<T> {
+        let text = self.text(key)?;
+        let found = words.iter().find(|(word, _)| *word == text);
+        if found.is_none() {
+            let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
+            self.refuse(key, format!("`{text}` is unknown; there is {}", known.join(", ")));
+        }
+        found.map(|(_, one)| *one)
+    }
+
+    /// Numbers in the unit of the table, which the first quantity determines where nothing did before.
+    pub(super) fn quantity(&mut self, value: &Value) -> Result<(Vec<f64>, bool), String> {
+        let plain = match value {
+            Value::Array(items) => items
+                .iter()
+                .map(number)
+                .collect::<Option<Vec<f64>>>()
+                .map(|all| (all, true)),
+            other => number(other).map(|one| (vec![one], false)),
+        };
+        let example = || match &self.unit {
+            Some(unit) if unit.is_empty() => "0.5".to_owned(),
+            Some(unit) => format!("\"0.5 {unit}\""),
+            None if self.parts => "\"5 %\"".to_owned(),
+            None => "\"0.5 kg\"".to_owned(),
+        };
+        let (numbers, listed) = if let Some((numbers, listed)) = plain {
+            if !self.parts && self.unit.as_ref().is_some_and(|unit| !unit.is_empty()) {
+                return Err(format!("{value} has no unit: write for example {}", example()));
+            }
+            if !self.parts {
+                self.unit = Some(String::new());
+            }
+            (numbers, listed)
+        } else {
+            let Value::String(text) = value else {
+                return Err(format!("{value} is no number: write for example {}", example()));
+            };
+            if self.parts {
+                let share = text.strip_suffix('%').and_then(|text| text.trim().parse::<f64>().ok());
+                let share = share.ok_or_else(|| format!("`{text}` is no part: write 0.05 or \"5 %\""))?;
+                (vec![share / 100.0], false)
+            } else {
+                let own = unit_in(text)
+                    .ok_or_else(|| format!("`{text}` is no number with a unit: write for example {}", example()))?;
+                let unit = self.unit.get_or_insert_with(|| own.to_owned());
+                if unit.is_empty() {
+                    return Err(format!(
+                        "`{text}` has a unit where plain numbers belong: write them all with it or without"
+                    ));
+                }
+                convert(text, unit).map_err(|error| error.to_string())?
+            }
+        };
+        if numbers.iter().any(|number| !number.is_finite()) {
+            return Err(format!("{value} is not finite"));
+        }
+        Ok((numbers, listed))
+    }
+
+    /// One number at `key`.
+    pub(super) fn number(&mut self, key: &str) -> Option<f64> {
+        let value = self.value(key)?;
+        match self.quantity(value) {
+            Ok((numbers, false)) => numbers.first().copied(),
+            Ok(_) => {
+                self.refuse(key, format!("{value} is a list where one number belongs"));
+                None
+            }
+            Err(reason) => {
+                self.refuse(key, reason);
+                None
+            }
+        }
+    }
+
+    /// The number that must stand at `key`.
+    pub(super) fn needed(&mut self, key: &str, example: &str) -> Option<f64> {
+        self.need(key, example)?;
+        self.number(key)
+    }
+
+    /// Numbers in brackets at `key`.
+    pub(super) fn numbers(&mut self, key: &str) -> Option<Vec<f64>> {
+        let value = self.value(key)?;
+        match self.quantity(value) {
+            Ok((numbers, true)) => Some(numbers),
+            Ok(_) => {
+                self.refuse(key, format!("{value} is one number where a list in brackets belongs"));
+                None
+            }
+            Err(reason) => {
+                self.refuse(key, reason);
+                None
+            }
+        }
+    }
+
+    /// An angle at `key`, rad.
+    pub(super) fn angle(&mut self, key: &str) -> Option<f64> {
+        let value = self.value(key)?;
+        let read = value.as_str().map(|text| convert(text, "rad"));
+        match read {
+            Some(Ok((numbers, false))) if numbers.len() == 1 => Some(numbers[0]),
+            _ => {
+                self.refuse(key, format!("{value} is no angle: write for example \"0.2 deg\""));
+                None
+            }
+        }
+    }
+
+    /// A number without a unit at `key`, or a part of something with `%`.
+    pub(super) fn part(&mut self, key: &str) -> Option<f64> {
+        let value = self.value(key)?;
+        let share = |text: &str| Some(text.strip_suffix('%')?.trim().parse::<f64>().ok()? / 100.0);
+        let found = number(value).or_else(|| value.as_str().and_then(share));
+        let found = found.filter(|number| number.is_finite());
+        if found.is_none() {
+            self.refuse(key, format!("{value} is no part: write 0.05 or \"5 %\""));
+        }
+        found
+    }
+
+    /// What values are rounded to, in the unit of the table.
+    pub(super) fn step(&mut self, unit: &str) -> Option<Step> {
+        let value = self.value("round")?;
+        let step = Step::of(value).filter(|step| step.unit == unit);
+        if step.is_none() {
+            let example = if unit.is_empty() {
+                "1".to_owned()
+            } else {
+                format!("\"0.1 {unit}\"")
+            };
+            self.refuse(
+                "round",
+                format!("{value} is no step above zero in the unit of the value: write for example {example}"),
+            );
+        }
+        step
+    }
+
+    /// Everything that is wrong, with the keys that nobody asked for.
+    pub(super) fn finish(mut self) -> Vec<(String, String)> {
+        let known: Vec<&str> = self.used.iter().map(String::as_str).collect();
+        let known = known.join(", ");
+        for key in self.table.keys().filter(|key| !self.used.contains(*key)) {
+            self.wrong.push((key.clone(), format!("unknown key; there is {known}")));
+        }
+        self.wrong
+    }
+}

@@ -1,0 +1,136 @@
+//! Values of keys as numbers that can be changed and written back.
+
+use lockstep::units::{convert, unit_in};
+use toml::{Table, Value};
+
+use crate::scenario::fault_name;
+
+/// One number or a list of numbers, with their unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Quantity {
+    /// The numbers.
+    pub numbers: Vec<f64>,
+    /// Decimals that each is written with; as many as it takes where nothing was rounded.
+    pub decimals: Vec<Option<usize>>,
+    /// Their unit as the user writes it; empty where there is none.
+    pub unit: String,
+    /// Whether they stand in brackets.
+    pub listed: bool,
+}
+
+impl Quantity {
+    /// Numbers of which nothing is rounded.
+    pub fn new(numbers: Vec<f64>, unit: &str, listed: bool) -> Quantity {
+        Quantity {
+            decimals: vec![None; numbers.len()],
+            numbers,
+            unit: unit.to_owned(),
+            listed,
+        }
+    }
+
+    /// What a scenario says, where that is numbers: `12`, `0.5`, `"10 ms"`, `[1, 2]`, `"[1, 2, 3] m"`. Whole numbers stay whole.
+    pub fn of(value: &Value) -> Option<Quantity> {
+        match value {
+            Value::Integer(whole) => Some(Quantity {
+                decimals: vec![Some(0)],
+                ..Quantity::new(vec![*whole as f64], "", false)
+            }),
+            Value::Float(number) => Some(Quantity::new(vec![*number], "", false)),
+            Value::Array(items) => {
+                let numbers: Option<Vec<f64>> = items.iter().map(number).collect();
+                numbers
+                    .filter(|numbers| !numbers.is_empty())
+                    .map(|numbers| Quantity::new(numbers, "", true))
+            }
+            Value::String(text) => {
+                let unit = unit_in(text)?;
+                let (numbers, listed) = convert(text, unit).ok()?;
+                Some(Quantity::new(numbers, unit, listed))
+            }
+            _ => None,
+        }
+    }
+
+    /// Number `at` as it is written.
+    pub fn digits(&self, at: usize) -> String {
+        match self.decimals[at] {
+            Some(decimals) => format!("{:.decimals$}", self.numbers[at]),
+            None => format!("{:?}", self.numbers[at]),
+        }
+    }
+
+    /// As `--set` takes it.
+    pub fn text(&self) -> String {
+        let digits: Vec<String> = (0..self.numbers.len()).map(|at| self.digits(at)).collect();
+        let digits = digits.join(", ");
+        let space = if self.unit.is_empty() { "" } else { " " };
+        if self.listed {
+            format!("[{digits}]{space}{}", self.unit)
+        } else {
+            format!("{digits}{space}{}", self.unit)
+        }
+    }
+
+    /// Rounds number `at` to a multiple of `step`.
+    pub fn round(&mut self, at: usize, step: &Step) {
+        self.numbers[at] = libm::round(self.numbers[at] / step.size) * step.size;
+        self.decimals[at] = Some(step.decimals);
+    }
+}
+
+/// What values are rounded to multiples of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// Its size, in `unit`.
+    pub size: f64,
+    /// The decimals that it is written with.
+    pub decimals: usize,
+    /// Its unit; empty where it has none.
+    pub unit: String,
+}
+
+impl Step {
+    /// `0.5`, `1`, `"0.1 ms"`; `None` for what is no such number above zero.
+    pub fn of(value: &Value) -> Option<Step> {
+        let text = match value {
+            Value::String(text) => text.clone(),
+            Value::Integer(_) | Value::Float(_) => value.to_string(),
+            _ => return None,
+        };
+        let digits: String = text.chars().take_while(|c| c.is_ascii_digit() || *c == '.').collect();
+        let size: f64 = digits.parse().ok().filter(|size| *size > 0.0)?;
+        let unit = text[digits.len()..].trim().to_owned();
+        // An exponent would stand where a unit begins.
+        let plain = unit.chars().next().is_none_or(|c| !matches!(c, 'e' | 'E' | '-' | '+'));
+        let decimals = digits.split_once('.').map_or(0, |(_, behind)| behind.len());
+        plain.then_some(Step { size, decimals, unit })
+    }
+}
+
+/// A number of a TOML value.
+pub fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Integer(whole) => Some(*whole as f64),
+        Value::Float(number) => Some(*number),
+        _ => None,
+    }
+}
+
+/// What stands at the dotted `key`. Entries of lists of tables go by their names or numbers, from 1.
+pub fn at_key<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
+    let mut parts = key.split('.');
+    let first = table.get(parts.next()?)?;
+    parts.try_fold(first, |value, part| match value {
+        Value::Table(table) => table.get(part),
+        Value::Array(items) => {
+            let mut numbered = items.iter().enumerate();
+            let found = numbered.find(|(position, item)| {
+                let own = item.get("name").and_then(Value::as_str);
+                item.is_table() && (fault_name(own, *position) == part || (position + 1).to_string() == part)
+            });
+            found.map(|(_, item)| item)
+        }
+        _ => None,
+    })
+}

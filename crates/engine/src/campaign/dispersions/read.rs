@@ -1,0 +1,450 @@
+//! From a table `[vary.NAME]` to a dispersion, with everything that can be refused before anything runs.
+
+use std::path::Path;
+
+use lockstep::units::unit_factor;
+use sampling::distribution::{Impossible, Scalar, Weights, moments_are_physical};
+use toml::{Table, Value};
+
+use super::column;
+use super::draws::plain;
+use super::keys::Keys;
+use super::quantity::{Quantity, Step, at_key};
+use super::vectors::{attitude, correlated, direction, inertia};
+use super::{Design, Dispersion, Draws, Formula, Mode, Sized, Target};
+
+/// What a dispersion may refer to.
+pub struct Context<'a> {
+    /// The folder that its files are relative to.
+    pub folder: &'a Path,
+    /// The scenario with its files filled in.
+    pub scenario: &'a Table,
+    /// The numbers of the dispersions above it, by name, for their dimensions.
+    pub above: &'a dyn Fn(&str) -> Option<Sized>,
+}
+
+const DISTRIBUTIONS: [&str; 15] = [
+    "uniform",
+    "normal",
+    "truncated-normal",
+    "log-normal",
+    "triangular",
+    "discrete",
+    "column",
+    "constant",
+    "formula",
+    "correlated-normal",
+    "sphere",
+    "cone",
+    "rotation",
+    "misalignment",
+    "inertia",
+];
+
+const MODES: [(&str, Mode); 4] = [
+    ("absolute", Mode::Absolute),
+    ("offset", Mode::Offset),
+    ("relative", Mode::Relative),
+    ("factor", Mode::Factor),
+];
+
+/// Words for designs.
+pub const DESIGNS: [(&str, Design); 5] = [
+    ("random", Design::Random),
+    ("latin-hypercube", Design::LatinHypercube),
+    ("sobol", Design::Sobol),
+    ("grid", Design::Grid),
+    ("saltelli", Design::Saltelli),
+];
+
+/// More values than anybody puts on one axis of a grid.
+const LEVELS_MAX: usize = 10_000;
+
+/// Reads `[vary.NAME]`.
+///
+/// # Errors
+/// Everything that is wrong with it, by key; the empty key is the whole table.
+pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Dispersion, Vec<(String, String)>> {
+    let mut keys = Keys::new(table);
+    if !name.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-') {
+        keys.refuse(
+            "",
+            format!("the name `{name}` has other characters than letters, digits, `_` and `-`"),
+        );
+    }
+    let targets = targets(&mut keys);
+    let owns: Vec<Option<Quantity>> = targets
+        .iter()
+        .map(|target| at_key(context.scenario, &target.key).and_then(Quantity::of))
+        .collect();
+    let mode = keys.word("as", &MODES).unwrap_or(Mode::Absolute);
+    keys.parts = matches!(mode, Mode::Relative | Mode::Factor);
+    keys.unit = keys.text("unit").map(str::to_owned);
+    let own_unit = owns.first().and_then(|own| own.as_ref()).map(|own| own.unit.clone());
+    let within = targets.iter().any(|target| target.element.is_some());
+    if keys.unit.is_none() && (mode == Mode::Offset || within) {
+        keys.unit.clone_from(&own_unit);
+    }
+    let kind = match keys.need("distribution", "\"normal\"") {
+        Some(Value::String(kind)) => kind.as_str(),
+        _ => return Err(keys.finish()),
+    };
+    let draws = match kind {
+        "uniform" | "normal" | "truncated-normal" | "log-normal" | "triangular" => scalar(&mut keys, kind),
+        "discrete" => discrete(&mut keys),
+        "column" => in_file(&mut keys, context.folder),
+        "constant" => constant(&mut keys),
+        "formula" => formula(&mut keys, context),
+        "correlated-normal" => correlated(&mut keys, mode),
+        "sphere" | "cone" => direction(&mut keys, kind),
+        "rotation" | "misalignment" => attitude(&mut keys, kind, own_unit.as_deref()),
+        "inertia" => inertia(&mut keys),
+        other => {
+            let known = DISTRIBUTIONS.join(", ");
+            keys.wrong
+                .push(("distribution".into(), format!("`{other}` is unknown; there is {known}")));
+            return Err(keys.wrong);
+        }
+    };
+    let unit = if keys.parts {
+        String::new()
+    } else {
+        keys.unit.clone().unwrap_or_default()
+    };
+    let (once, design) = (keys.flag("once"), keys.word("design", &DESIGNS));
+    let levels = keys.whole("levels", LEVELS_MAX);
+    // What is rounded is the value that the key gets, in its unit.
+    let changed = mode != Mode::Absolute || within || draws.as_ref().is_some_and(Draws::turns);
+    let made = if changed {
+        own_unit.unwrap_or_default()
+    } else {
+        unit.clone()
+    };
+    let step = keys
+        .step(&made)
+        .or_else(|| whole(draws.as_ref()?, &made, owns.first()?.as_ref()));
+    let Some(draws) = draws else {
+        return Err(keys.finish());
+    };
+    let dispersion = Dispersion {
+        name: name.to_owned(),
+        targets,
+        draws,
+        mode,
+        unit,
+        made,
+        step,
+        once,
+        design,
+        levels,
+    };
+    fits(&mut keys, &dispersion, &owns, context);
+    match keys.finish() {
+        wrong if wrong.is_empty() => Ok(dispersion),
+        wrong => Err(wrong),
+    }
+}
+
+/// `a.b.c` and `a.b.c[2]`.
+fn targets(keys: &mut Keys<'_>) -> Vec<Target> {
+    let texts: Vec<&str> = match keys.value("key") {
+        None => Vec::new(),
+        Some(Value::String(one)) => vec![one],
+        Some(Value::Array(all)) if !all.is_empty() && all.iter().all(Value::is_str) => {
+            all.iter().filter_map(Value::as_str).collect()
+        }
+        Some(other) => {
+            keys.refuse(
+                "key",
+                format!("{other} is no key such as \"connections.measured.delay\", and no list of them"),
+            );
+            Vec::new()
+        }
+    };
+    let read = |text: &str| match text.strip_suffix(']').and_then(|text| text.split_once('[')) {
+        Some((key, element)) => Some(Target {
+            key: key.to_owned(),
+            element: Some(element.parse().ok()?),
+        }),
+        None => Some(Target {
+            key: text.to_owned(),
+            element: None,
+        }),
+    };
+    let mut targets = Vec::new();
+    for text in texts {
+        match read(text) {
+            Some(target) if target.key.split('.').all(|part| !part.is_empty()) => targets.push(target),
+            _ => keys.refuse(
+                "key",
+                format!("`{text}` is no key such as connections.measured.delay or a.vector[2]"),
+            ),
+        }
+    }
+    targets
+}
+
+pub(super) fn possible<T>(keys: &mut Keys<'_>, made: Result<T, Impossible>) -> Option<T> {
+    made.map_err(|error| keys.refuse(error.parameter, error.reason)).ok()
+}
+
+fn scalar(keys: &mut Keys<'_>, kind: &str) -> Option<Draws> {
+    let example = if keys.parts { "\"5 %\"" } else { "\"0.5 kg\"" };
+    let made = match kind {
+        "uniform" => {
+            let (from, to) = (keys.needed("from", example), keys.needed("to", example));
+            Scalar::Uniform { from: from?, to: to? }
+        }
+        "normal" | "truncated-normal" => {
+            let mean = mean(keys, example);
+            let deviation = keys.needed("deviation", example);
+            if kind == "normal" {
+                Scalar::Normal {
+                    mean: mean?,
+                    deviation: deviation?,
+                }
+            } else {
+                let (from, to) = (keys.number("from"), keys.number("to"));
+                if from.is_none() && to.is_none() {
+                    keys.refuse(
+                        "",
+                        "neither `from` nor `to` is given: give one, or let it be \"normal\"",
+                    );
+                }
+                Scalar::TruncatedNormal {
+                    mean: mean?,
+                    deviation: deviation?,
+                    from: from.unwrap_or(f64::NEG_INFINITY),
+                    to: to.unwrap_or(f64::INFINITY),
+                }
+            }
+        }
+        "log-normal" => {
+            let median = keys.needed("median", example);
+            keys.need("log-deviation", "0.1");
+            let log_deviation = keys.part("log-deviation");
+            Scalar::LogNormal {
+                median: median?,
+                log_deviation: log_deviation?,
+            }
+        }
+        _ => {
+            let (from, mode) = (keys.needed("from", example), keys.needed("mode", example));
+            let to = keys.needed("to", example);
+            Scalar::Triangular {
+                from: from?,
+                mode: mode?,
+                to: to?,
+            }
+        }
+    };
+    possible(keys, made.check())?;
+    Some(Draws::Scalar(made))
+}
+
+/// The mean: where a draw is added to something, or is a part of it, that is zero unless given.
+fn mean(keys: &mut Keys<'_>, example: &str) -> Option<f64> {
+    let added = keys.value("as").and_then(Value::as_str);
+    match added {
+        Some("offset" | "relative") if keys.value("mean").is_none() => Some(0.0),
+        _ => keys.needed("mean", example),
+    }
+}
+
+/// Weights of so many choices: equal ones unless given.
+fn weights(keys: &mut Keys<'_>, choices: usize) -> Option<Weights> {
+    let given = match keys.value("weights") {
+        None => vec![1.0; choices],
+        Some(value) => {
+            let all = value
+                .as_array()
+                .map(|all| all.iter().map(super::quantity::number).collect());
+            let Some(all) = all.unwrap_or(None::<Vec<f64>>) else {
+                keys.refuse("weights", format!("{value} is no list of numbers"));
+                return None;
+            };
+            all
+        }
+    };
+    if given.len() != choices {
+        keys.refuse("weights", format!("has {} numbers for {choices} values", given.len()));
+        return None;
+    }
+    possible(keys, Weights::new(&given))
+}
+
+fn discrete(keys: &mut Keys<'_>) -> Option<Draws> {
+    let values = keys.need("values", "[\"5 ms\", \"10 ms\"]")?;
+    let Some(values) = values.as_array().filter(|values| !values.is_empty()) else {
+        keys.refuse("values", format!("{values} is no list of values"));
+        return None;
+    };
+    let labels = match keys.value("labels") {
+        None => values.iter().map(plain).collect(),
+        Some(given) => {
+            let texts: Option<Vec<String>> = given.as_array().and_then(|all| {
+                let texts = all.iter().map(|one| one.as_str().map(str::to_owned));
+                texts.collect()
+            });
+            match texts.filter(|texts| texts.len() == values.len()) {
+                Some(texts) => texts,
+                None => {
+                    keys.refuse("labels", format!("{given} is no list of {} texts", values.len()));
+                    return None;
+                }
+            }
+        }
+    };
+    let weights = weights(keys, values.len())?;
+    // Numbers of one unit are numbers; anything else is what it is. A label says what it is not.
+    let unit = keys.unit.clone();
+    let numbers: Option<Vec<f64>> = values
+        .iter()
+        .map(|value| match keys.quantity(value) {
+            Ok((numbers, false)) => numbers.first().copied(),
+            _ => None,
+        })
+        .collect();
+    let labelled = keys.value("labels").is_some();
+    match numbers.filter(|_| !labelled) {
+        Some(numbers) => Some(Draws::Numbers(numbers, weights)),
+        None => {
+            keys.unit = unit;
+            let both = values.iter().cloned().zip(labels);
+            Some(Draws::Values(both.collect(), weights))
+        }
+    }
+}
+
+fn in_file(keys: &mut Keys<'_>, folder: &Path) -> Option<Draws> {
+    keys.need("file", "\"masses.csv\"");
+    keys.need("column", "\"mass\"");
+    let random = keys
+        .word("order", &[("in-turn", false), ("random", true)])
+        .unwrap_or(false);
+    let (file, name) = (keys.text("file")?, keys.text("column")?);
+    let path = folder.join(file);
+    let (cells, unit) = match column::cells(&path, name) {
+        Ok(read) => read,
+        Err(reason) => {
+            keys.refuse("file", format!("the file `{}` {reason}", path.display()));
+            return None;
+        }
+    };
+    let numbers: Option<Vec<f64>> = cells.iter().map(|cell| cell.parse::<f64>().ok()).collect();
+    let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+    let even = vec![1.0; cells.len()];
+    let Some(mut numbers) = numbers else {
+        return Some(if random {
+            let both = cells.iter().map(|cell| (crate::scenario::value(cell), cell.clone()));
+            Draws::Values(both.collect(), possible(keys, Weights::new(&even))?)
+        } else {
+            Draws::TextsInTurn(cells)
+        });
+    };
+    if !keys.parts {
+        match keys.unit.clone() {
+            None => keys.unit = Some(unit),
+            Some(wanted) if wanted != unit && !unit.is_empty() => {
+                match lockstep::units::convert(&format!("1 {unit}"), &wanted) {
+                    Ok((factor, _)) => numbers.iter_mut().for_each(|number| *number *= factor[0]),
+                    Err(error) => keys.refuse("column", error.to_string()),
+                }
+            }
+            Some(_) => {}
+        }
+    }
+    Some(if random {
+        Draws::Numbers(numbers, possible(keys, Weights::new(&even))?)
+    } else {
+        Draws::InTurn(numbers)
+    })
+}
+
+fn constant(keys: &mut Keys<'_>) -> Option<Draws> {
+    let value = keys.need("value", "\"0.2 m\"")?;
+    let unit = keys.unit.clone();
+    match keys.quantity(value) {
+        Ok((numbers, false)) => Some(Draws::Number(numbers[0])),
+        _ => {
+            keys.unit = unit;
+            Some(Draws::Constant(value.clone()))
+        }
+    }
+}
+
+fn formula(keys: &mut Keys<'_>, context: &Context<'_>) -> Option<Draws> {
+    keys.need("formula", "\"0.5 * mass * radius^2\"");
+    let text = keys.text("formula")?;
+    let made = Formula::read(text).and_then(|formula| {
+        let (_, dimension) = formula.value(context.above)?;
+        Ok((formula, dimension))
+    });
+    let (formula, dimension) = match made {
+        Ok(made) => made,
+        Err(reason) => {
+            keys.refuse("formula", reason);
+            return None;
+        }
+    };
+    let unit = keys.unit.get_or_insert_with(String::new).clone();
+    let wanted = if unit.is_empty() {
+        Ok((1.0, lockstep::units::Dimension::default()))
+    } else {
+        unit_factor(&unit)
+    };
+    match wanted {
+        Ok((per_si, wanted)) if wanted == dimension => Some(Draws::Formula(formula, per_si)),
+        Ok((_, wanted)) => {
+            let named = if unit.is_empty() {
+                "no unit".to_owned()
+            } else {
+                format!("the unit {unit} ({wanted})")
+            };
+            keys.refuse(
+                "formula",
+                format!("has the dimension {dimension}, but {named} is said: correct it or `unit`"),
+            );
+            None
+        }
+        Err(error) => {
+            keys.refuse("unit", error.to_string());
+            None
+        }
+    }
+}
+
+/// Whole numbers for a key that has one stay whole.
+fn whole(draws: &Draws, unit: &str, own: Option<&Quantity>) -> Option<Step> {
+    let own = own.is_none_or(|own| own.decimals[..] == [Some(0)]);
+    let plain = |numbers: &[f64]| numbers.iter().all(|number| number.fract() == 0.0);
+    let all = match draws {
+        Draws::Numbers(numbers, _) | Draws::InTurn(numbers) => plain(numbers),
+        Draws::Number(number) => plain(&[*number]),
+        _ => false,
+    };
+    (own && all && unit.is_empty()).then(|| Step {
+        size: 1.0,
+        decimals: 0,
+        unit: String::new(),
+    })
+}
+
+/// Whether the draws fit the keys and their own values.
+fn fits(keys: &mut Keys<'_>, dispersion: &Dispersion, owns: &[Option<Quantity>], context: &Context<'_>) {
+    super::fit::check(dispersion, owns, context.scenario, &mut |key, reason| {
+        keys.refuse(key, reason)
+    });
+    let moments = |own: &Quantity| match own.numbers[..] {
+        [x, y, z] => moments_are_physical([x, y, z]),
+        _ => true,
+    };
+    if let (Draws::Inertia(_), Some(Some(own))) = (&dispersion.draws, owns.first())
+        && !moments(own)
+    {
+        keys.refuse(
+            "key",
+            format!("the scenario's own value {} is the inertia of no body", own.text()),
+        );
+    }
+}

@@ -1,0 +1,218 @@
+//! A file that declares a campaign: a scenario, dispersions, a design, a seed.
+
+use std::path::{Path, PathBuf};
+
+use toml::{Table, Value};
+
+use super::CampaignError;
+use super::declared::{Declared, dimension_of};
+use super::dispersions::{Context, DESIGNS, Design, Dispersion, Quantity, Sized, at_key, dispersion};
+use super::plan::Plan;
+use crate::scenario::{Lines, Mistake, Scenario, ScenarioError};
+
+/// A file that declares a campaign: of its own, which names a scenario, or a scenario with the table `campaign`.
+#[derive(Debug)]
+pub struct CampaignFile {
+    path: PathBuf,
+    text: String,
+    /// What declares the campaign.
+    table: Table,
+    /// What stands before its keys in the file.
+    prefix: &'static str,
+    /// The scenario.
+    scenario: PathBuf,
+}
+
+const KEYS: [&str; 7] = ["title", "scenario", "points", "seed", "design", "seeds", "vary"];
+
+impl CampaignFile {
+    /// Reads `path`; `None` where it declares no campaign, so that it is a scenario or nothing.
+    ///
+    /// # Errors
+    /// When it declares a campaign without a scenario.
+    pub fn open(path: &Path) -> Result<Option<CampaignFile>, CampaignError> {
+        let Some((text, table)) = std::fs::read_to_string(path)
+            .ok()
+            .and_then(|text| text.parse::<Table>().ok().map(|table| (text, table)))
+        else {
+            return Ok(None);
+        };
+        let own = table.contains_key("vary") || table.contains_key("scenario");
+        let (table, prefix) = match table.get("campaign") {
+            Some(Value::Table(inner)) if !own => (inner.clone(), "campaign."),
+            _ if own => (table, ""),
+            _ => return Ok(None),
+        };
+        let mut file = CampaignFile {
+            path: path.to_owned(),
+            scenario: path.to_owned(),
+            text,
+            table,
+            prefix,
+        };
+        if prefix.is_empty() {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            file.scenario = match file.table.get("scenario").and_then(Value::as_str) {
+                Some(name) => folder.join(name),
+                None => {
+                    let reason = "names no scenario: write scenario = \"FILE.toml\", relative to this file";
+                    return Err(file.error(vec![file.mistake("scenario", reason)]));
+                }
+            };
+        }
+        Ok(Some(file))
+    }
+
+    /// The scenario that it is of.
+    pub fn scenario(&self) -> &Path {
+        &self.scenario
+    }
+
+    /// One line about it; empty where there is none.
+    pub fn title(&self) -> &str {
+        self.table.get("title").and_then(Value::as_str).unwrap_or_default()
+    }
+
+    fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {
+        let key = format!("{}{key}", self.prefix);
+        Mistake {
+            line: Lines::of(&self.text).line(&key),
+            key,
+            reason: reason.into(),
+        }
+    }
+
+    fn error(&self, mistakes: Vec<Mistake>) -> CampaignError {
+        ScenarioError {
+            file: self.path.clone(),
+            mistakes,
+        }
+        .into()
+    }
+
+    /// The points that it declares of `scenario`, which is its own with the changes of the command line.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, with file, line, key and remedy.
+    pub fn plan(&self, scenario: &Scenario) -> Result<Plan, CampaignError> {
+        let mut mistakes = Vec::new();
+        for key in self.table.keys().filter(|key| !KEYS.contains(&key.as_str())) {
+            mistakes.push(self.mistake(key, format!("unknown key; there is {}", KEYS.join(", "))));
+        }
+        if !self.prefix.is_empty() && self.table.contains_key("scenario") {
+            mistakes.push(self.mistake("scenario", "is this file itself: take the key out"));
+        }
+        let mut number = |key: &str, least: i64, most: i64| -> Option<u64> {
+            let value = self.table.get(key)?;
+            let whole = value.as_integer().filter(|whole| (least..=most).contains(whole));
+            if whole.is_none() {
+                let reason = format!("{value} is no whole number from {least} to {most}");
+                mistakes.push(self.mistake(key, reason));
+            }
+            whole.and_then(|whole| u64::try_from(whole).ok())
+        };
+        let points = number("points", 1, super::POINTS_MAX as i64);
+        let seed = number("seed", 0, i64::MAX).unwrap_or(1);
+        let design = self.word("design", &DESIGNS, &mut mistakes).unwrap_or(Design::Random);
+        let seeds = self.word("seeds", &[("each", true), ("same", false)], &mut mistakes);
+        let dispersions = self.dispersions(scenario, &mut mistakes);
+        if !mistakes.is_empty() {
+            return Err(self.error(mistakes));
+        }
+        let own_seed = dispersions
+            .iter()
+            .flat_map(|one| &one.targets)
+            .any(|target| target.key == "seed");
+        let mut start = std::collections::BTreeMap::new();
+        for target in dispersions.iter().flat_map(|one| &one.targets) {
+            if let Some(own) = at_key(scenario.resolved(), &target.key).and_then(Quantity::of) {
+                start.insert(target.key.clone(), own);
+            }
+        }
+        let first_seed = (seeds.unwrap_or(!own_seed) && !own_seed).then_some(scenario.seed);
+        if own_seed && seeds == Some(true) {
+            return Err(self.error(vec![self.mistake(
+                "seeds",
+                "gives each point its seed, and so does a dispersion: take one out",
+            )]));
+        }
+        let made = Declared::new(dispersions, design, seed, points, start, first_seed);
+        let made = made.map_err(|(key, reason)| self.error(vec![self.mistake(&key, reason)]))?;
+        Ok(Plan::Declared(Box::new(made)))
+    }
+
+    fn word<T: Copy>(&self, key: &str, words: &[(&str, T)], mistakes: &mut Vec<Mistake>) -> Option<T> {
+        let value = self.table.get(key)?;
+        let found = words.iter().find(|(word, _)| value.as_str() == Some(word));
+        if found.is_none() {
+            let known: Vec<&str> = words.iter().map(|(word, _)| *word).collect();
+            mistakes.push(self.mistake(key, format!("{value} is unknown; there is {}", known.join(", "))));
+        }
+        found.map(|(_, one)| *one)
+    }
+
+    /// The dispersions in the order of the file.
+    fn dispersions(&self, scenario: &Scenario, mistakes: &mut Vec<Mistake>) -> Vec<Dispersion> {
+        let Some(Value::Table(vary)) = self.table.get("vary") else {
+            let reason = "is missing: write what varies, such as [vary.delay] with key and distribution";
+            mistakes.push(self.mistake("vary", reason));
+            return Vec::new();
+        };
+        let lines = Lines::of(&self.text);
+        let mut names: Vec<&String> = vary.keys().collect();
+        names.sort_by_key(|name| lines.line(&format!("{}vary.{name}", self.prefix)));
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let mut all: Vec<Dispersion> = Vec::new();
+        for name in names {
+            let Value::Table(table) = &vary[name] else {
+                mistakes.push(self.mistake(&format!("vary.{name}"), "is no table: write [vary.NAME] with its keys"));
+                continue;
+            };
+            let above = |name: &str| -> Option<Sized> { dimension_of(&all, name) };
+            let context = Context {
+                folder,
+                scenario: scenario.resolved(),
+                above: &above,
+            };
+            match dispersion(name, table, &context) {
+                Ok(one) => all.push(one),
+                Err(wrong) => mistakes.extend(wrong.into_iter().map(|(key, reason)| {
+                    let dot = if key.is_empty() { "" } else { "." };
+                    self.mistake(&format!("vary.{name}{dot}{key}"), reason)
+                })),
+            }
+        }
+        all
+    }
+
+    /// What is wrong with all of the points that were tried, as a mistake of the dispersion that it is about.
+    pub fn blame(&self, plan: &Plan, error: CampaignError, tried: usize) -> CampaignError {
+        let CampaignError::Scenario(ScenarioError { mistakes, .. }) = &error else {
+            return error;
+        };
+        let Plan::Declared(declared) = plan else { return error };
+        let blamed: Option<Vec<Mistake>> = mistakes
+            .iter()
+            .map(|mistake| {
+                let near = |key: &str| mistake.key == key || mistake.key.starts_with(&format!("{key}."));
+                let found = declared.dispersions().iter().find(|one| {
+                    one.targets
+                        .iter()
+                        .any(|target| near(&target.key) || target.key.starts_with(&format!("{}.", mistake.key)))
+                })?;
+                let key = format!("vary.{}", found.name);
+                Some(self.mistake(
+                    &key,
+                    format!(
+                        "all of the first {tried} points are refused, the first with {}: {}",
+                        mistake.key, mistake.reason
+                    ),
+                ))
+            })
+            .collect();
+        match blamed {
+            Some(mistakes) if !mistakes.is_empty() => self.error(mistakes),
+            _ => error,
+        }
+    }
+}

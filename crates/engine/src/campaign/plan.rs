@@ -1,0 +1,115 @@
+//! The points of a campaign, one by one: what a point changes and what of it stands in the table is a function of what declares
+//! the campaign and of the point's number.
+
+use super::Column;
+use super::declared::Declared;
+
+/// The points of a campaign.
+#[derive(Debug)]
+pub enum Plan {
+    /// A list of points: a grid of the command line, a list of cases.
+    Listed {
+        /// What tells them apart.
+        columns: Vec<Column>,
+        /// The changes of each.
+        points: Vec<Vec<String>>,
+    },
+    /// What a campaign file declares.
+    Declared(Box<Declared>),
+}
+
+/// One point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Its changes as `--set` takes them, or why there is no such point.
+    pub settings: Result<Vec<String>, String>,
+    /// What was drawn for it, a cell for each of [`Plan::heads`].
+    pub cells: Vec<Cell>,
+}
+
+/// A column without its cells.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Head {
+    /// Its name.
+    pub name: String,
+    /// The unit of its numbers; empty where it has none.
+    pub unit: String,
+}
+
+/// What stands in a column for one point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cell {
+    /// As text, with its unit.
+    pub text: String,
+    /// The same as a number in the unit of the column.
+    pub number: Option<f64>,
+}
+
+impl Plan {
+    /// How many points there are.
+    pub fn count(&self) -> usize {
+        match self {
+            Plan::Listed { points, .. } => points.len(),
+            Plan::Declared(declared) => declared.count(),
+        }
+    }
+
+    /// Point number `k`, from 0.
+    pub fn point(&self, k: usize) -> Point {
+        match self {
+            Plan::Listed { columns, points } => Point {
+                settings: Ok(points[k].clone()),
+                cells: columns
+                    .iter()
+                    .map(|column| Cell {
+                        text: column.texts[k].clone(),
+                        number: column.numbers.as_ref().map(|numbers| numbers[k]),
+                    })
+                    .collect(),
+            },
+            Plan::Declared(declared) => declared.point(k),
+        }
+    }
+
+    /// The columns without their cells.
+    pub fn heads(&self) -> Vec<Head> {
+        match self {
+            Plan::Listed { columns, .. } => columns
+                .iter()
+                .map(|column| Head {
+                    name: column.name.clone(),
+                    unit: column.unit.clone(),
+                })
+                .collect(),
+            Plan::Declared(declared) => declared.heads().to_vec(),
+        }
+    }
+
+    /// The columns with the cells of all points, and the changes of each point.
+    pub fn unrolled(&self) -> (Vec<Column>, Vec<Result<Vec<String>, String>>) {
+        if let Plan::Listed { columns, points } = self {
+            return (columns.clone(), points.iter().cloned().map(Ok).collect());
+        }
+        let heads = self.heads();
+        let mut texts = vec![Vec::with_capacity(self.count()); heads.len()];
+        let mut numbers = vec![Vec::with_capacity(self.count()); heads.len()];
+        let mut settings = Vec::with_capacity(self.count());
+        for k in 0..self.count() {
+            let point = self.point(k);
+            for (at, cell) in point.cells.into_iter().enumerate() {
+                texts[at].push(cell.text);
+                numbers[at].push(cell.number);
+            }
+            settings.push(point.settings);
+        }
+        let columns = heads.into_iter().zip(texts.into_iter().zip(numbers));
+        let columns = columns.map(|(head, (texts, numbers))| Column {
+            whole: texts.iter().map(|text| text.parse().ok()).collect(),
+            name: head.name,
+            unit: head.unit,
+            texts,
+            numbers: numbers.into_iter().collect(),
+        });
+        (columns.collect(), settings)
+    }
+}

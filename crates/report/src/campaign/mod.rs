@@ -1,0 +1,26 @@
+//! The page of a campaign: one HTML file with everything in it, in the style of a run's page.
+
+use serde_json::Value;
+
+use crate::page::{STYLE, TICKS, TOOLS, base64, filled};
+
+const TEMPLATE: &str = include_str!("assets/campaign.html");
+const STYLE_OF_ITS_OWN: &str = include_str!("assets/campaign.css");
+const SCRIPT: &str = include_str!("assets/campaign.js");
+
+/// Numbers as the page takes them: seven digits are finer than any picture. What is not there is NaN.
+pub fn floats(values: Vec<f64>) -> Value {
+    base64(values.into_iter().flat_map(|value| (value as f32).to_le_bytes())).into()
+}
+
+/// The page of a campaign called `title`, of what `engine::campaign::analysis` computes.
+pub fn page(title: &str, data: &Value) -> String {
+    let data = data.to_string().replace('<', "\\u003c");
+    filled(
+        TEMPLATE,
+        title,
+        &[STYLE, STYLE_OF_ITS_OWN],
+        &data,
+        &[TOOLS, TICKS, SCRIPT],
+    )
+}

@@ -1,0 +1,38 @@
+//! Latin hypercubes.
+
+use lockstep::random::Stream;
+
+use super::{inside, open, stream};
+
+/// Strata of equal width, dealt out to the points at random.
+#[derive(Debug, Clone)]
+pub(super) struct Strata {
+    within: Stream,
+    /// The stratum of each point.
+    of: Vec<u32>,
+}
+
+impl Strata {
+    /// The order of the points' random bits is a random permutation.
+    pub(super) fn new(seed: u64, name: &str, points: u64) -> Strata {
+        let keys = Stream::new(seed, &format!("strata {name}"));
+        let count = u32::try_from(points.max(1)).unwrap_or(u32::MAX);
+        let mut order: Vec<u32> = (0..count).collect();
+        order.sort_by_key(|k| (keys.bits(u64::from(*k)), *k));
+        let mut of = vec![0; order.len()];
+        for (stratum, k) in (0..count).zip(order) {
+            of[k as usize] = stratum;
+        }
+        Strata {
+            within: stream(seed, name),
+            of,
+        }
+    }
+
+    /// Of points beyond the design, the strata come again from the start.
+    pub(super) fn at(&self, k: u64) -> f64 {
+        let count = self.of.len() as u64;
+        let stratum = self.of[(k % count) as usize];
+        inside((f64::from(stratum) + open(&self.within, k)) / count as f64)
+    }
+}

@@ -1,0 +1,74 @@
+//! Designs: how the points of a campaign fill the unit cube, one coordinate at a time.
+
+mod joe_kuo;
+mod latin;
+mod sobol;
+
+use lockstep::random::Stream;
+
+pub use joe_kuo::DIMENSIONS;
+use latin::Strata;
+use sobol::Scrambled;
+
+/// 2^-52: draws are odd multiples of half of it.
+const FINEST: f64 = f64::EPSILON;
+
+/// One axis of the unit cube.
+#[derive(Debug, Clone)]
+pub struct Coordinate(Way);
+
+#[derive(Debug, Clone)]
+enum Way {
+    Random(Stream),
+    Latin(Strata),
+    Sobol(Box<Scrambled>),
+}
+
+impl Coordinate {
+    /// Independent draws of the stream `vary NAME`.
+    pub fn random(seed: u64, name: &str) -> Coordinate {
+        Coordinate(Way::Random(stream(seed, name)))
+    }
+
+    /// A Latin hypercube of `points` points: each of as many equal strata has one of them. The number of points is part of every draw.
+    pub fn latin_hypercube(seed: u64, name: &str, points: u64) -> Coordinate {
+        Coordinate(Way::Latin(Strata::new(seed, name, points)))
+    }
+
+    /// Dimension `dimension`, from 0, of a Sobol' sequence with Owen's nested uniform scrambling. `None` from [`DIMENSIONS`] on.
+    pub fn sobol(seed: u64, name: &str, dimension: usize) -> Option<Coordinate> {
+        Some(Coordinate(Way::Sobol(Box::new(Scrambled::new(seed, name, dimension)?))))
+    }
+
+    /// The number of point `k`, from 0: in (0, 1), the ends excluded.
+    pub fn at(&self, k: u64) -> f64 {
+        match &self.0 {
+            Way::Random(stream) => open(stream, k),
+            Way::Latin(strata) => strata.at(k),
+            Way::Sobol(sequence) => sequence.at(k),
+        }
+    }
+}
+
+/// The stream of random numbers of a coordinate.
+fn stream(seed: u64, name: &str) -> Stream {
+    Stream::new(seed, &format!("vary {name}"))
+}
+
+/// A uniform draw without the ends of its interval.
+fn open(stream: &Stream, index: u64) -> f64 {
+    ((stream.bits(index) >> 12) as f64 + 0.5) * FINEST
+}
+
+/// What rounding made of a number in (0, 1), with the ends excluded again.
+fn inside(u: f64) -> f64 {
+    u.clamp(0.5 * FINEST, 1.0 - 0.5 * FINEST)
+}
+
+/// The number of bits of a Sobol' point that are its sequence's own.
+pub const SOBOL_BITS: u32 = sobol::BITS;
+
+/// Point `k` of dimension `dimension` without scrambling, as a multiple of 2^-32. `None` from [`DIMENSIONS`] on.
+pub fn plain_sobol(dimension: usize, k: u64) -> Option<u32> {
+    Some(sobol::Sequence::new(dimension)?.at(k))
+}

@@ -1,0 +1,136 @@
+//! Distributions of several numbers: correlated ones, and directions.
+
+use std::f64::consts::TAU;
+
+use super::normal::quantile;
+use super::{Impossible, impossible};
+
+/// A normal distribution of several numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Correlated {
+    mean: Vec<f64>,
+    /// The lower triangle whose product with its transpose is the covariance, row by row.
+    root: Vec<Vec<f64>>,
+}
+
+impl Correlated {
+    /// From means, standard deviations and the matrix of correlations, which has ones on its diagonal; none means independent ones.
+    ///
+    /// # Errors
+    /// A matrix of another size, or that no random numbers have; negative deviations. A deviation of zero is one number for all.
+    pub fn new(mean: &[f64], deviations: &[f64], correlations: Option<&[Vec<f64>]>) -> Result<Correlated, Impossible> {
+        let n = mean.len();
+        if deviations.len() != n {
+            let reason = format!("has {} numbers for {n} means", deviations.len());
+            return Err(impossible("deviations", reason));
+        }
+        if let Some(wrong) = deviations.iter().find(|one| !(one.is_finite() && **one >= 0.0)) {
+            return Err(impossible("deviations", format!("{wrong} is negative or not finite")));
+        }
+        let refuse = |reason: String| impossible("correlations", reason);
+        if let Some(rows) = correlations {
+            if rows.len() != n || rows.iter().any(|row| row.len() != n) {
+                return Err(refuse(format!("is not a matrix of {n} rows with {n} numbers")));
+            }
+            for (i, row) in rows.iter().enumerate() {
+                for (j, value) in row.iter().enumerate() {
+                    if i == j && *value != 1.0 {
+                        return Err(refuse(format!("has {value} on its diagonal, where 1 belongs")));
+                    }
+                    if *value != rows[j][i] {
+                        return Err(refuse(format!("is not symmetric: {value} against {}", rows[j][i])));
+                    }
+                }
+            }
+        }
+        let one = |i: usize, j: usize| correlations.map_or(f64::from(u8::from(i == j)), |rows| rows[i][j]);
+        let mut root = vec![vec![0.0; n]; n];
+        for i in 0..n {
+            for j in 0..=i {
+                let sum: f64 = (0..j).map(|k| root[i][k] * root[j][k]).sum();
+                let rest = one(i, j) - sum;
+                if i == j {
+                    // A number that others determine has nothing left; rounding may make that a little less.
+                    if !(rest >= -1e-12) {
+                        return Err(refuse(
+                            "contradicts itself: no random numbers have these correlations".into(),
+                        ));
+                    }
+                    root[i][i] = libm::sqrt(rest.max(0.0));
+                } else if root[j][j] > 1e-7 {
+                    root[i][j] = rest / root[j][j];
+                } else if rest.abs() > 1e-6 {
+                    return Err(refuse(
+                        "contradicts itself: no random numbers have these correlations".into(),
+                    ));
+                }
+            }
+        }
+        for (row, deviation) in root.iter_mut().zip(deviations) {
+            row.iter_mut().for_each(|value| *value *= deviation);
+        }
+        Ok(Correlated {
+            mean: mean.to_vec(),
+            root,
+        })
+    }
+
+    /// How many numbers it has, and how many numbers in (0, 1) a draw takes.
+    pub fn len(&self) -> usize {
+        self.mean.len()
+    }
+
+    /// Whether it has none.
+    pub fn is_empty(&self) -> bool {
+        self.mean.is_empty()
+    }
+
+    /// The draw that belongs to numbers in (0, 1).
+    pub fn quantile(&self, u: &[f64]) -> Vec<f64> {
+        let z: Vec<f64> = u.iter().map(|u| quantile(*u)).collect();
+        let rows = self.mean.iter().zip(&self.root);
+        rows.map(|(mean, row)| mean + row.iter().zip(&z).map(|(a, b)| a * b).sum::<f64>())
+            .collect()
+    }
+}
+
+/// A unit vector, all directions equally likely.
+pub fn on_sphere(u: [f64; 2]) -> [f64; 3] {
+    let z = 1.0 - 2.0 * u[0];
+    let radius = libm::sqrt((1.0 - z) * (1.0 + z));
+    [radius * libm::cos(TAU * u[1]), radius * libm::sin(TAU * u[1]), z]
+}
+
+/// A unit vector within `half_angle` (rad, at most π) of the direction `axis`, which need not have length one, all directions in there
+/// equally likely.
+pub fn in_cone(axis: [f64; 3], half_angle: f64, u: [f64; 2]) -> [f64; 3] {
+    let half = libm::sin(0.5 * half_angle);
+    // One minus the cosine of the angle to the axis, exact also for a narrow cone.
+    let short = u[0] * 2.0 * half * half;
+    let across = libm::sqrt(short * (2.0 - short));
+    let length = libm::sqrt(axis.iter().map(|x| x * x).sum());
+    let axis = axis.map(|x| x / length);
+    let (first, second) = beside(axis);
+    let (c, s) = (libm::cos(TAU * u[1]), libm::sin(TAU * u[1]));
+    std::array::from_fn(|i| (1.0 - short) * axis[i] + across * (c * first[i] + s * second[i]))
+}
+
+/// Two unit vectors that stand on the unit vector `axis` and on each other.
+fn beside(axis: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+    // Away from the coordinate axis that is nearest.
+    let mut helper = [0.0; 3];
+    let least = (0..3).min_by(|a, b| f64::total_cmp(&axis[*a].abs(), &axis[*b].abs()));
+    helper[least.unwrap_or(0)] = 1.0;
+    let first = cross(axis, helper);
+    let length = libm::sqrt(first.iter().map(|x| x * x).sum());
+    let first = first.map(|x| x / length);
+    (first, cross(axis, first))
+}
+
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}

@@ -1,0 +1,19 @@
+//! Designs of experiments, distributions, and statistics of what came out. Values in, values out.
+//!
+//! ```
+//! use sampling::design::Coordinate;
+//! use sampling::distribution::Scalar;
+//!
+//! // Number 137 of the draws called `mass` of the campaign with seed 1.
+//! let draw = Coordinate::random(1, "mass").at(137);
+//! let mass = Scalar::Normal { mean: 150.0, deviation: 5.0 }.quantile(draw);
+//! assert!((100.0..200.0).contains(&mass));
+//! ```
+//!
+//! A *coordinate* is one axis of the unit cube: number k of a point gives a number in (0, 1), a function of seed, name and k alone.
+//! A distribution makes its value of as many coordinates as it needs, by inverse distribution functions, so any design serves
+//! any distribution.
+
+pub mod design;
+pub mod distribution;
+pub mod statistics;
