@@ -1,11 +1,13 @@
 //! Campaigns of failures: a declared list of cases.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use toml::{Table, Value};
 
 use super::Column;
+use super::dispersions::plain;
 use crate::scenario::{Program, Scenario};
 
 /// What is wrong with a list of cases.
@@ -75,6 +77,7 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
     if list.case.is_empty() {
         return Err(refuse("has no [[case]]".into()));
     }
+    let columns = columns(&list.case);
     let (mut names, mut points) = (Vec::new(), Vec::new());
     for case in list.case {
         let refuse = |reason: String| refuse(format!("case `{}`: {reason}", case.name));
@@ -109,9 +112,32 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
     }
     Ok(Cases {
         title: list.title,
-        columns: vec![Column::of_texts("case", names)],
+        columns,
         points,
     })
+}
+
+/// The name of each case, and for every key that one of them sets or adds to, what it says; empty where a case leaves it alone.
+fn columns(cases: &[Case]) -> Vec<Column> {
+    let mut rows: Vec<BTreeMap<String, String>> = Vec::new();
+    for case in cases {
+        let all = case.set.iter().chain(&case.append);
+        let mut row: BTreeMap<String, String> = all.map(|(key, value)| (key.clone(), plain(value))).collect();
+        for (name, tables) in [("actuators", &case.actuators), ("faults", &case.faults)] {
+            if !tables.is_empty() {
+                let tables = tables.iter().cloned().map(Value::Table).collect();
+                row.insert(name.to_owned(), Value::Array(tables).to_string());
+            }
+        }
+        rows.push(row);
+    }
+    let keys: BTreeSet<&String> = rows.iter().flat_map(BTreeMap::keys).collect();
+    let names = cases.iter().map(|case| case.name.clone()).collect();
+    let set = keys.into_iter().map(|key| {
+        let texts = rows.iter().map(|row| row.get(key).cloned().unwrap_or_default());
+        Column::of_texts(key, texts.collect())
+    });
+    std::iter::once(Column::of_texts("case", names)).chain(set).collect()
 }
 
 /// The change that adds `more` to the list at `key`, which may not be there yet.

@@ -49,6 +49,9 @@ struct Identity {
 struct Entry {
     /// From 1.
     point: usize,
+    /// What tells the point apart, by column.
+    #[serde(default)]
+    values: serde_json::Map<String, serde_json::Value>,
     #[serde(flatten)]
     result: PointResult,
 }
@@ -199,10 +202,20 @@ impl Folder {
         self.root.join(format!(".worker-{worker}"))
     }
 
-    /// Puts a result into the journal: it is on the disk's way when this returns.
-    pub fn note(&mut self, point: usize, result: &PointResult) -> std::result::Result<(), CampaignError> {
+    /// Puts the result of a point, from 1, into the journal: it is on the disk's way when this returns.
+    pub fn note(
+        &mut self,
+        campaign: &Campaign,
+        point: usize,
+        result: &PointResult,
+    ) -> std::result::Result<(), CampaignError> {
+        let values = campaign
+            .columns
+            .iter()
+            .map(|column| (column.name.clone(), column.json(point - 1)));
         let entry = Entry {
             point,
+            values: values.collect(),
             result: result.clone(),
         };
         let line = serde_json::to_string(&entry).unwrap_or_default() + "\n";
@@ -265,7 +278,8 @@ mod tests {
         let path = std::env::temp_dir().join(format!("campaign-journal-{}", std::process::id()));
         let line = |point, outcome| {
             let result = PointResult::without(outcome, "why");
-            serde_json::to_string(&Entry { point, result }).unwrap() + "\n"
+            let values = serde_json::Map::new();
+            serde_json::to_string(&Entry { point, values, result }).unwrap() + "\n"
         };
         let whole = line(2, Outcome::Failed) + &line(1, Outcome::Crashed) + &line(9, Outcome::Failed);
         fs::write(&path, format!("{whole}{}", &line(3, Outcome::Failed)[..20])).unwrap();

@@ -15,6 +15,7 @@ mod grid;
 mod picture;
 mod plan;
 mod point;
+mod spread;
 mod table;
 mod tell;
 mod work;

@@ -5,7 +5,7 @@ use report::figures::{Band, Chart, Curve, Drawing, Limit, Map, MapCell, Shade};
 use super::figures::Number;
 use super::point::{Outcome, Result as PointResult};
 use super::tell::{distinct, good_word};
-use super::{Column, figure_value, short};
+use super::{Column, figure_value, short, spread};
 
 /// What to draw.
 #[derive(Debug)]
@@ -66,7 +66,8 @@ impl Place<'_> {
 }
 
 /// The picture: a chart over one varied key, a map over two. What else is varied, and the seed beside another key, is folded:
-/// a place is met when all of its points are, and shows the worst. `None` when nothing is varied.
+/// a place is met when all of its points are, and shows the worst. Where hardly two points have a value in common, as those that were
+/// drawn, it is how far they stay from their limits. `None` when nothing is varied.
 pub fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     let varied: Vec<&Column> = picture
         .columns
@@ -80,6 +81,10 @@ pub fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     }
     match shown[..] {
         [x] => Some(chart(picture, x)),
+        // Values that were drawn lie nowhere twice, and make no map.
+        [x, y] if distinct(&x.texts).len() * distinct(&y.texts).len() > 4 * picture.results.len() => {
+            spread::draw(picture)
+        }
         [x, y] => Some(over_two(picture, x, y)),
         _ => None,
     }

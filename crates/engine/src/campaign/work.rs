@@ -70,7 +70,7 @@ pub fn run(campaign: &Campaign, scenario: &Scenario, options: &Options) -> Resul
     for (point, reason) in &campaign.refused {
         if results[*point].is_none() {
             let result = PointResult::without(Outcome::Refused, reason.clone());
-            folder.note(point + 1, &result)?;
+            folder.note(campaign, point + 1, &result)?;
             results[*point] = Some(result);
         }
     }
@@ -182,7 +182,7 @@ impl Crew<'_> {
 
     fn note(&mut self, number: usize, result: PointResult) -> Result<(), CampaignError> {
         if let Some(point) = self.seats[number].busy.take() {
-            self.folder.note(point + 1, &result)?;
+            self.folder.note(self.campaign, point + 1, &result)?;
             self.results[point] = Some(result);
         }
         Ok(())

@@ -41,7 +41,7 @@ pub fn analysis(title: &str, campaign: &Campaign, plan: &Plan, results: &[Option
         "shown": shown.iter().map(|at| at + 1).collect::<Vec<_>>(),
         "share": { "good": good, "ran": ran, "low": low, "high": high },
         "outcomes": shown.iter().map(|at| word(results[*at].as_ref())).collect::<Vec<_>>(),
-        "columns": campaign.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>(),
+        "columns": campaign.columns.iter().map(|column| [column.name.as_str(), column.unit.as_str()]).collect::<Vec<_>>(),
         "inputs": inputs.iter().map(|column| input(column, &shown)).collect::<Vec<_>>(),
         "measures": measures.collect::<Vec<_>>(),
         "factors": blocks,
@@ -99,7 +99,10 @@ fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
     all.iter()
         .take(10)
         .map(|(part, name, at)| {
-            let drawn = campaign.columns.iter().map(|column| column.texts[*at].clone());
+            let drawn = campaign.columns.iter().map(|column| match &column.numbers {
+                Some(numbers) => json!(numbers[*at]),
+                None => json!(column.texts[*at]),
+            });
             json!({
                 "point": at + 1,
                 "outcome": word(results[*at].as_ref()),

@@ -9,7 +9,7 @@ mod quantity;
 mod read;
 mod vectors;
 
-pub use draws::{Drawn, Draws, Frame};
+pub use draws::{Drawn, Draws, Frame, plain};
 pub use formula::{Formula, Sized};
 pub use quantity::{Quantity, at_key};
 pub use read::{Context, DESIGNS, dispersion};

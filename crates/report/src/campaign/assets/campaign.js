@@ -4,6 +4,7 @@ const GOOD = new Set(["met", "complete"]);
 const inputs = DATA.inputs.map((one) => ({ ...one, values: decode(one.values, Float32Array) }));
 const measures = DATA.measures.map((one) => ({ ...one, values: decode(one.values, Float32Array) }));
 const named = (one) => one.name + (one.unit ? ` [${one.unit}]` : "");
+const unitOf = (one) => (one.unit ? `[${one.unit}]` : "");
 const behind = (unit) => (unit ? " " + unit : "");
 const percent = (x) => show(Number((100 * x).toPrecision(4))) + " %";
 const interval = (low, high, unit = "") => (low == null && high == null ? "" : `${low == null ? "below" : show(low)} to ${high == null ? "above" : show(high)}${behind(unit)}`);
@@ -18,9 +19,18 @@ function span(lists, margin = 0.04) {
   return [lo - pad, hi + pad];
 }
 
+/** The range of what is not far out, and how many values are: a few outliers would flatten everything else. */
+function core(values, also = []) {
+  const sorted = [...values].filter(Number.isFinite).sort((a, b) => a - b), n = sorted.length;
+  if (n < 20) return { range: span([sorted, also]), out: 0 };
+  const low = sorted[Math.floor(0.02 * n)], high = sorted[Math.ceil(0.98 * n) - 1], reach = 2 * (high - low);
+  const inside = reach > 0 ? sorted.filter((v) => v >= low - reach && v <= high + reach) : sorted;
+  return { range: span([inside, also]), out: n - inside.length };
+}
+
 /** A canvas with axes; `draw(pen, X, Y, box)` fills it, again whenever size or theme change. */
 const drawings = [];
-function plot({ x, y, below, left, words = [], draw, percents = false }) {
+function plot({ x, y, below, left, words = [], places, draw, percents = false }) {
   const canvas = el("canvas", { role: "img", "aria-label": `${left || ""} over ${below || ""}` }), box = el("div", { class: "plot" }, canvas);
   const paint = () => {
     const w = box.clientWidth, h = box.clientHeight, scale = window.devicePixelRatio || 1;
@@ -31,7 +41,7 @@ function plot({ x, y, below, left, words = [], draw, percents = false }) {
     const X = (v) => frame.l + ((v - x[0]) / (x[1] - x[0])) * (frame.r - frame.l), Y = (v) => frame.b - ((v - y[0]) / (y[1] - y[0])) * (frame.b - frame.t);
     pen.font = "10px system-ui, sans-serif"; pen.lineWidth = 1; pen.strokeStyle = cssVar("--grid"); pen.fillStyle = cssVar("--soft");
     pen.textAlign = "center";
-    const marks = words.length ? words.map((word, i) => [i, word.length > 12 ? word.slice(0, 11) + "…" : word]) : ticks(x[0], x[1], Math.max(2, w / 90));
+    const marks = words.length ? words.map((word, i) => [i, word.length > 12 ? word.slice(0, 11) + "…" : word]) : places || ticks(x[0], x[1], Math.max(2, w / 90));
     for (const [v, label] of marks) { if (v < x[0] || v > x[1]) continue; pen.beginPath(); pen.moveTo(X(v), frame.t); pen.lineTo(X(v), frame.b); pen.stroke(); pen.fillText(label, X(v), frame.b + 12); }
     pen.textAlign = "right";
     for (const [v, label] of ticks(y[0], y[1], Math.max(2, h / 45))) { pen.beginPath(); pen.moveTo(frame.l, Y(v)); pen.lineTo(frame.r, Y(v)); pen.stroke(); pen.fillText(percents ? percent(v) : label, frame.l - 5, Y(v) + 3); }
@@ -56,10 +66,12 @@ function line(pen, points, color, dash = []) {
 function histogram(one, { limits = [], words = [], below = named(one) } = {}) {
   const values = [...one.values].filter(Number.isFinite).sort((a, b) => a - b), n = values.length;
   const near = limits.filter((limit) => n && Math.abs(limit) <= 3 * Math.max(Math.abs(values[0]), Math.abs(values[n - 1])));
-  const x = words.length ? [-0.6, words.length - 0.4] : span([values, near]);
+  const { range, out } = core(values, near), x = words.length ? [-0.6, words.length - 0.4] : range;
   const bins = words.length || Math.max(1, Math.min(40, Math.ceil(2 * Math.cbrt(n)))), counts = new Array(bins).fill(0);
-  const lo = words.length ? -0.5 : values[0] ?? 0, hi = words.length ? words.length - 0.5 : values[n - 1] ?? 1, width = (hi - lo) / bins || 1;
-  for (const v of values) counts[Math.min(bins - 1, Math.max(0, Math.floor((v - lo) / width)))]++;
+  const seen = out ? values.filter((v) => v >= x[0] && v <= x[1]) : values;
+  const lo = words.length ? -0.5 : seen[0] ?? 0, hi = words.length ? words.length - 0.5 : seen[seen.length - 1] ?? 1, width = (hi - lo) / bins || 1;
+  if (out) below += `, ${out} further out`;
+  for (const v of seen) counts[Math.min(bins - 1, Math.max(0, Math.floor((v - lo) / width)))]++;
   const most = Math.max(1, ...counts);
   return plot({ x, y: [0, 1.05], below, percents: true, words, draw(pen, X, Y) {
     pen.fillStyle = cssVar("--c0"); pen.globalAlpha = 0.35;
@@ -73,9 +85,9 @@ function histogram(one, { limits = [], words = [], below = named(one) } = {}) {
 
 /** Every point, in the colour of what became of it. */
 function scatter(input, measure) {
-  const words = input.words, x = words.length ? [-0.6, words.length - 0.4] : span([input.values]), y = span([measure.values, measure.limits.filter((limit) => Math.abs(limit) < 3 * Math.max(...span([measure.values]).map(Math.abs)))]);
+  const words = input.words, x = words.length ? [-0.6, words.length - 0.4] : span([input.values]), own = core(measure.values).range, y = core(measure.values, measure.limits.filter((limit) => Math.abs(limit) < 3 * Math.max(...own.map(Math.abs)))).range;
   const alpha = Math.max(0.25, Math.min(0.8, 60 / Math.sqrt(measure.values.length + 1) / 2));
-  return plot({ x, y, words, below: named(input), draw(pen, X, Y) {
+  return plot({ x, y, words, below: unitOf(input), draw(pen, X, Y) {
     const order = DATA.outcomes.map((word, i) => i).sort((a, b) => GOOD.has(DATA.outcomes[b]) - GOOD.has(DATA.outcomes[a]));
     pen.globalAlpha = alpha;
     for (const i of order) {
@@ -93,7 +105,8 @@ function convergence(measure) {
   const rows = measure.convergence, pairs = measure.truth ? [1] : [1, 4], y = span(rows.map((row) => row.slice(1)));
   const x = [Math.log10(rows[0]?.[0] ?? 1), Math.log10(Math.max(rows[rows.length - 1]?.[0] ?? 10, 2))];
   if (!(x[1] > x[0])) x[1] = x[0] + 1;
-  return plot({ x, y, below: "points, as a power of ten", left: named(measure), percents: measure.truth, draw(pen, X, Y) {
+  const decades = [1, 2, 3, 4, 5].flatMap((power) => [1, 2, 5].map((digit) => [Math.log10(digit * 10 ** power), String(digit * 10 ** power)]));
+  return plot({ x, y, below: "points", places: decades, left: named(measure), percents: measure.truth, draw(pen, X, Y) {
     pairs.forEach((first, i) => {
       const along = rows.map((row) => X(Math.log10(row[0]))), of = (k) => rows.map((row, at) => [along[at], row[first + k] == null ? NaN : Y(row[first + k])]);
       pen.lineWidth = 1.8; line(pen, of(0), cssVar("--c" + i)); pen.lineWidth = 1;
@@ -106,7 +119,7 @@ const row = (...cells) => el("tr", {}, ...cells.map((cell) => (cell instanceof N
 const table = (heads, rows) => el("table", {}, el("thead", {}, el("tr", {}, ...heads.map((head) => el("th", {}, head)))), el("tbody", {}, ...rows));
 function section(id, title, ...parts) {
   at("nav").append(el("a", { href: "#" + id }, title));
-  const made = el("section", { id }, el("h2", {}, title), ...parts);
+  const made = el("section", { id }, el("h2", {}, title), ...parts.filter(Boolean));
   main.append(made);
   return made;
 }
@@ -125,15 +138,19 @@ function top() {
 
 function worst() {
   if (!DATA.worst.length) return;
-  const rows = DATA.worst.map((one) => row(one.point, one.outcome, one.criterion, one.part == null ? "not measured" : percent(one.part), ...one.drawn));
-  section("worst", "The ten worst points", el("div", { class: "card wide" }, table(["point", "outcome", "criterion", "part of its limit", ...DATA.columns], rows)));
+  const rows = DATA.worst.map((one) => row(one.point, one.outcome, one.criterion, one.part == null ? "not measured" : percent(one.part), ...one.drawn.map((x, i) => (typeof x === "number" ? show(x) + behind(DATA.columns[i][1]) : x))));
+  section("worst", "The ten worst points", el("div", { class: "card wide" }, table(["point", "outcome", "criterion", "part of its limit", ...DATA.columns.map(([name]) => name)], rows)));
 }
 
+/** Whether there is anything to see: a figure that is the same everywhere depends on nothing. */
+const differs = (one) => one.limits.length > 0 || [...one.values].some((v) => v !== one.values[0] && !(Number.isNaN(v) && Number.isNaN(one.values[0])));
+const constant = measures.filter((one) => !differs(one));
 let chosen = Math.max(0, measures.findIndex((one) => !one.truth));
 function heat() {
   if (!inputs.length || !measures.length) return;
   const noise = 1.96 / Math.sqrt(Math.max(4, DATA.points) - 1);
   const rows = measures.map((one, m) => {
+    if (!differs(one)) return null;
     const cells = one.correlations.map((rho, i) => {
       if (rho == null) return el("td", {}, "");
       const strong = Math.abs(rho) > noise;
@@ -142,14 +159,15 @@ function heat() {
     });
     return el("tr", { "data-measure": m }, el("td", {}, el("button", { onclick: () => choose(m, true) }, named(one))), ...cells);
   });
-  section("correlations", "Rank correlations", el("div", { class: "card heat" }, table(["figure", ...inputs.map((one) => one.name)], rows)),
+  section("correlations", "Rank correlations", el("div", { class: "card heat" }, table(["figure", ...inputs.map((one) => one.name)], rows.filter(Boolean))),
     el("p", { class: "note" }, `Spearman's, of every figure with everything that varies. A dot is less than ${noise.toFixed(2)}, what chance gives in 19 of 20 cases. A click shows the figure below.`));
 }
 
 function figures() {
-  const cards = measures.map((one, m) => one.truth ? null : el("div", { class: "card pick", tabindex: 0, role: "button", "data-measure": m, onclick: () => choose(m, true), onkeydown: (event) => { if (event.key === "Enter") choose(m, true); } },
-    el("h3", {}, one.name, " ", el("small", {}, one.percentiles[2] ? `median ${show(one.percentiles[2][1])}${behind(one.unit)}` : "not measured")), histogram(one, { limits: one.limits })));
-  section("figures", "Figures of merit", el("div", { class: "plots small" }, ...cards));
+  const cards = measures.map((one, m) => one.truth || !differs(one) ? null : el("div", { class: "card pick", tabindex: 0, role: "button", "data-measure": m, onclick: () => choose(m, true), onkeydown: (event) => { if (event.key === "Enter") choose(m, true); } },
+    el("h3", {}, one.name, " ", el("small", {}, one.percentiles[2] ? `median ${show(one.percentiles[2][1])}${behind(one.unit)}` : "not measured")), histogram(one, { limits: one.limits, below: unitOf(one) })));
+  section("figures", "Figures of merit", el("div", { class: "plots small" }, ...cards),
+    constant.length ? el("p", { class: "note" }, `The same at all points: ${constant.map((one) => `${one.name} ${Number.isNaN(one.values[0]) ? "not measured" : show(one.values[0]) + behind(one.unit)}`).join(", ")}.`) : null);
 }
 
 function detail() {
@@ -206,7 +224,7 @@ function vectors() {
 
 function drawn() {
   if (!inputs.length) return;
-  section("drawn", "What was drawn", el("div", { class: "plots small" }, ...inputs.map((one) => el("div", { class: "card" }, el("h3", {}, one.name), histogram(one, { words: one.words })))));
+  section("drawn", "What was drawn", el("div", { class: "plots small" }, ...inputs.map((one) => el("div", { class: "card" }, el("h3", {}, one.name), histogram(one, { words: one.words, below: unitOf(one) })))));
 }
 
 top(); worst(); heat(); figures(); vectors(); drawn();

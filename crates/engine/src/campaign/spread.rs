@@ -1,0 +1,115 @@
+//! The picture of points that were drawn: which part of them stays how far from the limits.
+
+use report::figures::{Band, Chart, Curve, Drawing, Limit, Shade};
+
+use super::figures::Number;
+use super::picture::Picture;
+use super::{figure_value, good_word, short};
+
+/// No curve has more marks.
+const MARKS_MAX: usize = 60;
+
+/// For each criterion its values by size, as parts of the limit, over the part of the points; without criteria those of the figure.
+/// Green is the part of the points that is met. `None` where there is nothing to draw.
+pub(super) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
+    let with = || {
+        picture
+            .results
+            .iter()
+            .flatten()
+            .filter_map(|result| result.figures.as_ref())
+    };
+    let criteria = with().next().map_or(&[][..], |figures| &figures.criteria);
+    let mut curves = Vec::new();
+    for criterion in criteria {
+        let Some(limit) = criterion.limit.filter(|limit| *limit > 0.0) else {
+            continue;
+        };
+        let parts = with().filter_map(|figures| {
+            let own = figures.criteria.iter().find(|own| own.name == criterion.name)?;
+            Some(own.value? / limit)
+        });
+        let name = criterion.name.replace('_', " ");
+        curves.extend(curve(
+            format!("{name} (limit {} {})", short(limit), criterion.unit),
+            parts,
+        ));
+    }
+    let (mut limits, mut y_label) = (Vec::new(), "part of the limit".to_owned());
+    if curves.is_empty() {
+        let Number { key, unit, .. } = picture.figure?;
+        let values = picture
+            .results
+            .iter()
+            .flatten()
+            .filter_map(|result| figure_value(result, key));
+        curves.extend(curve(String::new(), values));
+        y_label = format!(
+            "{} [{}]",
+            picture.figure?.words(),
+            if unit.is_empty() { "1" } else { unit }
+        );
+    } else {
+        limits.push(Limit {
+            value: 1.0,
+            name: "limit".into(),
+        });
+    }
+    if curves.is_empty() {
+        return None;
+    }
+    let ran = picture
+        .results
+        .iter()
+        .flatten()
+        .filter(|result| result.outcome.ran())
+        .count();
+    let good = picture
+        .results
+        .iter()
+        .flatten()
+        .filter(|result| result.outcome.good())
+        .count();
+    let share = 100.0 * good as f64 / ran.max(1) as f64;
+    let heights = || {
+        curves
+            .iter()
+            .flat_map(|curve| &curve.points)
+            .map(|point| point[1])
+            .filter(|y| *y > 0.0)
+    };
+    let spread = heights().fold(0.0, f64::max) / heights().fold(f64::INFINITY, f64::min);
+    let title = format!("{}: {share:.1} % {}", picture.title, good_word(picture.results));
+    let chart = Chart {
+        title,
+        x_label: "part of the points, by size [%]".to_owned(),
+        y_label,
+        x_names: Vec::new(),
+        logarithmic: spread > 30.0,
+        bands: vec![Band {
+            from: 0.0,
+            to: share,
+            shade: Shade::Good(0.0),
+        }],
+        curves,
+        limits,
+    };
+    Some(chart.drawing())
+}
+
+/// Values by size over their parts of all, %.
+fn curve(name: String, values: impl Iterator<Item = f64>) -> Option<Curve> {
+    let mut sorted: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    let marks = sorted.len().min(MARKS_MAX);
+    let points = (0..marks).map(|mark| {
+        // The least and the greatest are among them.
+        let at = if marks > 1 { mark * last / (marks - 1) } else { last };
+        [100.0 * (at + 1) as f64 / sorted.len() as f64, sorted[at]]
+    });
+    Some(Curve {
+        name,
+        points: points.collect(),
+    })
+}

@@ -1,0 +1,216 @@
+//! Campaign files that cannot be: each is refused with file, line, key, value and remedy before anything runs.
+
+mod dispersed;
+
+use dispersed::{B, Files, one};
+
+/// A parameter, what stands below its `[vary.x]`, and parts of the refusal.
+type Case = (&'static str, &'static str, &'static [&'static str]);
+
+const DISPERSIONS: [Case; 31] = [
+    (
+        "mass",
+        "distribution = 'normal'\nmean = '12 kg'\ndeviation = '-1 kg'",
+        &["campaign.toml:7: vary.x.deviation", "-1 is not above zero"],
+    ),
+    (
+        "mass",
+        "distribution = 'normal'\nmean = '12 kg'",
+        &["vary.x: `deviation` is missing", "write for example"],
+    ),
+    (
+        "mass",
+        "distribution = 'normal'\nmean = '12 kg'\ndeviation = '1 m'",
+        &["vary.x.deviation", "dimension m"],
+    ),
+    (
+        "mass",
+        "distribution = 'normal'\nmean = '12 kg'\ndeviation = 1",
+        &["vary.x.deviation", "has no unit"],
+    ),
+    (
+        "mass",
+        "distribution = 'gaussian'",
+        &["vary.x.distribution", "`gaussian` is unknown; there is uniform, normal"],
+    ),
+    (
+        "mass",
+        "distribution = 'normal'\nmean = '1 kg'\ndeviation = '1 kg'\nsigma = 2",
+        &["vary.x.sigma", "unknown key; there is"],
+    ),
+    (
+        "mass",
+        "distribution = 'uniform'\nfrom = '2 kg'\nto = '1 kg'",
+        &["vary.x.to", "1 is not above `from` = 2"],
+    ),
+    (
+        "mass",
+        "distribution = 'triangular'\nfrom = '1 kg'\nmode = '5 kg'\nto = '2 kg'",
+        &["vary.x.mode"],
+    ),
+    (
+        "mass",
+        "distribution = 'truncated-normal'\nmean = '0 kg'\ndeviation = '1 kg'\nfrom = '50 kg'",
+        &["vary.x.mean", "no draw"],
+    ),
+    (
+        "mass",
+        "distribution = 'discrete'\nvalues = ['1 kg']\nweights = [0]",
+        &["vary.x.weights", "none is above zero"],
+    ),
+    (
+        "mass",
+        "distribution = 'discrete'\nvalues = ['1 kg']\nweights = [1, 2]",
+        &["vary.x.weights", "2 numbers for 1 values"],
+    ),
+    (
+        "nothing",
+        "distribution = 'normal'\ndeviation = '5 %'\nas = 'relative'",
+        &["vary.x.key", "does not say", "absolute"],
+    ),
+    (
+        "position",
+        "distribution = 'normal'\nmean = '1 m'\ndeviation = '1 m'",
+        &["vary.x.key", "name one of the numbers"],
+    ),
+    (
+        "position[3]",
+        "distribution = 'normal'\nmean = '1 m'\ndeviation = '1 m'",
+        &["vary.x.key", "no element 3, counted from 0"],
+    ),
+    (
+        "position",
+        "distribution = 'correlated-normal'\nmean = '[0, 0] m'\ndeviations = '[1, 1] m'",
+        &["vary.x.key", "have 2 numbers"],
+    ),
+    (
+        "position",
+        "distribution = 'correlated-normal'\ndeviations = '[1, 1, 1] m'\nas = 'offset'\ncorrelations = [[1, 2, 0], [2, 1, 0], [0, 0, 1]]",
+        &["vary.x.correlations", "contradicts itself"],
+    ),
+    (
+        "mass",
+        "distribution = 'inertia'\nlog-deviation = 0.1",
+        &["vary.x.key", "three principal moments"],
+    ),
+    (
+        "moments",
+        "distribution = 'inertia'\nlog-deviation = 0.1\nturn = '1 deg'",
+        &["vary.x.key", "xx, yy, zz"],
+    ),
+    (
+        "wrong",
+        "distribution = 'inertia'\nlog-deviation = 0.1",
+        &["vary.x.key", "the inertia of no body"],
+    ),
+    (
+        "position",
+        "distribution = 'misalignment'\ndeviation = '1 deg'",
+        &["vary.x.key", "no quaternion", "`written`"],
+    ),
+    (
+        "position",
+        "distribution = 'cone'\naxis = [0, 0, 0]\nhalf-angle = '1 deg'",
+        &["vary.x.axis", "[0, 0, 1]"],
+    ),
+    (
+        "count",
+        "distribution = 'normal'\nmean = 3.0\ndeviation = 1.0",
+        &["vary.x.key", "round = 1"],
+    ),
+    (
+        "mass",
+        "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'\nround = '1 g'",
+        &["vary.x.round", "\"0.1 kg\""],
+    ),
+    (
+        "mass",
+        "distribution = 'column'\nfile = 'none.csv'\ncolumn = 'a'",
+        &["vary.x.file", "none.csv", "cannot be read"],
+    ),
+    (
+        "mass",
+        "distribution = 'column'\nfile = 'empty.csv'\ncolumn = 'a'",
+        &["vary.x.file", "has no rows"],
+    ),
+    (
+        "mass",
+        "distribution = 'formula'\nformula = '2 * y'\nunit = 'kg'",
+        &["vary.x.formula", "`y`"],
+    ),
+    (
+        "mass",
+        "distribution = 'formula'\nformula = 'exp(2)'\nunit = 'kg'",
+        &["vary.x.formula", "not understood"],
+    ),
+    (
+        "mass",
+        "distribution = 'formula'\nformula = '2'\nunit = 'kg'",
+        &["vary.x.formula", "dimension 1"],
+    ),
+    (
+        "mass",
+        "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'\ndesign = 'grid'",
+        &["vary.x.levels", "levels = 5"],
+    ),
+    (
+        "mass",
+        "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'\nlevels = 5",
+        &["vary.x.levels", "design = \"grid\""],
+    ),
+    (
+        "mass",
+        "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'\nonce = true\ndesign = 'sobol'",
+        &["vary.x.design", "drawn once"],
+    ),
+];
+
+fn refused(files: &Files, campaign: &str, parts: &[&str]) {
+    let error = files.plan(campaign).map(|_| ()).unwrap_err();
+    for part in parts {
+        assert!(error.contains(part), "`{part}` is not in: {error}");
+    }
+}
+
+#[test]
+fn dispersion_that_cannot_be_is_refused_with_its_key() {
+    let files = Files::new("refused");
+    std::fs::write(files.0.join("empty.csv"), "a\n").unwrap();
+    for (key, rest, parts) in DISPERSIONS {
+        refused(&files, &format!("points = 3\n{}", one(key, rest)), parts);
+    }
+}
+
+#[test]
+fn campaign_that_cannot_be_is_refused_with_its_key() {
+    let files = Files::new("refused-whole");
+    let two = format!(
+        "points = 3\n{}[vary.y]\nkey = '{B}.mass'\ndistribution = 'constant'\nvalue = '1 kg'\n",
+        one("mass", "distribution = 'constant'\nvalue = '2 kg'")
+    );
+    refused(&files, &two, &["vary.y.key", "replaces what `x` gives"]);
+    let uniform = one("mass", "distribution = 'uniform'\nfrom = '1 kg'\nto = '2 kg'");
+    refused(&files, &uniform, &["points: is missing", "points = 200"]);
+    for (head, parts) in [
+        (
+            "design = 'halton'",
+            &["design", "there is random, latin-hypercube, sobol, grid, saltelli"][..],
+        ),
+        (
+            "pionts = 3",
+            &["pionts", "unknown key; there is title, scenario, points"],
+        ),
+        ("points = 0", &["points", "no whole number from 1 to"]),
+        ("points = 3\nseed = -1", &["seed", "no whole number from 0"]),
+        ("points = 99_999\ndesign = 'saltelli'", &["points", "draw less"]),
+    ] {
+        refused(&files, &format!("{head}\n{uniform}"), parts);
+    }
+    refused(&files, "points = 3", &["vary", "[vary.delay]"]);
+    let listed = one("mass", "distribution = 'discrete'\nvalues = ['1 kg', '2 kg']");
+    refused(
+        &files,
+        &format!("seeds = 'same'\npoints = 3\ndesign = 'grid'\n{listed}"),
+        &["points", "take it out"],
+    );
+}

@@ -1,0 +1,266 @@
+//! Campaign files as their user runs them: one table whatever happens, draws that cannot be, and the page.
+
+use std::process::Command;
+
+use escapement_tests::program::{Folder, finish, orchestrate, root, start, text};
+
+/// The project's own two masses, in one program.
+fn springs(folder: &Folder) -> String {
+    let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
+    let scenario = scenario
+        .replace("10 s\"", "200 ms\"")
+        .replace("duration = \"10 ms\"", "duration = \"200 ms\"");
+    let measures = "\n[measures.swing]\nof = \"right.motion.position\"\ncompute = \"max-abs\"\nat-most = \"0.9 mm\"\n\
+                    \n[[faults]]\nname = \"push\"\nat = \"50 ms\"\ninput = \"right.neighbour\"\nfield = \"position\"\nkind = \"bias\"\nvalue = \"1 mm\"\n";
+    folder.write("springs.toml", &(scenario + measures));
+    "springs.toml".to_owned()
+}
+
+const CAMPAIGN: &str = r#"
+title = "Two masses that nobody has weighed"
+scenario = "springs.toml"
+points = 30
+design = "latin-hypercube"
+
+[vary.mass]
+key = "participants.right.parameters.mass"
+distribution = "normal"
+mean = "1 kg"
+deviation = "0.6 kg"
+
+[vary.late]
+key = "connections.to-right.delay"
+distribution = "uniform"
+from = "0 ms"
+to = "40 ms"
+round = "0.1 ms"
+
+[vary.push_at]
+key = "faults.push.at"
+distribution = "uniform"
+from = "0 ms"
+to = "150 ms"
+round = "1 ms"
+
+[vary.push_what]
+key = "faults.push.kind"
+distribution = "discrete"
+values = ["bias", "noise"]
+"#;
+
+fn table(folder: &Folder, out: &str) -> Vec<Vec<u8>> {
+    ["table.csv", "table.parquet", "figure.svg", "report.html"]
+        .iter()
+        .map(|name| std::fs::read(folder.path().join(out).join(name)).unwrap_or_else(|error| panic!("{name}: {error}")))
+        .collect()
+}
+
+#[test]
+fn table_depends_on_the_campaign_file_alone() {
+    let folder = Folder::new("dispersions");
+    springs(&folder);
+    let file = folder.write("campaign.toml", CAMPAIGN);
+    let out = |name: &str| folder.path().join(name);
+    let run =
+        |name: &str, more: &[&str]| orchestrate(&[&["sweep", text(&file), "--out", text(&out(name))], more].concat());
+    let said = run("one", &["--workers", "1", "--json"]);
+    assert_eq!(said.code, Some(1), "a negative mass is a refused point: {said:?}");
+    let json = said.json();
+    let refused = json["refused"].as_u64().unwrap();
+    assert!(
+        refused > 0 && refused < 5,
+        "a twentieth of the draws is below zero: {refused}"
+    );
+    let rows = json["rows"].as_array().unwrap();
+    for row in rows {
+        let mass = row["values"]["mass"].as_f64().unwrap();
+        assert_eq!(row["outcome"] == "refused", mass <= 0.0, "{row}");
+        assert!(
+            row["outcome"] != "refused" || row["reason"].as_str().unwrap().contains("mass"),
+            "{row}"
+        );
+        assert!(["bias", "noise"].contains(&row["values"]["push_what"].as_str().unwrap()));
+    }
+    run("three", &["--workers", "3", "--quiet"]);
+    assert_eq!(table(&folder, "one"), table(&folder, "three"));
+
+    // killed on the way, and taken up again
+    let stopped = out("stopped");
+    let child = start(&[
+        "sweep",
+        text(&file),
+        "--out",
+        text(&stopped),
+        "--workers",
+        "1",
+        "--quiet",
+    ]);
+    let begun = std::time::Instant::now();
+    while std::fs::metadata(stopped.join("results.jsonl")).map_or(0, |about| about.len()) == 0 {
+        assert!(begun.elapsed().as_secs() < 120, "it never begins");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    assert!(
+        Command::new("kill")
+            .args(["-KILL", &child.id().to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
+    finish(child);
+    let again = run("stopped", &["--quiet"]);
+    assert_eq!(again.code, Some(1), "{again:?}");
+    assert_eq!(table(&folder, "one"), table(&folder, "stopped"));
+
+    // a point is the run with its values
+    let csv = String::from_utf8(table(&folder, "one").remove(0)).unwrap();
+    assert!(
+        csv.starts_with("point,mass [kg],late [ms],push_at [ms],push_what,seed,outcome,reason,swing [m],"),
+        "{csv}"
+    );
+    let row = rows.iter().find(|row| row["outcome"] != "refused").unwrap();
+    let value = |name: &str, unit: &str| format!("{}{unit}", row["values"][name]);
+    let single = orchestrate(&[
+        "run",
+        text(&folder.path().join("springs.toml")),
+        "--in-process",
+        "--json",
+        "--out",
+        text(&out("single")),
+        "--seed",
+        &value("seed", ""),
+        "--set",
+        &format!("participants.right.parameters.mass={}", value("mass", " kg")),
+        "--set",
+        &format!("connections.to-right.delay={}", value("late", " ms")),
+        "--set",
+        &format!("faults.push.at={}", value("push_at", " ms")),
+        "--set",
+        &format!("faults.push.kind={}", row["values"]["push_what"].as_str().unwrap()),
+    ]);
+    assert_eq!(single.json()["tape_digest"], row["tape_digest"]);
+}
+
+#[test]
+fn page_has_statistics_of_every_figure() {
+    let folder = Folder::new("campaign-page");
+    springs(&folder);
+    let file = folder.write(
+        "campaign.toml",
+        &CAMPAIGN
+            .replace("latin-hypercube", "saltelli")
+            .replace("points = 30", "points = 8")
+            .replace("0.6 kg", "0.1 kg"),
+    );
+    let out = folder.path().join("out");
+    let said = orchestrate(&["sweep", text(&file), "--out", text(&out), "--quiet"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    let data = page
+        .split_once("id=\"data\">")
+        .unwrap()
+        .1
+        .split_once("</script>")
+        .unwrap()
+        .0;
+    let data: serde_json::Value = serde_json::from_str(data).unwrap();
+    assert_eq!(
+        (data["points"].as_u64(), &data["title"]),
+        (Some(48), &"Two masses that nobody has weighed".into())
+    );
+    assert_eq!(
+        data["factors"],
+        serde_json::json!(["mass", "late", "push_at", "push_what"])
+    );
+    let swing = data["measures"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|one| one["name"] == "swing")
+        .unwrap();
+    assert_eq!(swing["count"], 48);
+    assert_eq!(swing["indices"]["rows"], 8);
+    assert_eq!(swing["indices"]["of"].as_array().unwrap().len(), 4);
+    assert_eq!(swing["correlations"].as_array().unwrap().len(), 4);
+    assert!(
+        (swing["limits"][0].as_f64().unwrap() - 0.0009).abs() < 1e-12,
+        "{}",
+        swing["limits"]
+    );
+    assert!(
+        !page.contains("src=") && !page.contains("href=\"http"),
+        "the page needs nothing from elsewhere"
+    );
+}
+
+#[test]
+fn key_that_is_wrong_everywhere_is_refused_as_the_dispersion() {
+    let folder = Folder::new("campaign-refused");
+    springs(&folder);
+    let out = folder.path().join("out");
+    for (before, after, parts) in [
+        (
+            "parameters.mass",
+            "parameters.mas",
+            ["campaign.toml:7: vary.mass", "unknown field `mas`"],
+        ),
+        (
+            "mean = \"1 kg\"",
+            "mean = \"-9 kg\"",
+            ["campaign.toml:7: vary.mass", "all of the first 20 points are refused"],
+        ),
+        (
+            "participants.right.parameters.mass",
+            "participants.rihgt.parameters.mass",
+            ["vary.mass", "there is no `rihgt`"],
+        ),
+        ("faults.push.at", "faults.pull.at", ["vary.push_at", "no entry `pull`"]),
+        (
+            "scenario = \"springs.toml\"",
+            "scenario = \"sprigns.toml\"",
+            ["sprigns.toml", "cannot be read"],
+        ),
+    ] {
+        let file = folder.write("campaign.toml", &CAMPAIGN.replace(before, after));
+        let said = orchestrate(&["sweep", text(&file), "--out", text(&out)]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        for part in parts {
+            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        }
+        assert!(!out.exists(), "nothing is written");
+    }
+    let file = folder.write("campaign.toml", CAMPAIGN);
+    let said = orchestrate(&["sweep", text(&file), "--vary", "seed=1,2", "--out", text(&out)]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("says what varies"), "{said:?}");
+}
+
+#[test]
+fn scenario_with_a_campaign_of_its_own_runs_alone_and_as_campaign() {
+    let folder = Folder::new("campaign-table");
+    let own = springs(&folder);
+    let scenario = std::fs::read_to_string(folder.path().join(own)).unwrap();
+    let campaign = "\n[campaign]\npoints = 3\n\n[campaign.vary.mass]\nkey = \"participants.left.parameters.mass\"\n\
+                    distribution = \"log-normal\"\nmedian = 1.0\nlog-deviation = \"10 %\"\nas = \"factor\"\n";
+    let file = folder.write("both.toml", &(scenario + campaign));
+    let run = orchestrate(&[
+        "run",
+        text(&file),
+        "--in-process",
+        "--quiet",
+        "--out",
+        text(&folder.path().join("run")),
+    ]);
+    assert!(run.code == Some(0) || run.code == Some(3), "{run:?}");
+    let out = folder.path().join("out");
+    let said = orchestrate(&["sweep", text(&file), "--out", text(&out), "--json"]);
+    assert_eq!(said.json()["points"], 3, "{said:?}");
+    let wrong = folder.write(
+        "wrong.toml",
+        &std::fs::read_to_string(&file)
+            .unwrap()
+            .replace("log-normal", "log-norml"),
+    );
+    let said = orchestrate(&["sweep", text(&wrong), "--out", text(&out)]);
+    assert!(said.err.contains("campaign.vary.mass.distribution"), "{said:?}");
+}
