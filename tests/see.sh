@@ -39,10 +39,10 @@ foreign_participant() {
     if ! "$python" -c "import iceoryx2" 2>/dev/null; then
         "$python" -m venv "$work/foreign"
         python=$work/foreign/bin/python
-        "$python" -m pip install --quiet -r examples/python/requirements.txt
+        "$python" -m pip install --quiet -r tests/protocol/requirements.txt
     fi
     "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/rust"
-    in_python="participants.right.run={ exe = \"$(command -v "$python")\", args = [\"../python/spring.py\"] }"
+    in_python="participants.right.run={ exe = \"$(command -v "$python")\", args = [\"../../tests/protocol/spring.py\"] }"
     "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python" --set "$in_python"
     "$orchestrator" compare "$work/rust" "$work/python"
     # Draws and gaps too. That they keep the criterion of the scenario is not asked.

@@ -1,27 +1,27 @@
-"""The mass on a spring of examples/spring, in Python: the same tape, byte for byte."""
+"""A mass on a spring that its neighbour pulls along: examples/spring in Python."""
 
-from escapement import CONTINUOUS, Message, run
-
-MOTION = Message("Motion", ("position", "d", [], "m", "N"), ("velocity", "d", [], "m/s", "N"))
+import escapement as esc
 
 
-class Spring:
-    kind = CONTINUOUS
-    inputs = [("neighbour", MOTION, True)]
-    outputs = [("motion", MOTION)]
-
-    def __init__(self, setup):
-        self.position, self.velocity = float(setup["parameters"]["position"]), 0.0
-
-    def initialise(self, t, outputs):
-        outputs[0] = (self.position, self.velocity)
-
-    def step(self, t, period, inputs, outputs):
-        position, _ = inputs[0]
-        acceleration = 5.0 * (position - self.position) - 40.0 * self.position
-        self.velocity += period * acceleration
-        self.position += period * self.velocity
-        outputs[0] = (self.position, self.velocity)
+class Motion(esc.Message):
+    position = esc.Field("m", frame="N")
+    velocity = esc.Field("m/s", frame="N")
 
 
-run(Spring, "spring.py 1")
+class Spring(esc.Participant):
+    kind = "continuous"
+    neighbour = esc.Input(Motion)
+    motion = esc.Output(Motion)
+    position = esc.Parameter("1")  # m
+
+    def __init__(self):
+        self.x, self.v = self.position, 0.0
+
+    def initialise(self, t):
+        self.motion.position, self.motion.velocity = self.x, self.v
+
+    def step(self, t, dt):
+        acceleration = 5.0 * (self.neighbour.position - self.x) - 40.0 * self.x  # stiffness over mass, 1/s²
+        self.v += dt * acceleration
+        self.x += dt * self.v
+        self.motion.position, self.motion.velocity = self.x, self.v

@@ -3,13 +3,18 @@
 
 use engine::Catalogue;
 
-use crate::{Program, spring, templates};
+use crate::{Program, spring, templates, version};
 
 /// Escapement's own program.
 pub fn program() -> Program {
     Program::new("escapement")
         .contents(contents)
         .templates(&templates::STOCK)
+}
+
+/// What the program contains, for a process that has it as a library.
+pub fn catalogue() -> Catalogue {
+    contents(Catalogue::new(version::ESCAPEMENT))
 }
 
 fn contents(catalogue: Catalogue) -> Catalogue {

@@ -18,6 +18,11 @@ fn the_readme_quotes_the_example_that_compiles() {
             "README.md: its copy of {file} differs from the file"
         );
     }
+    let python = read("docs/python.md");
+    assert!(
+        python.contains(read("examples/python/spring.py").trim_end()),
+        "docs/python.md: its copy of examples/python/spring.py differs from the file"
+    );
     let languages = read("docs/languages.md");
     for file in ["examples/c/spring.c", "examples/cpp/spring.cpp"] {
         assert!(

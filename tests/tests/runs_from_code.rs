@@ -6,9 +6,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use engine::Catalogue;
 use engine::run::{Checkpoint, Ending, Options, Outcome, Record, Run, RunFailure};
-use engine::scenario::Scenario;
+use engine::scenario::{Program, Scenario};
 use escapement_tests::parts::{Damper, Motion, Oscillator, Push};
 use escapement_tests::program::{Folder, participant};
+use lockstep::participant::Factory;
 use lockstep::time::Rational;
 
 /// An oscillator with `damper`, or with a push that nobody gives.
@@ -296,4 +297,32 @@ fn participant_that_fails_ends_the_run_and_the_handle_says_how() {
     let outcome = run.end().unwrap();
     assert!(matches!(&outcome.ending, Ending::Failed { participant, .. } if participant == "damper"));
     assert_eq!(children(), 0);
+}
+
+#[test]
+fn programs_that_a_catalogue_knows_run_in_this_process() {
+    let known = participant("oscillator");
+    let text = format!(
+        "duration = \"1 s\"\ninputs = [\"plant.push\"]\n[participants.plant]\nrun = {{ exe = \"{}\" }}\nperiod = \"1 ms\"\n",
+        known.display()
+    );
+    let read =
+        |catalogue: Catalogue| Scenario::read_text(&Arc::new(catalogue), Path::new("within.toml"), &text).unwrap();
+    let file = known.clone();
+    let within =
+        move |program: &Program| (program.file() == Some(&*file)).then(|| -> Factory { Arc::new(Oscillator::factory) });
+    let here = read(Catalogue::new("tests").within(within));
+    let outcome = engine::run::run(&here, &inside(Record::Digest)).unwrap();
+    // Without that way the program is what it is, and with it, too, where everybody has a process.
+    let refused = engine::run::run(&read(Catalogue::new("tests")), &inside(Record::Digest))
+        .err()
+        .unwrap();
+    assert!(
+        refused.to_string().contains("`plant`: it is a program of its own"),
+        "{refused}"
+    );
+    let folder = Folder::new("within");
+    let apart = engine::run::run(&here, &into_folder(&folder, "apart", false)).unwrap();
+    assert_eq!(outcome.digest, apart.digest);
+    assert!(outcome.placement.contains("one process") && !apart.placement.contains("one process"));
 }

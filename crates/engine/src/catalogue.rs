@@ -35,6 +35,9 @@ pub struct Finding {
     pub warnings: Vec<String>,
 }
 
+/// Makes in this process what a scenario names as a program of its own.
+type Within = Arc<dyn Fn(&Program) -> Option<Factory> + Send + Sync>;
+
 type Findings = Arc<dyn Fn(&Scenario) -> Vec<Finding> + Send + Sync>;
 
 /// Makes the cases of a campaign of failures.
@@ -61,6 +64,7 @@ pub struct Catalogue {
     findings: Vec<Findings>,
     failures: Option<Failures>,
     views: Vec<Views>,
+    within: Option<Within>,
 }
 
 impl Catalogue {
@@ -75,6 +79,7 @@ impl Catalogue {
             findings: Vec::new(),
             failures: None,
             views: Vec::new(),
+            within: None,
         };
         catalogue.internal(player::NAME, player::factory)
     }
@@ -142,6 +147,14 @@ impl Catalogue {
     #[must_use]
     pub fn view(mut self, view: impl Fn(&[StreamSpec], &Table) -> View + Send + Sync + 'static) -> Catalogue {
         self.views.push(Arc::new(view));
+        self
+    }
+
+    /// With a way to make in this process what scenarios name as a program of its own, where `find` knows the program: a run in one
+    /// loop then takes it. An interpreter with the engine as a module has one for the models in its language.
+    #[must_use]
+    pub fn within(mut self, find: impl Fn(&Program) -> Option<Factory> + Send + Sync + 'static) -> Catalogue {
+        self.within = Some(Arc::new(find));
         self
     }
 
@@ -223,6 +236,11 @@ impl Catalogue {
             }
             Program::Library { .. } | Program::External { .. } => None,
         }
+    }
+
+    /// How the participant of a program of its own is made in this process, where that is possible.
+    pub fn factory_within(&self, program: &Program) -> Option<Factory> {
+        self.within.as_ref().filter(|_| program.is_external())?(program)
     }
 
     /// The assessment that the table `assessment` of a scenario describes.

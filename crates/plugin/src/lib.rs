@@ -28,6 +28,7 @@ pub use elf::look;
 pub use export::__private;
 pub use foreign::Foreign;
 pub use library::{Library, LoadError};
+pub use parameters::{Found, Parameters};
 
 /// In place of a parameter's key in a refusal: it is the table or the library itself that cannot be used.
 pub const NO_PARTICIPANT: &str = "(participant)";

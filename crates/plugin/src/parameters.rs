@@ -9,7 +9,7 @@ use toml::{Table, Value};
 
 /// The parameters of a participant, and which of them were asked for.
 #[derive(Debug)]
-pub(crate) struct Parameters {
+pub struct Parameters {
     table: Table,
     asked: RefCell<BTreeSet<String>>,
     /// The participant reads the whole text itself.
@@ -17,10 +17,11 @@ pub(crate) struct Parameters {
 }
 
 /// A value that was looked for: refused, absent where it may be, or there.
-pub(crate) type Found<T> = Result<Option<T>, ParameterError>;
+pub type Found<T> = Result<Option<T>, ParameterError>;
 
 impl Parameters {
-    pub(crate) fn new(table: Table) -> Parameters {
+    /// None of `table` has been asked for.
+    pub fn new(table: Table) -> Parameters {
         Parameters {
             table,
             asked: RefCell::default(),
@@ -29,16 +30,20 @@ impl Parameters {
     }
 
     /// All of them as text. Whoever reads that answers for misspelt keys.
-    pub(crate) fn text(&self) -> String {
+    pub fn text(&self) -> String {
         self.table.to_string()
     }
 
     /// From now on no key is unknown.
-    pub(crate) fn all_are_read(&self) {
+    pub fn all_are_read(&self) {
         self.whole.set(true);
     }
 
-    fn get(&self, key: &str, required: bool) -> Found<&Value> {
+    /// A value as the scenario has it, by its dotted key.
+    ///
+    /// # Errors
+    /// A required one that is missing.
+    pub fn get(&self, key: &str, required: bool) -> Found<&Value> {
         self.asked.borrow_mut().insert(key.to_owned());
         let mut parts = key.split('.');
         let first = parts.next().and_then(|first| self.table.get(first));
@@ -50,7 +55,10 @@ impl Parameters {
     }
 
     /// `count` numbers in `unit`; 0 stands for one that is not in brackets.
-    pub(crate) fn numbers(&self, key: &str, unit: &str, required: bool, count: usize) -> Found<Vec<f64>> {
+    ///
+    /// # Errors
+    /// A required one that is missing, one of another dimension or number, or one that is not finite.
+    pub fn numbers(&self, key: &str, unit: &str, required: bool, count: usize) -> Found<Vec<f64>> {
         let Some(value) = self.get(key, required)? else {
             return Ok(None);
         };
@@ -93,7 +101,11 @@ impl Parameters {
         Ok(Some(found))
     }
 
-    pub(crate) fn integer(&self, key: &str, required: bool) -> Found<i64> {
+    /// A whole number.
+    ///
+    /// # Errors
+    /// A required one that is missing, or something else.
+    pub fn integer(&self, key: &str, required: bool) -> Found<i64> {
         let Some(value) = self.get(key, required)? else {
             return Ok(None);
         };
@@ -101,7 +113,11 @@ impl Parameters {
         value.as_integer().ok_or_else(refused).map(Some)
     }
 
-    pub(crate) fn flag(&self, key: &str, required: bool) -> Found<bool> {
+    /// True or false.
+    ///
+    /// # Errors
+    /// As of [`Parameters::integer`].
+    pub fn flag(&self, key: &str, required: bool) -> Found<bool> {
         let Some(value) = self.get(key, required)? else {
             return Ok(None);
         };
@@ -109,7 +125,11 @@ impl Parameters {
         value.as_bool().ok_or_else(refused).map(Some)
     }
 
-    pub(crate) fn string(&self, key: &str, required: bool) -> Found<&str> {
+    /// A text.
+    ///
+    /// # Errors
+    /// As of [`Parameters::integer`].
+    pub fn string(&self, key: &str, required: bool) -> Found<&str> {
         let Some(value) = self.get(key, required)? else {
             return Ok(None);
         };
@@ -118,7 +138,7 @@ impl Parameters {
     }
 
     /// A parameter that nobody has asked for: a misspelt one, most likely.
-    pub(crate) fn unknown(&self) -> Option<ParameterError> {
+    pub fn unknown(&self) -> Option<ParameterError> {
         if self.whole.get() {
             return None;
         }

@@ -3,8 +3,9 @@
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open};
@@ -47,8 +48,20 @@ pub fn tie(command: &mut Command) {
     }
 }
 
+/// The program that is started in the place of this one.
+static INSTEAD: OnceLock<PathBuf> = OnceLock::new();
+
+/// Says which program is started where this one would be started once more: a process that has the engine as a module is no program
+/// with a command line. The first call counts.
+pub fn start_instead(program: PathBuf) {
+    let _ = INSTEAD.set(program);
+}
+
 /// Starts this program once more: the file that this process runs, even if another one has its name by now.
 pub fn own_program() -> Command {
+    if let Some(program) = INSTEAD.get() {
+        return Command::new(program);
+    }
     let mut command = Command::new("/proc/self/exe");
     if let Some(name) = std::env::args_os().next() {
         command.arg0(name);

@@ -42,7 +42,9 @@ pub(super) fn seated(
     made: Made,
 ) -> Result<Vec<Box<dyn Participant>>, RunFailure> {
     // What cannot run here is refused now, not at its time.
-    if let Some(entry) = entries.iter().find(|entry| entry.program.is_external()) {
+    let elsewhere =
+        |entry: &&Entry| entry.program.is_external() && scenario.catalogue().factory_within(&entry.program).is_none();
+    if let Some(entry) = entries.iter().find(elsewhere) {
         return Err(outside(entry));
     }
     for substitution in &scenario.substitutions {

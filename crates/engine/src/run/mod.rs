@@ -46,7 +46,7 @@ use lockstep::time::Rational;
 use tape::folder::RunFolder;
 
 pub use bus::guard as guard_memory;
-pub use child::{own_program, tie};
+pub use child::{own_program, start_instead, tie};
 pub use drive::{Checkpoint, Instantlike};
 pub(crate) use guard::Watch;
 pub use handle::Run;

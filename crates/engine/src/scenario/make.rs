@@ -16,8 +16,8 @@ impl Scenario {
     /// All parameters that are refused.
     pub fn make(&self) -> Result<Vec<Made>, ScenarioError> {
         self.make_with(|entry| match entry.program {
-            Program::Library { .. } => Ok(None),
-            Program::Builtin(_) | Program::Fmu { .. } | Program::External { .. } => self.participant_of(entry),
+            Program::Library { .. } | Program::External { .. } => Ok(None),
+            Program::Builtin(_) | Program::Fmu { .. } => self.participant_of(entry),
         })
     }
 
@@ -29,7 +29,7 @@ impl Scenario {
         self.make_with(|entry| self.participant_of(entry))
     }
 
-    /// The participant of `entry` in this process; `None` when it is a program of its own.
+    /// The participant of `entry` in this process; `None` when it is a program of its own, which no catalogue can make here.
     ///
     /// # Errors
     /// A library that cannot be used, or a parameter that is refused.
@@ -64,7 +64,10 @@ impl Scenario {
                 let table = found.map_err(|wrong| self.source.mistake(&entry.run_key, wrong.to_string()))?;
                 Some(plugin::Foreign::make(table, &entry.setup))
             }
-            Program::External { .. } => None,
+            Program::External { .. } => {
+                let factory = self.catalogue().factory_within(&entry.program);
+                factory.map(|factory| factory(&entry.setup))
+            }
         };
         made.transpose()
             .map_err(|error| self.refused(entry, &error.key, &error.reason))

@@ -74,7 +74,17 @@ impl Scenario {
 
     /// What `file` would say if `text` stood in it.
     pub fn read_text(catalogue: &Arc<Catalogue>, file: &Path, text: &str) -> Result<Scenario, ScenarioError> {
-        Scenario::of(file, Source::of_text(catalogue, file, text.to_owned(), &[])?)
+        Scenario::read_text_with(catalogue, file, text, &[])
+    }
+
+    /// The same with `overrides` applied.
+    pub fn read_text_with(
+        catalogue: &Arc<Catalogue>,
+        file: &Path,
+        text: &str,
+        overrides: &[String],
+    ) -> Result<Scenario, ScenarioError> {
+        Scenario::of(file, Source::of_text(catalogue, file, text.to_owned(), overrides)?)
     }
 
     fn of(file: &Path, source: Source) -> Result<Scenario, ScenarioError> {

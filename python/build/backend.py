@@ -1,0 +1,51 @@
+"""Builds the wheel: maturin makes the module, and the program `escapement` goes beside it as a command.
+
+The program is built here, or taken from where the environment variable ESCAPEMENT names one that is built. Both take what the project has
+compiled already: they share its target folder.
+"""
+
+import os
+import shutil
+import subprocess
+
+import maturin
+from maturin import (  # noqa: F401 - what a frontend asks for
+    build_sdist,
+    get_requires_for_build_editable,
+    get_requires_for_build_sdist,
+    get_requires_for_build_wheel,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
+)
+
+_HERE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_ROOT = os.path.dirname(_HERE)
+
+
+def _target():
+    return os.environ.get("CARGO_TARGET_DIR") or os.path.join(_ROOT, "target")
+
+
+def _place_program():
+    built = os.environ.get("ESCAPEMENT")
+    if not built:
+        # With the module's package beside it both are compiled with the same features, so nothing is compiled twice.
+        command = ["cargo", "build", "--release", "--locked", "--bin", "escapement"]
+        command += ["--package", "orchestrator", "--package", "escapement-python", "--features", "escapement-python/module"]
+        subprocess.run(command, cwd=_ROOT, check=True)
+        built = os.path.join(_target(), "release", "escapement")
+    scripts = os.path.join(_HERE, "data", "scripts")
+    os.makedirs(scripts, exist_ok=True)
+    shutil.copy2(built, os.path.join(scripts, "escapement"))
+
+
+def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
+    """The wheel."""
+    _place_program()
+    return maturin.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
+def build_editable(wheel_directory, config_settings=None, metadata_directory=None):
+    """The same, with the sources where they are."""
+    _place_program()
+    return maturin.build_editable(wheel_directory, config_settings, metadata_directory)

@@ -1,0 +1,245 @@
+"""Messages: what travels between participants, as classes over numpy memory."""
+
+import operator
+
+import numpy as np
+
+from .errors import MessageError
+
+# The element types of the wire, as numpy and as `memoryview` name them.
+ELEMENTS = {
+    "f64": ("<f8", "d"),
+    "f32": ("<f4", "f"),
+    "i64": ("<i8", "q"),
+    "i32": ("<i4", "i"),
+    "u64": ("<u8", "Q"),
+    "u32": ("<u4", "I"),
+    "u8": ("|u1", "B"),
+}
+
+
+class Field:
+    """A field of a message: its unit, the frame of a vector, its shape (`()`, `3`, `(3, 3)`) and its element type (`"f64"`, …)."""
+
+    __slots__ = ("unit", "frame", "shape", "element")
+
+    def __init__(self, unit="1", frame="", shape=(), element="f64"):
+        if element not in ELEMENTS:
+            raise MessageError(f"there is no element type {element!r}; there is {', '.join(ELEMENTS)}")
+        shape = (shape,) if isinstance(shape, int) else tuple(shape)
+        if not all(isinstance(extent, int) and extent > 0 for extent in shape):
+            raise MessageError(f"the shape {shape} has something else than positive whole numbers in it")
+        self.unit, self.frame, self.shape, self.element = str(unit), str(frame), shape, element
+
+    def __repr__(self):
+        return f"Field({self.unit!r}, frame={self.frame!r}, shape={self.shape}, element={self.element!r})"
+
+    def __eq__(self, other):
+        return isinstance(other, Field) and all(
+            getattr(self, part) == getattr(other, part) for part in Field.__slots__
+        )
+
+    __hash__ = None
+
+
+def _scalar(name, view, at):
+    """The property of a field with one element: a number of Python's, read from and written to the memory."""
+
+    # Both stand on the way of every step, so what they need is written into them.
+    made = {}
+    exec(f"def get(message):\n    return message.{view}[{at}]\ndef fill(message, value):\n    message.{view}[{at}] = value", made)
+    fill = made["fill"]
+
+    def put(message, value):
+        try:
+            fill(message, value)
+        except (TypeError, ValueError) as error:
+            raise _refused(message, name, value, error) from None
+
+    return property(made["get"], put)
+
+
+def _array(name, view, shape):
+    """The property of a field with several elements: a numpy view that was made once. A value is copied into it."""
+
+    def put(message, value):
+        if type(value) is not np.ndarray:
+            value = np.asarray(value)
+        if value.shape != shape and value.shape:
+            raise MessageError(
+                f"`{name}` of `{type(message).__name__}` has the shape {shape}, and a value of the shape {value.shape} was given"
+            )
+        try:
+            getattr(message, view)[...] = value
+        except (TypeError, ValueError) as error:
+            raise _refused(message, name, value, error) from None
+
+    return property(operator.attrgetter(view), put)
+
+
+def _refused(message, name, value, error):
+    kind = type(message).__name__
+    if message._bytes_view.readonly:
+        return MessageError(f"`{name}` of `{kind}` belongs to an input, which is read only: write to an output")
+    return MessageError(f"`{name}` of `{kind}` cannot be {value!r}: {error}")
+
+
+class Message:
+    """The base of messages. A subclass lists its fields in their order:
+
+        class Motion(esc.Message):
+            position = esc.Field("m", frame="N", shape=3)
+            speed = esc.Field("m/s")
+
+    `Motion()` is a message of zeros, `Motion(speed=2.0)` one with a value. A field of one element reads as a number, one with a shape
+    as a numpy view of the message's memory. Class attributes: `fields`, `dtype` (the payload for numpy), `descriptor`.
+    """
+
+    fields = {}
+    dtype = np.dtype([])
+    descriptor = {"name": "Message", "size": 0, "fields": []}
+    _views = ()
+
+    def __init_subclass__(cls, name=None, **others):
+        super().__init_subclass__(**others)
+        if "_esc_described" in vars(cls):
+            return
+        own = {key: value for key, value in vars(cls).items() if isinstance(value, Field)}
+        if not own:
+            if not cls.fields:
+                raise MessageError(f"`{cls.__name__}` has no fields: write such as position = esc.Field(\"m\")")
+            return
+        if cls.fields:
+            raise MessageError(f"`{cls.__name__}`: a message cannot add fields to another one")
+        cls._lay_out(name or cls.__name__, own)
+
+    @classmethod
+    def _lay_out(cls, name, own):
+        taken = [key for key in own if key in ("fields", "dtype", "descriptor", "array") or key.startswith("_")]
+        if taken:
+            raise MessageError(f"`{cls.__name__}`: a field cannot be called `{taken[0]}`; make the message with `Message.of`")
+        cls._describe(name, [(key, field) for key, field in own.items()])
+        for view, key, at, field in cls._places:
+            setattr(cls, key, _array(key, view, field.shape) if field.shape else _scalar(key, view, at))
+
+    @classmethod
+    def _describe(cls, name, own):
+        """Sets the layout: plain old data in C order without padding."""
+        offset, described, places = 0, [], []
+        largest = max(np.dtype(ELEMENTS[field.element][0]).itemsize for _, field in own)
+        for number, (key, field) in enumerate(own):
+            code, letter = ELEMENTS[field.element]
+            size = np.dtype(code).itemsize
+            if offset % size:
+                raise MessageError(
+                    f"`{name}`: `{key}` would start at byte {offset}, which is no multiple of its element's {size}: put larger elements first"
+                )
+            described.append(
+                {
+                    "name": key,
+                    "element": field.element,
+                    "shape": list(field.shape),
+                    "unit": field.unit,
+                    "frame": field.frame,
+                    "offset": offset,
+                }
+            )
+            view = f"_field_{number}" if field.shape else f"_scalars_{letter}"
+            places.append((view, key, offset // size, field))
+            offset += size * int(np.prod(field.shape, dtype=int))
+        if offset % largest:
+            raise MessageError(f"`{name}` has {offset} bytes, which is no multiple of {largest}: add a field of padding at the end")
+        cls.fields = dict(own)
+        cls.descriptor = {"name": name, "size": offset, "fields": described}
+        cls.dtype = dtype_of(cls.descriptor)
+        cls._places = places
+
+    @classmethod
+    def of(cls, descriptor):
+        """A message class that `descriptor` describes, as `Scenario.check` gives it. Fields whose names are none of Python's are read
+        with `message["name"]`."""
+        made = type(str(descriptor["name"]), (Message,), {"_esc_described": True})
+        own = [
+            (part["name"], Field(part["unit"], part.get("frame", ""), tuple(part["shape"]), part["element"]))
+            for part in descriptor["fields"]
+        ]
+        made._describe(descriptor["name"], own)
+        for view, key, at, field in made._places:
+            if key.isidentifier() and key not in ("fields", "dtype", "descriptor", "array") and not key.startswith("_"):
+                setattr(made, key, _array(key, view, field.shape) if field.shape else _scalar(key, view, at))
+        return made
+
+    def __init__(self, **values):
+        self._open(False)
+        for key, value in values.items():
+            if key not in self.fields:
+                known = ", ".join(f"`{name}`" for name in self.fields)
+                raise MessageError(f"`{type(self).__name__}` has no field `{key}`; it has {known}")
+            self[key] = value
+
+    def _open(self, read_only):
+        """Makes the memory, and each view of it once. Those of an input cannot be written to."""
+        size = self.dtype.itemsize
+        # Casts need whole elements of every type.
+        self._memory = np.zeros(-(-size // 8) * 8, np.uint8)
+        array = self._memory[:size].view(self.dtype)[0:1].reshape(())
+        view = memoryview(self._memory)
+        if read_only:
+            array.flags.writeable = False
+            view = view.toreadonly()
+        #: The whole payload as a structured array without dimensions.
+        self.array = array
+        self._bytes_view = view
+        for name, key, _, field in self._places:
+            if field.shape:
+                setattr(self, name, array[key])
+            elif not hasattr(self, name):
+                setattr(self, name, view.cast(ELEMENTS[field.element][1]))
+
+    def __getitem__(self, key):
+        if key not in self.fields:
+            raise KeyError(key)
+        value = self.array[key]
+        return value if self.fields[key].shape else value.item()
+
+    def __setitem__(self, key, value):
+        for view, name, at, field in self._places:
+            if name == key:
+                prop = _array(key, view, field.shape) if field.shape else _scalar(key, view, at)
+                prop.fset(self, value)
+                return
+        raise KeyError(key)
+
+    def _memory_of(self, key):
+        """The memory of a field, of one element too, as an array."""
+        return self.array.reshape(1)[key][0:1] if not self.fields[key].shape else self.array[key]
+
+    def _set_bytes(self, payload):
+        self._memory[: len(payload)] = np.frombuffer(payload, np.uint8)
+
+    def __bytes__(self):
+        return self._memory[: self.dtype.itemsize].tobytes()
+
+    def __repr__(self):
+        values = ", ".join(f"{key}={self[key]!r}" for key in self.fields)
+        return f"{type(self).__name__}({values})"
+
+    def __eq__(self, other):
+        return isinstance(other, Message) and self.descriptor == other.descriptor and bytes(self) == bytes(other)
+
+    __hash__ = None
+
+    def __reduce__(self):
+        return _again, (type(self), bytes(self))
+
+
+def _again(cls, payload):
+    message = cls()
+    message._set_bytes(payload)
+    return message
+
+
+def dtype_of(descriptor):
+    """The numpy type of a payload."""
+    parts = descriptor["fields"]
+    return np.dtype([(part["name"], ELEMENTS[part["element"]][0], tuple(part["shape"])) for part in parts])

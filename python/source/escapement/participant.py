@@ -1,0 +1,266 @@
+"""Participants: models that own their state and meet the others at their ports."""
+
+import io
+import json
+import operator
+import pickle
+import sys
+import traceback
+
+from . import _native
+from .errors import EscapementError, MessageError, ParameterError
+from .message import Message
+
+_MISSING = object()
+# What stands in the traceback of every participant: the package's own files.
+_OWN = __file__.rsplit("/", 1)[0]
+# Whether this process hosts one participant, so that standard error is its log.
+_hosting = False
+
+
+class _Port:
+    """A port as a class declares it."""
+
+    __slots__ = ("message", "required", "name", "is_input")
+
+    def __init__(self, message, required, is_input):
+        if not (isinstance(message, type) and issubclass(message, Message) and message.fields):
+            raise MessageError(f"a port takes a message class with fields, not {message!r}")
+        self.message, self.required, self.is_input = message, required, is_input
+        self.name = None
+
+
+def Input(message, *, required=True, name=None):
+    """An input that takes `message`. One that is not required may stay unconnected and then holds zeros."""
+    port = _Port(message, required, True)
+    port.name = name
+    return port
+
+
+def Output(message, *, name=None):
+    """An output that gives `message`. What a step does not write keeps its last value."""
+    port = _Port(message, True, False)
+    port.name = name
+    return port
+
+
+class _Parameter:
+    __slots__ = ("unit", "default", "count", "key")
+
+    def __init__(self, unit, default, count, key):
+        self.unit, self.default, self.count, self.key = unit, default, count, key
+
+
+def Parameter(unit=None, *, default=_MISSING, count=None, key=None):
+    """A parameter of the scenario, read before `__init__`.
+
+    With a unit, a number in that unit: `Parameter("kg")` reads `"500 g"` as 0.5, and `Parameter("m", count=3)` reads
+    `"[0, 1, 2] mm"` as a list. `"1"` is a number without a unit. Without a unit it is the value as the scenario has it: a text, a
+    table, true or false. `key` is its dotted key where that is not the attribute's name.
+    """
+    return _Parameter(unit, default, count, key)
+
+
+def _guarded(name, what):
+    """A property that gives what `_bind` has put there. A port cannot be replaced, only written to."""
+
+    def put(self, value):
+        raise AttributeError(
+            f"`{name}` is {what} of `{type(self).__name__}`: write to its fields, such as self.{name}.FIELD = …"
+            if what != "a parameter"
+            else f"`{name}` is a parameter of `{type(self).__name__}` and stays as the scenario has it"
+        )
+
+    return property(operator.attrgetter(f"_esc_at_{name}"), put)
+
+
+class Participant:
+    """The base of participants in Python:
+
+        class Pid(esc.Participant):
+            measured = esc.Input(Motion)
+            command = esc.Output(Force)
+            def step(self, t, dt):
+                self.command.force = -40.0 * self.measured.position
+
+    `kind` is `"sampled"` (computes at t from the inputs at t) or `"continuous"` (holds its inputs from t to t + dt, and its outputs are
+    those at t + dt; `initialise` writes the first ones). `self.name`, `self.seed`, `self.period` and `self.offset` say what the scenario
+    has. State is whatever a step leaves in `self`: it is saved and restored with pickle unless `save` and `restore` are given.
+    """
+
+    kind = "sampled"
+    _esc_ports = {}
+    _esc_parameters = {}
+
+    def __init_subclass__(cls, **others):
+        super().__init_subclass__(**others)
+        ports, parameters = dict(cls._esc_ports), dict(cls._esc_parameters)
+        for key, value in list(vars(cls).items()):
+            if isinstance(value, _Port):
+                value.name = value.name or key
+                ports[key] = value
+                setattr(cls, key, _guarded(key, "an input" if value.is_input else "an output"))
+            elif isinstance(value, _Parameter):
+                value.key = value.key or key
+                parameters[key] = value
+                setattr(cls, key, _guarded(key, "a parameter"))
+        cls._esc_ports, cls._esc_parameters = ports, parameters
+
+    def __new__(cls, *arguments, **keywords):
+        if cls is Participant:
+            raise TypeError("a participant is a subclass of Participant with ports and a step")
+        self = super().__new__(cls)
+        (name, self.__dict__["_esc_seed"], self.__dict__["_esc_period"], self.__dict__["_esc_offset"]), values = _setup
+        self.__dict__["_esc_name"] = name or cls.__name__
+        self.__dict__["_esc_t"] = 0.0
+        for key, port in cls._esc_ports.items():
+            message = port.message.__new__(port.message)
+            message._open(port.is_input)
+            self.__dict__[f"_esc_at_{key}"] = message
+        for key, parameter in cls._esc_parameters.items():
+            value = values.get(parameter.key, parameter.default)
+            self.__dict__[f"_esc_at_{key}"] = None if value is _MISSING else value
+        return self
+
+    name = property(operator.attrgetter("_esc_name"), doc="Its name in the scenario.")
+    seed = property(operator.attrgetter("_esc_seed"), doc="The seed of the run.")
+    period = property(operator.attrgetter("_esc_period"), doc="Its sample period, s.")
+    offset = property(operator.attrgetter("_esc_offset"), doc="Its first activation, s.")
+
+    def initialise(self, t):
+        """Called once before the first step. A continuous participant writes its outputs at `t`."""
+
+    def step(self, t, dt):
+        """One activation at `t`, s, until the next one at `t + dt`."""
+        raise NotImplementedError
+
+    def terminate(self):
+        """Called when the run is over for it."""
+
+    def uniform(self, stream, index):
+        """A number in [0, 1): the same in every run with this seed, whatever was drawn before."""
+        return _native.uniform(self.seed, f"{self.name}.{stream}", index)
+
+    def normal(self, stream, index):
+        """A standard normal number, in the same way."""
+        return _native.normal(self.seed, f"{self.name}.{stream}", index)
+
+    def save(self):
+        """The whole state as bytes. Unless given: pickle of what `self` has besides ports and parameters."""
+        state = {key: value for key, value in self.__dict__.items() if not key.startswith("_esc_")}
+        try:
+            return pickle.dumps((type(self).__name__, state), protocol=4)
+        except Exception as error:
+            for key, value in state.items():
+                try:
+                    pickle.dumps(value, protocol=4)
+                except Exception:
+                    raise EscapementError(
+                        f"`{type(self).__name__}` cannot be saved: its attribute `{key}` cannot be pickled ({error}); give it `save` and `restore`"
+                    ) from None
+            raise
+
+    def restore(self, state):
+        """Takes over what `save` gave."""
+        try:
+            _, kept = pickle.loads(state)
+            kept = dict(kept)
+        except Exception as error:
+            raise EscapementError(
+                f"the state of {len(state)} bytes is none of a participant in Python ({type(error).__name__}: {error}); "
+                "to take over another one's state, give `restore`"
+            ) from None
+        for key in [key for key in self.__dict__ if not key.startswith("_esc_")]:
+            del self.__dict__[key]
+        self.__dict__.update(kept)
+
+    def _esc_save(self):
+        state = self.save()
+        if state is None:
+            raise EscapementError(f"`save` of `{type(self).__name__}` returned None: return bytes")
+        return bytes(state)
+
+    def _esc_restore(self, state):
+        self.restore(state)
+
+    def _esc_now(self, t):
+        self.__dict__["_esc_t"] = t
+
+
+# What the next participant is told about itself: name, seed, period, offset; and its parameters.
+_NOBODY = (("", 1, 0.0, 0.0), {})
+_setup = _NOBODY
+
+
+def _declared(cls):
+    """The parameters of `cls` for the host: key, unit, whether required, count."""
+    if isinstance(cls, BaseException):
+        # It could not be imported.
+        raise cls
+    if not (isinstance(cls, type) and issubclass(cls, Participant)):
+        raise EscapementError(f"{cls!r} is no participant: give a subclass of escapement.Participant")
+    if cls.step is Participant.step:
+        raise EscapementError(f"`{cls.__name__}` has no step: define step(self, t, dt)")
+    if cls.kind not in ("sampled", "continuous"):
+        raise EscapementError(f"the kind of `{cls.__name__}` is {cls.kind!r}: write \"sampled\" or \"continuous\"")
+    return [
+        _Key(one.key, one.unit, one.default is _MISSING, one.count or 0) for one in cls._esc_parameters.values()
+    ]
+
+
+class _Key:
+    __slots__ = ("key", "unit", "required", "count")
+
+    def __init__(self, key, unit, required, count):
+        self.key, self.unit, self.required, self.count = key, unit, required, count
+
+
+def _make(cls, about, values):
+    global _setup
+    _setup = (about, values)
+    try:
+        return cls()
+    finally:
+        _setup = _NOBODY
+
+
+def _interface(participant):
+    ports = [(port, port.message.descriptor) for port in participant._esc_ports.values()]
+    inputs = [
+        {"name": port.name, "descriptor": descriptor, "required": port.required} for port, descriptor in ports if port.is_input
+    ]
+    outputs = [{"name": port.name, "descriptor": descriptor} for port, descriptor in ports if not port.is_input]
+    return json.dumps({"kind": participant.kind, "inputs": inputs, "outputs": outputs})
+
+
+def _memory(participant):
+    all_of = [(port, getattr(participant, key)._memory) for key, port in participant._esc_ports.items()]
+    return [memory for port, memory in all_of if port.is_input], [memory for port, memory in all_of if not port.is_input]
+
+
+def _short(error):
+    """An exception in one line, with the place in the user's own code."""
+    said = traceback.format_exception_only(type(error), error)[-1].strip()
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if not frame.filename.startswith(_OWN)]
+    if not own:
+        return said if not isinstance(error, EscapementError) else str(error)
+    last = own[-1]
+    return f"{said} ({last.filename}:{last.lineno}, in {last.name})"
+
+
+def _log_traceback(error):
+    """Where standard error is the log of this participant, the traceback goes there; else the exception itself is raised later."""
+    if _hosting:
+        traceback.print_exception(type(error), error, error.__traceback__, file=sys.stderr)
+        sys.stderr.flush()
+
+
+def traceback_text(error):
+    """The traceback as text."""
+    out = io.StringIO()
+    traceback.print_exception(type(error), error, error.__traceback__, file=out)
+    return out.getvalue()
+
+
+__all__ = ["Input", "Output", "Parameter", "Participant", "ParameterError"]

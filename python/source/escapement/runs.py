@@ -1,0 +1,304 @@
+"""Runs: to their end at once, or from rest to rest."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+import numpy as np
+
+from . import _native, _program, participant as _participant
+from .errors import EscapementError, MessageError, RunError
+from .message import Message
+from .scenarios import Scenario
+from .tape import RunFolder
+
+_LINE_EVERY = 0.1
+
+
+class _Progress:
+    """A line on standard error that moves: in a terminal and in a notebook; nothing elsewhere."""
+
+    def __init__(self, wanted):
+        out = sys.stderr
+        notebook = type(out).__module__.startswith("ipykernel")
+        shown = wanted if wanted is not None else (notebook or (hasattr(out, "isatty") and out.isatty()))
+        self._shown, self._duration, self._last, self._width = shown, 0.0, 0.0, 0
+        self._begun = time.monotonic()
+
+    def __call__(self, what, value):
+        if what == "notice":
+            self._clear()
+            print(value, file=sys.stderr)
+        elif not self._shown:
+            return
+        elif what == "begun":
+            self._duration, self._begun = value, time.monotonic()
+        elif what == "time" and time.monotonic() - self._last > _LINE_EVERY:
+            self._last = time.monotonic()
+            factor = value / max(self._last - self._begun, 1e-3)
+            part = 100.0 * value / self._duration if self._duration else 0.0
+            self._line(f"t = {value:.3f} s of {self._duration:g} s ({part:.0f} %), {factor:.1f} times real time")
+        elif what == "over":
+            self._clear()
+
+    def _line(self, text):
+        sys.stderr.write("\r" + text.ljust(self._width))
+        sys.stderr.flush()
+        self._width = len(text)
+
+    def _clear(self):
+        if self._width:
+            sys.stderr.write("\r" + " " * self._width + "\r")
+            sys.stderr.flush()
+            self._width = 0
+
+
+class _Interruptible:
+    """The first Ctrl-C asks the run to end in order, a second one raises at once. Only the main thread gets signals."""
+
+    def __init__(self, interrupt):
+        self._interrupt = interrupt
+        self._before = None
+
+    def __enter__(self):
+        if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            self._before = signal.signal(signal.SIGINT, self._heard)
+        return self
+
+    def _heard(self, number, frame):
+        if self._interrupt.asked():
+            raise KeyboardInterrupt
+        self._interrupt.ask()
+
+    def __exit__(self, *_):
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+
+
+def _how(in_process, record, out, force, pace, checkpoint_every, checkpoint_at, patience, resume=None, resume_from=None):
+    times = [checkpoint_at] if isinstance(checkpoint_at, str) else list(checkpoint_at)
+    return SimpleNamespace(
+        in_process=in_process,
+        record=record,
+        out=None if out is None else os.fspath(out),
+        force=force,
+        pace=None if not pace else float(pace),
+        checkpoint_every=checkpoint_every,
+        checkpoint_at=times,
+        patience=float(patience),
+        resume=resume,
+        resume_from=resume_from,
+    )
+
+
+def _scenario(scenario, set, participants, faults=()):
+    if isinstance(scenario, Scenario):
+        if not (set or participants or faults):
+            return scenario._fresh()
+        return Scenario(
+            scenario.file,
+            set={**scenario._sets, **(set or {})},
+            participants={**scenario._participants, **(participants or {})},
+            faults=[*scenario._faults, *([faults] if isinstance(faults, str) else faults)],
+            text=scenario._text,
+        )
+    return Scenario(scenario, set=set, participants=participants, faults=faults)
+
+
+def _place(scenario, in_process):
+    """Whether the run is in this process."""
+    if _participant._hosting:
+        raise EscapementError(
+            "this process hosts a participant of a run, and its file starts a run when it is imported: put that below "
+            'if __name__ == "__main__":'
+        )
+    native = scenario._native
+    if in_process is None:
+        in_process = native.runs_here()
+    if not in_process:
+        if native.needs_program():
+            _program.needed("a run in processes")
+        _refuse_without_file(scenario)
+    return in_process
+
+
+def _refuse_without_file(scenario):
+    for name, cls in scenario._classes.items():
+        if not os.path.isfile(name.rpartition(":")[0]):
+            raise EscapementError(
+                f"`{cls.__qualname__}` was defined where no other process finds it: put it into a file, or run with in_process=True"
+            )
+
+
+def _concluded(told):
+    """What a run has left; raises where it did not come to its end."""
+    folder = RunFolder(told["folder"]) if told["folder"] else None
+    if told["status"] == "failed":
+        cause = told["cause"]
+        if folder is not None and cause is not None:
+            _keep_in_log(folder, told["participant"], cause)
+        raise RunError(told["words"], participant=told["participant"], run=folder) from cause
+    if told["status"] == "stopped" and told["words"].startswith("interrupted"):
+        raise KeyboardInterrupt(told["words"])
+    return folder
+
+
+def _keep_in_log(folder, name, cause):
+    log = os.path.join(folder.folder, "log")
+    os.makedirs(log, exist_ok=True)
+    with open(os.path.join(log, f"{name}.stderr"), "a", encoding="utf-8") as file:
+        file.write(_participant.traceback_text(cause))
+
+
+class Outcome:
+    """What became of a run without a folder: `figures`, `summary`, `verdict`, `digest`."""
+
+    def __init__(self, summary):
+        self.summary = summary
+
+    verdict, digest, figures, criteria = (vars(RunFolder)[name] for name in ("verdict", "digest", "figures", "criteria"))
+
+    def __repr__(self):
+        return f"Outcome({self.verdict}: {self.figures})"
+
+
+def run(
+    scenario,
+    *,
+    set=None,
+    participants=None,
+    faults=(),
+    in_process=None,
+    out=None,
+    force=False,
+    record="folder",
+    pace=None,
+    checkpoint_every=None,
+    checkpoint_at=(),
+    patience=60.0,
+    progress=None,
+):
+    """Runs a scenario to its end and gives its run folder.
+
+    `scenario` is a file or a `Scenario`; `set` and `participants` change it as in `Scenario`. With `in_process=True` everybody runs in
+    one loop of this process, with False each in a process of its own; unless given, in this process where that is possible: classes,
+    builtins, libraries and FMUs. The tape is the same to the last bit. `out` names the run folder, `force` replaces a run that is there;
+    `record="digest"` keeps figures and digest alone, without a folder. `pace` is simulated seconds per second. A run that fails raises
+    `RunError`; criteria that are not met do not raise: see `verdict`.
+    """
+    scenario = _scenario(scenario, set, participants, faults)
+    here = _place(scenario, in_process)
+    how = _how(here, record, out, force, pace, checkpoint_every, checkpoint_at, patience)
+    return _run(scenario, how, progress)
+
+
+def resume(run, *, at=None, set=None, participants=None, in_process=None, out=None, force=False, checkpoint_every=None,
+           checkpoint_at=(), patience=60.0, progress=None):
+    """Goes on from a checkpoint of a run, the newest one or the newest at or before `at`, in a folder of its own."""
+    folder = os.path.abspath(os.fspath(getattr(run, "folder", run)))
+    scenario = Scenario(os.path.join(folder, "plan.toml"), set=set, participants=participants)
+    here = _place(scenario, in_process)
+    how = _how(here, "folder", out, force, None, checkpoint_every, checkpoint_at, patience, folder, at)
+    return _run(scenario, how, progress)
+
+
+def _run(scenario, how, progress):
+    interrupt = _native.Interrupt()
+    line = progress if callable(progress) else _Progress(progress)
+    with _Interruptible(interrupt):
+        told = _native.run(scenario._native, how, line, interrupt)
+    folder = _concluded(told)
+    return folder if folder is not None else Outcome(told["summary"])
+
+
+class Sample:
+    """The newest sample of an output: `index`, `t` and the fields of its message."""
+
+    def __init__(self, index, t, message):
+        self.index, self.t, self.message = index, t, message
+
+    def __getattr__(self, name):
+        return getattr(self.__dict__["message"], name)
+
+    def __repr__(self):
+        return f"Sample(index={self.index}, t={self.t}, {self.message!r})"
+
+
+class Run:
+    """A run under way, which rests until it is told to go on.
+
+        with esc.Run("spring.toml") as run:
+            run.run_to("2 s")
+            here = run.save()
+            run.newest("left.motion").position
+            run.restore(here)
+
+    It takes what `run` takes. Unless given, its tape is kept in memory. Rests, steps and going back change no bit of what is recorded.
+    """
+
+    def __init__(self, scenario, *, set=None, participants=None, faults=(), in_process=None, out=None, force=False, record=None,
+                 pace=None, patience=60.0, progress=False):
+        self.scenario = _scenario(scenario, set, participants, faults)
+        here = _place(self.scenario, in_process)
+        if record is None:
+            record = "memory" if here and out is None else "folder"
+        how = _how(here, record, out, force, pace, None, (), patience)
+        self._interrupt = _native.Interrupt()
+        self._messages = {}
+        line = progress if callable(progress) else _Progress(progress)
+        self._native = _native.Run(self.scenario._native, how, line, self._interrupt)
+
+    now = property(lambda self: self._native.now, doc="Everybody has done exactly the activations before this instant, s.")
+    is_over = property(lambda self: self._native.is_over, doc="Whether nothing more happens.")
+
+    def run_to(self, time):
+        """Lets everybody on to `time`, a text such as "2.5 s" or a number of seconds, and rests there."""
+        text = time if isinstance(time, str) else f"{time!r} s"
+        with _Interruptible(self._interrupt):
+            self._native.run_to(text)
+
+    def step(self):
+        """To the next communication point."""
+        self._native.step()
+
+    def newest(self, port):
+        """The newest sample of `PARTICIPANT.OUTPUT`."""
+        index, t, payload = self._native.newest(port)
+        if port not in self._messages:
+            self._messages[port] = Message.of(self._native.descriptor(port))
+        message = self._messages[port]()
+        message._set_bytes(payload)
+        return Sample(index, t, message)
+
+    def set(self, port, message=None, **fields):
+        """Sets `PARTICIPANT.INPUT`, which nobody feeds: a message, or its fields by name. Fields that are not named are zero."""
+        if message is not None:
+            if not isinstance(message, Message) or fields:
+                raise MessageError(f"`{port}`: give a message, or fields by name")
+            self._native.set(port, bytes(message))
+            return
+        values = [(name, np.asarray(value, dtype=float).ravel().tolist()) for name, value in fields.items()]
+        self._native.set_fields(port, values)
+
+    def save(self):
+        """The state of everybody, in memory."""
+        return self._native.save()
+
+    def restore(self, saved):
+        """Goes back to what `save` gave."""
+        self._native.restore(saved)
+
+    def end(self):
+        """Ends it. Gives the run folder, or the outcome where there is none."""
+        told = self._native.end()
+        folder = _concluded(told)
+        return folder if folder is not None else Outcome(told["summary"])
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._native.close()

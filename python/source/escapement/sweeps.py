@@ -1,0 +1,73 @@
+"""Campaigns: one scenario over a grid of values, as a table."""
+
+import json
+import os
+import subprocess
+
+from . import _program
+from .errors import ProgramError, ScenarioError
+from .runs import _Progress, _refuse_without_file, _scenario
+from .scenarios import _toml
+
+
+def _values(key, values):
+    """The values of an axis as `--vary` takes them."""
+    if isinstance(values, str):
+        return f"{key}={values}"
+    if isinstance(values, range):
+        values = list(values)
+    return f"{key}=" + ",".join(value if isinstance(value, str) else _toml(value) for value in values)
+
+
+def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, faults=(), out=None, workers=None, keep=False, progress=None):
+    """Runs a scenario over a grid of values, on all cores, and gives a DataFrame: a row a point, with what was varied, the outcome and
+    every figure.
+
+    `vary` maps dotted keys to values: a list (`["5 ms", "10 ms"]`, `[1, 2]`), a range as the command line writes it
+    (`"0ms..100ms:10ms"`); all combinations are run, the first key slowest. `seeds` runs so many seeds. A participant in Python is a
+    process of each point's own. The folder with the table is in `attrs["folder"]`; the same call goes on where an interrupted one was.
+    """
+    import pandas
+
+    scenario = _scenario(scenario, set, participants, faults)
+    if scenario._text is not None:
+        raise ScenarioError("a sweep needs the scenario in a file", file=scenario.file)
+    _refuse_without_file(scenario)
+    command = [_program.needed("a sweep"), "sweep", scenario.file, "--json"]
+    for key, value in (vary or {}).items():
+        command += ["--vary", _values(key, value)]
+    for one in scenario._overrides:
+        fault = one.removeprefix("faults+=")
+        command += ["--fault", fault] if fault != one else ["--set", one]
+    command += ["--seeds", str(seeds)] if seeds is not None else []
+    command += ["--out", os.fspath(out)] if out is not None else []
+    command += ["--workers", str(workers)] if workers is not None else []
+    command += ["--keep"] if keep else []
+    said = _said(command, progress)
+    folder = said["folder"]
+    # Before version 3 pandas reads other bits than were written unless it is told.
+    exact = {"float_precision": "round_trip"} if int(pandas.__version__.split(".")[0]) < 3 else {}
+    table = pandas.read_csv(os.path.join(folder, "table.csv"), **exact)
+    table.attrs = {"folder": os.path.abspath(folder), "files": said["files"]}
+    return table.set_index("point") if "point" in table else table
+
+
+def _said(command, progress):
+    """Runs the program and reads what it says; its progress line is its own in a terminal."""
+    shown = _Progress(progress)._shown
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=None if shown else subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+    )
+    try:
+        out, errors = process.communicate()
+    except KeyboardInterrupt:
+        # The terminal has told the program as well: it keeps what is complete.
+        process.communicate()
+        raise
+    if process.returncode == 2:
+        message = (errors or "").removeprefix("error: ").strip()
+        raise ScenarioError(message or "the sweep was refused", file=command[2])
+    try:
+        return json.loads(out)
+    except ValueError:
+        raise ProgramError(f"`escapement sweep` failed with exit code {process.returncode}: {(errors or '').strip()}") from None

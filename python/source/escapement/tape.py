@@ -1,0 +1,258 @@
+"""What a run has left: its folder, its figures, and its tape as numpy arrays that lie in the files."""
+
+import json
+import os
+
+import numpy as np
+
+from . import _native
+from .errors import TapeError
+from .message import Message, dtype_of
+
+
+class Stream:
+    """The samples of one output, `run["plant.motion"]`.
+
+    `t` has the stamps, s. A field is a view of the file, which is mapped into memory: nothing is read before it is used, and nothing is
+    copied. Fields are attributes or items: `stream.position`, `stream["position"]`. `array` is the whole as a structured array with the
+    fields `t` and `payload`. Arrays are read only.
+    """
+
+    def __init__(self, folder, entry):
+        self.name = f"{entry['participant']}.{entry['port']}"
+        self.descriptor = entry["descriptor"]
+        self._path = os.path.join(folder, entry["file"])
+        #: The numpy type of a record: stamp and payload.
+        self.dtype = np.dtype([("t", "<f8"), ("payload", dtype_of(self.descriptor))])
+        if self.dtype.itemsize != entry["record_bytes"]:
+            raise TapeError(f"{self._path}: a record has {entry['record_bytes']} bytes, and its fields have {self.dtype.itemsize}")
+        try:
+            count = os.path.getsize(self._path) // self.dtype.itemsize
+            # A file cannot be mapped when it is empty; a last record that is torn is left out.
+            self.array = (
+                np.memmap(self._path, self.dtype, "r", shape=(count,)).view(np.ndarray) if count else np.zeros(0, self.dtype)
+            )
+        except OSError as error:
+            raise TapeError(f"{self._path}: {error.strerror}") from None
+        self.array.flags.writeable = False
+        self.fields = {part["name"]: part for part in self.descriptor["fields"]}
+
+    @property
+    def t(self):
+        """The stamps, s."""
+        return self.array["t"]
+
+    def unit(self, field):
+        """The unit of a field."""
+        return self._part(field)["unit"]
+
+    def frame(self, field):
+        """The frame of a field; empty where that means nothing."""
+        return self._part(field)["frame"]
+
+    @property
+    def message(self):
+        """The message class of the samples."""
+        return Message.of(self.descriptor)
+
+    def _part(self, field):
+        if field not in self.fields:
+            known = ", ".join(f"`{name}`" for name in self.fields)
+            raise TapeError(f"`{self.name}` has no field `{field}`; it has {known}")
+        return self.fields[field]
+
+    def __getitem__(self, field):
+        self._part(field)
+        return self.array["payload"][field]
+
+    def __getattr__(self, field):
+        if field.startswith("_") or field not in self.__dict__.get("fields", ()):
+            known = ", ".join(f"`{name}`" for name in self.__dict__.get("fields", ()))
+            raise AttributeError(f"`{self.__dict__.get('name', 'a stream')}` has no field `{field}`; it has {known}")
+        return self[field]
+
+    def __dir__(self):
+        return [*super().__dir__(), *self.fields]
+
+    def __len__(self):
+        return len(self.array)
+
+    def __repr__(self):
+        parts = ", ".join(f"{name} [{part['unit']}]" + (f" {tuple(part['shape'])}" if part["shape"] else "") for name, part in self.fields.items())
+        return f"Stream({self.name!r}: {len(self)} samples of {parts})"
+
+    def to_pandas(self):
+        """A DataFrame, one column an element (`p_NB_N[0]`), with the stamps as index. Units and frames are in `attrs`."""
+        import pandas
+
+        columns, units, frames = {}, {}, {}
+        for name, part in self.fields.items():
+            values = self[name].reshape(len(self), -1)
+            names = [name]
+            if part["shape"]:
+                names = [name + "".join(f"[{at}]" for at in index) for index in np.ndindex(*part["shape"])]
+            for column, key in enumerate(names):
+                columns[key] = values[:, column]
+                units[key], frames[key] = part["unit"], part["frame"]
+        frame = pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
+        frame.attrs = {"stream": self.name, "units": units, "frames": frames}
+        return frame
+
+    def to_xarray(self):
+        """A Dataset over `t`, a variable a field, with `units` and `frame` in the attributes. A field `t` becomes `t_2`."""
+        import xarray
+
+        variables = {}
+        for name, part in self.fields.items():
+            inner = [f"{name}_{axis}" for axis in range(len(part["shape"]))]
+            about = {"units": part["unit"]} | ({"frame": part["frame"]} if part["frame"] else {})
+            # The stamps have this name.
+            variables["t_2" if name == "t" else name] = (["t", *inner], self[name], about)
+        stamps = ("t", self.t, {"units": "s"})
+        return xarray.Dataset(variables, coords={"t": stamps}, attrs={"stream": self.name})
+
+
+class Page:
+    """A report: an HTML page without any dependency. A notebook shows it."""
+
+    def __init__(self, path, html):
+        self.path, self.html = path, html
+
+    def _repr_html_(self):
+        import html
+
+        return f'<iframe srcdoc="{html.escape(self.html)}" style="width:100%;height:640px;border:0"></iframe>'
+
+    def __repr__(self):
+        return f"Page({self.path!r})"
+
+
+class RunFolder:
+    """A run folder: `run["plant.motion"]` is a stream, `run.figures` what the run is judged by.
+
+    It is read when it is asked for, also while the run goes on or when it has failed.
+    """
+
+    def __init__(self, folder):
+        self.folder = os.path.abspath(os.fspath(folder))
+        self._tape = os.path.join(self.folder, "tape")
+        self._streams = {}
+        index = self._json(os.path.join("tape", "index.json"))
+        if index is None:
+            raise TapeError(f"{self.folder} is not the folder of a run: there is no tape/index.json in it")
+        if index.get("format") != "escapement-tape" and "streams" not in index:
+            raise TapeError(f"{self._tape}/index.json is none of a tape")
+        self._entries = {f"{entry['participant']}.{entry['port']}": entry for entry in index["streams"]}
+
+    def _json(self, name):
+        try:
+            with open(os.path.join(self.folder, name), encoding="utf-8") as file:
+                return json.load(file)
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            raise TapeError(f"{self.folder}/{name}: {error}") from None
+
+    def keys(self):
+        """The names of the streams."""
+        return self._entries.keys()
+
+    def __iter__(self):
+        return iter(self._entries)
+
+    def __len__(self):
+        return len(self._entries)
+
+    def __contains__(self, name):
+        return name in self._entries
+
+    def __getitem__(self, name):
+        if name not in self._entries:
+            raise TapeError(f"there is no stream `{name}`; there is {', '.join(f'`{one}`' for one in self._entries)}")
+        if name not in self._streams:
+            self._streams[name] = Stream(self._tape, self._entries[name])
+        return self._streams[name]
+
+    @property
+    def summary(self):
+        """`summary.json` as it was written; empty for a run that did not come to its end."""
+        return self._json("summary.json") or {}
+
+    @property
+    def verdict(self):
+        """`"met"`, `"not-met"` or `"complete"` (no criteria); None where the run did not come to its end."""
+        summary = self.summary
+        # A scenario without figures has no verdict in its summary.
+        complete = summary.get("ending", {}).get("status") == "complete"
+        return summary.get("verdict", "complete" if complete else None)
+
+    @property
+    def digest(self):
+        """The digest of the tape: two tapes are the same exactly when theirs are."""
+        return self.summary.get("tape_digest")
+
+    @property
+    def figures(self):
+        """The figures of merit: those that the scenario declares with their values, and those of its assessment by name."""
+        kept = ("verdict", "ending", "simulated_time_s", "wall_time_s", "real_time_factor", "tape_digest", "run_folder")
+        kept += ("recovered", "placement", "timing", "measures", "criteria", "shadows")
+        summary = self.summary
+        figures = {key: value for key, value in summary.items() if key not in kept}
+        figures.update({name: one.get("value") for name, one in summary.get("measures", {}).items()})
+        return figures
+
+    @property
+    def criteria(self):
+        """The criteria and what became of them."""
+        return self.summary.get("criteria", [])
+
+    @property
+    def events(self):
+        """What happened besides the samples: faults, substitutions, restarts, failures."""
+        try:
+            with open(os.path.join(self._tape, "events.jsonl"), encoding="utf-8") as file:
+                return [json.loads(line) for line in file if line.endswith("\n")]
+        except FileNotFoundError:
+            return []
+
+    def log(self, participant):
+        """What a participant wrote; empty for one that wrote nothing."""
+        try:
+            with open(os.path.join(self.folder, "log", f"{participant}.stderr"), encoding="utf-8", errors="replace") as file:
+                return file.read()
+        except FileNotFoundError:
+            return ""
+
+    def to_pandas(self, name):
+        """The stream `name` as a DataFrame."""
+        return self[name].to_pandas()
+
+    def to_xarray(self, name=None):
+        """The stream `name` as a Dataset; without a name all streams, as a dict of Datasets, because each has its own stamps."""
+        if name is not None:
+            return self[name].to_xarray()
+        return {one: self[one].to_xarray() for one in self}
+
+    def report(self, *others, out=None):
+        """The report page of this run, with `others` laid over it. Writes it as `report.html` into the folder, or as `out`."""
+        folders = [self.folder, *(os.fspath(getattr(other, "folder", other)) for other in others)]
+        html = _native.report_html(folders, [])
+        path = os.fspath(out) if out is not None else os.path.join(self.folder, "report.html")
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(html)
+        return Page(path, html)
+
+    def __repr__(self):
+        return f"RunFolder({self.folder!r}: {self.verdict or 'not complete'}, {len(self)} streams)"
+
+    def _repr_html_(self):
+        import html
+
+        rows = [("verdict", self.verdict or "not complete"), *self.figures.items(), ("folder", self.folder)]
+        cells = "".join(f"<tr><th style='text-align:left'>{html.escape(str(key))}</th><td>{html.escape(str(value))}</td></tr>" for key, value in rows)
+        return f"<table>{cells}</table>"
+
+
+def open_run(folder):
+    """The run in `folder`."""
+    return RunFolder(folder)

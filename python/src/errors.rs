@@ -1,0 +1,65 @@
+//! Errors of the engine as exceptions of the package.
+
+use engine::run::RunFailure;
+use engine::scenario::ScenarioError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// The exception `name` of `escapement.errors`, with what it carries.
+fn raise(py: Python<'_>, name: &str, message: &str, carries: &[(&str, &Bound<'_, PyAny>)]) -> PyErr {
+    let made = || -> PyResult<PyErr> {
+        let class = py.import("escapement.errors")?.getattr(name)?;
+        let keywords = PyDict::new(py);
+        for (key, value) in carries {
+            keywords.set_item(key, value)?;
+        }
+        Ok(PyErr::from_value(class.call((message,), Some(&keywords))?))
+    };
+    made().unwrap_or_else(|error| error)
+}
+
+/// A scenario that is refused: file, line, key and reason of each mistake.
+pub(crate) fn scenario(py: Python<'_>, error: &ScenarioError) -> PyErr {
+    let mistakes = (error.mistakes.iter()).map(|mistake| (mistake.line, mistake.key.as_str(), mistake.reason.as_str()));
+    let mistakes: Vec<_> = mistakes.collect();
+    let file = error.file.display().to_string();
+    let carried = file
+        .into_pyobject(py)
+        .map_err(PyErr::from)
+        .and_then(|file| Ok((file, mistakes.into_pyobject(py)?)));
+    match carried {
+        Ok((file, mistakes)) => raise(
+            py,
+            "ScenarioError",
+            &error.to_string(),
+            &[("file", file.as_any()), ("mistakes", &mistakes)],
+        ),
+        Err(error) => error,
+    }
+}
+
+/// A run that cannot be, or goes no further.
+pub(crate) fn run(py: Python<'_>, failure: &RunFailure) -> PyErr {
+    match failure {
+        RunFailure::Scenario(error) => scenario(py, error),
+        RunFailure::Participant { participant, .. } | RunFailure::Substitute { participant, .. } => {
+            match participant.as_str().into_pyobject(py) {
+                Ok(participant) => raise(
+                    py,
+                    "RunError",
+                    &failure.to_string(),
+                    &[("participant", participant.as_any())],
+                ),
+                Err(error) => error.into(),
+            }
+        }
+        RunFailure::Option { .. } => raise(py, "OptionError", &failure.to_string(), &[]),
+        RunFailure::Port { .. } => raise(py, "PortError", &failure.to_string(), &[]),
+        other => raise(py, "RunError", &other.to_string(), &[]),
+    }
+}
+
+/// A tape that cannot be read.
+pub(crate) fn tape(py: Python<'_>, message: &str) -> PyErr {
+    raise(py, "TapeError", message, &[])
+}

@@ -1,0 +1,13 @@
+//! A process that hosts one participant.
+
+use pyo3::prelude::*;
+
+use crate::participant::{Object, Raised};
+
+/// Takes the place in a run that the environment names, with an object of `class`, and stays to the end. Gives the exit code.
+#[pyfunction]
+pub(crate) fn host(py: Python<'_>, class: Py<PyAny>, program: String) -> u8 {
+    let raised = Raised::default();
+    let ended = py.detach(move || lockstep::host::run(move |setup| Object::make(&class, setup, &raised), &program));
+    u8::from(ended != std::process::ExitCode::SUCCESS)
+}

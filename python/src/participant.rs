@@ -1,0 +1,274 @@
+//! A participant that is an object of Python's.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
+use plugin::Parameters;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use crate::memory::Memory;
+use crate::values::of_toml;
+
+/// The first exception of a run in this process, for the one that is raised.
+pub(crate) type Raised = Arc<Mutex<Option<PyErr>>>;
+
+/// An object with a step.
+pub(crate) struct Object {
+    interface: Interface,
+    inputs: Vec<Memory>,
+    outputs: Vec<Memory>,
+    /// Its functions, bound to it.
+    initialise: Py<PyAny>,
+    step: Py<PyAny>,
+    save: Py<PyAny>,
+    restore: Py<PyAny>,
+    terminate: Py<PyAny>,
+    now: Py<PyAny>,
+    raised: Raised,
+}
+
+/// A parameter as its class declares it.
+#[derive(FromPyObject)]
+struct Declared {
+    key: String,
+    /// None for a value that is taken as the scenario has it.
+    unit: Option<String>,
+    required: bool,
+    /// 0 for a single number.
+    count: usize,
+}
+
+impl Object {
+    /// Makes an object of `class`.
+    ///
+    /// # Errors
+    /// A parameter that is refused; a class that is none of a participant.
+    pub(crate) fn make(
+        class: &Py<PyAny>,
+        setup: &Setup,
+        raised: &Raised,
+    ) -> Result<Box<dyn Participant>, ParameterError> {
+        Python::attach(|py| {
+            let parameters = Parameters::new(setup.parameters.clone());
+            let made = Object::made(class.bind(py), setup, &parameters, raised);
+            made.map(|object| Box::new(object) as Box<dyn Participant>)
+                .map_err(|wrong| match wrong {
+                    Wrong::Parameter(error) => error,
+                    Wrong::Raised(error) => refusal(py, error, raised),
+                })
+        })
+    }
+
+    fn made(
+        class: &Bound<'_, PyAny>,
+        setup: &Setup,
+        parameters: &Parameters,
+        raised: &Raised,
+    ) -> Result<Object, Wrong> {
+        let py = class.py();
+        let maker = py.import("escapement.participant")?;
+        let declared: Vec<Declared> = maker.call_method1("_declared", (class,))?.extract()?;
+        let values = PyDict::new(py);
+        for one in &declared {
+            if let Some(value) = read(py, parameters, one)? {
+                values.set_item(&one.key, value)?;
+            }
+        }
+        if let Some(unknown) = parameters.unknown() {
+            return Err(Wrong::Parameter(unknown));
+        }
+        let about = (setup.name.as_str(), setup.seed, setup.period, setup.offset);
+        let object = maker.call_method1("_make", (class, about, values))?;
+        let described: String = maker.call_method1("_interface", (&object,))?.extract()?;
+        let unusable = |reason: String| Wrong::Parameter(ParameterError::new(plugin::NO_PARTICIPANT, reason));
+        let interface: Interface =
+            serde_json::from_str(&described).map_err(|error| unusable(format!("its ports cannot be read: {error}")))?;
+        interface
+            .validate()
+            .map_err(|error| unusable(format!("it describes ports that cannot be: {error}")))?;
+        let (of_inputs, of_outputs): (Vec<Bound<'_, PyAny>>, Vec<Bound<'_, PyAny>>) =
+            maker.call_method1("_memory", (&object,))?.extract()?;
+        let sizes = interface.inputs.iter().map(|port| port.descriptor.size as usize);
+        let inputs = of_inputs.iter().zip(sizes).map(|(array, size)| Memory::of(array, size));
+        let inputs = inputs.collect::<PyResult<_>>()?;
+        let sizes = interface.outputs.iter().map(|port| port.descriptor.size as usize);
+        let outputs = of_outputs
+            .iter()
+            .zip(sizes)
+            .map(|(array, size)| Memory::of(array, size));
+        let outputs = outputs.collect::<PyResult<_>>()?;
+        let function = |name: &str| object.getattr(name).map(Bound::unbind);
+        Ok(Object {
+            interface,
+            inputs,
+            outputs,
+            initialise: function("initialise")?,
+            step: function("step")?,
+            save: function("_esc_save")?,
+            restore: function("_esc_restore")?,
+            terminate: function("terminate")?,
+            now: function("_esc_now")?,
+            raised: raised.clone(),
+        })
+    }
+
+    /// The failure that stands for an exception: in short, with the place. The traceback goes to the log.
+    fn failure(&self, py: Python<'_>, error: PyErr) -> Failure {
+        let text = short(py, &error);
+        keep(py, error, &self.raised);
+        text.into()
+    }
+
+    fn show_outputs(&self, py: Python<'_>, outputs: &mut Outputs) {
+        // What a step does not write keeps its last value, which another participant may have written.
+        for (port, memory) in self.outputs.iter().enumerate() {
+            memory.put(py, outputs.bytes_mut(port));
+        }
+    }
+
+    fn take_outputs(&self, py: Python<'_>, outputs: &mut Outputs) {
+        for (port, memory) in self.outputs.iter().enumerate() {
+            memory.take(py, outputs.bytes_mut(port));
+        }
+    }
+}
+
+/// Why there is no object.
+enum Wrong {
+    Parameter(ParameterError),
+    Raised(PyErr),
+}
+
+impl From<PyErr> for Wrong {
+    fn from(error: PyErr) -> Wrong {
+        Wrong::Raised(error)
+    }
+}
+
+/// The value of a parameter, if the scenario has one.
+fn read<'py>(py: Python<'py>, parameters: &Parameters, one: &Declared) -> Result<Option<Bound<'py, PyAny>>, Wrong> {
+    let refused = Wrong::Parameter;
+    let Some(unit) = &one.unit else {
+        let found = parameters.get(&one.key, one.required).map_err(refused)?;
+        return Ok(found.map(|value| of_toml(py, value)).transpose()?);
+    };
+    let found = parameters.numbers(&one.key, unit, one.required, one.count);
+    Ok(match found.map_err(refused)? {
+        None => None,
+        Some(numbers) if one.count == 0 => {
+            let number = numbers.first().copied().unwrap_or_default();
+            Some(number.into_pyobject(py).map_err(PyErr::from)?.into_any())
+        }
+        Some(numbers) => Some(numbers.into_pyobject(py)?),
+    })
+}
+
+/// What an exception in the making of a participant means: the refusal of a parameter, or of the class.
+fn refusal(py: Python<'_>, error: PyErr, raised: &Raised) -> ParameterError {
+    let value = error.value(py);
+    let text = |name: &str| value.getattr(name).and_then(|part| part.extract::<String>());
+    let own = py
+        .import("escapement.errors")
+        .and_then(|errors| errors.getattr("ParameterError"))
+        .and_then(|class| value.is_instance(&class));
+    if let (Ok(true), Ok(key), Ok(reason)) = (own, text("key"), text("reason")) {
+        return ParameterError::new(key, reason);
+    }
+    let reason = short(py, &error);
+    keep(py, error, raised);
+    ParameterError::new(plugin::NO_PARTICIPANT, reason)
+}
+
+/// The exception itself, with its traceback: until 3.12 the interpreter keeps the two apart.
+fn whole<'py>(py: Python<'py>, error: &PyErr) -> Bound<'py, PyAny> {
+    let value = error.value(py).clone().into_any();
+    if let Some(traceback) = error.traceback(py) {
+        // An exception takes its own traceback.
+        let _ = value.setattr("__traceback__", traceback);
+    }
+    value
+}
+
+/// An exception in one line: its type, what it says, and where in somebody's own code it was raised.
+fn short(py: Python<'_>, error: &PyErr) -> String {
+    let said = py
+        .import("escapement.participant")
+        .and_then(|module| module.call_method1("_short", (whole(py, error),)))
+        .and_then(|text| text.extract::<String>());
+    said.unwrap_or_else(|_| error.to_string())
+}
+
+/// Writes the traceback into the log and keeps the first exception.
+fn keep(py: Python<'_>, error: PyErr, raised: &Raised) {
+    let mut first = raised.lock().unwrap_or_else(PoisonError::into_inner);
+    let tell = || {
+        let module = py.import("escapement.participant")?;
+        module.call_method1("_log_traceback", (whole(py, &error),))
+    };
+    // That it cannot be written is no reason to forget it.
+    let _ = tell();
+    first.get_or_insert(error);
+}
+
+impl Participant for Object {
+    fn interface(&self) -> Interface {
+        self.interface.clone()
+    }
+
+    fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
+        Python::attach(|py| {
+            self.show_outputs(py, outputs);
+            self.initialise
+                .call1(py, (t,))
+                .map_err(|error| self.failure(py, error))?;
+            self.take_outputs(py, outputs);
+            Ok(())
+        })
+    }
+
+    fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        Python::attach(|py| {
+            for (port, memory) in self.inputs.iter().enumerate() {
+                memory.put(py, inputs.bytes(port));
+            }
+            self.show_outputs(py, outputs);
+            self.step.call1(py, (step.t, step.period)).map_err(|error| {
+                // Only who fails says when; a step that goes well does not look at the time.
+                let _ = self.now.call1(py, (step.t,));
+                self.failure(py, error)
+            })?;
+            self.take_outputs(py, outputs);
+            Ok(())
+        })
+    }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        Python::attach(|py| {
+            let saved = self.save.call0(py).and_then(|state| {
+                let state = state.into_bound(py);
+                Ok(state.cast_into::<PyBytes>().map_err(PyErr::from)?.as_bytes().to_vec())
+            });
+            // Whoever asked only learns that there is no state: the log has the reason.
+            saved.map_err(|error| keep(py, error, &self.raised)).ok()
+        })
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
+        Python::attach(|py| {
+            let restored = self.restore.call1(py, (PyBytes::new(py, state),));
+            restored.map(|_| ()).map_err(|error| self.failure(py, error))
+        })
+    }
+}
+
+impl Drop for Object {
+    fn drop(&mut self) {
+        // Nobody waits for what it says: the run is over, or has gone on without it.
+        let _ = Python::try_attach(|py| {
+            if let Err(error) = self.terminate.call0(py) {
+                keep(py, error, &self.raised);
+            }
+        });
+    }
+}

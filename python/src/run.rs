@@ -1,0 +1,327 @@
+//! Runs: to their end at once, or from rest to rest.
+
+use std::path::PathBuf;
+use std::sync::PoisonError;
+
+use engine::Progress;
+use engine::run::{self as engine_run, Checkpoint, Ending, Options, Outcome, Record, RunFailure};
+use lockstep::time::Rational;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use crate::observer::Teller;
+use crate::participant::Raised;
+use crate::scenario::Scenario;
+use crate::{errors, values};
+
+/// A request for an end in order, which a signal's handler can make.
+#[pyclass(frozen, module = "escapement._native")]
+#[derive(Default)]
+pub(crate) struct Interrupt(engine::Interrupt);
+
+#[pymethods]
+impl Interrupt {
+    #[new]
+    fn new() -> Interrupt {
+        Interrupt::default()
+    }
+
+    /// Asks for the end.
+    fn ask(&self) {
+        self.0.ask();
+    }
+
+    /// Whether it was asked for.
+    fn asked(&self) -> bool {
+        self.0.asked()
+    }
+}
+
+/// What is said about a run besides the scenario.
+#[derive(FromPyObject)]
+pub(crate) struct How {
+    in_process: bool,
+    record: String,
+    out: Option<PathBuf>,
+    force: bool,
+    pace: Option<f64>,
+    checkpoint_every: Option<String>,
+    checkpoint_at: Vec<String>,
+    patience: f64,
+    resume: Option<PathBuf>,
+    resume_from: Option<String>,
+}
+
+fn time(text: &str) -> PyResult<Rational> {
+    text.parse().map_err(|error| {
+        PyValueError::new_err(format!(
+            "{text:?} is no time: {error}; write such as \"2.5 s\" or \"1/300 s\""
+        ))
+    })
+}
+
+impl How {
+    fn options(&self, py: Python<'_>, told: Option<Py<PyAny>>, interrupt: &Interrupt) -> PyResult<Options> {
+        let record = match self.record.as_str() {
+            "folder" => Record::Folder,
+            "memory" => Record::Memory,
+            "digest" => Record::Digest,
+            "nothing" => Record::Nothing,
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "record={other:?}: write \"folder\", \"memory\", \"digest\" or \"nothing\""
+                )));
+            }
+        };
+        let origin = match &self.resume {
+            None => None,
+            Some(run) => {
+                let folder = tape::folder::RunFolder::open(run);
+                // What is on the tape is copied and sealed anew.
+                tape::Reader::open(&folder.tape())
+                    .and_then(|tape| tape.verify())
+                    .map_err(|error| errors::tape(py, &format!("the run cannot be taken up: {error}")))?;
+                let from = self.resume_from.as_deref().map(time).transpose()?;
+                let checkpoint = engine_run::checkpoint::Checkpoint::find(&folder.checkpoints(), from)
+                    .map_err(|error| errors::run(py, &RunFailure::from(error)))?;
+                Some(engine_run::Origin {
+                    run: run.clone(),
+                    checkpoint,
+                })
+            }
+        };
+        Ok(Options {
+            in_process: self.in_process,
+            record,
+            out: self.out.clone(),
+            force: self.force,
+            progress: Progress::new(Teller::new(told, interrupt.0.clone())),
+            interrupt: interrupt.0.clone(),
+            pace: self.pace,
+            checkpoint_every: self.checkpoint_every.as_deref().map(time).transpose()?,
+            checkpoint_at: self
+                .checkpoint_at
+                .iter()
+                .map(|text| time(text))
+                .collect::<PyResult<_>>()?,
+            origin,
+            patience_s: self.patience,
+            // Several runs of one process would be put onto the same cores.
+            no_placement: self.in_process,
+            ..Options::default()
+        })
+    }
+}
+
+/// Takes along the exception that made a run fail.
+fn caused(py: Python<'_>, failure: PyErr, raised: &Raised) -> PyErr {
+    let cause = raised.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if cause.is_some() {
+        failure.set_cause(py, cause);
+    }
+    failure
+}
+
+fn told<'py>(py: Python<'py>, outcome: &Outcome, raised: &Raised) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    all.set_item("summary", values::of_json(py, &outcome.summary())?)?;
+    all.set_item("folder", &outcome.folder)?;
+    all.set_item("text", outcome.figures.as_ref().map(|figures| &figures.text))?;
+    let status = match outcome.ending {
+        Ending::Complete => "complete",
+        Ending::Stopped { .. } => "stopped",
+        Ending::Failed { .. } => "failed",
+    };
+    all.set_item("status", status)?;
+    all.set_item("words", outcome.ending.words())?;
+    if let Ending::Failed { participant, .. } = &outcome.ending {
+        all.set_item("participant", participant)?;
+    }
+    all.set_item("cause", raised.lock().unwrap_or_else(PoisonError::into_inner).take())?;
+    Ok(all)
+}
+
+/// Runs `scenario` to its end. Gives what became of it, with its summary written if it has a folder.
+#[pyfunction]
+#[pyo3(signature = (scenario, how, told_to, interrupt))]
+pub(crate) fn run<'py>(
+    py: Python<'py>,
+    scenario: &Bound<'py, Scenario>,
+    how: How,
+    told_to: Option<Py<PyAny>>,
+    interrupt: &Bound<'py, Interrupt>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let own = scenario.get();
+    let options = how.options(py, told_to, interrupt.get())?;
+    let outcome = py.detach(|| {
+        let outcome = engine_run::run(&own.scenario, &options)?;
+        if let Some(folder) = &outcome.folder {
+            let folder = tape::folder::RunFolder::open(folder);
+            folder.write_json(&folder.summary(), &outcome.summary())?;
+        }
+        Ok::<Outcome, RunFailure>(outcome)
+    });
+    let outcome = outcome.map_err(|failure| caused(py, errors::run(py, &failure), &own.raised))?;
+    told(py, &outcome, &own.raised)
+}
+
+/// The state of a run at an instant, in memory.
+#[pyclass(frozen, module = "escapement._native")]
+pub(crate) struct Saved(Checkpoint);
+
+#[pymethods]
+impl Saved {
+    /// The instant, s.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.0.time().seconds()
+    }
+}
+
+/// A run that goes on when it is told to. It belongs to the thread that starts it.
+#[pyclass(unsendable, module = "escapement._native")]
+pub(crate) struct Run {
+    run: Option<engine_run::Run>,
+    raised: Raised,
+}
+
+/// A run on its way to where the interpreter is released: the same thread.
+struct Here<'a>(&'a mut engine_run::Run);
+
+// SAFETY: what is released runs on the thread that has released it; the run never leaves it.
+unsafe impl Send for Here<'_> {}
+
+impl Run {
+    fn mine(&mut self) -> PyResult<&mut engine_run::Run> {
+        let ended = || PyRuntimeError::new_err("the run has ended: start another one");
+        self.run.as_mut().ok_or_else(ended)
+    }
+
+    /// Does `work` with the interpreter released.
+    fn released<T: Send>(
+        &mut self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut engine_run::Run) -> Result<T, RunFailure> + Send,
+    ) -> PyResult<T> {
+        let here = Here(self.mine()?);
+        let done = py.detach(move || {
+            // All of it moves in, not the reference inside.
+            let here = here;
+            work(here.0)
+        });
+        done.map_err(|failure| caused(py, errors::run(py, &failure), &self.raised))
+    }
+}
+
+#[pymethods]
+impl Run {
+    /// Starts `scenario`: everybody is there and rests at the start.
+    #[new]
+    fn start(
+        py: Python<'_>,
+        scenario: &Bound<'_, Scenario>,
+        how: How,
+        told_to: Option<Py<PyAny>>,
+        interrupt: &Bound<'_, Interrupt>,
+    ) -> PyResult<Run> {
+        let own = scenario.get();
+        let options = how.options(py, told_to, interrupt.get())?;
+        struct Made(Result<engine_run::Run, RunFailure>);
+        // SAFETY: as of `Here`.
+        unsafe impl Send for Made {}
+        let made = py.detach(|| Made(engine_run::Run::start(&own.scenario, &options)));
+        match made.0 {
+            Ok(run) => Ok(Run {
+                run: Some(run),
+                raised: own.raised.clone(),
+            }),
+            Err(failure) => Err(caused(py, errors::run(py, &failure), &own.raised)),
+        }
+    }
+
+    /// Everybody has done exactly the activations before this instant, s.
+    #[getter]
+    fn now(&mut self) -> PyResult<f64> {
+        Ok(self.mine()?.now_s())
+    }
+
+    /// Whether nothing more happens.
+    #[getter]
+    fn is_over(&mut self) -> PyResult<bool> {
+        Ok(self.mine()?.is_over())
+    }
+
+    /// Lets it on to the instant `to`.
+    fn run_to(&mut self, py: Python<'_>, to: &str) -> PyResult<()> {
+        let to = time(to)?;
+        self.released(py, |run| run.run_to(to))
+    }
+
+    /// Lets it on to the next communication point.
+    fn step(&mut self, py: Python<'_>) -> PyResult<()> {
+        self.released(py, engine_run::Run::step)
+    }
+
+    /// The newest sample of an output: index, stamp and payload.
+    fn newest<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<(u64, f64, Bound<'py, PyBytes>)> {
+        let sample = self.mine()?.newest(port).map_err(|failure| errors::run(py, &failure))?;
+        Ok((sample.index(), sample.stamp_s(), PyBytes::new(py, sample.bytes())))
+    }
+
+    /// The payload's description of an output that has a sample.
+    fn descriptor<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<Bound<'py, PyAny>> {
+        let sample = self.mine()?.newest(port).map_err(|failure| errors::run(py, &failure))?;
+        values::of_json(py, &serde_json::to_value(sample.descriptor()).unwrap_or_default())
+    }
+
+    /// Sets an input that nobody feeds.
+    fn set(&mut self, py: Python<'_>, port: &str, payload: &[u8]) -> PyResult<()> {
+        self.mine()?
+            .set_bytes(port, payload)
+            .map_err(|failure| errors::run(py, &failure))
+    }
+
+    /// The same by fields.
+    fn set_fields(&mut self, py: Python<'_>, port: &str, fields: Vec<(String, Vec<f64>)>) -> PyResult<()> {
+        let fields: Vec<(&str, &[f64])> = (fields.iter())
+            .map(|(name, values)| (name.as_str(), &values[..]))
+            .collect();
+        self.mine()?
+            .set_fields(port, &fields)
+            .map_err(|failure| errors::run(py, &failure))
+    }
+
+    /// The state of everybody.
+    fn save(&mut self, py: Python<'_>) -> PyResult<Saved> {
+        self.released(py, engine_run::Run::save).map(Saved)
+    }
+
+    /// Goes back to `saved`.
+    fn restore(&mut self, py: Python<'_>, saved: &Bound<'_, Saved>) -> PyResult<()> {
+        let checkpoint = &saved.get().0;
+        self.released(py, |run| run.restore(checkpoint))
+    }
+
+    /// Gives it up, if it has not ended: its processes end, and its tape has no seal.
+    fn close(&mut self) {
+        self.run = None;
+    }
+
+    /// Ends it: the outcome.
+    fn end<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        struct Ended(engine_run::Run);
+        // SAFETY: as of `Here`.
+        unsafe impl Send for Ended {}
+        self.mine()?;
+        let Some(run) = self.run.take().map(Ended) else {
+            return Err(PyRuntimeError::new_err("the run has ended"));
+        };
+        let outcome = py.detach(move || {
+            let run = run;
+            run.0.end()
+        });
+        let outcome = outcome.map_err(|failure| errors::run(py, &failure))?;
+        told(py, &outcome, &self.raised)
+    }
+}

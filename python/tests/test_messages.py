@@ -1,0 +1,67 @@
+"""Messages: layout, values, and what they refuse."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import escapement as esc
+
+
+class Pose(esc.Message):
+    p_NB_N = esc.Field("m", frame="N", shape=3)
+    R_NB = esc.Field("1", shape=(3, 3))
+    count = esc.Field("1", element="u64")
+    small = esc.Field("1", element="f32", shape=2)
+
+
+def test_message_describes_itself_as_the_wire_wants_it():
+    assert Pose.dtype.itemsize == 24 + 72 + 8 + 8
+    assert [part["offset"] for part in Pose.descriptor["fields"]] == [0, 24, 96, 104]
+    assert Pose.descriptor["fields"][0] == {
+        "name": "p_NB_N", "element": "f64", "shape": [3], "unit": "m", "frame": "N", "offset": 0,
+    }
+    assert esc.Message.of(Pose.descriptor).descriptor == Pose.descriptor
+
+
+def test_values_are_written_into_memory_that_stays():
+    pose = Pose(p_NB_N=[1, 2, 3], count=7)
+    view = pose.p_NB_N
+    pose.p_NB_N = (4.0, 5.0, 6.0)
+    pose.p_NB_N[1] = 50.0
+    assert view is pose.p_NB_N and list(view) == [4.0, 50.0, 6.0]
+    pose.R_NB = np.eye(3)
+    assert pose.array["R_NB"][2, 2] == 1.0 and pose.count == 7 and pose["count"] == 7
+    pose.small = 0.5
+    assert pose.small.tolist() == [0.5, 0.5]
+    assert np.frombuffer(bytes(pose), Pose.dtype)[0] == pose.array
+    again = pickle.loads(pickle.dumps(pose))
+    assert again == pose and again is not pose
+
+
+@pytest.mark.parametrize(
+    "what, said",
+    [
+        (lambda pose: setattr(pose, "p_NB_N", [1, 2]), r"`p_NB_N` of `Pose` has the shape \(3,\), and a value of the shape \(2,\)"),
+        (lambda pose: setattr(pose, "p_NB_N", "here"), "`p_NB_N` of `Pose` cannot be"),
+        (lambda pose: setattr(pose, "count", -1), "`count` of `Pose` cannot be -1"),
+        (lambda pose: setattr(pose, "count", 0.5), "`count` of `Pose` cannot be 0.5"),
+        (lambda pose: Pose(speed=1), "has no field `speed`; it has `p_NB_N`"),
+    ],
+)
+def test_wrong_values_are_refused_with_field_and_value(what, said):
+    with pytest.raises(esc.MessageError, match=said):
+        what(Pose())
+
+
+def test_layouts_that_cannot_be_are_refused():
+    with pytest.raises(esc.MessageError, match="put larger elements first"):
+        type("Bad", (esc.Message,), {"a": esc.Field(element="u8"), "b": esc.Field()})
+    with pytest.raises(esc.MessageError, match="padding"):
+        type("Bad", (esc.Message,), {"a": esc.Field(), "b": esc.Field(element="u8")})
+    with pytest.raises(esc.MessageError, match="no fields"):
+        type("Bad", (esc.Message,), {})
+    with pytest.raises(esc.MessageError, match="element type 'f16'"):
+        esc.Field(element="f16")
+    with pytest.raises(esc.MessageError, match="positive"):
+        esc.Field(shape=(3, 0))

@@ -1,0 +1,306 @@
+"""Runs: whatever runs where, one tape; checkpoints, restarts, substitutions, campaigns, handles, Ctrl-C."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+
+import pytest
+from conftest import EXAMPLES, PID, SPRING
+
+import escapement as esc
+import pid as loop
+import spring
+
+BOTH = {"left": spring.Spring, "right": spring.Spring}
+LOOP = {"plant": loop.Plant, "controller": loop.Pid, "reference": loop.Reference}
+
+
+def library(built, which):
+    return {"library": str(built / "libposition_loop.so"), "participant": which}
+
+
+def in_rust(built):
+    """The position loop with everybody in Rust, as changes of the scenario."""
+    seats = {"plant": "plant", "controller": "pid", "reference": "reference"}
+    return {f"participants.{seat}.run": library(built, which) for seat, which in seats.items()}
+
+
+def bytes_of(run):
+    return {name: run[name].array.tobytes() for name in run}
+
+
+def same(one, other):
+    assert one.digest == other.digest
+    assert bytes_of(one) == bytes_of(other)
+
+
+@pytest.fixture
+def rust(built):
+    return esc.run(PID, set=in_rust(built), in_process=True, out="rust")
+
+
+def test_springs_in_rust_and_python_give_one_tape(built):
+    rust = esc.run(SPRING, out="rust")
+    same(rust, esc.run(SPRING, participants=BOTH, out="within"))
+    same(rust, esc.run(SPRING, participants=BOTH, in_process=False, out="apart"))
+    # One of each, with draws and gaps.
+    late = {"connections.to-right.jitter": "7ms", "connections.to-left.drop": 0.2, "connections.to-left.hold": "initial"}
+    mixed = esc.run(SPRING, set=late, participants={"right": spring.Spring}, in_process=False, out="mixed")
+    same(esc.run(SPRING, set=late, out="late"), mixed)
+    # Exactly the README's command, with the host that a scenario names.
+    run = {"exe": sys.executable, "args": ["-m", "escapement.host", f"{EXAMPLES}/spring.py:Spring"]}
+    same(rust, esc.run(SPRING, set={"participants.left.run": run}, in_process=False, out="named"))
+    same(rust, esc.run(SPRING, set={"participants.left.run": run, "participants.right.run": run}, out="named-within"))
+
+
+def test_position_loops_in_rust_and_python_give_one_tape(rust):
+    same(rust, esc.run(PID, participants=LOOP, out="within"))
+    same(rust, esc.run(PID, participants=LOOP, in_process=False, out="apart"))
+
+
+def test_one_resumes_what_the_other_began(rust):
+    for here in (True, False):
+        begun = esc.run(PID, participants=LOOP, in_process=here, checkpoint_at="1.234 s", out=f"begun-{here}")
+        same(rust, begun)
+        for there in (True, False):
+            same(rust, esc.resume(begun, in_process=there, out=f"resumed-{here}-{there}"))
+
+
+def test_it_is_restarted_after_a_kill(rust, tmp_path, built):
+    """A controller that is killed once, in mid-run, is started again from the last checkpoint: the tape is that of the undisturbed run."""
+    (tmp_path / "dies.py").write_text(textwrap.dedent(f"""
+        import os, sys
+        sys.path.insert(0, {str(EXAMPLES)!r})
+        from pid import *
+
+        class Dies(Pid):
+            def step(self, t, dt):
+                super().step(t, dt)
+                if t > 2.5 and not os.path.exists({str(tmp_path / "died")!r}):
+                    open({str(tmp_path / "died")!r}, "w").close()
+                    os.kill(os.getpid(), 9)
+    """))
+    participants = {**LOOP, "controller": f"{tmp_path}/dies.py:Dies"}
+    change = {"participants.controller.on-failure": "restart-from-checkpoint"}
+    run = esc.run(PID, participants=participants, set=change, in_process=False, checkpoint_every="1 s", out="restarted")
+    assert (tmp_path / "died").exists() and run.summary["recovered"]
+    same(rust, run)
+
+
+def test_substitution_in_mid_run_from_rust_to_python(rust, built):
+    """The reference has no state, and the plant's is kept by whoever knows it: Python takes over from Rust and from Python."""
+    host = '{{ exe = "{}", args = ["-m", "escapement.host", "{}/{}"] }}'
+    takes = 'at="1.5 s",substitute="{}",run={}{}'
+    python = host.format(sys.executable, EXAMPLES, "pid.py:Reference")
+    fault = takes.format("reference", python, "")
+    for here in (True, False):
+        same(rust, esc.run(PID, set=in_rust(built), faults=[fault], in_process=here, out=f"fresh-{here}"))
+    python = host.format(sys.executable, EXAMPLES, "pid.py:Pid")
+    fault = takes.format("controller", python, ',state="keep"')
+    for here in (True, False):
+        same(rust, esc.run(PID, participants=LOOP, faults=[fault], in_process=here, out=f"kept-{here}"))
+    # The state of one in Rust is none of a participant in Python, unless its `restore` takes it.
+    with pytest.raises(esc.EscapementError, match="none of a participant in Python"):
+        esc.run(PID, set=in_rust(built), faults=[fault], in_process=True, out="refused")
+
+
+def test_state_goes_from_rust_to_python_where_restore_takes_it(rust, built, tmp_path):
+    (tmp_path / "takes.py").write_text(textwrap.dedent(f"""
+        import struct, sys
+        sys.path.insert(0, {str(EXAMPLES)!r})
+        import pid
+
+        class Pid(pid.Pid):
+            def save(self):
+                return struct.pack("<d", self.integral)
+
+            def restore(self, state):
+                (self.integral,) = struct.unpack("<d", state)
+    """))
+    fault = f'at="1.5 s",substitute="controller",run={{ exe = "{sys.executable}", args = ["-m", "escapement.host", "{tmp_path}/takes.py:Pid"] }},state="keep"'
+    for here in (True, False):
+        same(rust, esc.run(PID, set=in_rust(built), faults=[fault], in_process=here, out=f"kept-{here}"))
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        'at=1s,until=2s,input=controller.measured,field=position,kind=bias,value="5 mm"',
+        "at=1s,until=2s,output=controller.push,kind=stuck",
+        "at=1s,until=2s,connection=measured,drop=0.5",
+    ],
+)
+def test_declared_faults_are_those_of_the_host(built, fault):
+    rust = esc.run(PID, set=in_rust(built), faults=fault, in_process=True, out="rust")
+    same(rust, esc.run(PID, participants=LOOP, faults=fault, out="within"))
+    same(rust, esc.run(PID, participants=LOOP, faults=fault, in_process=False, out="apart"))
+
+
+def test_failure_in_a_process_of_its_own_is_named_and_logged(tmp_path):
+    (tmp_path / "fails.py").write_text(textwrap.dedent(f"""
+        import sys
+        sys.path.insert(0, {str(EXAMPLES)!r})
+        from spring import *
+
+        class Fails(Spring):
+            def step(self, t, dt):
+                if t > 1.0:
+                    raise ValueError("the spring broke")
+                super().step(t, dt)
+    """))
+    with pytest.raises(esc.RunError, match=r"ValueError: the spring broke \(.*fails.py:9, in step\)") as caught:
+        esc.run(SPRING, participants={"left": f"{tmp_path}/fails.py:Fails"}, in_process=False)
+    assert caught.value.participant == "left"
+    assert "Traceback (most recent call last)" in caught.value.run.log("left")
+
+
+def test_figures_and_criteria():
+    run = esc.run(SPRING, participants=BOTH)
+    assert set(run.figures) >= {"swing", "apart", "fastest"}
+    assert run.verdict == "met" and run.criteria[0]["met"] is True
+    worse = esc.run(SPRING, participants=BOTH, set={"measures.swing.at-most": "1 mm"})
+    assert worse.verdict == "not-met"
+    digest = esc.run(SPRING, participants=BOTH, record="digest")
+    assert digest.digest == run.digest and digest.figures == run.figures
+
+
+def test_scenario_as_an_object(tmp_path):
+    scenario = esc.Scenario(SPRING, participants=BOTH)
+    assert (scenario.name, scenario.duration, scenario.participants) == ("spring", 10.0, ["left", "right"])
+    scenario.set("duration", "2 s").set("participants.left.parameters.position", 0.2)
+    assert scenario["participants.left.parameters.position"] == 0.2
+    ports = scenario.check()["participants"]["left"]
+    assert ports["kind"] == "continuous" and ports["outputs"]["motion"]["name"] == "Motion"
+    with pytest.raises(esc.ScenarioError, match="given with --set") as caught:
+        scenario.set("connections.to-right.delay", "3 apples")
+    assert caught.value.key == "connections.to-right.delay"
+    # What was refused has changed nothing.
+    assert esc.run(scenario)["left.motion"].t[-1] == 2.0
+    bad = tmp_path / "bad.toml"
+    bad.write_text('duration = "1 s"\n\n[participants.a]\nrun = { builtin = "spring" }\nperiode = "1 ms"\n')
+    with pytest.raises(esc.ScenarioError) as caught:
+        esc.Scenario(bad)
+    assert (caught.value.file, caught.value.line, caught.value.key) == (str(bad), 5, "participants.a.periode")
+
+
+def test_run_from_rest_to_rest():
+    whole = esc.run(SPRING, participants=BOTH)
+    with esc.Run(SPRING, participants=BOTH) as run:
+        run.run_to("2 s")
+        assert run.now == 2.0
+        first = run.newest("left.motion")
+        assert first.t == 2.0 and first.position == whole["left.motion"].position[2000]
+        here = run.save()
+        run.run_to(3.5)
+        run.restore(here)
+        assert run.now == 2.0 and run.newest("left.motion").position == first.position
+        run.step()
+        assert run.now == 2.001
+        run.run_to("10 s")
+        outcome = run.end()
+    assert outcome.digest == whole.digest and outcome.figures == whole.figures
+    with pytest.raises(esc.RunError, match="has passed"):
+        with esc.Run(SPRING, participants=BOTH) as run:
+            run.run_to("2 s")
+            run.run_to("1 s")
+    with pytest.raises(esc.PortError, match="there is no such output"):
+        with esc.Run(SPRING, participants=BOTH) as run:
+            run.newest("left.nothing")
+
+
+def test_inputs_are_set_from_code(built):
+    sets = {**in_rust(built)}
+    text = PID.read_text().replace('[connections.push]\nfrom = "controller.push"\nto = "plant.push"\n', "")
+    text = text.replace('duration = "4 s"', 'duration = "4 s"\ninputs = ["plant.push"]')
+    scenario = esc.Scenario(PID, text=text, set=sets, participants={"plant": loop.Plant})
+    with esc.Run(scenario) as run:
+        run.run_to("1 s")
+        assert run.newest("plant.motion").position == 0.0
+        run.set("plant.push", loop.Push(force=50.0))
+        run.run_to("4 s")
+        assert run.newest("plant.motion").position == pytest.approx(1.0, rel=0.2)
+        with pytest.raises(esc.PortError, match="`controller.measured`"):
+            run.set("controller.measured", position=1.0)
+
+
+def test_sweep_gives_a_table():
+    table = esc.sweep(SPRING, {"connections.to-right.delay": ["0 ms", "20 ms"], "participants.left.parameters.position": [0.1, 0.2]}, set={"duration": "1 s"})
+    assert len(table) == 4 and list(table["outcome"]) == ["met", "not-met"] * 2 or set(table["outcome"]) <= {"met", "not-met"}
+    swing = next(column for column in table if column.startswith("swing"))
+    alone = esc.run(SPRING, set={"duration": "1 s", "connections.to-right.delay": "20 ms", "participants.left.parameters.position": 0.2})
+    assert table[swing].iloc[3] == alone.figures["swing"]
+    python = esc.sweep(SPRING, {"connections.to-right.delay": "0ms..20ms:20ms"}, set={"duration": "1 s"}, participants={"right": spring.Spring})
+    assert list(python["tape"]) == list(table["tape"][::2])
+    with pytest.raises(esc.ScenarioError, match="delai"):
+        esc.sweep(SPRING, {"connections.to-right.delai": [1]})
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, {examples!r})
+import escapement as esc, spring
+if __name__ == "__main__":
+    try:
+        print("begun", flush=True)
+        esc.run({scenario!r}, set={{"duration": "100000 s"}}, participants={{"left": spring.Spring, "right": spring.Spring}},
+                in_process={here}, out="long")
+    except KeyboardInterrupt as error:
+        print("interrupted:", error, flush=True)
+        print(esc.open("long").verdict, len(esc.open("long")["left.motion"]) > 10, flush=True)
+"""
+
+
+@pytest.mark.parametrize("here", [True, False])
+def test_ctrl_c_ends_a_run_in_order(here, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT.format(examples=str(EXAMPLES), scenario=str(SPRING), here=here))
+    process = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    assert process.stdout.readline() == "begun\n"
+    # Until there are samples.
+    tape = tmp_path / "long" / "tape" / "left.motion.bin"
+    while not (tape.exists() and tape.stat().st_size > 1000):
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    out, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    assert out.startswith("interrupted: interrupted at t = ") and out.endswith("None True\n")
+    assert (tmp_path / "long" / "tape" / "seal.json").exists()
+    assert not errors
+
+
+def test_file_that_starts_a_run_when_it_is_imported_is_told_so(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"import sys\nsys.path.insert(0, {str(EXAMPLES)!r})\nimport escapement as esc\nfrom spring import *\n"
+        f"class Mine(Spring):\n    pass\nesc.run({str(SPRING)!r}, participants={{'left': Mine}}, in_process=False)\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, cwd=tmp_path, timeout=60)
+    assert done.returncode == 1 and '__name__ == "__main__"' in done.stderr and "participant `left`" in done.stderr
+
+
+def test_class_without_a_file_runs_here_alone():
+    space = {}
+    exec("import spring\nclass Loose(spring.Spring):\n    pass\n", space)
+    space["Loose"].__module__ = "nowhere"
+    run = esc.run(SPRING, participants={"left": space["Loose"], "right": space["Loose"]}, in_process=True)
+    assert len(run["left.motion"]) == 10001
+    with pytest.raises(esc.EscapementError, match="put it into a file, or run with in_process=True"):
+        esc.run(SPRING, participants={"left": space["Loose"]}, in_process=False)
+
+
+def test_progress_is_told():
+    told = []
+    esc.run(SPRING, participants=BOTH, progress=lambda what, value: told.append(what))
+    assert told[0] == "begun" and told[-1] == "over" and "time" in told
+
+
+def test_report_is_one_page(tmp_path):
+    run = esc.run(SPRING, participants=BOTH)
+    page = run.report()
+    assert os.path.getsize(page.path) > 10_000 and "left.motion" in page.html
+    assert page._repr_html_().startswith("<iframe srcdoc=")
+    assert "swing" in run._repr_html_()
+    other = esc.run(SPRING, participants=BOTH, set={"duration": "5 s"})
+    assert "duration" in run.report(other, out=tmp_path / "two.html").html
