@@ -14,12 +14,13 @@ from maturin import (  # noqa: F401 - what a frontend asks for
     get_requires_for_build_editable,
     get_requires_for_build_sdist,
     get_requires_for_build_wheel,
-    prepare_metadata_for_build_editable,
-    prepare_metadata_for_build_wheel,
 )
 
 _HERE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _ROOT = os.path.dirname(_HERE)
+
+
+_SCRIPTS = os.path.join(_HERE, "data", "scripts")
 
 
 def _target():
@@ -34,9 +35,20 @@ def _place_program():
         command += ["--package", "orchestrator", "--package", "escapement-python", "--features", "escapement-python/module"]
         subprocess.run(command, cwd=_ROOT, check=True)
         built = os.path.join(_target(), "release", "escapement")
-    scripts = os.path.join(_HERE, "data", "scripts")
-    os.makedirs(scripts, exist_ok=True)
-    shutil.copy2(built, os.path.join(scripts, "escapement"))
+    os.makedirs(_SCRIPTS, exist_ok=True)
+    shutil.copy2(built, os.path.join(_SCRIPTS, "escapement"))
+
+
+def prepare_metadata_for_build_wheel(metadata_directory, config_settings=None):
+    """What is known of the wheel before it is built."""
+    os.makedirs(_SCRIPTS, exist_ok=True)
+    return maturin.prepare_metadata_for_build_wheel(metadata_directory, config_settings)
+
+
+def prepare_metadata_for_build_editable(metadata_directory, config_settings=None):
+    """The same for one whose sources stay where they are."""
+    os.makedirs(_SCRIPTS, exist_ok=True)
+    return maturin.prepare_metadata_for_build_editable(metadata_directory, config_settings)
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):

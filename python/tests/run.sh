@@ -8,7 +8,7 @@ cd "$(dirname "$0")/../.."
 venv=$PWD/target/python
 [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
 "$venv/bin/python" -m pip install --quiet --upgrade pip
-ESCAPEMENT=$PWD/target/release/escapement "$venv/bin/python" -m pip install --quiet './python[frames]' 'pytest>=8'
+ESCAPEMENT=$PWD/target/release/escapement "$venv/bin/python" -m pip install --quiet './python[frames,gym]' 'pytest>=8'
 # Not from the sources: what is tested is what was installed.
 unset ESCAPEMENT PYTHONPATH
 "$venv/bin/python" -m pytest --quiet -p no:cacheprovider python/tests "$@"

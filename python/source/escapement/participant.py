@@ -5,6 +5,7 @@ import json
 import operator
 import pickle
 import sys
+import threading
 import traceback
 
 from . import _native
@@ -110,7 +111,9 @@ class Participant:
         if cls is Participant:
             raise TypeError("a participant is a subclass of Participant with ports and a step")
         self = super().__new__(cls)
-        (name, self.__dict__["_esc_seed"], self.__dict__["_esc_period"], self.__dict__["_esc_offset"]), values = _setup
+        (name, self.__dict__["_esc_seed"], self.__dict__["_esc_period"], self.__dict__["_esc_offset"]), values = getattr(
+            _making, "setup", _NOBODY
+        )
         self.__dict__["_esc_name"] = name or cls.__name__
         self.__dict__["_esc_t"] = 0.0
         for key, port in cls._esc_ports.items():
@@ -187,9 +190,10 @@ class Participant:
         self.__dict__["_esc_t"] = t
 
 
-# What the next participant is told about itself: name, seed, period, offset; and its parameters.
+# What a participant that nobody runs is told about itself: name, seed, period, offset; and its parameters.
 _NOBODY = (("", 1, 0.0, 0.0), {})
-_setup = _NOBODY
+# The same for the one that this thread makes.
+_making = threading.local()
 
 
 def _declared(cls):
@@ -216,12 +220,11 @@ class _Key:
 
 
 def _make(cls, about, values):
-    global _setup
-    _setup = (about, values)
+    _making.setup = (about, values)
     try:
         return cls()
     finally:
-        _setup = _NOBODY
+        _making.setup = _NOBODY
 
 
 def _interface(participant):

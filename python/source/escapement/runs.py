@@ -257,12 +257,20 @@ class Run:
     def run_to(self, time):
         """Lets everybody on to `time`, a text such as "2.5 s" or a number of seconds, and rests there."""
         text = time if isinstance(time, str) else f"{time!r} s"
-        with _Interruptible(self._interrupt):
-            self._native.run_to(text)
+        self._on(self._native.run_to, text)
 
     def step(self):
         """To the next communication point."""
-        self._native.step()
+        self._on(self._native.step)
+
+    def _on(self, go, *to):
+        with _Interruptible(self._interrupt):
+            try:
+                go(*to)
+            except RunError:
+                if self._interrupt.asked():
+                    raise KeyboardInterrupt from None
+                raise
 
     def newest(self, port):
         """The newest sample of `PARTICIPANT.OUTPUT`."""
