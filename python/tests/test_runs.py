@@ -12,6 +12,7 @@ from conftest import EXAMPLES, PID, SPRING
 import escapement as esc
 import pid as loop
 import spring
+from escapement import _program
 
 BOTH = {"left": spring.Spring, "right": spring.Spring}
 LOOP = {"plant": loop.Plant, "controller": loop.Pid, "reference": loop.Reference}
@@ -66,6 +67,62 @@ def test_one_resumes_what_the_other_began(rust):
         same(rust, begun)
         for there in (True, False):
             same(rust, esc.resume(begun, in_process=there, out=f"resumed-{here}-{there}"))
+
+
+def test_the_program_takes_up_what_python_began(rust):
+    """What was run in one process of Python is a run folder like any other: replayed, resumed, and shadowed by the program."""
+    begun = esc.run(PID, participants=LOOP, checkpoint_at="1.234 s", out="begun")
+    same(rust, begun)
+    program = _program.find()
+
+    def says(*words):
+        done = subprocess.run([program, *words], capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0, (words, done)
+        return done.stdout
+
+    assert "identical" in says("replay", begun.folder, "--participant", "controller")
+    says("resume", begun.folder, "--quiet", "--out", "resumed")
+    same(rust, esc.open("resumed"))
+    assert "identical" in says("compare", begun.folder, "resumed")
+
+
+def test_state_has_objects_of_its_own_file(rust, tmp_path):
+    """Whoever resumes has imported the file under another name: the script, the module, and the host."""
+    (tmp_path / "own.py").write_text(textwrap.dedent(f"""
+        import sys
+        sys.path.insert(0, {str(EXAMPLES)!r})
+        import pid
+
+        class Memory:
+            def __init__(self):
+                self.integral = 0.0
+
+        class Pid(pid.Pid):
+            def __init__(self):
+                self.memory = Memory()
+
+            @property
+            def integral(self):
+                assert type(self.memory) is Memory
+                return self.memory.integral
+
+            @integral.setter
+            def integral(self, value):
+                self.memory.integral = value
+    """))
+    sys.path.insert(0, str(tmp_path))
+    try:
+        import own
+
+        for here, controller in ((True, own.Pid), (False, f"{tmp_path}/own.py:Pid")):
+            begun = esc.run(
+                PID, participants={**LOOP, "controller": controller}, in_process=here, checkpoint_at="1.234 s", out=f"begun-{here}"
+            )
+            for there, other in ((True, own.Pid), (False, own.Pid)):
+                resumed = esc.resume(begun, participants={"controller": other}, in_process=there, out=f"resumed-{here}-{there}")
+                same(rust, resumed)
+    finally:
+        sys.path.remove(str(tmp_path))
 
 
 def test_it_is_restarted_after_a_kill(rust, tmp_path, built):

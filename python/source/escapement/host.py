@@ -74,6 +74,8 @@ def main(arguments=None):
     from . import _native, participant
 
     participant._hosting = True
+    # What it prints is in the log when it is printed, also when it is killed.
+    sys.stdout.reconfigure(line_buffering=True)
     name = arguments[0]
     try:
         held = find(name)

@@ -3,6 +3,7 @@
 import io
 import json
 import operator
+import os
 import pickle
 import sys
 import threading
@@ -166,7 +167,7 @@ class Participant:
     def restore(self, state):
         """Takes over what `save` gave."""
         try:
-            _, kept = pickle.loads(state)
+            _, kept = _Unpickler(io.BytesIO(state), type(self)).load()
             kept = dict(kept)
         except Exception as error:
             raise EscapementError(
@@ -188,6 +189,24 @@ class Participant:
 
     def _esc_now(self, t):
         self.__dict__["_esc_t"] = t
+
+
+class _Unpickler(pickle.Unpickler):
+    """Finds classes of the participant's own file under whatever name that file was imported: a script, a module, or by its host."""
+
+    def __init__(self, state, cls):
+        super().__init__(state)
+        self._own = sys.modules.get(cls.__module__)
+
+    def find_class(self, module, name):
+        own = getattr(self._own, "__file__", None)
+        stem = os.path.splitext(os.path.basename(own))[0] if own else ""
+        if module == "__main__" or module.rpartition(".")[2].endswith(stem):
+            try:
+                return operator.attrgetter(name)(self._own)
+            except AttributeError:
+                pass
+        return super().find_class(module, name)
 
 
 # What a participant that nobody runs is told about itself: name, seed, period, offset; and its parameters.
