@@ -1,7 +1,7 @@
 """What Python costs, as ratios that are measured side by side: python python/benches/costs.py [ROUNDS]
 
 The same participants in Rust and in Python take turns; the least and the middle of the rounds are printed. Needs
-cargo build --release --workspace --bins, and the package.
+cargo build --release --workspace, and the package.
 """
 
 import pathlib

@@ -25,7 +25,8 @@ def elsewhere(tmp_path, monkeypatch):
 def built():
     """Where the programs of the examples are."""
     folder = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release"
-    assert (folder / "spring").is_file(), "cargo build --release --workspace --bins"
+    for needed in ("escapement", "spring", "libposition_loop.so"):
+        assert (folder / needed).is_file(), f"{folder / needed} is not built: cargo build --release --workspace"
     return folder
 
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the package as its users do, into an environment of its own, and tests what was installed. The project is built already
-# (cargo build --release --workspace --bins): only the module is compiled here, on what is there.
+# (cargo build --release --workspace): only the module is compiled here, on what is there.
 #
 #     python/tests/run.sh [ARGUMENTS OF PYTEST]
 set -euo pipefail
