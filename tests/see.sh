@@ -53,4 +53,6 @@ foreign_participant() {
 }
 step "participant in Python" foreign_participant
 
+step "FMUs in other tools, and theirs here" tests/fmus/outside.sh "$orchestrator"
+
 failed_steps

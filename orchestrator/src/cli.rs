@@ -11,6 +11,7 @@ use crate::commands::compare::CompareArgs;
 use crate::commands::completions::CompletionsArgs;
 use crate::commands::export::ExportArgs;
 use crate::commands::faults::FaultsArgs;
+use crate::commands::fmu::FmuArgs;
 use crate::commands::man::ManArgs;
 #[cfg(feature = "capture")]
 use crate::commands::margins::MarginsArgs;
@@ -414,24 +415,6 @@ pub struct ParticipantArgs {
     /// The keys beside the FMU, as TOML
     #[arg(long, default_value = "", requires = "fmu")]
     pub options: String,
-}
-
-/// Arguments of `fmu`.
-#[derive(Debug, Args)]
-pub struct FmuArgs {
-    /// What to do
-    #[command(subcommand)]
-    pub action: FmuAction,
-}
-
-/// What `fmu` does.
-#[derive(Debug, Subcommand)]
-pub enum FmuAction {
-    /// Say what an FMU is: its ports with units, its parameters, what it can and cannot do, and a scenario with it. Nothing of it runs
-    Inspect {
-        /// The FMU
-        file: PathBuf,
-    },
 }
 
 /// Arguments of `bench`.

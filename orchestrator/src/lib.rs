@@ -26,3 +26,4 @@ mod terminal;
 mod version;
 
 pub use program::Program;
+pub use version::ESCAPEMENT as VERSION;

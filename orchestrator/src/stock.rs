@@ -17,7 +17,8 @@ pub fn catalogue() -> Catalogue {
     contents(Catalogue::new(version::ESCAPEMENT))
 }
 
-fn contents(catalogue: Catalogue) -> Catalogue {
+/// The same, added to another catalogue.
+pub fn contents(catalogue: Catalogue) -> Catalogue {
     catalogue
         .participant("plant", plant_proc::factory)
         .participant("controller", controller_proc::factory)

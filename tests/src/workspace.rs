@@ -8,7 +8,7 @@ use crate::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-pub const ARROWS: [(&str, &[&str]); 21] = [
+pub const ARROWS: [(&str, &[&str]); 23] = [
     ("allocation", &[]),
     ("lockstep", &[]),
     ("multibody", &[]),
@@ -70,6 +70,8 @@ pub const ARROWS: [(&str, &[&str]); 21] = [
         &["allocation", "engine", "lockstep", "orchestrator", "plugin", "tape"],
     ),
     ("escapement-c", &["plugin"]),
+    ("fmu-export", &["engine", "lockstep", "tape"]),
+    ("escapement-fmu", &["fmu-export", "orchestrator"]),
 ];
 
 /// A package of the workspace.

@@ -1,11 +1,33 @@
-//! `escapement fmu`: FMUs before they take part, and the process of one that does.
+//! `escapement fmu`: FMUs before they take part, the process of one that does, and FMUs of what this program contains.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use crate::cli::{FmuAction, FmuArgs};
+use clap::{Args, Subcommand};
 
-/// Looks at an FMU.
+use super::fmu_export::{self, FmuExportArgs};
+
+/// Arguments of `fmu`.
+#[derive(Debug, Args)]
+pub struct FmuArgs {
+    /// What to do
+    #[command(subcommand)]
+    pub action: FmuAction,
+}
+
+/// What `fmu` does.
+#[derive(Debug, Subcommand)]
+pub enum FmuAction {
+    /// Say what an FMU is: its ports with units, its parameters, what it can and cannot do, and a scenario with it. Nothing of it runs
+    Inspect {
+        /// The FMU
+        file: PathBuf,
+    },
+    /// Make an FMU of a participant or of a whole scenario: self-contained, for co-simulation in any tool
+    Export(FmuExportArgs),
+}
+
+/// Looks at an FMU, or makes one.
 pub fn run(args: &FmuArgs) -> anyhow::Result<i32> {
     match &args.action {
         FmuAction::Inspect { file } => {
@@ -14,6 +36,7 @@ pub fn run(args: &FmuArgs) -> anyhow::Result<i32> {
             println!("\nA scenario with it:\n\n{}", found.scenario);
             Ok(if found.usable { 0 } else { 2 })
         }
+        FmuAction::Export(args) => fmu_export::run(args),
     }
 }
 

@@ -8,6 +8,7 @@ pub mod doctor;
 pub mod export;
 pub mod faults;
 pub mod fmu;
+pub mod fmu_export;
 pub mod graph;
 pub mod man;
 #[cfg(feature = "capture")]

@@ -54,7 +54,8 @@ pub struct Figures {
 }
 
 impl Figures {
-    pub(super) fn of(figures: &assessment::Figures) -> Figures {
+    /// Those of a run.
+    pub fn of(figures: &assessment::Figures) -> Figures {
         Figures {
             numbers: numbers(figures),
             criteria: figures.criteria.clone(),

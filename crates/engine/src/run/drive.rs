@@ -14,6 +14,7 @@ use super::newest::{Sample, no_field};
 use super::outcome::{Ending, RunFailure};
 use super::recording::streams;
 use super::{attend, checkpoint, prepare};
+use crate::assessment::Figures;
 use crate::scenario::payload;
 
 /// The state of a [`Run`] at an instant, in memory.
@@ -175,6 +176,11 @@ impl Run {
             stamp_s: self.course.plan.timebase.seconds(header.stamp),
             payload: payload.clone(),
         })
+    }
+
+    /// The figures of what has happened so far, where the scenario has an assessment or measures: those of a run that ended now.
+    pub fn figures(&self) -> Option<Figures> {
+        self.course.recorder().figures()
     }
 
     /// Sets `PARTICIPANT.INPUT`, which nobody feeds, to `value`: the activations at or after now see it, until it is set again. An

@@ -433,6 +433,11 @@ impl Recorder {
         self.store.count(stream).unwrap_or(self.reached[stream])
     }
 
+    /// The figures of what has come so far.
+    pub fn figures(&mut self) -> Option<Figures> {
+        self.assessment.as_mut().map(|assessment| assessment.finish())
+    }
+
     /// Closes the tape. What is on it can be read even if that fails.
     pub fn finish(self) -> (Result<Option<Digest>, AppendError>, Option<Figures>) {
         let digest = self.store.finish();

@@ -1,6 +1,6 @@
 //! Shared libraries.
 
-use std::ffi::{CStr, CString, c_void};
+use std::ffi::{CStr, CString, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +10,12 @@ pub enum LoadError {
     /// The dynamic linker refuses the library.
     #[error("the library cannot be loaded: {0}")]
     Load(String),
+    /// It embeds Python, which is not there.
+    #[error(
+        "the library embeds Python, and this machine has no libpython3.N.so.1.0 where libraries are looked for: install it (Debian: \
+         libpython3-dev), or name its folder in LD_LIBRARY_PATH ({0})"
+    )]
+    Python(String),
     /// A function of the standard is missing.
     #[error("the library has no function `{0}`, which the standard asks for")]
     Function(&'static str),
@@ -38,12 +44,40 @@ fn last_error() -> String {
     }
 }
 
+/// Whether what the dynamic linker misses is Python.
+fn misses_python(reason: &str) -> bool {
+    let symbol = reason.split("undefined symbol: ").nth(1);
+    symbol.is_some_and(|symbol| symbol.trim_start_matches('_').starts_with("Py"))
+}
+
+fn open(name: &CStr, scope: c_int) -> *mut c_void {
+    // SAFETY: the name ends with zero. What the library does when it is loaded is the FMU's: that is what a process of its own is for.
+    unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | scope) }
+}
+
+/// Loads the newest Python of this machine for everything that is loaded afterwards, and keeps it.
+fn load_python() -> bool {
+    let names = (8..30)
+        .rev()
+        .filter_map(|minor| CString::new(format!("libpython3.{minor}.so.1.0")).ok());
+    names.into_iter().any(|name| !open(&name, libc::RTLD_GLOBAL).is_null())
+}
+
 impl Library {
     pub(super) fn load(path: &Path) -> Result<Library, LoadError> {
         let name = CString::new(path.as_os_str().as_bytes()).map_err(|_| LoadError::Path(path.to_owned()))?;
-        // SAFETY: the name ends with zero. What the library does when it is loaded is the FMU's: that is what a process of its own
-        // is for.
-        let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
+        let mut handle = open(&name, libc::RTLD_LOCAL);
+        if handle.is_null() {
+            let reason = last_error();
+            if !misses_python(&reason) {
+                return Err(LoadError::Load(reason));
+            }
+            // It embeds Python, and expects that somebody has loaded it.
+            if !load_python() {
+                return Err(LoadError::Python(reason));
+            }
+            handle = open(&name, libc::RTLD_LOCAL);
+        }
         if handle.is_null() {
             return Err(LoadError::Load(last_error()));
         }

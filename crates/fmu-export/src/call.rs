@@ -1,0 +1,381 @@
+//! Calls of the C functions: pointers, panics and statuses.
+
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+
+use crate::instance::{Instance, Kept};
+use crate::kind::Native;
+use crate::refusal::{Refusal, Status};
+
+/// An instance, as the importer has it.
+pub type Pointer = *mut c_void;
+
+/// What a panic becomes: no instance can be used any more.
+const FATAL: c_int = 4;
+
+/// Does `work` with the instance behind `pointer`, and gives the status as the importer takes it. After an error nothing is done but
+/// what `anyway` allows.
+///
+/// # Safety
+/// `pointer` is null, or an instance that was not freed.
+pub unsafe fn call(pointer: Pointer, anyway: bool, work: impl FnOnce(&mut Instance) -> Result<(), Refusal>) -> c_int {
+    // SAFETY: as the caller says; an importer calls an instance from one thread at a time.
+    let Some(instance) = (unsafe { pointer.cast::<Instance>().as_mut() }) else {
+        return Status::Error as c_int;
+    };
+    if instance.is_failed() && !anyway {
+        instance.say(
+            Status::Error,
+            "it has failed before: reset it, give it another state, or free it",
+        );
+        return Status::Error as c_int;
+    }
+    let done = catch_unwind(AssertUnwindSafe(|| match work(instance) {
+        Ok(()) => Status::Ok as c_int,
+        Err(refusal) => instance.refused(&refusal) as c_int,
+    }));
+    done.unwrap_or(FATAL)
+}
+
+/// An instance for the importer.
+pub fn give(instance: Instance) -> Pointer {
+    Box::into_raw(Box::new(instance)).cast()
+}
+
+/// Frees an instance.
+///
+/// # Safety
+/// As for [`call`].
+pub unsafe fn free(pointer: Pointer) {
+    if !pointer.is_null() {
+        // SAFETY: it was given by `give`.
+        let instance = unsafe { Box::from_raw(pointer.cast::<Instance>()) };
+        let _ = catch_unwind(AssertUnwindSafe(|| drop(instance)));
+    }
+}
+
+/// A text of the importer.
+///
+/// # Safety
+/// `at` is null, or ends with a zero byte.
+pub unsafe fn text(at: *const c_char) -> String {
+    if at.is_null() {
+        return String::new();
+    }
+    // SAFETY: as the caller says.
+    unsafe { CStr::from_ptr(at) }.to_string_lossy().into_owned()
+}
+
+/// A list of the importer; empty where there is none.
+///
+/// # Safety
+/// `at` is null, or has `count` elements.
+pub unsafe fn list<'a, T>(at: *const T, count: usize) -> &'a [T] {
+    if at.is_null() || count == 0 {
+        return &[];
+    }
+    // SAFETY: as the caller says.
+    unsafe { std::slice::from_raw_parts(at, count) }
+}
+
+/// Reads variables into memory of the importer, which has room for `room` values; as many as there are variables where it does not say.
+///
+/// # Safety
+/// The lists are as long as they say.
+pub unsafe fn get(
+    pointer: Pointer,
+    native: Native,
+    (references, count): (*const u32, usize),
+    to: *mut c_void,
+    room: usize,
+) -> c_int {
+    let work = |instance: &mut Instance| {
+        // SAFETY: as the caller says.
+        let references = unsafe { list(references, count) };
+        let values = counted(instance, references, native, room)?;
+        let mut bytes = vec![0; values * native.size()];
+        instance.get(references, native, &mut bytes)?;
+        // SAFETY: there is room for as many values as there are.
+        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), to.cast::<u8>(), bytes.len()) };
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, false, work) }
+}
+
+/// Sets variables.
+///
+/// # Safety
+/// As for [`get`].
+pub unsafe fn set(
+    pointer: Pointer,
+    native: Native,
+    (references, count): (*const u32, usize),
+    from: *const c_void,
+    room: usize,
+) -> c_int {
+    let work = |instance: &mut Instance| {
+        // SAFETY: as the caller says.
+        let references = unsafe { list(references, count) };
+        let values = counted(instance, references, native, room)?;
+        // SAFETY: there are as many values.
+        let bytes = unsafe { list(from.cast::<u8>(), values * native.size()) };
+        instance.set(references, native, bytes)
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, false, work) }
+}
+
+fn counted(instance: &Instance, references: &[u32], native: Native, room: usize) -> Result<usize, Refusal> {
+    let values = instance.count(references, native)?;
+    if values == room {
+        return Ok(values);
+    }
+    let text = format!("{room} values were given for variables with {values} values together");
+    Err(Refusal::error(text))
+}
+
+/// Reads texts.
+///
+/// # Safety
+/// As for [`get`].
+pub unsafe fn get_texts(pointer: Pointer, references: *const u32, count: usize, to: *mut *const c_char) -> c_int {
+    let work = |instance: &mut Instance| {
+        // SAFETY: as the caller says.
+        let texts = instance.get_texts(unsafe { list(references, count) })?;
+        for (number, text) in texts.iter().enumerate() {
+            // SAFETY: there is room for as many texts as there are references.
+            unsafe { to.add(number).write(text.as_ptr()) };
+        }
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, false, work) }
+}
+
+/// Sets texts.
+///
+/// # Safety
+/// As for [`get`].
+pub unsafe fn set_texts(pointer: Pointer, references: *const u32, count: usize, from: *const *const c_char) -> c_int {
+    let work = |instance: &mut Instance| {
+        // SAFETY: as the caller says.
+        let (references, texts) = unsafe { (list(references, count), list(from, count)) };
+        for (reference, at) in references.iter().zip(texts) {
+            // SAFETY: as above.
+            instance.set_text(*reference, &unsafe { text(*at) })?;
+        }
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, false, work) }
+}
+
+/// Saves the state: into the one that `kept` holds, or a new one.
+///
+/// # Safety
+/// `kept` points to null or a state of this FMU.
+pub unsafe fn save(pointer: Pointer, kept: *mut Pointer) -> c_int {
+    let work = |instance: &mut Instance| {
+        let state = Box::new(instance.save()?);
+        // SAFETY: as the caller says.
+        unsafe {
+            free_state(kept);
+            kept.write(Box::into_raw(state).cast());
+        }
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, false, work) }
+}
+
+/// Goes back to a state.
+///
+/// # Safety
+/// `kept` is null, or a state of this FMU.
+pub unsafe fn restore(pointer: Pointer, kept: Pointer) -> c_int {
+    let work = |instance: &mut Instance| {
+        // SAFETY: as the caller says.
+        let kept = unsafe { kept.cast::<Kept>().as_ref() };
+        instance.restore(kept.ok_or_else(|| Refusal::error("there is no state (NULL)"))?)
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, true, work) }
+}
+
+/// Frees a state, and says so where it stood.
+///
+/// # Safety
+/// As for [`save`].
+pub unsafe fn free_state(kept: *mut Pointer) {
+    // SAFETY: as the caller says.
+    unsafe {
+        if !kept.is_null() && !(*kept).is_null() {
+            drop(Box::from_raw((*kept).cast::<Kept>()));
+            *kept = std::ptr::null_mut();
+        }
+    }
+}
+
+/// The bytes of a state, or how many they are.
+///
+/// # Safety
+/// `kept` is null, or a state of this FMU; `work` is called at most once.
+pub unsafe fn state_bytes(pointer: Pointer, kept: Pointer, work: impl FnOnce(&[u8]) -> Result<(), Refusal>) -> c_int {
+    let work = |_: &mut Instance| {
+        // SAFETY: as the caller says.
+        let kept = unsafe { kept.cast::<Kept>().as_ref() };
+        work(kept.ok_or_else(|| Refusal::error("there is no state (NULL)"))?.bytes())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, true, work) }
+}
+
+/// The size of a state, bytes.
+///
+/// # Safety
+/// As for [`state_bytes`]; `size` can be written.
+pub unsafe fn state_size(pointer: Pointer, kept: Pointer, size: *mut usize) -> c_int {
+    // SAFETY: as the caller says.
+    unsafe {
+        state_bytes(pointer, kept, |bytes| {
+            size.write(bytes.len());
+            Ok(())
+        })
+    }
+}
+
+/// A state into memory of the importer.
+///
+/// # Safety
+/// As for [`state_bytes`]; `to` has room for `room` bytes.
+pub unsafe fn serialise(pointer: Pointer, kept: Pointer, to: *mut u8, room: usize) -> c_int {
+    // SAFETY: as the caller says.
+    unsafe {
+        state_bytes(pointer, kept, |bytes| {
+            if room < bytes.len() {
+                let text = format!("the state has {} bytes, and there is room for {room}", bytes.len());
+                return Err(Refusal::error(text));
+            }
+            std::ptr::copy_nonoverlapping(bytes.as_ptr(), to, bytes.len());
+            Ok(())
+        })
+    }
+}
+
+/// A state from bytes.
+///
+/// # Safety
+/// `from` has `size` bytes; `kept` as for [`save`].
+pub unsafe fn deserialise(pointer: Pointer, from: *const u8, size: usize, kept: *mut Pointer) -> c_int {
+    let work = |_: &mut Instance| {
+        // SAFETY: as the caller says.
+        let state = Box::new(Kept::of_bytes(unsafe { list(from, size) })?);
+        // SAFETY: as the caller says.
+        unsafe {
+            free_state(kept);
+            kept.write(Box::into_raw(state).cast());
+        }
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, true, work) }
+}
+
+/// A function that the FMU does not have.
+///
+/// # Safety
+/// As for [`call`].
+pub unsafe fn missing(pointer: Pointer, name: &str) -> c_int {
+    let work = |_: &mut Instance| {
+        Err(Refusal::error(format!(
+            "{name} is not there: it is an FMU for co-simulation without event mode, clocks, derivatives and structural parameters"
+        )))
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, true, work) }
+}
+
+/// The folder that an importer says in FMI 2.0 as a URI, in FMI 3.0 as a path.
+pub fn folder(said: &str) -> PathBuf {
+    let Some(rest) = said.strip_prefix("file:") else {
+        return PathBuf::from(said);
+    };
+    let path = match rest.strip_prefix("//") {
+        Some(rest) => rest.find('/').map_or(rest, |slash| &rest[slash..]),
+        None => rest,
+    };
+    let mut bytes = Vec::new();
+    let mut left = path.as_bytes();
+    while let Some((&byte, after)) = left.split_first() {
+        let escaped = after.get(..2).and_then(|hex| std::str::from_utf8(hex).ok());
+        match escaped.and_then(|hex| u8::from_str_radix(hex, 16).ok()) {
+            Some(value) if byte == b'%' => {
+                bytes.push(value);
+                left = &after[2..];
+            }
+            _ => {
+                bytes.push(byte);
+                left = after;
+            }
+        }
+    }
+    use std::os::unix::ffi::OsStringExt;
+    PathBuf::from(std::ffi::OsString::from_vec(bytes))
+}
+
+/// Refuses a processor that lacks what this library is compiled for.
+///
+/// # Errors
+/// Names what is missing.
+pub fn processor() -> Result<(), String> {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let needed = [
+            (
+                "AVX2",
+                !cfg!(target_feature = "avx2") || std::arch::is_x86_feature_detected!("avx2"),
+            ),
+            (
+                "FMA",
+                !cfg!(target_feature = "fma") || std::arch::is_x86_feature_detected!("fma"),
+            ),
+            (
+                "BMI2",
+                !cfg!(target_feature = "bmi2") || std::arch::is_x86_feature_detected!("bmi2"),
+            ),
+        ];
+        let missing: Vec<&str> = needed
+            .iter()
+            .filter(|(_, there)| !there)
+            .map(|(name, _)| *name)
+            .collect();
+        if !missing.is_empty() {
+            let missing = missing.join(", ");
+            return Err(format!(
+                "it is compiled for x86-64-v3 processors (2013 and later), and this one lacks {missing}"
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::folder;
+    use std::path::Path;
+
+    #[test]
+    fn resources_are_found_in_every_spelling() {
+        for said in [
+            "file:///tmp/a%20b/resources",
+            "file:/tmp/a%20b/resources",
+            "file://localhost/tmp/a b/resources",
+            "/tmp/a b/resources",
+        ] {
+            assert_eq!(folder(said), Path::new("/tmp/a b/resources"), "{said}");
+        }
+        assert_eq!(folder("/tmp/100%25/"), Path::new("/tmp/100%25/"));
+    }
+}

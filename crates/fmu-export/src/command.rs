@@ -1,0 +1,39 @@
+//! The export as a C function: the program asks its library for it, so that FMUs are made by what runs in them.
+
+use std::ffi::{CString, c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use engine::Catalogue;
+
+use crate::call::text;
+use crate::export::{Request, export};
+
+/// Takes what is to be printed: `context`, whether it is an error (1) or not (0), and the text, which lasts as long as the call.
+pub type Say = unsafe extern "C" fn(*mut c_void, c_int, *const c_char);
+
+/// Exports what `request`, a TOML document, asks for. Gives the exit code.
+///
+/// # Safety
+/// `request` is a text; `say` may be called with `context`.
+pub unsafe fn export_by(
+    catalogue: fn() -> Arc<Catalogue>,
+    request: *const c_char,
+    context: *mut c_void,
+    say: Say,
+) -> c_int {
+    // SAFETY: as the caller says.
+    let request = unsafe { text(request) };
+    let done = catch_unwind(AssertUnwindSafe(|| match toml::from_str::<Request>(&request) {
+        Ok(request) => match export(&catalogue(), &request) {
+            Ok(said) => (0, said),
+            Err(error) => (if error.refused { 2 } else { 1 }, error.text),
+        },
+        Err(error) => (1, format!("the request cannot be read: {}", error.message())),
+    }));
+    let (code, said) = done.unwrap_or_else(|_| (1, "the export panicked".to_owned()));
+    let said = CString::new(said.replace('\0', " ")).unwrap_or_default();
+    // SAFETY: as the caller says.
+    unsafe { say(context, c_int::from(code != 0), said.as_ptr()) };
+    code
+}

@@ -1,0 +1,288 @@
+//! `modelDescription.xml`, for both versions of the standard.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+use lockstep::port::Element;
+use lockstep::time::Rational;
+
+use crate::kind::{Kind, Version};
+use crate::log::CATEGORIES;
+use crate::parameter::{Held, Parameter};
+use crate::unit;
+use crate::variable::{Place, Ports, Variable};
+
+/// What a model description says besides the variables.
+pub struct About<'a> {
+    /// The version of the standard.
+    pub version: Version,
+    /// The name of the model, and of its library.
+    pub identifier: &'a str,
+    /// What it is called.
+    pub model: &'a str,
+    /// One line about it.
+    pub description: &'a str,
+    /// What made it.
+    pub tool: &'a str,
+    /// By which library and description belong together.
+    pub token: &'a str,
+    /// Whether the state can be saved.
+    pub state: bool,
+    /// Steps are whole multiples of it.
+    pub period: Rational,
+    /// The start of the experiment.
+    pub start: Rational,
+    /// Its end.
+    pub stop: Option<Rational>,
+}
+
+/// Text in an attribute.
+fn quoted(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\n' | '\r' | '\t' => {
+                let _ = write!(out, "&#{};", letter as u32);
+            }
+            letter if letter.is_control() => out.push(' '),
+            letter => out.push(letter),
+        }
+    }
+    out
+}
+
+fn attribute(name: &str, value: &str) -> String {
+    if value.is_empty() {
+        String::new()
+    } else {
+        format!(" {name}=\"{}\"", quoted(value))
+    }
+}
+
+/// The whole file.
+pub fn describe(about: &About, ports: &Ports, parameters: &[Parameter], variables: &[Variable]) -> String {
+    let three = about.version == Version::Three;
+    let (token, number) = if three {
+        ("instantiationToken", "3.0")
+    } else {
+        ("guid", "2.0")
+    };
+    let mut text = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"{number}\" modelName=\"{}\" {token}=\"{}\"{} \
+         generationTool=\"{}\" variableNamingConvention=\"flat\">\n",
+        quoted(about.model),
+        quoted(about.token),
+        attribute("description", about.description),
+        quoted(about.tool),
+    );
+    let state = if three { "FMUState" } else { "FMUstate" };
+    let _ = write!(text, "  <CoSimulation modelIdentifier=\"{}\"", quoted(about.identifier));
+    if about.state {
+        let _ = write!(text, " canGetAndSet{state}=\"true\" canSerialize{state}=\"true\"");
+    }
+    if three {
+        let _ = write!(
+            text,
+            " canHandleVariableCommunicationStepSize=\"true\" fixedInternalStepSize=\"{}\"",
+            about.period.seconds()
+        );
+    }
+    text.push_str("/>\n");
+    units(&mut text, variables, parameters);
+    text.push_str("  <LogCategories>\n");
+    for (name, _) in CATEGORIES {
+        let _ = writeln!(text, "    <Category name=\"{name}\"/>");
+    }
+    text.push_str("  </LogCategories>\n");
+    let _ = write!(text, "  <DefaultExperiment startTime=\"{}\"", about.start.seconds());
+    if let Some(stop) = about.stop {
+        let _ = write!(text, " stopTime=\"{}\"", stop.seconds());
+    }
+    let _ = writeln!(text, " stepSize=\"{}\"/>", about.period.seconds());
+    text.push_str("  <ModelVariables>\n");
+    for (reference, variable) in variables.iter().enumerate() {
+        if three {
+            variable_three(&mut text, reference, variable, ports, parameters);
+        } else {
+            variable_two(&mut text, reference, variable, ports, parameters);
+        }
+    }
+    text.push_str("  </ModelVariables>\n");
+    structure(&mut text, three, variables, ports);
+    text.push_str("</fmiModelDescription>\n");
+    text
+}
+
+fn units(text: &mut String, variables: &[Variable], parameters: &[Parameter]) {
+    let own = variables
+        .iter()
+        .filter(|one| one.kind.is_float())
+        .map(|one| one.unit.as_str());
+    let all: BTreeSet<&str> = own
+        .chain(parameters.iter().map(|one| one.unit.as_str()))
+        .filter(|one| unit::is_unit(one))
+        .collect();
+    if all.is_empty() {
+        return;
+    }
+    text.push_str("  <UnitDefinitions>\n");
+    for name in all {
+        let Some(base) = unit::base(name) else {
+            let _ = writeln!(text, "    <Unit name=\"{}\"/>", quoted(name));
+            continue;
+        };
+        let _ = write!(text, "    <Unit name=\"{}\"><BaseUnit", quoted(name));
+        for (symbol, power) in base.exponents.iter().filter(|(_, power)| *power != 0) {
+            let _ = write!(text, " {symbol}=\"{power}\"");
+        }
+        if base.factor != 1.0 {
+            let _ = write!(text, " factor=\"{:?}\"", base.factor);
+        }
+        text.push_str("/></Unit>\n");
+    }
+    text.push_str("  </UnitDefinitions>\n");
+}
+
+/// Causality, variability and `initial`.
+fn nature(variable: &Variable, ports: &Ports) -> (&'static str, &'static str, Option<&'static str>) {
+    let changing = if variable.kind.is_float() && !ports.discrete {
+        "continuous"
+    } else {
+        "discrete"
+    };
+    match variable.place {
+        Place::Time => ("independent", "continuous", None),
+        Place::Parameter(_) => ("parameter", "fixed", Some("exact")),
+        Place::Input(..) => ("input", changing, None),
+        Place::Output(..) => ("output", changing, Some("calculated")),
+        Place::Figure(_) => ("output", "discrete", Some("calculated")),
+    }
+}
+
+/// The start values of a variable, where it has any, as a list in an attribute; a text stands for itself.
+fn start(variable: &Variable, parameters: &[Parameter]) -> Option<String> {
+    let zeros;
+    let bytes: &[u8] = match variable.place {
+        Place::Input(..) => {
+            zeros = vec![0; variable.len * variable.kind.size()];
+            &zeros
+        }
+        Place::Parameter(number) => match &parameters[number].held {
+            Held::Text(text) => return Some(text.clone()),
+            Held::Bytes(bytes) => {
+                let from = variable.first * variable.kind.size();
+                &bytes[from..from + variable.len * variable.kind.size()]
+            }
+        },
+        Place::Time | Place::Output(..) | Place::Figure(_) => return None,
+    };
+    let one = |bytes: &[u8]| match variable.kind {
+        Kind::Number(Element::F64) => format!("{:?}", Element::F64.to_f64(bytes)),
+        Kind::Number(Element::F32) => format!("{:?}", Element::F32.to_f64(bytes) as f32),
+        Kind::Number(element) => crate::kind::whole(element, bytes).to_string(),
+        Kind::Boolean => (bytes[0] != 0).to_string(),
+        Kind::Text => String::new(),
+    };
+    let all: Vec<String> = bytes.chunks_exact(variable.kind.size()).map(one).collect();
+    Some(all.join(" "))
+}
+
+fn unit_of(variable: &Variable) -> String {
+    if variable.kind.is_float() && unit::is_unit(&variable.unit) {
+        attribute("unit", &variable.unit)
+    } else {
+        String::new()
+    }
+}
+
+fn variable_two(text: &mut String, reference: usize, variable: &Variable, ports: &Ports, parameters: &[Parameter]) {
+    let (causality, variability, initial) = nature(variable, ports);
+    let _ = writeln!(
+        text,
+        "    <ScalarVariable name=\"{}\" valueReference=\"{reference}\"{} causality=\"{causality}\" variability=\"{variability}\"{}>",
+        quoted(&variable.name),
+        attribute("description", &variable.description),
+        attribute("initial", initial.unwrap_or_default()),
+    );
+    let start = start(variable, parameters).map_or_else(String::new, |start| format!(" start=\"{}\"", quoted(&start)));
+    let kind = variable.kind.name(Version::Two);
+    let _ = writeln!(
+        text,
+        "      <{kind}{}{start}/>\n    </ScalarVariable>",
+        unit_of(variable)
+    );
+}
+
+fn variable_three(text: &mut String, reference: usize, variable: &Variable, ports: &Ports, parameters: &[Parameter]) {
+    let (causality, variability, initial) = nature(variable, ports);
+    let kind = variable.kind.name(Version::Three);
+    let start = start(variable, parameters);
+    let written = start.as_ref().filter(|_| variable.kind != Kind::Text);
+    let _ = write!(
+        text,
+        "    <{kind} name=\"{}\" valueReference=\"{reference}\"{} causality=\"{causality}\" variability=\"{variability}\"{}{}{}",
+        quoted(&variable.name),
+        attribute("description", &variable.description),
+        attribute("initial", initial.unwrap_or_default()),
+        unit_of(variable),
+        written.map_or_else(String::new, |start| attribute("start", start)),
+    );
+    let mut inside = String::new();
+    for extent in &variable.extents {
+        let _ = write!(inside, "<Dimension start=\"{extent}\"/>");
+    }
+    if variable.kind == Kind::Text {
+        let _ = write!(inside, "<Start value=\"{}\"/>", quoted(&start.unwrap_or_default()));
+    }
+    if inside.is_empty() {
+        text.push_str("/>\n");
+    } else {
+        let _ = writeln!(text, ">{inside}</{kind}>");
+    }
+}
+
+fn structure(text: &mut String, three: bool, variables: &[Variable], ports: &Ports) {
+    let outputs: Vec<usize> = (variables.iter().enumerate())
+        .filter(|(_, one)| matches!(one.place, Place::Output(..) | Place::Figure(_)))
+        .map(|(number, _)| number)
+        .collect();
+    let inputs: Vec<String> = (variables.iter().enumerate())
+        .filter(|(_, one)| matches!(one.place, Place::Input(..)))
+        .map(|(number, _)| (if three { number } else { number + 1 }).to_string())
+        .collect();
+    let inputs = if ports.feedthrough {
+        inputs.join(" ")
+    } else {
+        String::new()
+    };
+    let none = String::new();
+    text.push_str("  <ModelStructure>\n");
+    let line = |text: &mut String, tag: &str, number: usize| {
+        let inputs = if matches!(variables[number].place, Place::Output(..)) {
+            &inputs
+        } else {
+            &none
+        };
+        let which = if three {
+            format!("valueReference=\"{number}\"")
+        } else {
+            format!("index=\"{}\"", number + 1)
+        };
+        let _ = writeln!(text, "    <{tag} {which} dependencies=\"{inputs}\"/>");
+    };
+    if three {
+        outputs.iter().for_each(|number| line(text, "Output", *number));
+        outputs.iter().for_each(|number| line(text, "InitialUnknown", *number));
+    } else if !outputs.is_empty() {
+        for (around, tag) in [("Outputs", "Unknown"), ("InitialUnknowns", "Unknown")] {
+            let _ = writeln!(text, "    <{around}>");
+            outputs.iter().for_each(|number| line(text, tag, *number));
+            let _ = writeln!(text, "    </{around}>");
+        }
+    }
+    text.push_str("  </ModelStructure>\n");
+}

@@ -1,0 +1,371 @@
+//! Making an FMU.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use engine::Catalogue;
+use engine::scenario::{Entry, Program, Scenario};
+use lockstep::time::Rational;
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use crate::body::{Body, exact};
+use crate::describe::{About, describe};
+use crate::kind::Version;
+use crate::manifest::{Content, FORMAT, MANIFEST, Manifest, SCENARIO, token};
+use crate::model::Model;
+use crate::pack::Pack;
+use crate::single::Single;
+use crate::usage;
+use crate::whole::{self, Whole};
+
+/// What is to be exported.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Request {
+    /// The version of the program that asks.
+    pub version: String,
+    /// The scenario.
+    pub scenario: PathBuf,
+    /// Changes of it, as `--set` takes them.
+    #[serde(default)]
+    pub set: Vec<String>,
+    /// The one participant; the whole scenario without it.
+    pub participant: Option<String>,
+    /// Of a whole scenario: inputs that the importer sets.
+    #[serde(default)]
+    pub inputs: Vec<String>,
+    /// Of a whole scenario: outputs that it reads; all without any.
+    #[serde(default)]
+    pub outputs: Vec<String>,
+    /// The major version of the standard.
+    pub fmi: u32,
+    /// Of a whole scenario: it keeps nothing of what was, and cannot be saved.
+    #[serde(default)]
+    pub stateless: bool,
+    /// The FMU; named after the model in the present folder without it.
+    pub out: Option<PathBuf>,
+    /// The library that is packed.
+    pub library: PathBuf,
+}
+
+/// Why nothing was exported.
+#[derive(Debug)]
+pub struct ExportError {
+    /// What is wrong, with the remedy.
+    pub text: String,
+    /// Whether the scenario or the command line is wrong, not the machine.
+    pub refused: bool,
+}
+
+fn refuse(text: impl Into<String>) -> ExportError {
+    ExportError {
+        text: text.into(),
+        refused: true,
+    }
+}
+
+fn broken(text: impl Into<String>) -> ExportError {
+    ExportError {
+        text: text.into(),
+        refused: false,
+    }
+}
+
+/// Everything that goes into the archive.
+struct Parts {
+    manifest: Manifest,
+    scenario: Table,
+    /// Files beside the scenario, by name.
+    files: Vec<(String, PathBuf)>,
+    description: String,
+}
+
+/// Writes the FMU, and says what to do with it.
+///
+/// # Errors
+/// What is refused, or cannot be read or written.
+pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, ExportError> {
+    if request.version != catalogue.version() {
+        return Err(refuse(format!(
+            "the library `{}` is of escapement {}, and this program is {}: build both from the same sources, with one command",
+            request.library.display(),
+            catalogue.version(),
+            request.version
+        )));
+    }
+    let scenario =
+        Scenario::read(catalogue, &request.scenario, &request.set).map_err(|error| refuse(error.to_string()))?;
+    let parts = match &request.participant {
+        Some(name) => participant(&scenario, name, request.fmi)?,
+        None => whole(&scenario, request)?,
+    };
+    let (manifest, text) = (write(&parts.manifest)?, parts.scenario.to_string());
+    let token = token(&manifest, &text);
+    // As its library will read it, but for where the files lie.
+    let mut here = parts.scenario.clone();
+    relocate(&mut here, &|name| {
+        parts
+            .files
+            .iter()
+            .find(|(own, _)| own == name)
+            .map(|(_, file)| file.clone())
+    });
+    let read = Scenario::read_text(catalogue, &request.scenario, &here.to_string());
+    let model = Model::new(Content {
+        manifest: parts.manifest.clone(),
+        scenario: read.map_err(|error| broken(format!("the exported scenario cannot be read again: {error}")))?,
+        token: token.clone(),
+    });
+    let model = model.map_err(refuse)?;
+    let identifier = identifier(&parts.manifest.model);
+    let about = About {
+        version: parts.manifest.version(),
+        identifier: &identifier,
+        model: &parts.manifest.model,
+        description: &parts.description,
+        tool: &format!("Escapement {}", env!("CARGO_PKG_VERSION")),
+        token: &token,
+        state: parts.manifest.state,
+        period: model.period,
+        start: model.start,
+        stop: model.stop,
+    };
+    let xml = describe(&about, model.body.ports(), &model.parameters, &model.variables);
+    let file = request
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from(format!("{identifier}.fmu")));
+    let platform = if about.version == Version::Three {
+        "x86_64-linux"
+    } else {
+        "linux64"
+    };
+    let mut pack = Pack::default();
+    let mut add = |name: &str, contents: &[u8], executable| pack.add(name, contents, executable).map_err(broken);
+    add("modelDescription.xml", xml.as_bytes(), false)?;
+    add(
+        &format!("binaries/{platform}/{identifier}.so"),
+        &contents(&request.library)?,
+        true,
+    )?;
+    add(&format!("resources/{MANIFEST}"), manifest.as_bytes(), false)?;
+    add(&format!("resources/{SCENARIO}"), text.as_bytes(), false)?;
+    for (name, file) in &parts.files {
+        add(&format!("resources/{name}"), &contents(file)?, true)?;
+    }
+    tape::write_whole(&file, pack.finish()).map_err(|error| broken(format!("`{}`: {error}", file.display())))?;
+    let mut said = format!("{}\n{}", file.display(), usage::summary(&about, &model));
+    if let Some(name) = &request.participant {
+        let _ = write!(
+            said,
+            "\n\n{}",
+            usage::entry(name, &file, &about, &model, &fed(&scenario, name))
+        );
+    }
+    Ok(said)
+}
+
+/// The inputs of participant `name` that a connection feeds.
+fn fed(scenario: &Scenario, name: &str) -> Vec<String> {
+    let ends = scenario.links().filter_map(|(_, to, _)| to.split_once('.'));
+    ends.filter(|(own, _)| *own == name)
+        .map(|(_, input)| input.to_owned())
+        .collect()
+}
+
+fn contents(file: &Path) -> Result<Vec<u8>, ExportError> {
+    std::fs::read(file).map_err(|error| broken(format!("`{}` cannot be read: {error}", file.display())))
+}
+
+fn write(manifest: &Manifest) -> Result<String, ExportError> {
+    toml::to_string(manifest).map_err(|error| broken(error.to_string()))
+}
+
+/// A name that may be one in C.
+fn identifier(name: &str) -> String {
+    let letters = name
+        .chars()
+        .map(|letter| if letter.is_ascii_alphanumeric() { letter } else { '_' });
+    let name: String = letters.collect();
+    if name.starts_with(|first: char| first.is_ascii_digit()) {
+        format!("_{name}")
+    } else {
+        name
+    }
+}
+
+/// The scenario of one participant alone.
+fn participant(scenario: &Scenario, name: &str, fmi: u32) -> Result<Parts, ExportError> {
+    let entry = scenario.participants.iter().find(|entry| entry.setup.name == name);
+    let entry = entry.ok_or_else(|| {
+        let names: Vec<String> = scenario
+            .participants
+            .iter()
+            .map(|one| format!("`{}`", one.setup.name))
+            .collect();
+        refuse(format!(
+            "the scenario has no participant `{name}`; it has {}",
+            names.join(", ")
+        ))
+    })?;
+    match &entry.program {
+        Program::Builtin(_) | Program::Library { .. } => {}
+        Program::Fmu { file, .. } => {
+            return Err(refuse(format!("`{name}` is an FMU already: {}", file.display())));
+        }
+        Program::External { exe, .. } => {
+            let exe = exe.display();
+            return Err(refuse(format!(
+                "`{name}` is a program of its own (`{exe}`), which is no part of an FMU: make a plug-in of it, or put it into the program"
+            )));
+        }
+    }
+    let mut alone = Table::new();
+    alone.insert("title".into(), Value::String(scenario.title.clone()));
+    alone.insert("duration".into(), Value::String(scenario.duration.to_string()));
+    // As text: a seed may be larger than a number of TOML.
+    alone.insert("seed".into(), Value::String(scenario.seed.to_string()));
+    let written = scenario.resolved().get("participants").and_then(|all| all.get(name));
+    let mut own = written.and_then(Value::as_table).cloned().unwrap_or_default();
+    own.remove("on-failure");
+    own.remove("start-within");
+    alone.insert(
+        "participants".into(),
+        Value::Table([(name.to_owned(), Value::Table(own))].into_iter().collect()),
+    );
+    let mut files = Vec::new();
+    pack_files(&mut alone, std::iter::once(entry), &mut files);
+    let manifest = Manifest {
+        format: FORMAT,
+        fmi,
+        model: name.to_owned(),
+        participant: Some(name.to_owned()),
+        inputs: Vec::new(),
+        outputs: Vec::new(),
+        state: can_save(scenario, entry)?,
+    };
+    let description = if scenario.title.is_empty() {
+        format!("The participant {name}")
+    } else {
+        format!("The participant {name} of: {}", scenario.title)
+    };
+    Ok(Parts {
+        manifest,
+        scenario: alone,
+        files,
+        description,
+    })
+}
+
+/// The whole scenario.
+fn whole(scenario: &Scenario, request: &Request) -> Result<Parts, ExportError> {
+    let mut table = scenario.resolved().clone();
+    table.remove("folder");
+    let mut outputs = request.outputs.clone();
+    if outputs.is_empty() {
+        let known = engine::run::check_here(scenario).map_err(|error| refuse(error.to_string()))?;
+        outputs = whole::outputs(&known.plan);
+    }
+    let mut files = Vec::new();
+    let substitutes = scenario.substitutions.iter().map(|one| &one.entry.program);
+    if let Some(file) = substitutes.filter_map(Program::file).next() {
+        let file = file.display();
+        return Err(refuse(format!(
+            "a substitution with the file `{file}` in it cannot be exported: leave it out of the scenario"
+        )));
+    }
+    pack_files(&mut table, scenario.participants.iter(), &mut files);
+    let mut manifest = Manifest {
+        format: FORMAT,
+        fmi: request.fmi,
+        model: scenario.name.clone(),
+        participant: None,
+        inputs: request.inputs.clone(),
+        outputs,
+        state: !request.stateless,
+    };
+    let mut tried =
+        Whole::new(scenario.clone(), &manifest.inputs, &manifest.outputs, manifest.state).map_err(refuse)?;
+    tried.begin(&[], Rational::ZERO).map_err(refuse)?;
+    manifest.state &= tried.save().is_ok_and(|state| state.kept.is_some());
+    Ok(Parts {
+        manifest,
+        scenario: table,
+        files,
+        description: scenario.title.clone(),
+    })
+}
+
+/// Whether the participant can be saved once it has begun, which is tried.
+fn can_save(scenario: &Scenario, entry: &Entry) -> Result<bool, ExportError> {
+    let mut single = Single::new(scenario.clone(), entry.clone()).map_err(refuse)?;
+    let start = exact(entry.setup.offset).map_err(refuse)?;
+    single.begin(&[], start).map_err(refuse)?;
+    Ok(single.save().is_ok())
+}
+
+/// The files that consist of participants' code go along, under names of their own.
+fn pack_files<'a>(scenario: &mut Table, entries: impl Iterator<Item = &'a Entry>, files: &mut Vec<(String, PathBuf)>) {
+    for entry in entries {
+        let (Program::Library { file, .. } | Program::Fmu { file, .. }) = &entry.program else {
+            continue;
+        };
+        let own = file
+            .file_name()
+            .map_or_else(|| "library".into(), |name| name.to_string_lossy().into_owned());
+        let packed = match files.iter().find(|(_, known)| known == file) {
+            Some((name, _)) => name.clone(),
+            None => {
+                let taken = files.iter().any(|(name, _)| *name == own);
+                let name = if taken { format!("{}-{own}", files.len()) } else { own };
+                files.push((name.clone(), file.clone()));
+                name
+            }
+        };
+        if let Some(run) = run_of(scenario, &entry.setup.name) {
+            for key in ["library", "fmu"] {
+                if let Some(value) = run.get_mut(key) {
+                    *value = Value::String(packed.clone());
+                }
+            }
+        }
+    }
+}
+
+fn run_of<'a>(scenario: &'a mut Table, name: &str) -> Option<&'a mut Table> {
+    scenario
+        .get_mut("participants")?
+        .get_mut(name)?
+        .get_mut("run")?
+        .as_table_mut()
+}
+
+/// Puts other files in the places of those that `run` tables name.
+fn relocate(scenario: &mut Table, place: &dyn Fn(&str) -> Option<PathBuf>) {
+    let participants = scenario.get_mut("participants").and_then(Value::as_table_mut);
+    for (_, one) in participants.into_iter().flatten() {
+        let run = one.get_mut("run").and_then(Value::as_table_mut);
+        for (key, value) in run.into_iter().flatten() {
+            let file = value
+                .as_str()
+                .filter(|_| matches!(key.as_str(), "library" | "fmu"))
+                .and_then(place);
+            if let Some(file) = file {
+                *value = Value::String(file.to_string_lossy().into_owned());
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::identifier;
+
+    #[test]
+    fn identifier_is_one_in_c() {
+        assert_eq!(identifier("close-capture 2"), "close_capture_2");
+        assert_eq!(identifier("2nd"), "_2nd");
+    }
+}

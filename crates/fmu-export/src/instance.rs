@@ -1,0 +1,442 @@
+//! An instance: what both versions of the standard have in common.
+
+use std::ffi::CString;
+use std::path::Path;
+use std::sync::Arc;
+
+use engine::Catalogue;
+use lockstep::wire;
+use serde::{Deserialize, Serialize};
+
+use crate::body::{Body, State, exact};
+use crate::kind::{Native, Version};
+use crate::log::Log;
+use crate::manifest::Content;
+use crate::model::Model;
+use crate::parameter::{Held, Parameter};
+use crate::refusal::{Refusal, Status};
+use crate::variable::{Place, Variable};
+
+/// Where an instance stands in its life.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Mode {
+    /// Parameters and start values can be set.
+    Instantiated,
+    /// Outputs can be read, inputs set.
+    Initialisation,
+    /// Between steps.
+    Step,
+    /// The end.
+    Terminated,
+}
+
+/// An instance of an exported FMU.
+pub struct Instance {
+    log: Log,
+    version: Version,
+    token: String,
+    mode: Mode,
+    failed: bool,
+    start: f64,
+    body: Box<dyn Body>,
+    parameters: Vec<Parameter>,
+    /// The parameters as they are without the importer.
+    defaults: Vec<Parameter>,
+    variables: Vec<Variable>,
+    /// Texts that were handed out by the last call.
+    texts: Vec<CString>,
+    saves: bool,
+    /// Parameters were set since it began.
+    outdated: bool,
+}
+
+/// A state of an instance, which the importer holds.
+pub struct Kept {
+    bytes: Vec<u8>,
+    body: State,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    token: String,
+    mode: Mode,
+    start: f64,
+    /// Changed parameters, by number.
+    parameters: Vec<(u64, Held)>,
+    body: Vec<u8>,
+}
+
+impl Instance {
+    /// The instance of the FMU whose resources are in `resources`.
+    ///
+    /// # Errors
+    /// Why there is none.
+    pub fn new(
+        catalogue: &Arc<Catalogue>,
+        version: Version,
+        resources: &Path,
+        token: &str,
+        log: Log,
+    ) -> Result<Instance, (Log, String)> {
+        let made = Content::read(catalogue, resources).and_then(|content| {
+            if content.manifest.version() != version {
+                let own = content.manifest.fmi;
+                return Err(format!(
+                    "it is an FMU of FMI {own}.0, and was instantiated as one of another version"
+                ));
+            }
+            if content.token != token.trim() {
+                return Err(format!(
+                    "its token is `{}`, not `{}`: modelDescription.xml and the resources are not of one FMU",
+                    content.token,
+                    token.trim()
+                ));
+            }
+            let token = content.token.clone();
+            Model::new(content).map(|model| (token, model))
+        });
+        let (token, model) = match made {
+            Ok(made) => made,
+            Err(text) => return Err((log, text)),
+        };
+        Ok(Instance {
+            log,
+            version,
+            token,
+            mode: Mode::Instantiated,
+            failed: false,
+            start: model.body.time(),
+            body: model.body,
+            defaults: model.parameters.clone(),
+            parameters: model.parameters,
+            variables: model.variables,
+            texts: Vec::new(),
+            saves: model.saves,
+            outdated: false,
+        })
+    }
+
+    /// Says something in the importer's log.
+    pub fn say(&self, status: Status, text: &str) {
+        self.log.write(status, text);
+    }
+
+    /// The same, and what it leaves behind.
+    pub fn refused(&mut self, refusal: &Refusal) -> Status {
+        self.failed |= refusal.status == Status::Error;
+        self.say(refusal.status, &refusal.text);
+        refusal.status
+    }
+
+    /// Whether it has failed: then it can be reset, given another state, or freed.
+    pub fn is_failed(&self) -> bool {
+        self.failed
+    }
+
+    /// Where it stands.
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// The instant up to which it was stepped, s.
+    pub fn time(&self) -> f64 {
+        self.body.time()
+    }
+
+    /// Whether nothing comes any more.
+    pub fn is_over(&self) -> bool {
+        self.body.is_over()
+    }
+
+    fn must(&self, modes: &[Mode], what: &str) -> Result<(), Refusal> {
+        if modes.contains(&self.mode) {
+            return Ok(());
+        }
+        Err(Refusal::error(format!(
+            "{what} is not allowed where it stands ({:?})",
+            self.mode
+        )))
+    }
+
+    /// The start of the experiment, s.
+    pub fn set_up(&mut self, start: f64) -> Result<(), Refusal> {
+        self.must(&[Mode::Instantiated], "setting up the experiment")?;
+        self.start = start;
+        Ok(())
+    }
+
+    /// Enters the initialization mode: the participant is made and initialised.
+    pub fn initialise(&mut self) -> Result<(), Refusal> {
+        self.must(&[Mode::Instantiated], "entering the initialization mode")?;
+        self.begin()?;
+        self.mode = Mode::Initialisation;
+        Ok(())
+    }
+
+    fn begin(&mut self) -> Result<(), Refusal> {
+        self.outdated = false;
+        Ok(self.body.begin(&self.parameters, exact(self.start)?)?)
+    }
+
+    /// Begins again where parameters were set in the initialization mode.
+    fn settle(&mut self) -> Result<(), Refusal> {
+        if self.outdated { self.begin() } else { Ok(()) }
+    }
+
+    /// Leaves it.
+    pub fn initialised(&mut self) -> Result<(), Refusal> {
+        self.must(&[Mode::Initialisation], "leaving the initialization mode")?;
+        self.settle()?;
+        self.mode = Mode::Step;
+        Ok(())
+    }
+
+    /// A step from `from` to `from + span`, s.
+    pub fn step(&mut self, from: f64, span: f64) -> Result<(), Refusal> {
+        self.must(&[Mode::Step], "a step")?;
+        self.body.advance(from, span)
+    }
+
+    /// The end.
+    pub fn terminate(&mut self) -> Result<(), Refusal> {
+        self.must(&[Mode::Step, Mode::Initialisation], "the end")?;
+        self.mode = Mode::Terminated;
+        Ok(())
+    }
+
+    /// As it was instantiated.
+    pub fn reset(&mut self) {
+        self.body.reset();
+        self.parameters.clone_from(&self.defaults);
+        (self.mode, self.failed, self.outdated) = (Mode::Instantiated, false, false);
+        self.start = self.body.time();
+    }
+
+    fn variable(&self, reference: u32, native: Native) -> Result<usize, Refusal> {
+        let variable = self.variables.get(reference as usize).ok_or_else(|| {
+            let count = self.variables.len();
+            Refusal::error(format!(
+                "there is no variable with the value reference {reference}; there are {count}, from 0 on"
+            ))
+        })?;
+        let own = variable.kind.native(self.version);
+        if own != native {
+            let kind = variable.kind.name(self.version);
+            return Err(Refusal::error(format!(
+                "`{}` is a {kind}, and was taken for a {native:?}",
+                variable.name
+            )));
+        }
+        Ok(reference as usize)
+    }
+
+    /// How many values the variables have together.
+    pub fn count(&self, references: &[u32], native: Native) -> Result<usize, Refusal> {
+        let mut count = 0;
+        for reference in references {
+            count += self.variables[self.variable(*reference, native)?].len;
+        }
+        Ok(count)
+    }
+
+    /// The values of variables, one behind the other in `to`.
+    pub fn get(&mut self, references: &[u32], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
+        self.settle()?;
+        let (mut rest, each) = (to, native.size());
+        for reference in references {
+            let number = self.variable(*reference, native)?;
+            let Variable {
+                place,
+                kind,
+                len,
+                first,
+                ..
+            } = self.variables[number];
+            let (own, after) = rest.split_at_mut(len * each);
+            let size = kind.size();
+            let value;
+            let bytes: &[u8] = match place {
+                Place::Time => {
+                    value = self.body.time().to_le_bytes();
+                    &value
+                }
+                Place::Figure(figure) => {
+                    value = self.body.figure(figure)?.to_le_bytes();
+                    &value
+                }
+                Place::Parameter(parameter) => match &self.parameters[parameter].held {
+                    Held::Bytes(bytes) => &bytes[first * size..],
+                    Held::Text(_) => return Err(Refusal::error("a text is read as a String")),
+                },
+                Place::Input(port, at) => &self.body.input(port)[at..],
+                Place::Output(port, at) => &self.body.output(port)?[at..],
+            };
+            for (from, to) in bytes.chunks_exact(size).zip(own.chunks_exact_mut(each)) {
+                let given = kind.give(from, native, to);
+                given.map_err(|refusal| named(&self.variables[number].name, refusal))?;
+            }
+            rest = after;
+        }
+        Ok(())
+    }
+
+    /// Sets variables to the values that stand one behind the other in `from`.
+    pub fn set(&mut self, references: &[u32], native: Native, from: &[u8]) -> Result<(), Refusal> {
+        let (mut rest, each) = (from, native.size());
+        for reference in references {
+            let number = self.variable(*reference, native)?;
+            let Variable {
+                place,
+                kind,
+                len,
+                first,
+                ..
+            } = self.variables[number];
+            let (own, after) = rest.split_at(len * each);
+            let size = kind.size();
+            let mut values = vec![0; len * size];
+            for (from, to) in own.chunks_exact(each).zip(values.chunks_exact_mut(size)) {
+                let taken = kind.take(from, native, to);
+                taken.map_err(|refusal| named(&self.variables[number].name, refusal))?;
+            }
+            match place {
+                Place::Input(port, at) => self.body.set(port, at, &values),
+                Place::Parameter(parameter) => {
+                    self.parameters_may_be_set(number)?;
+                    let parameter = &mut self.parameters[parameter];
+                    if let Held::Bytes(bytes) = &mut parameter.held {
+                        let place = &mut bytes[first * size..first * size + values.len()];
+                        parameter.changed |= *place != *values;
+                        place.copy_from_slice(&values);
+                    }
+                }
+                Place::Time | Place::Output(..) | Place::Figure(_) => {
+                    let name = &self.variables[number].name;
+                    return Err(Refusal::error(format!(
+                        "`{name}` cannot be set: it is no input and no parameter"
+                    )));
+                }
+            }
+            rest = after;
+        }
+        Ok(())
+    }
+
+    fn parameters_may_be_set(&mut self, number: usize) -> Result<(), Refusal> {
+        if matches!(self.mode, Mode::Instantiated | Mode::Initialisation) {
+            self.outdated = self.mode == Mode::Initialisation;
+            return Ok(());
+        }
+        let name = &self.variables[number].name;
+        Err(Refusal::error(format!(
+            "the parameter `{name}` is fixed: set it before the initialization mode is left"
+        )))
+    }
+
+    /// Sets a text.
+    pub fn set_text(&mut self, reference: u32, text: &str) -> Result<(), Refusal> {
+        let number = self.variable(reference, Native::Text)?;
+        self.parameters_may_be_set(number)?;
+        if let Place::Parameter(parameter) = self.variables[number].place {
+            let parameter = &mut self.parameters[parameter];
+            let held = Held::Text(text.to_owned());
+            parameter.changed |= parameter.held != held;
+            parameter.held = held;
+        }
+        Ok(())
+    }
+
+    /// Texts, which stay until the next call.
+    pub fn get_texts(&mut self, references: &[u32]) -> Result<&[CString], Refusal> {
+        self.texts.clear();
+        for reference in references {
+            let number = self.variable(*reference, Native::Text)?;
+            if let Place::Parameter(parameter) = self.variables[number].place
+                && let Held::Text(text) = &self.parameters[parameter].held
+            {
+                self.texts.push(CString::new(text.as_str()).unwrap_or_default());
+            }
+        }
+        Ok(&self.texts)
+    }
+
+    /// The state.
+    pub fn save(&mut self) -> Result<Kept, Refusal> {
+        if !self.saves {
+            let text = "the participant cannot save its state: it has no `save` and `restore`";
+            return Err(Refusal::error(text));
+        }
+        self.settle()?;
+        let body = self.body.save()?;
+        let changed = self.parameters.iter().enumerate().filter(|(_, one)| one.changed);
+        let saved = Saved {
+            token: self.token.clone(),
+            mode: self.mode,
+            start: self.start,
+            parameters: changed.map(|(number, one)| (number as u64, one.held.clone())).collect(),
+            body: body.bytes.clone(),
+        };
+        let bytes = wire::encode("the state of an FMU", &saved).map_err(|error| error.to_string())?;
+        Ok(Kept { bytes, body })
+    }
+
+    /// Goes back to a state, also after a failure.
+    pub fn restore(&mut self, kept: &Kept) -> Result<(), Refusal> {
+        let saved: Saved = wire::decode("the state of an FMU", &kept.bytes).map_err(|error| error.to_string())?;
+        if saved.token != self.token {
+            return Err(Refusal::error("it is the state of another FMU"));
+        }
+        let mut parameters = self.defaults.clone();
+        for (number, held) in saved.parameters {
+            let parameter = usize::try_from(number)
+                .ok()
+                .and_then(|number| parameters.get_mut(number));
+            let parameter = parameter.ok_or_else(|| Refusal::error("the state has parameters of another FMU"))?;
+            (parameter.held, parameter.changed) = (held, true);
+        }
+        self.body.restore(&parameters, &kept.body)?;
+        (self.parameters, self.outdated) = (parameters, false);
+        (self.mode, self.start, self.failed) = (saved.mode, saved.start, false);
+        Ok(())
+    }
+
+    /// The inputs that the variable `reference` follows from at the same instant.
+    pub fn dependencies(&self, reference: u32) -> Result<Vec<u32>, Refusal> {
+        let variable = self.variables.get(reference as usize);
+        let variable = variable.ok_or_else(|| Refusal::error(format!("there is no variable {reference}")))?;
+        let depends = self.body.ports().feedthrough && matches!(variable.place, Place::Output(..));
+        let inputs = self
+            .variables
+            .iter()
+            .enumerate()
+            .filter(|(_, one)| matches!(one.place, Place::Input(..)));
+        Ok(inputs.filter(|_| depends).map(|(number, _)| number as u32).collect())
+    }
+}
+
+impl Kept {
+    /// As bytes.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// From bytes, which may come from a file.
+    pub fn of_bytes(bytes: &[u8]) -> Result<Kept, String> {
+        let saved: Saved = wire::decode("the state of an FMU", bytes).map_err(|error| error.to_string())?;
+        let body = State {
+            bytes: saved.body,
+            kept: None,
+        };
+        Ok(Kept {
+            bytes: bytes.to_vec(),
+            body,
+        })
+    }
+}
+
+fn named(name: &str, refusal: Refusal) -> Refusal {
+    Refusal {
+        text: format!("`{name}`: {}", refusal.text),
+        ..refusal
+    }
+}

@@ -1,0 +1,240 @@
+//! The types of variables, and how values pass between a payload and a caller.
+
+use lockstep::port::Element;
+
+use crate::refusal::Refusal;
+
+/// The version of the standard.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Version {
+    /// FMI 2.0.
+    Two,
+    /// FMI 3.0.
+    Three,
+}
+
+/// The type of a variable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Numbers as a payload has them.
+    Number(Element),
+    /// A truth value, one byte.
+    Boolean,
+    /// A text.
+    Text,
+}
+
+/// What a caller's values are: one get and one set function of the standard for each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names are the standard's")]
+pub enum Native {
+    Float64,
+    Float32,
+    Int8,
+    UInt8,
+    Int16,
+    UInt16,
+    Int32,
+    UInt32,
+    Int64,
+    UInt64,
+    /// A byte (FMI 3.0).
+    Boolean8,
+    /// An int (FMI 2.0).
+    Boolean32,
+    Text,
+}
+
+impl Native {
+    /// Bytes of one value.
+    pub fn size(self) -> usize {
+        match self {
+            Native::Float64 | Native::Int64 | Native::UInt64 | Native::Text => 8,
+            Native::Float32 | Native::Int32 | Native::UInt32 | Native::Boolean32 => 4,
+            Native::Int16 | Native::UInt16 => 2,
+            Native::Int8 | Native::UInt8 | Native::Boolean8 => 1,
+        }
+    }
+}
+
+impl Kind {
+    /// Bytes of one element where it is kept.
+    pub fn size(self) -> usize {
+        match self {
+            Kind::Number(element) => element.size(),
+            Kind::Boolean => 1,
+            Kind::Text => 0,
+        }
+    }
+
+    /// Whether it is a floating-point number.
+    pub fn is_float(self) -> bool {
+        matches!(self, Kind::Number(Element::F64 | Element::F32))
+    }
+
+    /// The function that takes it.
+    pub fn native(self, version: Version) -> Native {
+        match (version, self) {
+            (_, Kind::Text) => Native::Text,
+            (Version::Two, Kind::Number(Element::F64 | Element::F32)) => Native::Float64,
+            (Version::Two, Kind::Number(_)) => Native::Int32,
+            (Version::Two, Kind::Boolean) => Native::Boolean32,
+            (Version::Three, Kind::Boolean) => Native::Boolean8,
+            (Version::Three, Kind::Number(element)) => match element {
+                Element::F64 => Native::Float64,
+                Element::F32 => Native::Float32,
+                Element::I64 => Native::Int64,
+                Element::I32 => Native::Int32,
+                Element::U64 => Native::UInt64,
+                Element::U32 => Native::UInt32,
+                Element::U8 => Native::UInt8,
+            },
+        }
+    }
+
+    /// The name of the type in a model description.
+    pub fn name(self, version: Version) -> &'static str {
+        match self.native(version) {
+            Native::Float64 if version == Version::Two => "Real",
+            Native::Int32 if version == Version::Two => "Integer",
+            Native::Float64 => "Float64",
+            Native::Float32 => "Float32",
+            Native::Int8 => "Int8",
+            Native::UInt8 => "UInt8",
+            Native::Int16 => "Int16",
+            Native::UInt16 => "UInt16",
+            Native::Int32 => "Int32",
+            Native::UInt32 => "UInt32",
+            Native::Int64 => "Int64",
+            Native::UInt64 => "UInt64",
+            Native::Boolean8 | Native::Boolean32 => "Boolean",
+            Native::Text => "String",
+        }
+    }
+
+    /// One element, which stands at the start of `from`, as a caller's value.
+    ///
+    /// # Errors
+    /// A whole number that the caller's type does not hold.
+    pub fn give(self, from: &[u8], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
+        let size = self.size();
+        match (self, native) {
+            (Kind::Number(Element::F32), Native::Float64) => {
+                to.copy_from_slice(&Element::F32.to_f64(from).to_le_bytes());
+            }
+            (Kind::Boolean, Native::Boolean32) => to.copy_from_slice(&i32::from(from[0] != 0).to_le_bytes()),
+            (Kind::Number(element), Native::Int32) if element != Element::I32 => {
+                let value = whole(element, from);
+                let short = i32::try_from(value).map_err(|_| {
+                    Refusal::error(format!(
+                        "{value} does not fit into an Integer of FMI 2.0: export it for FMI 3.0"
+                    ))
+                })?;
+                to.copy_from_slice(&short.to_le_bytes());
+            }
+            _ => to.copy_from_slice(&from[..size]),
+        }
+        Ok(())
+    }
+
+    /// Puts a caller's value to the start of `to`.
+    ///
+    /// # Errors
+    /// A number that is not finite, or does not fit into the element.
+    pub fn take(self, from: &[u8], native: Native, to: &mut [u8]) -> Result<(), Refusal> {
+        if let (true, Native::Float64 | Native::Float32) = (self.is_float(), native) {
+            let element = if native == Native::Float64 {
+                Element::F64
+            } else {
+                Element::F32
+            };
+            let value = element.to_f64(from);
+            let small = self == Kind::Number(Element::F32) && value.abs() > f64::from(f32::MAX);
+            if !value.is_finite() || small {
+                return Err(Refusal::discard(format!(
+                    "cannot be set to {value}: a value must be finite"
+                )));
+            }
+        }
+        let size = self.size();
+        match (self, native) {
+            (Kind::Number(Element::F32), Native::Float64) => {
+                Element::F32.put(Element::F64.to_f64(from), &mut to[..size])
+            }
+            (Kind::Boolean, Native::Boolean32) => to[0] = u8::from(from.iter().any(|byte| *byte != 0)),
+            (Kind::Boolean, Native::Boolean8) => to[0] = u8::from(from[0] != 0),
+            (Kind::Number(element), Native::Int32) if element != Element::I32 => {
+                let value = i128::from(i32::from_le_bytes([from[0], from[1], from[2], from[3]]));
+                let range = match element {
+                    Element::U8 => 0..=i128::from(u8::MAX),
+                    Element::U32 | Element::U64 => 0..=i128::from(u64::MAX),
+                    _ => i128::MIN..=i128::MAX,
+                };
+                if !range.contains(&value) {
+                    let text = format!("cannot be set to {value}: it is a {}", element.name());
+                    return Err(Refusal::discard(text));
+                }
+                to[..size].copy_from_slice(&value.to_le_bytes()[..size]);
+            }
+            _ => to[..size].copy_from_slice(from),
+        }
+        Ok(())
+    }
+}
+
+/// A whole number of a payload.
+pub fn whole(element: Element, from: &[u8]) -> i128 {
+    let size = element.size();
+    let signed = matches!(element, Element::I32 | Element::I64);
+    let fill = if signed && from[size - 1] & 0x80 != 0 { 0xff } else { 0 };
+    let mut wide = [fill; 16];
+    wide[..size].copy_from_slice(&from[..size]);
+    i128::from_le_bytes(wide)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_pass_or_are_refused() {
+        let mut to = [0; 4];
+        let give = |element: Element, bytes: &[u8], to: &mut [u8]| Kind::Number(element).give(bytes, Native::Int32, to);
+        give(Element::I64, &(-7_i64).to_le_bytes(), &mut to).unwrap();
+        assert_eq!(i32::from_le_bytes(to), -7);
+        give(Element::U8, &[200], &mut to).unwrap();
+        assert_eq!(i32::from_le_bytes(to), 200);
+        assert!(give(Element::U32, &u32::MAX.to_le_bytes(), &mut to).is_err());
+        let mut byte = [0];
+        let take = |value: i32, to: &mut [u8]| Kind::Number(Element::U8).take(&value.to_le_bytes(), Native::Int32, to);
+        take(255, &mut byte).unwrap();
+        assert_eq!(byte, [255]);
+        assert_eq!(
+            take(256, &mut byte).unwrap_err().status,
+            crate::refusal::Status::Discard
+        );
+        assert!(take(-1, &mut byte).is_err());
+        let mut long = [0; 8];
+        Kind::Number(Element::I64)
+            .take(&(-2_i32).to_le_bytes(), Native::Int32, &mut long)
+            .unwrap();
+        assert_eq!(i64::from_le_bytes(long), -2);
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_discarded() {
+        let mut to = [0; 8];
+        for (element, value) in [
+            (Element::F64, f64::NAN),
+            (Element::F64, f64::INFINITY),
+            (Element::F32, 1e300),
+        ] {
+            let refused = Kind::Number(element).take(&value.to_le_bytes(), Native::Float64, &mut to);
+            assert_eq!(refused.unwrap_err().status, crate::refusal::Status::Discard, "{value}");
+        }
+        Kind::Number(Element::F32)
+            .take(&0.1_f64.to_le_bytes(), Native::Float64, &mut to)
+            .unwrap();
+        assert_eq!(to[..4], 0.1_f32.to_le_bytes());
+    }
+}

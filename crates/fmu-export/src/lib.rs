@@ -1,0 +1,55 @@
+//! Participants and scenarios as FMUs, FMI 2.0 and 3.0 for co-simulation.
+//!
+//! One shared library has the functions of both versions, and everything that runs in FMUs: [`fmu!`] makes it of a program's catalogue.
+//! [`export()`] packs it with a model description and a scenario; when an importer loads it, the library reads that scenario and
+//! steps one participant of it, without an orchestrator and without shared memory.
+//!
+//! - [`manifest`](crate::Manifest): what stands in the resources; `model`: from there to what runs;
+//! - `variable`, `parameter`, `kind`, `unit`: what an importer sees of it; `describe`: the same as XML;
+//! - `body`: what is stepped: `single`, one participant, or `whole`, a scenario;
+//! - `instance`: the life of an instance; `two`, `three`, `call`: the C functions.
+
+mod body;
+#[doc(hidden)]
+pub mod call;
+#[doc(hidden)]
+pub mod command;
+mod describe;
+mod export;
+mod functions;
+mod instance;
+mod kind;
+mod log;
+mod manifest;
+mod model;
+mod pack;
+mod parameter;
+mod refusal;
+mod single;
+#[doc(hidden)]
+pub mod three;
+#[doc(hidden)]
+pub mod two;
+mod unit;
+mod usage;
+mod variable;
+mod whole;
+
+pub use command::Say;
+pub use export::{ExportError, Request, export};
+pub use manifest::Manifest;
+
+/// For the functions that [`fmu!`] writes.
+#[doc(hidden)]
+pub mod __private {
+    pub use std::ffi::{c_char, c_int, c_void};
+    pub use std::sync::{Arc, OnceLock};
+
+    pub use engine::Catalogue;
+
+    pub use crate::call::{self, Pointer};
+    pub use crate::command::{self, Say};
+    pub use crate::kind::Native;
+    pub use crate::log::LoggerThree;
+    pub use crate::{three, two};
+}

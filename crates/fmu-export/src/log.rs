@@ -1,0 +1,58 @@
+//! The importer's log.
+
+use std::ffi::{CStr, CString, c_char, c_int, c_void};
+
+use crate::refusal::Status;
+
+/// `fmi2CallbackLogger`: formats as printf does.
+pub type LoggerTwo = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
+/// `fmi3LogMessageCallback`.
+pub type LoggerThree = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
+
+/// The log categories, with the status whose messages they hold.
+pub const CATEGORIES: [(&str, Status); 2] = [("logStatusDiscard", Status::Discard), ("logStatusError", Status::Error)];
+
+/// Where messages go.
+pub enum Log {
+    /// FMI 2.0, with the importer's environment and the instance's name.
+    Two(Option<LoggerTwo>, *mut c_void, CString),
+    /// FMI 3.0.
+    Three(Option<LoggerThree>, *mut c_void),
+}
+
+fn category(status: Status) -> &'static CStr {
+    match status {
+        Status::Discard => c"logStatusDiscard",
+        Status::Ok | Status::Error => c"logStatusError",
+    }
+}
+
+impl Log {
+    /// Hands over a message.
+    pub fn write(&self, status: Status, text: &str) {
+        // A zero byte would end it.
+        let text = text.replace('\0', " ");
+        match self {
+            Log::Two(Some(write), environment, name) => {
+                // The text is the format itself: some importers print it as it is.
+                let format = CString::new(text.replace('%', "%%")).unwrap_or_default();
+                // SAFETY: the importer's function has the type of the standard; all texts outlive the call.
+                unsafe {
+                    write(
+                        *environment,
+                        name.as_ptr(),
+                        status as c_int,
+                        category(status).as_ptr(),
+                        format.as_ptr(),
+                    )
+                }
+            }
+            Log::Three(Some(write), environment) => {
+                let text = CString::new(text).unwrap_or_default();
+                // SAFETY: as above.
+                unsafe { write(*environment, status as c_int, category(status).as_ptr(), text.as_ptr()) }
+            }
+            Log::Two(None, ..) | Log::Three(None, _) => {}
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! How a call of the standard ends that is not done.
+
+/// The statuses of the standard, the same numbers in both versions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// Done.
+    Ok = 0,
+    /// Not done; everything is as it was.
+    Discard = 2,
+    /// Failed: the instance is of no use until it is reset or gets another state.
+    Error = 3,
+}
+
+/// A call that was not done, with the reason and the remedy.
+#[derive(Debug, Clone)]
+pub struct Refusal {
+    /// [`Status::Discard`] or [`Status::Error`].
+    pub status: Status,
+    /// For the importer's log.
+    pub text: String,
+}
+
+impl Refusal {
+    /// Not done, and the instance goes on.
+    pub fn discard(text: impl Into<String>) -> Refusal {
+        Refusal {
+            status: Status::Discard,
+            text: text.into(),
+        }
+    }
+
+    /// Failed.
+    pub fn error(text: impl Into<String>) -> Refusal {
+        Refusal {
+            status: Status::Error,
+            text: text.into(),
+        }
+    }
+}
+
+impl From<String> for Refusal {
+    fn from(text: String) -> Refusal {
+        Refusal::error(text)
+    }
+}

@@ -1,0 +1,201 @@
+//! The functions of FMI 3.0 for co-simulation, as far as they are others than in FMI 2.0.
+
+use std::ffi::{c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use engine::Catalogue;
+
+use crate::call::{self, Pointer};
+use crate::instance::Instance;
+use crate::kind::{Native, Version};
+use crate::log::{Log, LoggerThree};
+use crate::refusal::{Refusal, Status};
+
+/// How a reference follows from another one: in any way.
+const DEPENDENT: c_int = 5;
+
+/// `fmi3InstantiateCoSimulation`.
+///
+/// # Safety
+/// The arguments are as the standard says.
+pub unsafe fn instantiate(
+    catalogue: fn() -> Arc<Catalogue>,
+    token: *const c_char,
+    resources: *const c_char,
+    environment: *mut c_void,
+    logger: Option<LoggerThree>,
+) -> Pointer {
+    // SAFETY: as the caller says.
+    let (token, resources) = unsafe { (call::text(token), call::text(resources)) };
+    let log = Log::Three(logger, environment);
+    if let Err(text) = call::processor() {
+        log.write(Status::Error, &text);
+        return std::ptr::null_mut();
+    }
+    let made = catch_unwind(AssertUnwindSafe(|| {
+        Instance::new(&catalogue(), Version::Three, &call::folder(&resources), &token, log)
+    }));
+    match made {
+        Ok(Ok(instance)) => call::give(instance),
+        Ok(Err((log, text))) => {
+            log.write(Status::Error, &text);
+            std::ptr::null_mut()
+        }
+        Err(_) => std::ptr::null_mut(),
+    }
+}
+
+/// The instantiation of an interface that there is none of.
+///
+/// # Safety
+/// `logger` has the type of the standard.
+pub unsafe fn no_instance(environment: *mut c_void, logger: Option<LoggerThree>) -> Pointer {
+    Log::Three(logger, environment).write(Status::Error, "it is for co-simulation alone");
+    std::ptr::null_mut()
+}
+
+/// `fmi3EnterInitializationMode`.
+///
+/// # Safety
+/// As for [`call::call`].
+pub unsafe fn enter(instance: Pointer, start: f64) -> c_int {
+    let work = |own: &mut Instance| {
+        own.set_up(start)?;
+        own.initialise()
+    };
+    // SAFETY: as the caller says.
+    unsafe { call::call(instance, false, work) }
+}
+
+/// `fmi3GetFloat64` and its like.
+///
+/// # Safety
+/// As for [`call::get`].
+pub unsafe fn get(
+    instance: Pointer,
+    native: Native,
+    references: *const u32,
+    count: usize,
+    to: *mut c_void,
+    room: usize,
+) -> c_int {
+    // SAFETY: as the caller says.
+    unsafe { call::get(instance, native, (references, count), to, room) }
+}
+
+/// `fmi3SetFloat64` and its like.
+///
+/// # Safety
+/// As for [`call::set`].
+pub unsafe fn set(
+    instance: Pointer,
+    native: Native,
+    references: *const u32,
+    count: usize,
+    from: *const c_void,
+    room: usize,
+) -> c_int {
+    // SAFETY: as the caller says.
+    unsafe { call::set(instance, native, (references, count), from, room) }
+}
+
+/// A get or set function for a type of which the FMU has no variables.
+///
+/// # Safety
+/// As for [`call::call`].
+pub unsafe fn none_of(instance: Pointer, what: &str, count: usize) -> c_int {
+    let work = |_: &mut Instance| match count {
+        0 => Ok(()),
+        _ => Err(Refusal::error(format!("it has no variables of the type {what}"))),
+    };
+    // SAFETY: as the caller says.
+    unsafe { call::call(instance, false, work) }
+}
+
+/// `fmi3DoStep`.
+///
+/// # Safety
+/// As for [`call::call`]; all places can be written.
+pub unsafe fn step(
+    instance: Pointer,
+    from: f64,
+    span: f64,
+    event: *mut bool,
+    terminate: *mut bool,
+    early: *mut bool,
+    last: *mut f64,
+) -> c_int {
+    let work = |own: &mut Instance| {
+        let done = own.step(from, span);
+        // SAFETY: as the caller says; some importers leave out what they do not need.
+        unsafe {
+            if let Some(event) = event.as_mut() {
+                *event = false;
+            }
+            if let Some(terminate) = terminate.as_mut() {
+                *terminate = done.is_err() && own.is_over();
+            }
+            if let Some(early) = early.as_mut() {
+                *early = false;
+            }
+            if let Some(last) = last.as_mut() {
+                *last = own.time();
+            }
+        }
+        done
+    };
+    // SAFETY: as the caller says.
+    unsafe { call::call(instance, false, work) }
+}
+
+/// `fmi3GetNumberOfVariableDependencies`.
+///
+/// # Safety
+/// As for [`call::call`]; `count` can be written.
+pub unsafe fn dependency_count(instance: Pointer, reference: u32, count: *mut usize) -> c_int {
+    let work = |own: &mut Instance| {
+        let found = own.dependencies(reference)?;
+        // SAFETY: as the caller says.
+        unsafe { count.write(found.len()) };
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call::call(instance, false, work) }
+}
+
+/// `fmi3GetVariableDependencies`.
+///
+/// # Safety
+/// As for [`call::call`]; each of the lists has room for `room` elements.
+pub unsafe fn dependencies(
+    instance: Pointer,
+    reference: u32,
+    [element, other]: [*mut usize; 2],
+    independents: *mut u32,
+    kinds: *mut c_int,
+    room: usize,
+) -> c_int {
+    let work = |own: &mut Instance| {
+        let found = own.dependencies(reference)?;
+        if found.len() != room {
+            let text = format!(
+                "variable {reference} has {} dependencies, and there is room for {room}",
+                found.len()
+            );
+            return Err(Refusal::error(text));
+        }
+        for (number, independent) in found.into_iter().enumerate() {
+            // SAFETY: as the caller says. Element 0 stands for all of them.
+            unsafe {
+                element.add(number).write(0);
+                independents.add(number).write(independent);
+                other.add(number).write(0);
+                kinds.add(number).write(DEPENDENT);
+            }
+        }
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call::call(instance, false, work) }
+}

@@ -1,0 +1,208 @@
+//! The variables of an exported FMU: every field of its ports, the parameters that are numbers, and the time.
+
+use lockstep::port::{Descriptor, Element};
+
+use crate::kind::{Kind, Version};
+use crate::parameter::Parameter;
+
+/// Where the value of a variable is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// The present time.
+    Time,
+    /// Parameter number so many.
+    Parameter(usize),
+    /// In the payload of input number so many, from this byte on.
+    Input(usize, usize),
+    /// In the payload of output number so many, from this byte on.
+    Output(usize, usize),
+    /// Figure of merit number so many.
+    Figure(usize),
+}
+
+/// A variable. Its value reference is its position in the list.
+#[derive(Debug, Clone)]
+pub struct Variable {
+    /// Its name.
+    pub name: String,
+    /// What is known of it besides.
+    pub description: String,
+    /// Where it is.
+    pub place: Place,
+    /// Its type.
+    pub kind: Kind,
+    /// Its extents; empty for a number.
+    pub extents: Vec<u32>,
+    /// How many elements it has.
+    pub len: usize,
+    /// Its unit; `1` without one.
+    pub unit: String,
+    /// The first element's number among the parameter's, where it is one scalar of a list.
+    pub first: usize,
+}
+
+/// A port.
+#[derive(Debug, Clone)]
+pub struct Port {
+    /// What its variables begin with.
+    pub name: String,
+    /// What it carries.
+    pub descriptor: Descriptor,
+}
+
+/// Everything that becomes variables.
+#[derive(Debug, Clone, Default)]
+pub struct Ports {
+    /// What the importer sets.
+    pub inputs: Vec<Port>,
+    /// What it reads.
+    pub outputs: Vec<Port>,
+    /// Figures of merit, by name and unit.
+    pub figures: Vec<(String, String)>,
+    /// Whether outputs at an instant follow from inputs at the same instant.
+    pub feedthrough: bool,
+    /// Whether values change at the communication points alone.
+    pub discrete: bool,
+}
+
+/// All variables, in the order of their value references.
+pub fn variables(version: Version, ports: &Ports, parameters: &[Parameter]) -> Vec<Variable> {
+    let mut all = Vec::new();
+    // FMI 3.0 asks for it; in FMI 2.0 the parser of many tools reports an error for one.
+    if version == Version::Three {
+        all.push(Variable {
+            name: "time".into(),
+            description: "Simulated time".into(),
+            place: Place::Time,
+            kind: Kind::Number(Element::F64),
+            extents: Vec::new(),
+            len: 1,
+            unit: "s".into(),
+            first: 0,
+        });
+    }
+    for (number, parameter) in parameters.iter().enumerate() {
+        let whole = Variable {
+            name: parameter.name.clone(),
+            description: String::new(),
+            place: Place::Parameter(number),
+            kind: parameter.kind,
+            extents: parameter.extents.clone(),
+            len: parameter.len(),
+            unit: parameter.unit.clone(),
+            first: 0,
+        };
+        push(version, &mut all, whole, |first| (Place::Parameter(number), first));
+    }
+    for (number, port) in ports.inputs.iter().enumerate() {
+        fields(version, &mut all, port, |at| Place::Input(number, at));
+    }
+    for (number, port) in ports.outputs.iter().enumerate() {
+        fields(version, &mut all, port, |at| Place::Output(number, at));
+    }
+    for (number, (name, unit)) in ports.figures.iter().enumerate() {
+        all.push(Variable {
+            name: format!("figures.{name}"),
+            description: "Figure of merit of what has been simulated so far; NaN where it is not known".into(),
+            place: Place::Figure(number),
+            kind: Kind::Number(Element::F64),
+            extents: Vec::new(),
+            len: 1,
+            unit: unit.clone(),
+            first: 0,
+        });
+    }
+    all
+}
+
+fn fields(version: Version, all: &mut Vec<Variable>, port: &Port, place: impl Fn(usize) -> Place) {
+    for field in &port.descriptor.fields {
+        let (offset, size) = (field.offset as usize, field.element.size());
+        let description = if field.frame.is_empty() {
+            port.descriptor.name.clone()
+        } else {
+            format!("{}, components in frame {}", port.descriptor.name, field.frame)
+        };
+        let whole = Variable {
+            name: format!("{}.{}", port.name, field.name),
+            description,
+            place: place(offset),
+            kind: Kind::Number(field.element),
+            extents: field.shape.clone(),
+            len: field.len(),
+            unit: field.unit.clone(),
+            first: 0,
+        };
+        push(version, all, whole, |first| (place(offset + first * size), 0));
+    }
+}
+
+/// Adds an array: as one in FMI 3.0, element by element in FMI 2.0, which has scalars only.
+fn push(version: Version, all: &mut Vec<Variable>, whole: Variable, element: impl Fn(usize) -> (Place, usize)) {
+    if version == Version::Three || whole.extents.is_empty() {
+        all.push(whole);
+        return;
+    }
+    for number in 0..whole.len {
+        let (place, first) = element(number);
+        all.push(Variable {
+            name: format!("{}{}", whole.name, indices(&whole.extents, number)),
+            place,
+            first,
+            extents: Vec::new(),
+            len: 1,
+            ..whole.clone()
+        });
+    }
+}
+
+/// `[1][2]`: the place of an element that is stored row by row.
+fn indices(extents: &[u32], mut number: usize) -> String {
+    let mut places = Vec::new();
+    for &extent in extents.iter().rev() {
+        let extent = extent as usize;
+        places.push(format!("[{}]", number % extent));
+        number /= extent;
+    }
+    places.reverse();
+    places.concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lockstep::port::Message;
+
+    lockstep::message! {
+        /// One of each.
+        pub struct Some {
+            /// A matrix.
+            pub matrix: [[f64; 3]; 2] = "m" in "N",
+            /// A number.
+            pub number: u32 = "1",
+            /// Another one.
+            pub single: f32 = "rad",
+        }
+    }
+
+    #[test]
+    fn array_is_one_variable_or_its_elements() {
+        let port = Port {
+            name: "out".into(),
+            descriptor: Some::descriptor(),
+        };
+        let ports = Ports {
+            outputs: vec![port],
+            ..Ports::default()
+        };
+        let three = variables(Version::Three, &ports, &[]);
+        let names: Vec<&str> = three.iter().map(|one| one.name.as_str()).collect();
+        assert_eq!(names, ["time", "out.matrix", "out.number", "out.single"]);
+        assert_eq!((three[1].extents.as_slice(), three[1].len), (&[2, 3][..], 6));
+        let two = variables(Version::Two, &ports, &[]);
+        assert_eq!(two.len(), 8);
+        assert_eq!(two[5].name, "out.matrix[1][2]");
+        assert_eq!(two[5].place, Place::Output(0, 40));
+        assert_eq!(two[6].place, Place::Output(0, 48));
+    }
+}

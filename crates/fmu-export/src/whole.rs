@@ -1,0 +1,461 @@
+//! A whole scenario, stepped by the importer: the engine runs it in one loop.
+
+use engine::campaign;
+use engine::run::{Options, Record, Run, check_here};
+use engine::scenario::Scenario;
+use lockstep::participant::{Kind, Payload};
+use lockstep::plan::Plan;
+use lockstep::time::{Rational, Ticks, Timebase};
+use lockstep::wire;
+use serde::{Deserialize, Serialize};
+
+use crate::body::{self, Body, State};
+use crate::parameter::Parameter;
+use crate::refusal::Refusal;
+use crate::variable::{Port, Ports};
+
+/// A whole scenario.
+///
+/// An output at T is its newest sample that is stamped at or before T: of a continuous participant the one at T, where it has one there;
+/// of a sampled one the one before T, because its activation at T belongs to the step that begins there.
+pub struct Whole {
+    scenario: Scenario,
+    plan: Plan,
+    ports: Ports,
+    keys: Vec<String>,
+    saves: bool,
+    inputs: Vec<Payload>,
+    /// What the run has been told, to be told again where a state is taken up by another instance.
+    history: Vec<Told>,
+    /// Inputs that differ from what the run was told.
+    changed: Vec<bool>,
+    outputs: Vec<Payload>,
+    /// The instants that continuous outputs have their samples at: offset and period of each participant, ticks.
+    grids: Vec<Option<(Ticks, Ticks)>>,
+    figures: Option<campaign::Figures>,
+    running: Option<Run>,
+    start: f64,
+    now: Ticks,
+}
+
+/// Values that were set at an instant.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Told {
+    at: Ticks,
+    input: u64,
+    payload: Vec<u8>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    inputs: Vec<Vec<u8>>,
+    outputs: Vec<Vec<u8>>,
+    running: Option<SavedRun>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct SavedRun {
+    start: f64,
+    now: Ticks,
+    history: Vec<Told>,
+}
+
+impl Whole {
+    /// The `scenario` with these inputs and outputs.
+    ///
+    /// # Errors
+    /// Why it cannot run in one loop, or which port there is not.
+    pub fn new(scenario: Scenario, inputs: &[String], outputs: &[String], saves: bool) -> Result<Whole, String> {
+        let known = check_here(&scenario).map_err(|error| error.to_string())?;
+        let outside = scenario
+            .participants
+            .iter()
+            .zip(&known.interfaces)
+            .find(|(_, interface)| interface.is_none());
+        if let Some((entry, _)) = outside {
+            return Err(format!(
+                "`{}` is a program of its own, which is no part of an FMU: make a plug-in of it, or put it into the program",
+                entry.setup.name
+            ));
+        }
+        let plan = known.plan;
+        let figures = campaign::figures_of(&scenario, &plan);
+        let mut ports = Ports {
+            discrete: true,
+            figures: figures.iter().map(|one| (one.name.clone(), one.unit.clone())).collect(),
+            ..Ports::default()
+        };
+        for name in inputs {
+            ports.inputs.push(input(&plan, name)?);
+        }
+        let mut grids = Vec::new();
+        for name in outputs {
+            let (port, grid) = output(&plan, name)?;
+            ports.outputs.push(port);
+            grids.push(grid);
+        }
+        let zeros = |all: &[Port]| {
+            all.iter()
+                .map(|one| Payload::zeroed(one.descriptor.size as usize))
+                .collect::<Vec<_>>()
+        };
+        Ok(Whole {
+            inputs: zeros(&ports.inputs),
+            outputs: zeros(&ports.outputs),
+            changed: vec![false; ports.inputs.len()],
+            history: Vec::new(),
+            keys: figures.into_iter().map(|one| one.key).collect(),
+            figures: None,
+            running: None,
+            start: 0.0,
+            now: 0,
+            scenario,
+            plan,
+            ports,
+            saves,
+            grids,
+        })
+    }
+
+    /// Steps are whole multiples of this.
+    pub fn period(&self) -> Rational {
+        self.plan.timebase.tick()
+    }
+
+    /// How long it is.
+    pub fn duration(&self) -> Rational {
+        self.scenario.duration
+    }
+
+    fn timebase(&self) -> Timebase {
+        self.plan.timebase
+    }
+
+    fn fresh(&self) -> Result<Run, String> {
+        let record = if self.saves { Record::Memory } else { Record::Nothing };
+        let options = Options {
+            in_process: true,
+            record,
+            no_placement: true,
+            ..Options::default()
+        };
+        Run::start(&self.scenario, &options).map_err(|failure| failure.to_string())
+    }
+
+    fn run(&mut self) -> Result<&mut Run, String> {
+        self.running.as_mut().ok_or_else(|| "it is not initialised".to_owned())
+    }
+
+    /// Lets the run on to `to`, ticks.
+    fn run_to(&mut self, to: Ticks) -> Result<(), String> {
+        let time = self.timebase().time(to).ok_or("the time is too fine")?;
+        let end = self.duration();
+        let run = self.run()?;
+        let done = if time >= end { run.run_to(end) } else { run.run_to(time) };
+        done.map_err(|failure| failure.to_string())
+    }
+
+    /// Outputs at `to`, while the run goes there.
+    fn go(&mut self, to: Ticks) -> Result<(), String> {
+        // A continuous output may have a sample that is stamped later than `to`: its newest one by then is read on the way.
+        let due: Vec<Option<Ticks>> = self.grids.iter().map(|grid| due(*grid, to)).collect();
+        let mut stops: Vec<Ticks> = due
+            .iter()
+            .flatten()
+            .copied()
+            .filter(|at| (self.now..to).contains(at))
+            .collect();
+        stops.sort_unstable();
+        stops.dedup();
+        stops.push(to);
+        for stop in stops {
+            self.run_to(stop)?;
+            self.read(&due, stop);
+        }
+        self.now = to;
+        self.figures = None;
+        Ok(())
+    }
+
+    /// Reads the outputs that are due at `at`, where the run rests. Before the first sample there is none, and the output is zero.
+    fn read(&mut self, due: &[Option<Ticks>], at: Ticks) {
+        let Some(run) = &self.running else {
+            return;
+        };
+        for (number, due) in due.iter().enumerate() {
+            if *due == Some(at)
+                && let Ok(sample) = run.newest(&self.ports.outputs[number].name)
+            {
+                self.outputs[number].bytes_mut().copy_from_slice(sample.bytes());
+            }
+        }
+    }
+
+    /// Hands over inputs that were set.
+    fn tell(&mut self) -> Result<(), String> {
+        for number in 0..self.inputs.len() {
+            if !std::mem::take(&mut self.changed[number]) {
+                continue;
+            }
+            let (name, payload) = (
+                self.ports.inputs[number].name.clone(),
+                self.inputs[number].bytes().to_vec(),
+            );
+            self.run()?
+                .set_bytes(&name, &payload)
+                .map_err(|failure| failure.to_string())?;
+            if self.saves {
+                let (at, input) = (self.now, number as u64);
+                self.history.push(Told { at, input, payload });
+            }
+        }
+        Ok(())
+    }
+
+    /// Begins anew, and does what `history` says up to `now`.
+    fn play(&mut self, run: SavedRun) -> Result<(), String> {
+        self.begin(&[], Rational::ZERO)?;
+        self.start = run.start;
+        for told in run.history {
+            let number = usize::try_from(told.input)
+                .ok()
+                .filter(|number| *number < self.inputs.len());
+            let number = number.filter(|number| self.inputs[*number].bytes().len() == told.payload.len());
+            let number = number.ok_or("the state has inputs of another FMU")?;
+            if told.at > self.now {
+                self.go(told.at)?;
+            }
+            self.inputs[number].bytes_mut().copy_from_slice(&told.payload);
+            self.changed[number] = true;
+            self.tell()?;
+        }
+        if run.now > self.now {
+            self.go(run.now)?;
+        }
+        Ok(())
+    }
+}
+
+/// The instant at which an output is read for its value at `to`: a continuous one at its newest sample by then, which there may be none of.
+fn due(grid: Option<(Ticks, Ticks)>, to: Ticks) -> Option<Ticks> {
+    match grid {
+        None => Some(to),
+        Some((offset, period)) => (to >= offset).then(|| to - (to - offset) % period),
+    }
+}
+
+/// The input `name`, which nobody feeds.
+fn input(plan: &Plan, name: &str) -> Result<Port, String> {
+    let (participant, port) = name.split_once('.').unwrap_or((name, ""));
+    let found = plan.participant(participant).and_then(|number| {
+        let own = &plan.participants[number];
+        let at = own.interface.inputs.iter().position(|one| one.name == port)?;
+        Some((own, at))
+    });
+    let Some((own, at)) = found else {
+        let all = plan.participants.iter().flat_map(|own| {
+            let free = own
+                .interface
+                .inputs
+                .iter()
+                .enumerate()
+                .filter(|(at, _)| own.inputs[*at].is_none());
+            free.map(|(_, one)| format!("`{}.{}`", own.name, one.name))
+        });
+        return Err(format!("there is no input `{name}`; nothing feeds {}", listed(all)));
+    };
+    if let Some(link) = own.inputs[at] {
+        let link = &plan.links[link];
+        let (from, link) = (plan.output_name(link.from), &link.name);
+        return Err(format!(
+            "the input `{name}` is fed by `{from}`, by the connection `{link}`: leave that out of the scenario"
+        ));
+    }
+    Ok(Port {
+        name: name.to_owned(),
+        descriptor: own.interface.inputs[at].descriptor.clone(),
+    })
+}
+
+fn listed(all: impl Iterator<Item = String>) -> String {
+    let all: Vec<String> = all.collect();
+    if all.is_empty() {
+        "nothing".to_owned()
+    } else {
+        all.join(", ")
+    }
+}
+
+/// The output `name`, with offset and period where it is a continuous participant's.
+fn output(plan: &Plan, name: &str) -> Result<(Port, Option<(Ticks, Ticks)>), String> {
+    for own in &plan.participants {
+        for port in &own.interface.outputs {
+            if format!("{}.{}", own.name, port.name) == name {
+                let found = Port {
+                    name: name.to_owned(),
+                    descriptor: port.descriptor.clone(),
+                };
+                let continuous = own.interface.kind == Kind::Continuous;
+                return Ok((
+                    found,
+                    continuous.then_some((own.sample_time.offset, own.sample_time.period)),
+                ));
+            }
+        }
+    }
+    Err(format!(
+        "there is no output `{name}`; there is {}",
+        listed(outputs(plan).into_iter().map(|one| format!("`{one}`")))
+    ))
+}
+
+/// All outputs of a plan.
+pub fn outputs(plan: &Plan) -> Vec<String> {
+    let all = plan.participants.iter();
+    all.flat_map(|own| {
+        own.interface
+            .outputs
+            .iter()
+            .map(|port| format!("{}.{}", own.name, port.name))
+    })
+    .collect()
+}
+
+impl Body for Whole {
+    fn ports(&self) -> &Ports {
+        &self.ports
+    }
+
+    fn begin(&mut self, _: &[Parameter], start: Rational) -> Result<(), String> {
+        self.running = None;
+        self.running = Some(self.fresh()?);
+        (self.start, self.now) = (start.seconds(), 0);
+        self.history.clear();
+        // What was set before is set from the start on.
+        self.changed = self
+            .inputs
+            .iter()
+            .map(|one| one.bytes().iter().any(|byte| *byte != 0))
+            .collect();
+        self.outputs.iter_mut().for_each(|one| one.bytes_mut().fill(0));
+        let due: Vec<Option<Ticks>> = self.grids.iter().map(|grid| due(*grid, 0)).collect();
+        self.read(&due, 0);
+        self.figures = None;
+        Ok(())
+    }
+
+    fn reset(&mut self) {
+        self.running = None;
+        for all in [&mut self.inputs, &mut self.outputs] {
+            all.iter_mut().for_each(|one| one.bytes_mut().fill(0));
+        }
+        (self.start, self.now) = (0.0, 0);
+    }
+
+    fn time(&self) -> f64 {
+        self.start + self.timebase().seconds(self.now)
+    }
+
+    fn input(&self, port: usize) -> &[u8] {
+        self.inputs[port].bytes()
+    }
+
+    fn set(&mut self, port: usize, at: usize, bytes: &[u8]) {
+        let place = &mut self.inputs[port].bytes_mut()[at..at + bytes.len()];
+        if place != bytes {
+            place.copy_from_slice(bytes);
+            self.changed[port] = true;
+        }
+    }
+
+    fn output(&mut self, port: usize) -> Result<&[u8], String> {
+        Ok(self.outputs[port].bytes())
+    }
+
+    fn figure(&mut self, number: usize) -> Result<f64, String> {
+        if self.figures.is_none() {
+            let found = self.running.as_ref().and_then(Run::figures);
+            self.figures = found.map(|found| campaign::Figures::of(&found));
+        }
+        let value = self
+            .figures
+            .as_ref()
+            .and_then(|figures| figures.value(&self.keys[number]));
+        Ok(value.unwrap_or(f64::NAN))
+    }
+
+    fn advance(&mut self, from: f64, span: f64) -> Result<(), Refusal> {
+        if self.running.is_none() {
+            return Err(Refusal::error("it is not initialised"));
+        }
+        let tick = self.timebase().tick().seconds();
+        let count = body::steps(self.time(), tick, from, span)?;
+        let to = i64::try_from(count).ok().and_then(|count| self.now.checked_add(count));
+        let end = self.plan.end;
+        let Some(to) = to.filter(|to| *to <= end) else {
+            return Err(Refusal::discard(format!(
+                "the scenario ends at t = {} s: export it with a longer duration",
+                self.start + self.timebase().seconds(end)
+            )));
+        };
+        self.tell()?;
+        Ok(self.go(to)?)
+    }
+
+    fn is_over(&self) -> bool {
+        self.now >= self.plan.end
+    }
+
+    fn save(&mut self) -> Result<State, String> {
+        let running = self.running.as_ref().map(|_| SavedRun {
+            start: self.start,
+            now: self.now,
+            history: self.history.clone(),
+        });
+        let bytes_of = |all: &[Payload]| all.iter().map(|one| one.bytes().to_vec()).collect();
+        let saved = Saved {
+            inputs: bytes_of(&self.inputs),
+            outputs: bytes_of(&self.outputs),
+            running,
+        };
+        let bytes = wire::encode("the state of a scenario", &saved).map_err(|error| error.to_string())?;
+        // At its end a run has no state any more, and is played again.
+        let kept = self.running.as_mut().and_then(|run| run.save().ok());
+        Ok(State { bytes, kept })
+    }
+
+    fn restore(&mut self, _: &[Parameter], state: &State) -> Result<(), String> {
+        let saved: Saved = wire::decode("the state of a scenario", &state.bytes).map_err(|error| error.to_string())?;
+        let fits =
+            |saved: &[Vec<u8>], own: &[Payload]| saved.iter().map(Vec::len).eq(own.iter().map(|one| one.bytes().len()));
+        if !fits(&saved.inputs, &self.inputs) || !fits(&saved.outputs, &self.outputs) {
+            return Err("the state has ports of other sizes: it is another FMU's".into());
+        }
+        match saved.running {
+            None => self.running = None,
+            Some(run) => {
+                let back = match (&state.kept, &mut self.running) {
+                    (Some(kept), Some(own)) => own.restore(kept).is_ok(),
+                    _ => false,
+                };
+                if back {
+                    (self.start, self.now, self.history, self.figures) = (run.start, run.now, run.history, None);
+                } else {
+                    self.play(run)?;
+                }
+            }
+        }
+        let saved = saved.inputs.iter().chain(&saved.outputs);
+        for (own, bytes) in self.inputs.iter_mut().chain(&mut self.outputs).zip(saved) {
+            own.bytes_mut().copy_from_slice(bytes);
+        }
+        // Those that were set and not told yet.
+        let told = |number: usize| self.history.iter().rev().find(|told| told.input == number as u64);
+        let changed = (0..self.inputs.len()).map(|number| match told(number) {
+            Some(told) => told.payload != self.inputs[number].bytes(),
+            None => self.inputs[number].bytes().iter().any(|byte| *byte != 0),
+        });
+        self.changed = changed.collect();
+        Ok(())
+    }
+}
