@@ -187,7 +187,7 @@ fn parameter(name: String, value: &Value) -> Option<Parameter> {
 /// The unit and the numbers of a text that is a quantity, and whether they stand in brackets.
 fn quantity(text: &str) -> Option<(&str, (Vec<f64>, bool))> {
     let unit = units::unit_in(text)?;
-    units::si(unit)?;
+    units::unit_factor(unit).ok()?;
     Some((unit, units::convert(text, unit).ok()?))
 }
 

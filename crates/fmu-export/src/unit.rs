@@ -13,7 +13,7 @@ pub struct Base {
 
 /// The definition of `unit`; nothing for one that the framework does not know.
 pub fn base(unit: &str) -> Option<Base> {
-    let (factor, own) = units::si(unit)?;
+    let (factor, own) = units::unit_factor(unit).ok()?;
     Some(Base {
         exponents: [("kg", own.mass), ("m", own.length), ("s", own.time), ("rad", own.angle)],
         factor,

@@ -42,6 +42,6 @@ mod table;
 
 pub use dimension::Dimension;
 pub use kinds::*;
-pub use parse::{UnitError, convert, known_symbols, parse, si, unit_factor, unit_in};
+pub use parse::{UnitError, convert, known_symbols, parse, unit_factor, unit_in};
 pub use quantity::{Each, Kind, Quantity, Vector};
 pub use table::read;

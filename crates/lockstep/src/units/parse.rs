@@ -250,12 +250,6 @@ pub fn unit_in(text: &str) -> Option<&str> {
     Some(unit.trim()).filter(|unit| !unit.is_empty())
 }
 
-/// What one `unit` is in SI units and radians, and its dimension; nothing for a unit that this module does not know.
-pub fn si(unit: &str) -> Option<(f64, Dimension)> {
-    let ((factor, _), dimension) = unit_of(unit, unit).ok()?;
-    Some((factor, dimension))
-}
-
 /// Numbers, unit, and whether the numbers stand in brackets.
 fn split(text: &str) -> Option<(&str, &str, bool)> {
     match text.strip_prefix('[') {
