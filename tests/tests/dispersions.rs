@@ -111,14 +111,27 @@ fn table_depends_on_the_campaign_file_alone() {
     let again = run("stopped", &["--quiet"]);
     assert_eq!(again.code, Some(1), "{again:?}");
     assert_eq!(table(&folder, "one"), table(&folder, "stopped"));
+}
 
-    // a point is the run with its values
-    let csv = String::from_utf8(table(&folder, "one").remove(0)).unwrap();
+#[test]
+fn drawn_point_is_the_run_with_its_values() {
+    let folder = Folder::new("drawn-point");
+    springs(&folder);
+    let file = folder.write(
+        "campaign.toml",
+        &CAMPAIGN
+            .replace("points = 30", "points = 3")
+            .replace("0.6 kg", "0.1 kg"),
+    );
+    let out = |name: &str| folder.path().join(name);
+    let said = orchestrate(&["sweep", text(&file), "--out", text(&out("swept")), "--json"]);
+    let json = said.json();
+    let csv = std::fs::read_to_string(out("swept").join("table.csv")).unwrap();
     assert!(
         csv.starts_with("point,mass [kg],late [ms],push_at [ms],push_what,seed,outcome,reason,swing [m],"),
         "{csv}"
     );
-    let row = rows.iter().find(|row| row["outcome"] != "refused").unwrap();
+    let row = &json["rows"][2];
     let value = |name: &str, unit: &str| format!("{}{unit}", row["values"][name]);
     let single = orchestrate(&[
         "run",
@@ -139,6 +152,12 @@ fn table_depends_on_the_campaign_file_alone() {
         &format!("faults.push.kind={}", row["values"]["push_what"].as_str().unwrap()),
     ]);
     assert_eq!(single.json()["tape_digest"], row["tape_digest"]);
+    let journal = std::fs::read_to_string(out("swept").join("results.jsonl")).unwrap();
+    let entries = journal
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let third = entries.filter(|entry| entry["point"] == 3).last().unwrap();
+    assert_eq!(third["values"], row["values"]);
 }
 
 #[test]

@@ -43,6 +43,11 @@ fn values_are_absolute_or_made_of_the_scenarios_own() {
         ),
         ("count", "distribution = 'discrete'\nvalues = [7]", "count=7"),
         (
+            "part",
+            "distribution = 'discrete'\nvalues = [0.71]\nround = 0.1",
+            "part=0.7",
+        ),
+        (
             "count",
             "distribution = 'discrete'\nvalues = [2]\nas = 'offset'\nround = 1",
             "count=5",
@@ -72,6 +77,11 @@ fn values_are_absolute_or_made_of_the_scenarios_own() {
             .plan(&format!("seeds = 'same'\npoints = 1\n{}", one(key, rest)))
             .unwrap_or_else(|error| panic!("{rest}: {error}"));
         assert_eq!(settings(&plan.point(0)), [format!("{B}.{expected}")], "{rest}");
+        // what the table has as a number is what was set
+        for cell in plan.point(0).cells {
+            let digits = cell.text.split(' ').next().unwrap_or_default();
+            assert!(cell.number.is_none() || digits.parse().ok() == cell.number, "{cell:?}");
+        }
     }
 }
 

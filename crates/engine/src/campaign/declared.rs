@@ -118,18 +118,7 @@ impl Declared {
         let on_grid = |one: &Dispersion| own(one) == Design::Grid && one.levels.or(one.draws.choices()).is_some();
         let drawn = |one: &&Dispersion| !one.once && !on_grid(one) && one.draws.varies();
         let others = dispersions.iter().any(|one| drawn(&one));
-        let inner = match points {
-            Some(points) if others || first_seed.is_some() => points as usize,
-            Some(1) => 1,
-            Some(_) => {
-                return wrong(
-                    "points",
-                    "would be the same runs again: all dispersions are on the grid, whose values say how many points there are; take it out",
-                );
-            }
-            None if others => return wrong("points", "is missing: write for example points = 200"),
-            None => 1,
-        };
+        let inner = drawn_points(points, others, first_seed.is_some())?;
         let (mut ways, mut outer) = (Vec::new(), 1_usize);
         let mut dealer = Dealer {
             seed,
@@ -402,6 +391,21 @@ pub(super) fn dimension_of(above: &[Dispersion], name: &str) -> Option<Sized> {
         return Some((1.0, Dimension::default()));
     }
     unit_factor(&found.made).ok().map(|(_, dimension)| (1.0, dimension))
+}
+
+/// How often everything that is not on the grid is drawn.
+fn drawn_points(points: Option<u64>, others: bool, seeds: bool) -> Result<usize, Wrong> {
+    match points {
+        Some(points) if others || seeds => Ok(points as usize),
+        Some(1) => Ok(1),
+        Some(_) => wrong(
+            "points",
+            "would be the same runs again: all dispersions are on the grid, whose values say how many points there are; \
+             take it out",
+        ),
+        None if others => wrong("points", "is missing: write for example points = 200"),
+        None => Ok(1),
+    }
 }
 
 /// Whether a dispersion goes with its design.

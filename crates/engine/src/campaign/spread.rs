@@ -2,7 +2,7 @@
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Shade};
 
-use super::figures::Number;
+use super::figures::{Figures, Number};
 use super::picture::Picture;
 use super::{figure_value, good_word, short};
 
@@ -19,22 +19,7 @@ pub(super) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
             .flatten()
             .filter_map(|result| result.figures.as_ref())
     };
-    let criteria = with().next().map_or(&[][..], |figures| &figures.criteria);
-    let mut curves = Vec::new();
-    for criterion in criteria {
-        let Some(limit) = criterion.limit.filter(|limit| *limit > 0.0) else {
-            continue;
-        };
-        let parts = with().filter_map(|figures| {
-            let own = figures.criteria.iter().find(|own| own.name == criterion.name)?;
-            Some(own.value? / limit)
-        });
-        let name = criterion.name.replace('_', " ");
-        curves.extend(curve(
-            format!("{name} (limit {} {})", short(limit), criterion.unit),
-            parts,
-        ));
-    }
+    let mut curves = parts_of_limits(with);
     let (mut limits, mut y_label) = (Vec::new(), "part of the limit".to_owned());
     if curves.is_empty() {
         let Number { key, unit, .. } = picture.figure?;
@@ -95,6 +80,27 @@ pub(super) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
         limits,
     };
     Some(chart.drawing())
+}
+
+/// The values of each criterion that has an upper limit, as parts of it.
+fn parts_of_limits<'a, I: Iterator<Item = &'a Figures>>(with: impl Fn() -> I) -> Vec<Curve> {
+    let criteria = with().next().map_or(&[][..], |figures| &figures.criteria);
+    let mut curves = Vec::new();
+    for criterion in criteria {
+        let Some(limit) = criterion.limit.filter(|limit| *limit > 0.0) else {
+            continue;
+        };
+        let parts = with().filter_map(|figures| {
+            let own = figures.criteria.iter().find(|own| own.name == criterion.name)?;
+            Some(own.value? / limit)
+        });
+        let name = criterion.name.replace('_', " ");
+        curves.extend(curve(
+            format!("{name} (limit {} {})", short(limit), criterion.unit),
+            parts,
+        ));
+    }
+    curves
 }
 
 /// Values by size over their parts of all, %.

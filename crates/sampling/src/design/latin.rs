@@ -2,7 +2,7 @@
 
 use lockstep::random::Stream;
 
-use super::{inside, open, stream};
+use super::uniform::{inside, open, stream};
 
 /// Strata of equal width, dealt out to the points at random.
 #[derive(Debug, Clone)]

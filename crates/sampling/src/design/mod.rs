@@ -3,15 +3,14 @@
 mod joe_kuo;
 mod latin;
 mod sobol;
+mod uniform;
 
 use lockstep::random::Stream;
 
 pub use joe_kuo::DIMENSIONS;
 use latin::Strata;
 use sobol::Scrambled;
-
-/// 2^-52: draws are odd multiples of half of it.
-const FINEST: f64 = f64::EPSILON;
+use uniform::{open, stream};
 
 /// One axis of the unit cube.
 #[derive(Debug, Clone)]
@@ -48,21 +47,6 @@ impl Coordinate {
             Way::Sobol(sequence) => sequence.at(k),
         }
     }
-}
-
-/// The stream of random numbers of a coordinate.
-fn stream(seed: u64, name: &str) -> Stream {
-    Stream::new(seed, &format!("vary {name}"))
-}
-
-/// A uniform draw without the ends of its interval.
-fn open(stream: &Stream, index: u64) -> f64 {
-    ((stream.bits(index) >> 12) as f64 + 0.5) * FINEST
-}
-
-/// What rounding made of a number in (0, 1), with the ends excluded again.
-fn inside(u: f64) -> f64 {
-    u.clamp(0.5 * FINEST, 1.0 - 0.5 * FINEST)
 }
 
 /// The number of bits of a Sobol' point that are its sequence's own.

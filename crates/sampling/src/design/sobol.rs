@@ -3,7 +3,7 @@
 use lockstep::random::Stream;
 
 use super::joe_kuo::{DIMENSIONS, NUMBERS};
-use super::{inside, open, stream};
+use super::uniform::{inside, open, stream};
 
 /// Bits of a point that are the sequence's own: enough for 2^32 points.
 pub(super) const BITS: u32 = 32;

@@ -1,7 +1,7 @@
 //! Distributions of one number.
 
+use super::impossible::{Impossible, impossible};
 use super::normal::{cumulative, quantile};
-use super::{Impossible, impossible};
 
 /// A distribution of one number. Values are in any unit, the same for all parameters that have one.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use super::impossible::{Impossible, impossible};
 use super::normal::quantile;
-use super::{Impossible, impossible};
 
 /// A normal distribution of several numbers.
 #[derive(Debug, Clone, PartialEq)]

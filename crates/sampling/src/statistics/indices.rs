@@ -1,5 +1,7 @@
 //! Sobol' indices: which part of a figure's variance comes from which input.
 
+use super::moments::moments;
+
 /// The indices of one input.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Index {
@@ -23,13 +25,13 @@ pub fn indices(rows: &[Vec<f64>]) -> Option<Vec<Index>> {
         return None;
     }
     let both: Vec<f64> = rows.iter().flat_map(|row| [row[0], row[1]]).collect();
-    let (mean, deviation) = super::moments(&both)?;
+    let (mean, deviation) = moments(&both)?;
     let variance = deviation * deviation;
     if !(variance > 0.0 && variance.is_finite()) {
         return None;
     }
     let of = |terms: Vec<f64>| -> Option<(f64, f64)> {
-        let (mean, deviation) = super::moments(&terms)?;
+        let (mean, deviation) = moments(&terms)?;
         Some((
             mean / variance,
             1.959_963_984_540_054 * deviation / variance / libm::sqrt(n as f64),

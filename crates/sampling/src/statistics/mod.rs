@@ -1,20 +1,11 @@
 //! Statistics of samples, none of which assumes a distribution.
 
 mod indices;
+mod moments;
 mod order;
 mod ranks;
 
 pub use indices::{Index, indices};
+pub use moments::moments;
 pub use order::{Percentile, percentile, rank_bounds};
 pub use ranks::{correlation, ranks, spearman};
-
-/// Mean and standard deviation (with n - 1); `None` of fewer than two values.
-pub fn moments(values: &[f64]) -> Option<(f64, f64)> {
-    let n = values.len() as f64;
-    if values.len() < 2 {
-        return None;
-    }
-    let mean = values.iter().sum::<f64>() / n;
-    let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
-    Some((mean, libm::sqrt(squares / (n - 1.0))))
-}

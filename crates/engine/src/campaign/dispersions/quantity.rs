@@ -76,6 +76,8 @@ impl Quantity {
     pub fn round(&mut self, at: usize, step: &Step) {
         self.numbers[at] = libm::round(self.numbers[at] / step.size) * step.size;
         self.decimals[at] = Some(step.decimals);
+        // The number is what is written: seven steps of 0.1 are 0.7.
+        self.numbers[at] = self.digits(at).parse().unwrap_or(self.numbers[at]);
     }
 }
 
