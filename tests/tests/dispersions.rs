@@ -153,10 +153,10 @@ fn drawn_point_is_the_run_with_its_values() {
     ]);
     assert_eq!(single.json()["tape_digest"], row["tape_digest"]);
     let journal = std::fs::read_to_string(out("swept").join("results.jsonl")).unwrap();
-    let entries = journal
+    let mut entries = journal
         .lines()
         .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
-    let third = entries.filter(|entry| entry["point"] == 3).last().unwrap();
+    let third = entries.rfind(|entry| entry["point"] == 3).unwrap();
     assert_eq!(third["values"], row["values"]);
 }
 

@@ -119,12 +119,11 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         .filter_map(|result| result.figures.as_ref());
     let judged = judged.flat_map(|figures| &figures.criteria).any(limited);
     let varied = campaign.columns.iter().filter(|column| column.name != "seed").count();
+    let own = file.as_ref().map_or("", CampaignFile::title);
+    let title = [own, &scenario.title, &scenario.name];
+    let title = title.into_iter().find(|title| !title.is_empty()).unwrap_or_default();
     let picture = Picture {
-        title: if scenario.title.is_empty() {
-            &scenario.name
-        } else {
-            &scenario.title
-        },
+        title,
         columns: &campaign.columns,
         results: &finished.results,
         // over one key all criteria are shown, unless there are none or the user asks for one figure
@@ -134,8 +133,6 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
             figure.as_ref()
         },
     };
-    let title = file.as_ref().map(CampaignFile::title).filter(|title| !title.is_empty());
-    let title = title.unwrap_or(picture.title);
     let mut pictures = write(&campaign, &finished, Some(&picture))?;
     pictures.push(write_page(title, &campaign, &plan, &finished)?);
     if args.campaign.json {

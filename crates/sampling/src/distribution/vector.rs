@@ -51,7 +51,7 @@ impl Correlated {
                 let rest = one(i, j) - sum;
                 if i == j {
                     // A number that others determine has nothing left; rounding may make that a little less.
-                    if !(rest >= -1e-12) {
+                    if rest.is_nan() || rest < -1e-12 {
                         return Err(refuse(
                             "contradicts itself: no random numbers have these correlations".into(),
                         ));

@@ -28,6 +28,12 @@ function core(values, also = []) {
   return { range: span([inside, also]), out: n - inside.length };
 }
 
+/** Limits that stand near enough to be drawn: one far away would flatten what is drawn. */
+function close(limits, values) {
+  const [lo, hi] = core(values).range;
+  return limits.filter((limit) => limit > 2 * lo - hi && limit < 2 * hi - lo);
+}
+
 /** A canvas with axes; `draw(pen, X, Y, box)` fills it, again whenever size or theme change. */
 const drawings = [];
 function plot({ x, y, below, left, words = [], places, draw, percents = false }) {
@@ -65,12 +71,12 @@ function line(pen, points, color, dash = []) {
 /** A histogram with the cumulative curve over it, and limits. */
 function histogram(one, { limits = [], words = [], below = named(one) } = {}) {
   const values = [...one.values].filter(Number.isFinite).sort((a, b) => a - b), n = values.length;
-  const near = limits.filter((limit) => n && Math.abs(limit) <= 3 * Math.max(Math.abs(values[0]), Math.abs(values[n - 1])));
+  const near = close(limits, values), far = limits.filter((limit) => !near.includes(limit));
   const { range, out } = core(values, near), x = words.length ? [-0.6, words.length - 0.4] : range;
   const bins = words.length || Math.max(1, Math.min(40, Math.ceil(2 * Math.cbrt(n)))), counts = new Array(bins).fill(0);
   const seen = out ? values.filter((v) => v >= x[0] && v <= x[1]) : values;
   const lo = words.length ? -0.5 : seen[0] ?? 0, hi = words.length ? words.length - 0.5 : seen[seen.length - 1] ?? 1, width = (hi - lo) / bins || 1;
-  if (out) below += `, ${out} further out`;
+  below = [below, out && `${out} further out`, far.length && `limit ${far.map(show).join(" and ")}`].filter(Boolean).join(", ");
   for (const v of seen) counts[Math.min(bins - 1, Math.max(0, Math.floor((v - lo) / width)))]++;
   const most = Math.max(1, ...counts);
   return plot({ x, y: [0, 1.05], below, percents: true, words, draw(pen, X, Y) {
@@ -85,7 +91,7 @@ function histogram(one, { limits = [], words = [], below = named(one) } = {}) {
 
 /** Every point, in the colour of what became of it. */
 function scatter(input, measure) {
-  const words = input.words, x = words.length ? [-0.6, words.length - 0.4] : span([input.values]), own = core(measure.values).range, y = core(measure.values, measure.limits.filter((limit) => Math.abs(limit) < 3 * Math.max(...own.map(Math.abs)))).range;
+  const words = input.words, x = words.length ? [-0.6, words.length - 0.4] : span([input.values]), y = core(measure.values, close(measure.limits, measure.values)).range;
   const alpha = Math.max(0.25, Math.min(0.8, 60 / Math.sqrt(measure.values.length + 1) / 2));
   return plot({ x, y, words, below: unitOf(input), draw(pen, X, Y) {
     const order = DATA.outcomes.map((word, i) => i).sort((a, b) => GOOD.has(DATA.outcomes[b]) - GOOD.has(DATA.outcomes[a]));
