@@ -242,6 +242,13 @@ def test_scenario_as_an_object(tmp_path):
     assert (caught.value.file, caught.value.line, caught.value.key) == (str(bad), 5, "participants.a.periode")
 
 
+def test_what_cannot_be_meant_is_a_warning():
+    late = "at=20s,until=30s,connection=to-left,drop=0.5"
+    with pytest.warns(esc.ScenarioWarning, match="it does not happen in this run") as told:
+        esc.run(SPRING, participants=BOTH, faults=late, record="digest")
+    assert told[0].filename == __file__
+
+
 def test_run_from_rest_to_rest():
     whole = esc.run(SPRING, participants=BOTH)
     with esc.Run(SPRING, participants=BOTH) as run:

@@ -31,6 +31,7 @@ from .errors import (
     ProgramError,
     RunError,
     ScenarioError,
+    ScenarioWarning,
     TapeError,
 )
 from .message import Field, Message
@@ -45,6 +46,6 @@ __version__ = _version()
 
 __all__ = [
     "EscapementError", "Field", "Input", "Message", "MessageError", "Mistake", "OptionError", "Outcome", "Output", "Page", "Parameter",
-    "ParameterError", "Participant", "PortError", "ProgramError", "Run", "RunError", "RunFolder", "Sample", "Scenario", "ScenarioError",
+    "ParameterError", "Participant", "PortError", "ProgramError", "Run", "RunError", "RunFolder", "Sample", "Scenario", "ScenarioError", "ScenarioWarning",
     "Stream", "TapeError", "open", "resume", "run", "sweep",
 ]

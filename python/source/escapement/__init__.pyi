@@ -16,6 +16,8 @@ __version__: str
 class EscapementError(Exception):
     message: str
 
+class ScenarioWarning(UserWarning): ...
+
 class Mistake:
     line: int | None
     key: str

@@ -9,6 +9,10 @@ class EscapementError(Exception):
         self.message = message
 
 
+class ScenarioWarning(UserWarning):
+    """What is not wrong in a scenario, but cannot have been meant."""
+
+
 class Mistake:
     """One mistake of a scenario: `line` (from 1, or None), `key` (dotted) and `reason`, which ends with the remedy."""
 

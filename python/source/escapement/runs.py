@@ -5,12 +5,13 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
 
 from . import _native, _program, participant as _participant
-from .errors import EscapementError, MessageError, RunError
+from .errors import EscapementError, MessageError, RunError, ScenarioWarning
 from .message import Message
 from .scenarios import Scenario
 from .tape import RunFolder
@@ -191,6 +192,8 @@ def run(
     """
     scenario = _scenario(scenario, set, participants, faults)
     here = _place(scenario, in_process)
+    for text in scenario.warnings:
+        warnings.warn(text, ScenarioWarning, stacklevel=2)
     how = _how(here, record, out, force, pace, checkpoint_every, checkpoint_at, patience)
     return _run(scenario, how, progress)
 
