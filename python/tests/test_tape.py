@@ -108,7 +108,10 @@ def test_what_is_no_run_is_refused(tmp_path):
     (tmp_path / "tape" / "index.json").write_text("{")
     with pytest.raises(esc.TapeError, match="index.json"):
         esc.open(tmp_path)
-    index = {"format": "escapement-tape", "streams": [{"participant": "a", "port": "b", "file": "a.b.bin", "record_bytes": 99, "descriptor": {"fields": []}}]}
+    (tmp_path / "tape" / "index.json").write_text('{"format": "escapement-tape", "version": 2, "streams": []}')
+    with pytest.raises(esc.TapeError, match="none of a tape of version 1"):
+        esc.open(tmp_path)
+    index = {"format": "escapement-tape", "version": 1, "streams": [{"participant": "a", "port": "b", "file": "a.b.bin", "record_bytes": 99, "descriptor": {"fields": []}}]}
     (tmp_path / "tape" / "index.json").write_text(json.dumps(index))
     with pytest.raises(esc.TapeError, match="99 bytes"):
         esc.open(tmp_path)["a.b"]

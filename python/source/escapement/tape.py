@@ -140,8 +140,8 @@ class RunFolder:
         index = self._json(os.path.join("tape", "index.json"))
         if index is None:
             raise TapeError(f"{self.folder} is not the folder of a run: there is no tape/index.json in it")
-        if index.get("format") != "escapement-tape" and "streams" not in index:
-            raise TapeError(f"{self._tape}/index.json is none of a tape")
+        if not isinstance(index, dict) or (index.get("format"), index.get("version")) != ("escapement-tape", 1):
+            raise TapeError(f"{self._tape}/index.json is none of a tape of version 1, which this package reads")
         self._entries = {f"{entry['participant']}.{entry['port']}": entry for entry in index["streams"]}
 
     def _json(self, name):
