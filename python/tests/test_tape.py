@@ -115,6 +115,10 @@ def test_what_is_no_run_is_refused(tmp_path):
     (tmp_path / "tape" / "index.json").write_text(json.dumps(index))
     with pytest.raises(esc.TapeError, match="99 bytes"):
         esc.open(tmp_path)["a.b"]
+    index["streams"][0]["file"] = "../../secret"
+    (tmp_path / "tape" / "index.json").write_text(json.dumps(index))
+    with pytest.raises(esc.TapeError, match="'../../secret' is none of `a.b`"):
+        esc.open(tmp_path)["a.b"]
 
 
 def test_a_thousand_runs_do_not_grow(tmp_path):

@@ -21,6 +21,9 @@ class Stream:
     def __init__(self, folder, entry):
         self.name = f"{entry['participant']}.{entry['port']}"
         self.descriptor = entry["descriptor"]
+        # A file elsewhere is none of this tape.
+        if entry["file"] != f"{self.name}.bin" or os.sep in self.name:
+            raise TapeError(f"{folder}/index.json: the file {entry['file']!r} is none of `{self.name}`")
         self._path = os.path.join(folder, entry["file"])
         #: The numpy type of a record: stamp and payload.
         self.dtype = np.dtype([("t", "<f8"), ("payload", dtype_of(self.descriptor))])
