@@ -84,6 +84,11 @@ impl Workshop {
         self.compile("escapement-plugin", source, name, more)
     }
 
+    /// A program of `source` that drives runs.
+    pub fn caller(&self, source: &str, name: &str) -> PathBuf {
+        self.compile("escapement-run", source, name, &[])
+    }
+
     /// A program of `source`.
     pub fn program(&self, source: &str, name: &str, more: &[&str]) -> PathBuf {
         self.compile("escapement", source, name, more)

@@ -8,8 +8,9 @@ use crate::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-pub const ARROWS: [(&str, &[&str]); 23] = [
+pub const ARROWS: [(&str, &[&str]); 24] = [
     ("allocation", &[]),
+pub const ARROWS: [(&str, &[&str]); 24] = [
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &[]),
@@ -68,10 +69,12 @@ pub const ARROWS: [(&str, &[&str]); 23] = [
     (
         "escapement",
         &["allocation", "engine", "lockstep", "orchestrator", "plugin", "tape"],
+        &["engine", "fmu-export", "lockstep", "orchestrator", "plugin", "tape"],
     ),
     ("escapement-c", &["plugin"]),
     ("fmu-export", &["engine", "lockstep", "tape"]),
-    ("escapement-fmu", &["fmu-export", "orchestrator"]),
+    ("run-c", &["engine", "fmu-export"]),
+    ("escapement-fmu", &["fmu-export", "orchestrator", "run-c"]),
 ];
 
 /// A package of the workspace.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use escapement_tests::compiler::{examples, library};
 use escapement_tests::program::{Folder, Said, built, orchestrate, text};
+use tape::{Reader, Source};
 
 const CLOSE: &str = "scenarios/close.toml";
 const PID: &str = "examples/pid/pid.toml";
@@ -111,6 +112,60 @@ fn position_loop_of_fmus_of_plugins_is_the_same_run() {
     changes_no_bit(&folder, PID, &sets, &["plant", "controller", "reference"], &[]);
 }
 
+/// A program of its own exports what it contains, by its own library.
+#[test]
+fn own_program_exports_its_participants() {
+    let folder = Folder::new("exported-own");
+    let path = |name: &str| folder.path().join(name);
+    let pid = |arguments: &[&str]| {
+        let said = std::process::Command::new(built().join("pid"))
+            .current_dir(escapement_tests::program::root())
+            .args(arguments)
+            .output()
+            .expect("the program can be started");
+        (
+            said.status.code(),
+            String::from_utf8_lossy(&[said.stdout, said.stderr].concat()).into_owned(),
+        )
+    };
+    let (code, said) = pid(&["run", PID, "--quiet", "--in-process", "--out", text(&path("reference"))]);
+    assert!(matches!(code, Some(0 | 3)), "{said}");
+    let (code, said) = pid(&["fmu", "export", PID, "--participant", "controller"]);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("libpid_fmu.so") && said.contains("--library"), "{said}");
+    let (file, library) = (path("controller.fmu"), built().join("libposition_loop.so"));
+    let more = [
+        "--participant",
+        "controller",
+        "--out",
+        text(&file),
+        "--library",
+        text(&library),
+    ];
+    let (code, said) = pid(&[&["fmu", "export", PID], &more[..]].concat());
+    assert_eq!(code, Some(0), "{said}");
+    let own = place(&said, "controller");
+    let mut arguments = vec!["run", PID, "--quiet", "--in-process"];
+    let out = path("fmu");
+    arguments.extend(["--out", text(&out)]);
+    own.iter().for_each(|set| arguments.extend(["--set", set]));
+    let (code, said) = pid(&arguments);
+    assert!(matches!(code, Some(0 | 3)), "{said}");
+    same(&path("reference"), &out);
+    // The library of another program knows no such participant.
+    let (code, said) = pid(&[
+        "fmu",
+        "export",
+        PID,
+        "--participant",
+        "controller",
+        "--library",
+        text(&built().join("libescapement_fmu.so")),
+    ]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("there is no builtin `pid`"), "{said}");
+}
+
 /// The FMU is the same bytes again, and says of itself what `inspect` understands.
 #[test]
 fn export_is_reproducible_and_can_be_inspected() {
@@ -147,9 +202,9 @@ fn parameters_can_be_set() {
     for (fmi, parameters) in [
         (
             "2",
-            "\"parameters.start.position[0]\" = \"-50 cm\", \"parameters.start.position[2]\" = -2.5",
+            "\"parameters.start.position[0]\" = \"-50 cm\", \"parameters.start.position[2]\" = \"-2.5 m\"",
         ),
-        ("3", "\"parameters.start.position\" = [-0.5, 0.0, -2.5]"),
+        ("3", "\"parameters.start.position\" = \"[-0.5, 0, -2.5] m\""),
     ] {
         let own = in_its_place(&folder, CLOSE, "plant", fmi, &[]);
         let sets = vec![
@@ -158,6 +213,87 @@ fn parameters_can_be_set() {
         ];
         run(CLOSE, &path(fmi), &sets, &more);
         same(&path("reference"), &path(fmi));
+    }
+}
+
+/// The payloads of a stream, each with its stamp in front.
+fn records(run: &Path, stream: &str) -> Vec<Vec<u8>> {
+    let reader = Reader::open(&run.join("tape")).expect("the run has a tape");
+    let number = reader.stream(stream).unwrap_or_else(|| panic!("there is no {stream}"));
+    let mut record = vec![0; reader.streams()[number].stride()];
+    let read = |index| {
+        reader.read(number, index, &mut record).expect("the record is there");
+        record.clone()
+    };
+    (0..reader.count(number)).map(read).collect()
+}
+
+/// A mass alone as a scenario with an open input becomes one FMU; with its neighbour it moves as the mass does, and tells its figure.
+#[test]
+fn whole_scenario_is_one_fmu_with_inputs_and_figures() {
+    let folder = Folder::new("exported-whole");
+    let path = |name: &str| folder.path().join(name);
+    let mass = std::fs::read_to_string(escapement_tests::program::root().join("examples/c/drive.toml"))
+        .expect("the example is there");
+    let other = "[participants.other]\nrun = { builtin = \"spring\" }\nperiod = \"10 ms\"\n\
+                 parameters = { position = \"0.2 m\", mass = \"2 kg\", stiffness = \"10 N/m\", coupling = \"5 N/m\", damping = \"0 N s/m\" }\n";
+    let links = |name: &str| {
+        format!(
+            "[connections.there]\nfrom = \"other.motion\"\nto = \"{name}.neighbour\"\ninitial = \"first-sample\"\n\
+             [connections.back]\nfrom = \"{name}.motion\"\nto = \"other.neighbour\"\ninitial = \"first-sample\"\n"
+        )
+    };
+    let closed = mass.replace("inputs = [\"mass.neighbour\"]", "");
+    let closed = folder.write("closed.toml", &format!("{closed}\n{other}{}", links("mass")));
+    run(text(&closed), &path("closed"), &[], &["--in-process"]);
+    let summary = std::fs::read_to_string(path("closed").join("summary.json")).expect("the run has a summary");
+    let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
+    let farthest = summary
+        .pointer("/figures/measures/farthest/value")
+        .or(summary.pointer("/measures/farthest/value"));
+    let farthest = farthest
+        .and_then(serde_json::Value::as_f64)
+        .unwrap_or_else(|| panic!("{summary}"));
+    for fmi in ["2", "3"] {
+        let file = path(&format!("mass-{fmi}.fmu"));
+        let more = ["--inputs", "mass.neighbour", "--fmi", fmi, "--out", text(&file)];
+        let said = export("examples/c/drive.toml", &more, &[]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let fields = |port: &str| {
+            let field = |name: &str, unit: &str| {
+                format!("{{ name = \"{name}\", variable = \"mass.{port}.{name}\", unit = \"{unit}\", frame = \"N\" }}")
+            };
+            format!("{port} = [{}, {}]", field("position", "m"), field("velocity", "m/s"))
+        };
+        let within = format!(
+            "duration = \"2 s\"\n[participants.whole]\nperiod = \"10 ms\"\n[participants.whole.run]\nfmu = \"{}\"\n\
+             messages = {{ neighbour = \"Motion\", motion = \"Motion\" }}\n\
+             ports = {{ {}, {}, figures = [{{ name = \"farthest\", variable = \"figures.farthest\" }}] }}\n{other}{}",
+            text(&file),
+            fields("neighbour"),
+            fields("motion"),
+            links("whole")
+        );
+        let scenario = folder.write("within.toml", &within);
+        let (out, resumed) = (path(&format!("within-{fmi}")), path(&format!("resumed-{fmi}")));
+        run(text(&scenario), &out, &[], &["--checkpoint-at", "1 s"]);
+        assert_eq!(
+            records(&path("closed"), "other.motion"),
+            records(&out, "other.motion"),
+            "FMI {fmi}"
+        );
+        let own = records(&path("closed"), "mass.motion");
+        let every: Vec<Vec<u8>> = own.into_iter().step_by(10).collect();
+        assert_eq!(every, records(&out, "whole.motion"), "FMI {fmi}");
+        let figures = records(&out, "whole.figures");
+        let last = figures.last().expect("a sample")[8..16]
+            .try_into()
+            .expect("eight bytes");
+        assert_eq!(f64::from_le_bytes(last), farthest);
+        // Another instance is brought to the same state by what was set.
+        let said = orchestrate(&["resume", text(&out), "--out", text(&resumed), "--quiet"]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        same(&out, &resumed);
     }
 }
 

@@ -1,6 +1,7 @@
 # find_package(escapement CONFIG) gives
 #   escapement::escapement  the shared library, for a participant that is a program of its own
 #   escapement::static      the same as a static library
+#   escapement::run         runs from C or C++: escapement-run.h
 #   escapement::plugin      the headers alone, for a plug-in (add_library(NAME MODULE …))
 get_filename_component(_escapement_prefix "${CMAKE_CURRENT_LIST_DIR}/../../.." ABSOLUTE)
 
@@ -28,5 +29,11 @@ if(NOT TARGET escapement::plugin)
         INTERFACE_COMPILE_OPTIONS -ffp-contract=off
         INTERFACE_COMPILE_FEATURES "c_std_11;cxx_std_17"
         INTERFACE_LINK_LIBRARIES "pthread;dl;m;gcc_s")
+
+    add_library(escapement::run SHARED IMPORTED)
+    set_target_properties(escapement::run PROPERTIES
+        IMPORTED_LOCATION "${_escapement_prefix}/lib/libescapement_run.so"
+        IMPORTED_NO_SONAME TRUE
+        INTERFACE_INCLUDE_DIRECTORIES "${_escapement_prefix}/include")
 endif()
 unset(_escapement_prefix)

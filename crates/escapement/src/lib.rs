@@ -111,11 +111,35 @@ pub mod testing;
 pub use engine;
 pub use engine::Catalogue;
 pub use engine::run::run;
+#[doc(hidden)]
+pub use fmu_export;
 pub use lockstep;
 pub use lockstep::message;
-pub use orchestrator::Program;
+pub use orchestrator::{Program, VERSION};
 pub use plugin;
 pub use tape;
+
+/// Makes a library of FMUs: what `fmu export` of a program packs into the FMUs of its own participants.
+///
+/// It stands in a package with `crate-type = ["cdylib"]`, whose library lies beside the program `NAME` as `libNAME_fmu.so`, or is named with
+/// `--library`. The argument fills the catalogue, as [`Program::contents`] takes it; a library may be a plug-in too.
+///
+/// ```
+/// use escapement::prelude::*;
+///
+/// fn contents(catalogue: Catalogue) -> Catalogue {
+///     catalogue
+/// }
+///
+/// escapement::fmu!(contents);
+/// # fn main() {}
+/// ```
+#[macro_export]
+macro_rules! fmu {
+    ($contents:path) => {
+        $crate::fmu_export::fmu!($contents, $crate::VERSION);
+    };
+}
 
 /// Everything that a participant and a program mostly need.
 pub mod prelude {

@@ -35,6 +35,7 @@ mod usage;
 mod variable;
 mod whole;
 
+pub use body::exact;
 pub use command::Say;
 pub use export::{ExportError, Request, export};
 pub use manifest::Manifest;

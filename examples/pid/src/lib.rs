@@ -6,8 +6,20 @@ mod messages;
 pub mod plant;
 pub mod reference;
 
+use escapement::Catalogue;
+
 pub use messages::{Motion, Push, Target};
 
+/// What the program contains, and what its FMUs are made of.
+pub fn contents(catalogue: Catalogue) -> Catalogue {
+    catalogue
+        .participant("plant", plant::make)
+        .participant("pid", controller::make)
+        .participant("reference", reference::make)
+}
+
+// The library is a plug-in, and goes into FMUs: pid fmu export … --library target/release/libposition_loop.so
+escapement::fmu!(contents);
 plugin::export! {
     "plant" => plant::make,
     "pid" => controller::make,

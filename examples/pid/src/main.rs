@@ -9,8 +9,6 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     escapement::Program::new("pid")
         .version(env!("CARGO_PKG_VERSION"))
-        .participant("plant", position_loop::plant::make)
-        .participant("pid", position_loop::controller::make)
-        .participant("reference", position_loop::reference::make)
+        .contents(position_loop::contents)
         .main()
 }

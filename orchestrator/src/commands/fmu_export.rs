@@ -90,10 +90,9 @@ fn beside() -> anyhow::Result<PathBuf> {
         return Ok(found.clone());
     }
     bail!(
-        "there is no `{}`, which goes into every FMU: build it with `cargo build --release -p {}-fmu`, and put it beside this program \
-         or name it with --library",
-        places[0].display(),
-        stem.to_string_lossy()
+        "there is no `{}`, the library that goes into every FMU: put it there, or name it with --library (that of `escapement` is built with \
+         `cargo build --release -p escapement-fmu`)",
+        places[0].display()
     )
 }
 
