@@ -26,7 +26,7 @@ for library in libescapement_c.so libescapement_c.a libescapement_fmu.so; do
     fi
 done
 install -d "$prefix/include" "$prefix/lib/pkgconfig" "$prefix/lib/cmake/escapement"
-install -m 644 include/escapement.h include/escapement.hpp include/escapement-run.h "$prefix/include"
+install -m 644 include/escapement.h include/escapement.hpp include/escapement-run.h include/escapement-run.hpp "$prefix/include"
 install -m 755 "$built/libescapement_c.so" "$prefix/lib/libescapement.so.1"
 ln -sf libescapement.so.1 "$prefix/lib/libescapement.so"
 install -m 644 "$built/libescapement_c.a" "$prefix/lib/libescapement.a"

@@ -46,6 +46,9 @@ fn program_in_c_drives_a_run_and_goes_back() {
     assert_eq!(number(lines[0], "position "), position);
     assert_eq!(number(lines[1], "farthest "), farthest);
     assert!(lines[0].starts_with("t = 2 s"), "{said}");
+    let program = workshop().caller("examples/cpp/drive.cpp", "drive-cpp");
+    let also = must(Command::new(program).arg(root().join("examples/c/drive.toml")));
+    assert_eq!(also.lines().collect::<Vec<_>>(), lines[..2], "in C++");
     assert!(lines[1].contains("complete 1"), "{said}");
 }
 

@@ -1,0 +1,117 @@
+// Runs from C++17, over escapement-run.h. Header only; works with and without exceptions: nothing here throws.
+//
+//     escapement::Run run("drive.toml");
+//     run.set("mass.neighbour", Motion{0.1, 0.0});
+//     if (!run.to(0.5)) std::puts(run.error());
+//     Motion motion;
+//     run.newest("mass.motion", motion);
+//
+// A call gives true, or false with run.error() saying why. A run that goes out of scope is dropped.
+#ifndef ESCAPEMENT_RUN_HPP
+#define ESCAPEMENT_RUN_HPP
+
+#include <cstring>
+#include <memory>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "escapement-run.h"
+
+namespace escapement {
+
+// What a run keeps, and changes of its scenario.
+struct RunOptions {
+    uint32_t record = ESCAPEMENT_RECORD_MEMORY;
+    std::string folder; // of ESCAPEMENT_RECORD_FOLDER; empty is a new one below runs/
+    std::vector<std::string> changes;
+};
+
+// The state of a run at an instant.
+class RunCheckpoint {
+    struct Free {
+        void operator()(escapement_run_checkpoint *own) const { escapement_run_checkpoint_free(own); }
+    };
+    std::unique_ptr<escapement_run_checkpoint, Free> own;
+    friend class Run;
+
+  public:
+    explicit operator bool() const { return own != nullptr; }
+};
+
+class Run {
+    struct Free {
+        void operator()(escapement_run *own) const { escapement_run_free(own); }
+    };
+    std::unique_ptr<escapement_run, Free> own;
+    bool started = false;
+
+    static bool done(escapement_run_status status) { return status == ESCAPEMENT_RUN_OK; }
+
+  public:
+    explicit Run(const std::string &scenario, const RunOptions &options = {}) {
+        std::vector<const char *> changes;
+        for (const std::string &change : options.changes) changes.push_back(change.c_str());
+        escapement_run_options given{};
+        given.size = sizeof given;
+        given.record = options.record;
+        given.folder = options.folder.empty() ? nullptr : options.folder.c_str();
+        given.changes = changes.data();
+        given.change_count = static_cast<uint32_t>(changes.size());
+        escapement_run *run = nullptr;
+        started = done(escapement_run_start(scenario.c_str(), &given, &run));
+        own.reset(run);
+    }
+
+    // Whether it could be started.
+    explicit operator bool() const { return started; }
+    // Why the last call that failed did; the run's.
+    const char *error() const { return escapement_run_error(own.get()); }
+    double now() const { return escapement_run_now(own.get()); }
+    bool is_over() const { return escapement_run_is_over(own.get()) != 0; }
+    bool to(double time) { return done(escapement_run_to(own.get(), time)); }
+    bool step() { return done(escapement_run_step(own.get())); }
+
+    // The newest sample of "PARTICIPANT.OUTPUT" as a plain struct of the same size.
+    template <class Message> bool newest(const char *port, Message &message, double *stamp = nullptr) {
+        static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
+        escapement_run_sample sample{};
+        sample.size = sizeof sample;
+        if (!done(escapement_run_newest(own.get(), port, &sample)) || sample.byte_count != sizeof message) return false;
+        std::memcpy(&message, sample.bytes, sizeof message);
+        if (stamp) *stamp = sample.stamp;
+        return true;
+    }
+
+    bool field(const char *port, const char *field, double *values, uint32_t count = 1) {
+        return done(escapement_run_field(own.get(), port, field, values, count));
+    }
+
+    // Sets "PARTICIPANT.INPUT", which nobody feeds.
+    template <class Message> bool set(const char *port, const Message &message) {
+        static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
+        return done(escapement_run_set(own.get(), port, &message, sizeof message));
+    }
+
+    bool figure(const char *name, double &value) { return done(escapement_run_figure(own.get(), name, &value)); }
+
+    // The state; false in a condition where it cannot be saved.
+    RunCheckpoint save() {
+        escapement_run_checkpoint *checkpoint = nullptr;
+        RunCheckpoint kept;
+        if (done(escapement_run_save(own.get(), &checkpoint))) kept.own.reset(checkpoint);
+        return kept;
+    }
+
+    bool restore(const RunCheckpoint &checkpoint) { return done(escapement_run_restore(own.get(), checkpoint.own.get())); }
+
+    // Ends the run where it is.
+    bool end(escapement_run_outcome &outcome) {
+        outcome.size = sizeof outcome;
+        return done(escapement_run_end(own.get(), &outcome));
+    }
+};
+
+} // namespace escapement
+
+#endif
