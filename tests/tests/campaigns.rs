@@ -360,6 +360,11 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
     assert_eq!(said.code, Some(0), "{said:?}");
     let json = said.json();
     assert_eq!(json["rows"][0]["outcome"], "met");
+    // the table has what each case set, by key
+    let values = |row: usize, key: &str| json["rows"][row]["values"][key].as_str().unwrap_or_default().to_owned();
+    assert_eq!(values(2, "connections.measured.delay"), "200 ms");
+    assert_eq!(values(1, "participants.controller.parameters.model.mass_factor"), "2.0");
+    assert!(values(1, "actuators").contains("wheel.y") && values(1, "connections.measured.delay").is_empty());
     for number in [1, 2] {
         let row = &json["rows"][number];
         assert_eq!(row["outcome"], "not-met", "{row}");
