@@ -120,6 +120,13 @@ def participant(folder, scenario, name, fmi, inputs, outputs, period, connection
     back = False
     while k < count - 1:
         t = k * period
+        if k % 7 == 3:
+            # Inputs that are taken back after outputs were read: nothing of them stays.
+            for port, samples in taken.items():
+                driver.port(port, samples["payload"][-1])
+            for port, samples in given.items():
+                for field in samples["payload"].dtype.names:
+                    driver.get(f"{port}.{field}", samples["payload"].dtype[field].shape)
         for port, samples in taken.items():
             # Without delay: the newest sample at t.
             at = numpy.searchsorted(samples["t"], t + 1e-9) - 1
@@ -220,13 +227,14 @@ def whole(scenario, folder, names, duration):
 
 def main():
     close = work / "close"
-    run("run", "scenarios/close.toml", "--in-process", "--quiet", "--duration", "1 s", "--out", close)
+    run("run", "scenarios/close.toml", "--in-process", "--quiet", "--duration", "1 s", "--out", close,
+        "--set", "participants.guidance.parameters.schedule.start=50 ms")
     for fmi in ("2", "3"):
         plant = participant(close, "scenarios/close.toml", "plant", fmi, ["command"], ["measured", "target"], 1e-3,
                             {"command": "controller.command"})
         misuse(plant)
-        participant(close, "scenarios/close.toml", "guidance", fmi, ["measured", "target"], ["setpoint"], 1e-2,
-                    {"measured": "plant.measured", "target": "plant.target"})
+        participant(close, "scenarios/close.toml", "controller", fmi, ["measured", "setpoint"], ["command"], 1e-2,
+                    {"measured": "plant.measured", "setpoint": "guidance.setpoint"})
     scenario, folder = spring()
     whole(scenario, folder, ["left.motion", "right.motion"], 2.0)
 

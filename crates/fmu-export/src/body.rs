@@ -87,7 +87,7 @@ pub fn steps(now: f64, period: f64, from: f64, span: f64) -> Result<u64, Refusal
         )));
     }
     let count = (span / period).round();
-    let fits = count >= 1.0 && count < 1e15 && (span - count * period).abs() <= TOLERANCE * period;
+    let fits = (1.0..1e15).contains(&count) && (span - count * period).abs() <= TOLERANCE * period;
     if !fits {
         return Err(Refusal::discard(format!(
             "a communication step of {span} s is no whole multiple of {period} s: give steps of {period} s, or a whole multiple of it"
