@@ -12,7 +12,7 @@ import tomllib
 
 import iceoryx2 as iox2
 
-PROTOCOL = 5
+PROTOCOL = 6
 SAMPLED, CONTINUOUS = 0, 1
 NOTE = 2**64 - 1
 LINE = 64
@@ -96,13 +96,14 @@ class Reader:
         return name, size, self.list(field)
 
     def input_link(self):
-        link, source, visibility = self.take("I"), self.text(), self.visibility()
+        port, link, source, visibility = self.take("I"), self.take("I"), self.text(), self.visibility()
         initial = self.bytes() if self.take("I") == 0 else None
         capacity, disturbed = self.take("I"), self.take("B")
-        self.disturbances()
-        if disturbed or self.option(lambda: self.take("I")) is not None:
+        if disturbed:
             raise Refused("signal faults are not for this program: name another participant")
-        return {"link": link, "from": source, "visibility": visibility, "initial": initial, "capacity": capacity}
+        if self.take("B"):
+            raise Refused(f"the connection from {source} converts fields, which this program does not do: connect whole ports")
+        return {"port": port, "link": link, "from": source, "visibility": visibility, "initial": initial, "capacity": capacity}
 
     def output(self):
         stream, consumers = self.take("I"), self.list(self.consumer)
@@ -120,8 +121,10 @@ class Reader:
         self.take("I")  # the interface is the one that was described
         self.list(lambda: (self.text(), self.descriptor(), self.take("B")))
         self.list(lambda: (self.text(), self.descriptor()))
-        inputs = self.list(lambda: self.option(self.input_link))
+        inputs = self.list(self.input_link)
         outputs = self.list(self.output)
+        if self.take("Q"):
+            raise Refused("signal faults are not for this program: name another participant")
         return name, tick, sample_time, activations, inputs, outputs
 
 
@@ -409,11 +412,11 @@ class Session:
         self.horizon = clock.entry(ctypes.c_uint64(0), ctypes.c_int64)
         self.order = clock.entry(ctypes.c_uint64(1), ctypes.c_uint64)
         self.inputs, self.outputs, self.others = inputs, outputs, {}
-        for link, (_, message, _) in zip(inputs, self.model.inputs):
-            if link:
-                link["receiver"] = Receiver(self.ring(f"link/{link['link']}"), link["capacity"], message.size)
-                link["received"] = -1
-                self.meet(link["from"])
+        for link in inputs:
+            link["message"] = self.model.inputs[link["port"]][1]
+            link["receiver"] = Receiver(self.ring(f"link/{link['link']}"), link["capacity"], link["message"].size)
+            link["received"] = -1
+            self.meet(link["from"])
         for (_, consumers), (_, message) in zip(outputs, self.model.outputs):
             for to in consumers:
                 to.sender = Sender(self.ring(f"link/{to.link}"), to.capacity, message.size)
@@ -458,13 +461,14 @@ class Session:
     def seconds(self, ticks):
         return ticks * self.tick[0] / self.tick[1]  # integers: one correct rounding
 
-    def fetch(self, number, link, message):
-        """What this activation reads of an input, into its payload."""
+    def fetch(self, number, link):
+        """What this activation reads of link `number`, into the payload of its input."""
+        port, message = link["port"], link["message"]
         read = link["visibility"].reads(self.instant(self.next))
         if read is None and link["initial"] is None:
             read = 0
         if read is None or read < 0:
-            self.payloads[number] = link["initial"] or bytes(message.size)
+            self.payloads[port] = link["initial"] or bytes(message.size)
             return
         while link["received"] < read:
             sample = link["receiver"].receive()
@@ -474,8 +478,8 @@ class Session:
             index, stamp, payload = sample
             if not link["received"] < index <= read or stamp != link["visibility"].instant(index):
                 raise ValueError(f"`{link['from']}` sent sample #{index} stamped {stamp} where #{read} is due")
-            self.payloads[number], link["received"] = payload, index
-            if not message.finite(self.payloads[number]):
+            self.payloads[port], link["received"] = payload, index
+            if not message.finite(payload):
                 raise ValueError(f"`{link['from']}` sent sample #{index} with a value that is not finite")
 
     def publish(self, index):
@@ -503,9 +507,8 @@ class Session:
             if self.model.kind == CONTINUOUS and self.activations > 0:
                 self.publish(0)
         while self.next < self.activations and self.instant(self.next) < horizon and self.ordered() == 0:
-            for number, (link, (_, message, _)) in enumerate(zip(self.inputs, self.model.inputs)):
-                if link:
-                    self.fetch(number, link, message)
+            for number, link in enumerate(self.inputs):
+                self.fetch(number, link)
             inputs = [struct.unpack(m.format, payload) for (_, m, _), payload in zip(self.model.inputs, self.payloads)]
             self.model.step(self.seconds(self.instant(self.next)), self.seconds(self.step_ticks), inputs, self.values)
             self.publish(self.next + (1 if self.model.kind == CONTINUOUS else 0))

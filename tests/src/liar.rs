@@ -80,10 +80,7 @@ pub fn run(reply: impl Fn(&Request) -> Option<Vec<u8>>, act: impl FnOnce(&mut Li
     let (assignment, record) = connected.expect("just seen");
     let link =
         |number, size, capacity: u32| LinkService::open(&domain, number, size, capacity as usize).expect("a link");
-    let (from, to) = (
-        assignment.inputs[0].as_ref().expect("connected"),
-        &assignment.outputs[0].consumers[0],
-    );
+    let (from, to) = (&assignment.inputs[0], &assignment.outputs[0].consumers[0]);
     let links = [
         link(from.link, size_of::<Motion>(), from.capacity),
         link(to.link, size_of::<Push>(), to.capacity),

@@ -4,7 +4,7 @@ use escapement_tests::parts::Damper;
 use escapement_tests::program::root;
 use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
 use lockstep::fault::{Effect, LinkFault, Place, SignalFault, Slot, Span};
-use lockstep::link;
+use lockstep::link::{self, Conversion, Pair, Term};
 use lockstep::participant::{Input, Interface, Kind, Participant};
 use lockstep::plan::{Backlog, Held, LinkSpec, ParticipantSpec, Plan, Position};
 use lockstep::time::Rational;
@@ -33,11 +33,11 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
     let note = |note: Note| encode("a note", &note).unwrap();
     vec![
         (
-            "Request Hello, protocol 5",
+            "Request Hello, protocol 6",
             request(Request::Hello { protocol: PROTOCOL }),
         ),
         (
-            "Reply Hello, protocol 5, program `toy 1`",
+            "Reply Hello, protocol 6, program `toy 1`",
             reply(Reply::Hello {
                 protocol: PROTOCOL,
                 program: "toy 1".into(),
@@ -77,7 +77,7 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
         ),
         ("Note Recalled, next activation 100", note(Note::Recalled { next: 100 })),
         (
-            "Note Finished, one input, 1 ns in total, all else zero",
+            "Note Finished, one link in, 1 ns in total, all else zero",
             note(Note::Finished(Timing {
                 total_ns: 1,
                 inputs_ns: vec![0],
@@ -159,6 +159,13 @@ impl Plain<'_> {
         let delay = [self.i128(), self.i128(), self.i128()];
         (producer, delay, self.u64(), self.u32(), self.u64())
     }
+    /// The first element with the count; the terms; the offset; whether it adds.
+    #[allow(clippy::type_complexity, reason = "a row of a table")]
+    fn pair(&mut self) -> ((u32, u32, u32), Vec<(u32, u32, f64)>, f64, u8) {
+        let to = (self.u32(), self.u32(), self.u32());
+        let terms = self.list(|this| (this.u32(), this.u32(), this.f64()));
+        (to, terms, self.f64(), self.u8())
+    }
     /// From, until, extra, drop_below; the key is left out.
     fn disruptions(&mut self) -> Vec<(i64, i64, i128, u64)> {
         self.list(|this| {
@@ -183,6 +190,7 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
                 index: 66,
                 payload: vec![9; 16],
             }]],
+            values: vec![vec![6; 16]],
             outputs: vec![vec![8; 8], Vec::new()],
             held: Held {
                 inputs: vec![vec![vec![7; 8]]],
@@ -205,8 +213,8 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
         serde_json::json!(["position", 0, [], "m", "N", 0])
     );
     assert_eq!(interface[1][0][2], 1);
-    // One input: link 0 from the plant, 2 ms late with up to 1 ms more.
-    assert_eq!((plain.u64(), plain.u8(), plain.u32()), (1, 1, 0));
+    // One link, into input 0: number 0 from the plant, 2 ms late with up to 1 ms more.
+    assert_eq!((plain.u64(), plain.u32(), plain.u32()), (1, 0, 0));
     assert_eq!(plain.text(), "plant.motion");
     let (producer, [base, spread, scale], drop_below, hold, key) = plain.visibility();
     assert_eq!((producer, drop_below, hold), ([0, 1], 1 << 30, 1));
@@ -219,13 +227,13 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     assert_eq!(plain.disruptions(), [(100, 200, 3 * scale, 1 << 31)]);
     assert_eq!((plain.u32(), plain.bytes()), (0, vec![0; 16]));
     assert_eq!(u64::from(plain.u32()), plan.links[0].capacity as u64);
-    // A fault of the input: the velocity is stuck at 0.5 m/s from 0.3 s on. What it shows is stream 2.
-    assert_eq!((plain.u8(), plain.u64(), plain.text().as_str()), (0, 1, "frozen"));
-    assert_eq!((plain.i64(), plain.i64(), plain.f64()), (300, i64::MAX, 0.3));
-    assert_eq!(plain.list(|this| (this.u32(), this.u32())), [(8, 0)]);
-    assert_eq!((plain.u32(), plain.u8(), plain.list(Plain::f64)), (4, 1, vec![0.5]));
-    assert_ne!(plain.u64(), 0);
-    assert_eq!((plain.u8(), plain.u32()), (1, 2));
+    // No fault of the output. Twice the position goes into the position, and 3 m/s into the velocity.
+    assert_eq!((plain.u8(), plain.u8()), (0, 1));
+    assert_eq!(plain.descriptor(), interface[1][0][1]);
+    assert_eq!(
+        plain.list(Plain::pair),
+        [((0, 0, 1), vec![(0, 0, 2.0)], 0.0, 0), ((8, 0, 1), Vec::new(), 3.0, 0)]
+    );
     // One output: stream 1 for one consumer.
     assert_eq!((plain.u64(), plain.u32(), plain.u64()), (1, 1, 1));
     assert_eq!((plain.u32(), plain.text().as_str(), plain.u32()), (1, "plant.push", 0));
@@ -235,19 +243,52 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     assert_eq!((plain.i64(), plain.i64(), plain.u8()), (0, 1, 0));
     assert_eq!(u64::from(plain.u32()), plan.links[1].capacity as u64);
     assert_eq!((plain.i64(), plain.u64()), (1000, 0));
+    // What input 0 shows is stream 2. A fault there: the velocity is stuck at 0.5 m/s from 0.3 s on.
+    assert_eq!((plain.u64(), plain.u32(), plain.u32()), (1, 0, 2));
+    assert_eq!((plain.u64(), plain.text().as_str()), (1, "frozen"));
+    assert_eq!((plain.i64(), plain.i64(), plain.f64()), (300, i64::MAX, 0.3));
+    assert_eq!(plain.list(|this| (this.u32(), this.u32())), [(8, 0)]);
+    assert_eq!((plain.u32(), plain.u8(), plain.list(Plain::f64)), (4, 1, vec![0.5]));
+    assert_ne!(plain.u64(), 0);
     assert_eq!(plain.list(Plain::u32), [3]);
     assert_eq!((plain.u32(), plain.u32(), plain.u32()), (5, 6, 1 << 16));
-    // A position: activation 7, one sample on its way, what the outputs hold, the state.
+    the_position_reads_as_the_page_says(&mut plain);
+    assert!(plain.0.is_empty());
+}
+
+fn the_position_reads_as_the_page_says(plain: &mut Plain<'_>) {
+    // A position: activation 7, one sample on its way, a value of an input, what the outputs hold, the state.
     assert_eq!((plain.u8(), plain.u64()), (1, 7));
     assert_eq!(
         plain.list(|this| this.list(|this| (this.u64(), this.bytes()))),
         [[(66, vec![9; 16])]]
     );
+    assert_eq!(plain.list(Plain::bytes), [vec![6; 16]]);
     assert_eq!(plain.list(Plain::bytes), [vec![8; 8], Vec::new()]);
     assert_eq!(plain.list(|this| this.list(Plain::bytes)), [[vec![7; 8]]]);
     assert_eq!(plain.list(|this| this.list(Plain::bytes)).len(), 0);
     assert_eq!((plain.u8(), plain.bytes()), (1, vec![1, 2]));
-    assert!(plain.0.is_empty());
+}
+
+/// Twice the position, and a velocity that is always 3 m/s.
+fn turned() -> Conversion {
+    let descriptor = Damper::default().interface().inputs[0].descriptor.clone();
+    let slot = |name: &str| Slot::named(&descriptor, name).expect("it has one").1[0];
+    let term = Term {
+        from: slot("position"),
+        scale: 2.0,
+    };
+    let pair = |to: &str, terms: Vec<Term>, offset: f64| Pair {
+        to: slot(to),
+        count: 1,
+        terms,
+        offset,
+        adds: false,
+    };
+    Conversion {
+        pairs: vec![pair("position", vec![term], 0.0), pair("velocity", Vec::new(), 3.0)],
+        message: descriptor,
+    }
 }
 
 /// A damper and something that gives it a motion, 1 s long.
@@ -284,6 +325,8 @@ fn plan() -> Plan {
             to: port("damper", "motion"),
             timing: late,
             initial: None,
+            conversion: Some(turned()),
+            draws: Some("motion".into()),
             faults: vec![LinkFault {
                 name: "storm".into(),
                 span: Span {
@@ -301,6 +344,8 @@ fn plan() -> Plan {
             to: port("plant", "push"),
             timing: link::Timing::default(),
             initial: None,
+            conversion: None,
+            draws: None,
             faults: Vec::new(),
         },
     ];

@@ -60,6 +60,16 @@ fn plan(draws: &mut Draws, processes: bool) -> String {
             draws.of(&["0.0", "0.0", "0.4"]),
             draws.of(&["last", "initial"]),
         );
+        if draws.below(2) == 0 {
+            // The two fields on links of their own.
+            let _ = write!(
+                text,
+                "map = {{ velocity = \"velocity\" }}\n[connections.place-{number}]\nfrom = \"plant.motion.position\"\n\
+                 to = \"damper-{number}.motion.position\"\nfactor = {}\ndelay = \"{}\"\n",
+                draws.of(&["1", "-2.5"]),
+                draws.of(&["0 s", "2 ms", "33 ms"]),
+            );
+        }
     }
     let _ = write!(
         text,

@@ -6,7 +6,7 @@ use crate::participant::Interface;
 use crate::plan::{Assignment, Position};
 
 /// The version of the protocol. Both sides must have the same.
-pub const PROTOCOL: u32 = 5;
+pub const PROTOCOL: u32 = 6;
 
 /// From the orchestrator to a participant; each is answered by one [`Reply`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -143,7 +143,7 @@ pub enum Note {
 pub struct Timing {
     /// From the first activation to the last, ns.
     pub total_ns: u64,
-    /// Waiting for each input, ns.
+    /// Waiting for each link that feeds an input, ns.
     pub inputs_ns: Vec<u64>,
     /// Waiting for room at consumers, ns.
     pub room_ns: u64,

@@ -3,9 +3,11 @@
 mod place;
 
 use lockstep::executor::{InLoop, assemble};
-use lockstep::link::Timing;
+use lockstep::fault::Slot;
+use lockstep::link::{Conversion, Pair, Term, Timing};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
+use lockstep::port::Message;
 use lockstep::time::Rational;
 use lockstep::transport::iceoryx::{LinkService, RecordReceiver, RecordSender, Recorded, SharedRecord};
 use lockstep::transport::{Broken, Header, NoRecording, Receiver, Recording, Sender};
@@ -49,8 +51,30 @@ fn two() -> [Sum; 2] {
     [Kind::Continuous, Kind::Sampled].map(|kind| Sum { kind, x: 0.0 })
 }
 
-/// Two that read each other, with a delay, jitter and losses on the way.
-fn plan() -> Plan {
+/// What turns a word into another one, in part of sums.
+fn turned() -> Conversion {
+    let message = Word::descriptor();
+    let slot = |name: &str| Slot::named(&message, name).expect("it has one").1[0];
+    let pair = |name: &str, adds: bool| Pair {
+        to: slot(name),
+        count: 1,
+        terms: ["x", "v"]
+            .map(|from| Term {
+                from: slot(from),
+                scale: 0.5,
+            })
+            .to_vec(),
+        offset: 0.25,
+        adds,
+    };
+    Conversion {
+        pairs: vec![pair("x", false), pair("v", true)],
+        message,
+    }
+}
+
+/// Two that read each other, with a delay, jitter and losses on the way; `between` fields, or as they are.
+fn plan(between: bool) -> Plan {
     let second = |text: &str| text.parse::<Rational>().expect("a time");
     let participants = two();
     let specs = participants
@@ -73,6 +97,8 @@ fn plan() -> Plan {
             ..Timing::default()
         },
         initial: None,
+        conversion: between.then(turned),
+        draws: between.then(|| name.into()),
         faults: Vec::new(),
     };
     let links = [
@@ -84,7 +110,11 @@ fn plan() -> Plan {
 
 #[test]
 fn between_the_first_and_the_last_step_nothing_is_taken() {
-    let plan = plan();
+    [false, true].into_iter().for_each(takes_nothing);
+}
+
+fn takes_nothing(between: bool) {
+    let plan = plan(between);
     let boxed = two().into_iter().map(|own| Box::new(own) as _).collect();
     let mut looped = InLoop::new(&plan, assemble(&plan, boxed, |_| Box::new(NoRecording)));
     looped.run_to(1, |_| {}).expect("the first step");

@@ -34,6 +34,8 @@ fn plan(kind: Kind, offset: impl Fn(usize) -> i64, links: Vec<(usize, usize, usi
         to: (format!("p{to:03}"), format!("in{input}")),
         timing: Timing::default(),
         initial: None,
+        conversion: None,
+        draws: None,
         faults: Vec::new(),
     };
     let links: Vec<LinkSpec> = links.into_iter().map(link).collect();
@@ -53,8 +55,9 @@ fn every_input_of_the_largest_plan_has_its_link() {
     let plan = plan(Kind::Continuous, |_| 0, all).unwrap();
     assert_eq!(plan.links.len(), PARTICIPANTS * INPUTS);
     for (to, participant) in plan.participants.iter().enumerate() {
-        for (input, link) in participant.inputs.iter().enumerate() {
-            let link = &plan.links[link.unwrap()];
+        for (input, links) in participant.inputs.iter().enumerate() {
+            assert_eq!(links.len(), 1);
+            let link = &plan.links[links[0]];
             assert_eq!((link.from.0, link.to), ((to * 7 + input) % PARTICIPANTS, (to, input)));
         }
     }

@@ -138,6 +138,13 @@ fn describe(scenario: &Scenario, known: &Known) {
             plan.input_name(link.to),
             link.capacity
         );
+        let taken = &plan.participants[link.to.0].interface.inputs[link.to.1].descriptor;
+        let certain = [link.from.0, link.to.0].iter().all(|&end| known.interfaces[end].is_some());
+        match &link.conversion {
+            Some(conversion) if certain => (conversion.words(taken).iter()).for_each(|words| println!("    {words}")),
+            Some(_) => println!("    between fields of ports that are not known"),
+            None => {}
+        }
     }
     if scenario.guards().next().is_some() {
         println!("guards:");

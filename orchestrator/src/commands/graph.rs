@@ -52,6 +52,11 @@ fn about(known: &Known, number: usize) -> String {
 fn label(link: &Link, plan: &Plan) -> String {
     let port = &plan.participants[link.from.0].interface.outputs[link.from.1].name;
     let mut label = port.clone();
+    let taken = &plan.participants[link.to.0].interface.inputs[link.to.1].descriptor;
+    let fields = link.conversion.as_ref().map(|conversion| conversion.targets(taken));
+    if let Some(fields) = fields.filter(|fields| !fields.is_empty()) {
+        label += &format!(" to {}", fields.join(", "));
+    }
     if link.timing.delay.is_positive() {
         label += &format!(", {} late", link.timing.delay);
     }

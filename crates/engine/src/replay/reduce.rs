@@ -8,7 +8,7 @@ use toml::{Table, Value};
 
 use super::Request;
 use super::player::{self, Role};
-use crate::scenario::{Program, fault_name};
+use crate::scenario::{Program, fault_name, port_of};
 
 /// The names of those who stand for others in a replay.
 #[derive(Debug, Default)]
@@ -108,7 +108,8 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
             continue;
         }
         let from = connection.get("from").and_then(Value::as_str).unwrap_or_default();
-        let Some((producer, port)) = from.split_once('.').map(|(a, b)| (a.to_owned(), b.to_owned())) else {
+        let field = from.strip_prefix(port_of(from)).unwrap_or_default();
+        let Some((producer, port)) = port_of(from).split_once('.').map(|(a, b)| (a.to_owned(), b.to_owned())) else {
             return Err(format!("connections.{name}.from: `{from}` is not a port"));
         };
         // Only a continuous participant has a sample before the run starts.
@@ -122,7 +123,7 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
         }
         connection.insert(
             "from".into(),
-            Value::String(format!("{}.{port}", cast.player(&producer))),
+            Value::String(format!("{}.{port}{field}", cast.player(&producer))),
         );
         connection.insert("to".into(), Value::Array(inputs));
         connections.insert(name.clone(), Value::Table(connection));

@@ -30,18 +30,12 @@ pub(super) fn flood() -> String {
 
 /// What participant number `number` does.
 fn doing(plan: &Plan, number: usize, status: Status) -> String {
-    let own = &plan.participants[number];
     match status.activity {
         Activity::Starting => "getting ready".into(),
         Activity::Computing => format!("computing activation {}", status.next),
         Activity::Input { input, index } => {
-            let link = own
-                .inputs
-                .get(input as usize)
-                .copied()
-                .flatten()
-                .map(|link| &plan.links[link]);
-            match link {
+            let link = plan.links_into(number).nth(input as usize);
+            match link.map(|link| &plan.links[link]) {
                 Some(link) => format!("waiting for sample #{index} of {}", plan.output_name(link.from)),
                 None => format!("waiting for input {input}"),
             }
@@ -168,11 +162,7 @@ fn awaited(plan: &Plan, number: usize, status: Status) -> Option<(usize, usize, 
     let Activity::Input { input, index } = status.activity else {
         return None;
     };
-    let link = plan.participants[number]
-        .inputs
-        .get(input as usize)
-        .copied()
-        .flatten()?;
+    let link = plan.links_into(number).nth(input as usize)?;
     let (from, output) = plan.links[link].from;
     Some((from, output, index))
 }

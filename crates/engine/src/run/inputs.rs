@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use lockstep::plan::{Backlog, Plan, Position};
+use lockstep::plan::{Plan, Position};
 use lockstep::port::{Descriptor, Element};
 use lockstep::time::Rational;
 use tape::{Event, EventKind};
@@ -29,10 +29,7 @@ impl Inputs {
     /// Makes them part of where everybody goes on.
     pub(super) fn put_into(&self, positions: &mut [Position]) {
         for (participant, input, payload) in self.iter() {
-            positions[participant].inputs[input] = vec![Backlog {
-                index: 0,
-                payload: payload.to_owned(),
-            }];
+            positions[participant].values[input] = payload.to_owned();
         }
     }
 
@@ -132,9 +129,9 @@ pub(super) fn find(plan: &Plan, port: &str) -> Result<(usize, usize), RunFailure
         };
         refuse(format!("`{participant}` has no input `{name}`; it has {known}"))
     })?;
-    match own.inputs[input] {
+    match own.inputs[input].first() {
         None => Ok((number, input)),
-        Some(link) => {
+        Some(&link) => {
             let link = &plan.links[link];
             Err(refuse(format!(
                 "cannot be set: `{}` feeds it, by the connection `{}`; leave that out of the scenario, and name the input in `inputs`",

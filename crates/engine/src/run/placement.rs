@@ -111,6 +111,8 @@ mod tests {
                 to: (name(number + 1), "in".into()),
                 timing: Timing::default(),
                 initial: None,
+                conversion: None,
+                draws: None,
                 faults: Vec::new(),
             })
             .collect();

@@ -214,11 +214,11 @@ pub(super) fn judges(scenario: &Scenario, plan: &Plan, streams: &[StreamSpec]) -
     Ok((assess(scenario, streams)?, scenario.watches(plan, |_| true)?))
 }
 
-/// The name of what feeds each input of each participant.
+/// The name of what comes over each link into each participant.
 pub(super) fn sources(plan: &Plan) -> BTreeMap<String, Vec<String>> {
-    let source = |link: &Option<usize>| link.map_or("nobody".into(), |link| plan.output_name(plan.links[link].from));
-    let all = plan.participants.iter();
-    all.map(|own| (own.name.clone(), own.inputs.iter().map(source).collect()))
+    let source = |link: usize| plan.output_name(plan.links[link].from);
+    let all = plan.participants.iter().enumerate();
+    all.map(|(number, own)| (own.name.clone(), plan.links_into(number).map(source).collect()))
         .collect()
 }
 

@@ -11,7 +11,7 @@ use toml::Value;
 use super::error::{Mistake, ScenarioError};
 use super::faults::values;
 use super::names::{Names, unknown};
-use super::plan::{not_a_port, port};
+use super::ports::{not_a_port, port};
 use super::resolve::Scenario;
 use super::source::{Source, typed};
 use crate::run::Watch;

@@ -2,13 +2,16 @@
 
 use std::collections::HashMap;
 
-use lockstep::link::Timing;
+use lockstep::link::Conversion;
 use lockstep::participant::{Input, Interface, Kind, Output};
-use lockstep::plan::{LinkSpec, ParticipantSpec, Plan, PlanError};
+use lockstep::plan::{Initial, LinkSpec, ParticipantSpec, Plan, PlanError};
 use lockstep::port::{Descriptor, Element, Field};
 
 use super::error::{Mistake, ScenarioError};
+use super::fields;
+use super::ports::{End, not_a_port};
 use super::resolve::Scenario;
+use super::types::ConnectionEntry;
 
 impl Scenario {
     /// A plan for looking at, without running anything: the ports of external participants are taken to be what they are
@@ -19,10 +22,17 @@ impl Scenario {
             .map(|interface| interface.clone().unwrap_or_else(|| Interface::new(Kind::Continuous)))
             .collect();
         let mut ports: Vec<Ports> = assumed.iter().map(Ports::of).collect();
-        for (_, connection) in &self.connections {
+        // Ports between which fields are named need not be alike: they are assumed last, and to be of any kind.
+        let (fielded, plain): (Vec<_>, Vec<_>) = (self.connections.iter().map(|(_, connection)| connection))
+            .partition(|connection| fields::names_fields(connection));
+        for (connection, alike) in plain
+            .iter()
+            .map(|one| (one, true))
+            .chain(fielded.iter().map(|one| (one, false)))
+        {
             let end = |text: &str| {
-                let (participant, name) = port(text)?;
-                Some((self.names.number(&participant)?, name))
+                let end = End::of(text)?;
+                Some((self.names.number(end.participant)?, end.port.to_owned()))
             };
             let Some((from, output)) = end(&connection.from) else {
                 continue;
@@ -34,7 +44,7 @@ impl Scenario {
                 let taken = ports[to].inputs.get(&input);
                 let taken = taken.map(|&port| assumed[to].inputs[port].descriptor.clone());
                 let (gives, takes) = (given.is_some(), taken.is_some());
-                let descriptor = given.or(taken).unwrap_or_else(unknown_payload);
+                let descriptor = given.or(taken).filter(|_| alike).unwrap_or_else(unknown_payload);
                 if known[from].is_none() && !gives {
                     ports[from].outputs.insert(output.clone(), assumed[from].outputs.len());
                     assumed[from].outputs.push(Output {
@@ -47,7 +57,7 @@ impl Scenario {
                     assumed[to].inputs.push(Input {
                         name: input,
                         descriptor,
-                        required: true,
+                        required: alike,
                     });
                 }
             }
@@ -60,59 +70,28 @@ impl Scenario {
         self.plan_for(interfaces, |_| true)
     }
 
-    /// Initial values are read against the ports of those participants that are `certain`.
+    /// Fields and initial values are read against the ports of those participants that are `certain`.
     fn plan_for(&self, interfaces: &[Interface], certain: impl Fn(usize) -> bool) -> Result<Plan, ScenarioError> {
         let mut mistakes = Vec::new();
         let mut links = Vec::new();
         // The connection of each link.
         let mut origins: HashMap<String, &str> = HashMap::new();
-        let outputs: Vec<Ports> = interfaces.iter().map(Ports::of).collect();
+        let ports: Vec<Ports> = interfaces.iter().map(Ports::of).collect();
+        let planner = Planner {
+            scenario: self,
+            interfaces,
+            ports: &ports,
+            certain: &certain,
+        };
         for (name, connection) in &self.connections {
-            let key = |field: &str| format!("connections.{name}.{field}");
-            let Some(from) = port(&connection.from) else {
-                mistakes.push(self.source.mistake(&key("from"), not_a_port(&connection.from)));
-                continue;
-            };
-            let all = connection.to.all();
-            if all.is_empty() {
-                mistakes.push(
-                    self.source
-                        .mistake(&key("to"), "names no input: write \"PARTICIPANT.INPUT\""),
-                );
-            }
-            let giver = self.names.number(&from.0).filter(|&giver| certain(giver));
-            let output = giver.and_then(|giver| {
-                let port = outputs[giver].outputs.get(&from.1)?;
-                interfaces[giver].outputs.get(*port)
-            });
-            let initial = match output.map(|port| super::initial::initial(&connection.initial, &port.descriptor)) {
-                Some(Err(reason)) => {
-                    mistakes.push(self.source.mistake(&key("initial"), reason));
-                    continue;
+            match planner.links(name, connection) {
+                Ok(own) => {
+                    for link in own {
+                        origins.entry(link.name.clone()).or_insert(name);
+                        links.push(link);
+                    }
                 }
-                Some(Ok(initial)) => Some(initial),
-                None => None,
-            };
-            for to in all {
-                let Some(to_port) = port(to) else {
-                    mistakes.push(self.source.mistake(&key("to"), not_a_port(to)));
-                    continue;
-                };
-                let link = if all.len() == 1 {
-                    name.clone()
-                } else {
-                    format!("{name}-{}-{}", to_port.0, to_port.1)
-                };
-                let timing: Timing = connection.timing();
-                origins.entry(link.clone()).or_insert(name);
-                links.push(LinkSpec {
-                    name: link,
-                    from: from.clone(),
-                    to: to_port,
-                    timing,
-                    initial: initial.clone(),
-                    faults: self.faults.of_connection(name),
-                });
+                Err(wrong) => mistakes.extend(wrong),
             }
         }
         let interfaces = self.with_open_inputs(interfaces, &links, &certain, &mut mistakes);
@@ -195,12 +174,124 @@ fn place(error: &PlanError, origins: &HashMap<String, &str>) -> String {
         | PlanError::FirstSample { link, .. }
         | PlanError::FirstSampleLate { link, .. }
         | PlanError::Capacity { link, .. } => connection(link),
-        PlanError::FedTwice { second, .. } => connection(second),
+        PlanError::FedTwice { second, .. } | PlanError::FieldFedTwice { second, .. } => connection(second),
         PlanError::Fault { fault, .. } => format!("faults.{fault}"),
-        PlanError::NotConnected { .. } | PlanError::AlgebraicLoop { .. } | PlanError::TooManyCircles => {
-            "connections".into()
-        }
+        PlanError::NotConnected { .. }
+        | PlanError::FieldsNotFed { .. }
+        | PlanError::AlgebraicLoop { .. }
+        | PlanError::TooManyCircles => "connections".into(),
         PlanError::Empty | PlanError::TooMany(_) | PlanError::Ticks(_) => "participants".into(),
+    }
+}
+
+/// What turns connections into links.
+struct Planner<'a, C> {
+    scenario: &'a Scenario,
+    interfaces: &'a [Interface],
+    ports: &'a [Ports],
+    certain: &'a C,
+}
+
+impl<C: Fn(usize) -> bool> Planner<'_, C> {
+    /// The links of connection `name`.
+    fn links(&self, name: &str, connection: &ConnectionEntry) -> Result<Vec<LinkSpec>, Vec<Mistake>> {
+        let mistake = |key: &str, reason: String| {
+            self.scenario
+                .source
+                .mistake(&format!("connections.{name}.{key}"), reason)
+        };
+        let Some(from) = End::of(&connection.from) else {
+            return Err(vec![mistake("from", not_a_port(&connection.from))]);
+        };
+        let all = connection.to.all();
+        if all.is_empty() {
+            let reason = "names no input: write \"PARTICIPANT.INPUT\"";
+            return Err(vec![mistake("to", reason.into())]);
+        }
+        let (mut links, mut mistakes) = (Vec::new(), Vec::new());
+        for to in all {
+            let Some(end) = End::of(to) else {
+                mistakes.push(mistake("to", not_a_port(to)));
+                continue;
+            };
+            let link = if all.len() == 1 {
+                name.to_owned()
+            } else {
+                format!("{name}-{}-{}", end.participant, end.port)
+            };
+            match self.link(connection, from, end) {
+                Ok((conversion, initial)) => links.push(LinkSpec {
+                    name: link,
+                    from: from.owned(),
+                    to: end.owned(),
+                    timing: connection.timing(),
+                    initial,
+                    draws: conversion.is_some().then(|| name.to_owned()),
+                    conversion,
+                    faults: self.scenario.faults.of_connection(name),
+                }),
+                // What is wrong with the output is wrong for each input.
+                Err((key, reason)) => {
+                    let wrong = mistake(key, reason);
+                    if !mistakes.contains(&wrong) {
+                        mistakes.push(wrong);
+                    }
+                }
+            }
+        }
+        if mistakes.is_empty() { Ok(links) } else { Err(mistakes) }
+    }
+
+    /// What becomes of samples on the way from `from` to `to`, and what is there at first.
+    fn link(
+        &self,
+        connection: &ConnectionEntry,
+        from: End<'_>,
+        to: End<'_>,
+    ) -> Result<(Option<Conversion>, Option<Initial>), fields::Refusal> {
+        let output = self.port(
+            from,
+            |ports| &ports.outputs,
+            |interface, port| &interface.outputs[port].descriptor,
+        );
+        let input = self.port(
+            to,
+            |ports| &ports.inputs,
+            |interface, port| &interface.inputs[port].descriptor,
+        );
+        let certain = |found: Option<(usize, _)>| found.filter(|&(participant, _)| (self.certain)(participant));
+        let known = fields::Known {
+            sends: certain(output).map(|(_, descriptor)| descriptor),
+            takes: certain(input).map(|(_, descriptor)| descriptor),
+        };
+        let Some((_, assumed)) = output else {
+            return Ok((None, None));
+        };
+        let conversion = fields::conversion(connection, from, to, &known, assumed)?;
+        let shown = match conversion {
+            Some(_) => known.takes,
+            None => known.sends,
+        };
+        let initial = shown.map(|shown| {
+            let initial = super::initial::initial(&connection.initial, shown)?;
+            match &conversion {
+                Some(conversion) => fields::check_initial(&initial, conversion, shown).map(|()| initial),
+                None => Ok(initial),
+            }
+        });
+        Ok((conversion, initial.transpose().map_err(|reason| ("initial", reason))?))
+    }
+
+    /// The participant at `end` and the descriptor of its port, where there is one.
+    fn port<'a>(
+        &'a self,
+        end: End<'_>,
+        numbers: impl Fn(&Ports) -> &HashMap<String, usize>,
+        descriptor: impl Fn(&'a Interface, usize) -> &'a Descriptor,
+    ) -> Option<(usize, &'a Descriptor)> {
+        let participant = self.scenario.names.number(end.participant)?;
+        let port = *numbers(&self.ports[participant]).get(end.port)?;
+        Some((participant, descriptor(&self.interfaces[participant], port)))
     }
 }
 
@@ -236,13 +327,4 @@ fn unknown_payload() -> Descriptor {
         size: 1,
         fields: vec![byte],
     }
-}
-
-pub(super) fn port(text: &str) -> Option<(String, String)> {
-    let (participant, port) = text.split_once('.')?;
-    (!participant.is_empty() && !port.is_empty()).then(|| (participant.to_owned(), port.to_owned()))
-}
-
-pub(super) fn not_a_port(text: &str) -> String {
-    format!("`{text}` is not a port: write \"PARTICIPANT.PORT\"")
 }

@@ -14,11 +14,12 @@ use super::entry::Entry;
 use super::error::{Mistake, ScenarioError};
 use super::failure::OnFailure;
 use super::faults::{self, Faults, Substitution};
+use super::fields;
 use super::guards::{self, Guard};
 use super::measures::{self, DeclaredMeasure};
 use super::names::Names;
 use super::pictures;
-use super::plan::{not_a_port, port};
+use super::ports::{not_a_port, port};
 use super::program::Program;
 use super::source::{Source, typed};
 use super::types::{ConnectionEntry, ParticipantEntry, Top};
@@ -165,9 +166,13 @@ impl Scenario {
         &self.source.catalogue
     }
 
-    /// The links as `(PARTICIPANT.OUTPUT, PARTICIPANT.INPUT, timing)`, in the order of their names.
+    /// The links between whole ports as `(PARTICIPANT.OUTPUT, PARTICIPANT.INPUT, timing)`, in the order of their names.
     pub fn links(&self) -> impl Iterator<Item = (&str, &str, Timing)> {
-        self.connections.iter().flat_map(|(_, connection)| {
+        let whole = self
+            .connections
+            .iter()
+            .filter(|(_, connection)| !fields::names_fields(connection));
+        whole.flat_map(|(_, connection)| {
             let to = connection.to.all().iter();
             to.map(|to| (connection.from.as_str(), to.as_str(), connection.timing()))
         })

@@ -105,6 +105,28 @@ pub(super) struct ConnectionEntry {
     pub(super) hold: Hold,
     #[serde(default = "zero")]
     pub(super) initial: Value,
+    /// Which fields of the input are made of which fields of the output.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) map: Option<Value>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) factor: Option<Value>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) offset: Option<Value>,
+    /// Whether it adds to what other connections give to the same fields.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(super) sum: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) frames: Option<Frames>,
+}
+
+/// Which frames the fields at the two ends may be in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Frames {
+    /// The same one.
+    Same,
+    /// Whichever they are in.
+    Any,
 }
 
 fn zero() -> Value {
@@ -112,6 +134,10 @@ fn zero() -> Value {
 }
 
 impl ConnectionEntry {
+    pub(super) fn any_frames(&self) -> bool {
+        self.frames == Some(Frames::Any)
+    }
+
     pub(super) fn timing(&self) -> Timing {
         Timing {
             delay: self.delay,

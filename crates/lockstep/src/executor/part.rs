@@ -48,7 +48,7 @@ impl RunError {
 pub struct Part {
     participant: Box<dyn Participant>,
     assignment: Assignment,
-    receivers: Vec<Option<LocalReceiver>>,
+    receivers: Vec<LocalReceiver>,
     senders: Vec<Vec<LocalSender>>,
     recording: Box<dyn Recording + Send>,
 }
@@ -72,7 +72,7 @@ impl Part {
             receivers: self
                 .receivers
                 .into_iter()
-                .map(|end| end.map(|end| Box::new(end) as Box<dyn Receiver>))
+                .map(|end| Box::new(end) as Box<dyn Receiver>)
                 .collect(),
             senders: self
                 .senders
@@ -104,9 +104,7 @@ pub fn assemble(
     for (number, participant) in participants.into_iter().enumerate() {
         let assignment = plan.assignment(number);
         let own = assignment.inputs.iter();
-        let receivers = own
-            .map(|link| link.as_ref().and_then(|link| receivers[link.link as usize].take()))
-            .collect();
+        let receivers = own.filter_map(|link| receivers[link.link as usize].take()).collect();
         let own = assignment.outputs.iter();
         let senders = own
             .map(|output| {

@@ -46,8 +46,28 @@ impl Slot {
         self.element.to_f64(&payload[self.range()])
     }
 
+    /// The element that stands `number` places behind this one.
+    pub(crate) fn after(self, number: u32) -> Slot {
+        let offset = self.offset + number * self.element.size() as u32;
+        Slot { offset, ..self }
+    }
+
+    /// Whether this element and those behind it, `count` in all, are neighbours in one field of a payload of `descriptor`.
+    pub(crate) fn run_fits(self, count: usize, descriptor: &Descriptor) -> bool {
+        let size = self.element.size();
+        let start = self.offset as usize;
+        descriptor.fields.iter().any(|field| {
+            let range = field.range();
+            let end = count.checked_mul(size).and_then(|bytes| bytes.checked_add(start));
+            field.element == self.element
+                && range.contains(&start)
+                && (start - range.start).is_multiple_of(size)
+                && end.is_some_and(|end| end <= range.end)
+        })
+    }
+
     /// The bytes of the element.
-    pub(super) fn bytes(self, payload: &mut [u8]) -> &mut [u8] {
+    pub(crate) fn bytes(self, payload: &mut [u8]) -> &mut [u8] {
         &mut payload[self.range()]
     }
 

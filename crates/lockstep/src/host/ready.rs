@@ -92,14 +92,13 @@ pub(super) fn connect(
         recording: Box::new(crate::transport::NoRecording),
     };
     let mut neighbours = Neighbours::of(name);
-    for (link, port) in assignment.inputs.iter().zip(&assignment.interface.inputs) {
-        let mut receiver = None;
-        if let Some(link) = link {
-            let service = LinkService::open(domain, link.link, port.descriptor.size as usize, link.capacity as usize)?;
-            receiver = Some(neighbours.receiver(domain, link, service.receiver(domain)?)?);
-            links.push(service);
-        }
+    for link in &assignment.inputs {
+        let port = &assignment.interface.inputs[link.input as usize];
+        let size = link.message(&port.descriptor).size as usize;
+        let service = LinkService::open(domain, link.link, size, link.capacity as usize)?;
+        let receiver = neighbours.receiver(domain, link, service.receiver(domain)?)?;
         ends.receivers.push(receiver);
+        links.push(service);
     }
     for (output, port) in assignment.outputs.iter().zip(&assignment.interface.outputs) {
         let mut senders = Vec::new();
@@ -277,7 +276,7 @@ impl Ready {
     fn sleeping(&self, wait: Wait) -> Sleeping {
         let own = self.stepper.assignment();
         match wait {
-            Wait::Sample { input, .. } => own.inputs[input].as_ref().map(|link| Sleeping::for_sample(link.link)),
+            Wait::Sample { input, .. } => Some(Sleeping::for_sample(own.inputs[input].link)),
             Wait::Room { output, consumer } => Some(Sleeping::for_room(own.outputs[output].consumers[consumer].link)),
             Wait::Recording => None,
         }

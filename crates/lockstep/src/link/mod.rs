@@ -1,7 +1,10 @@
 //! Links: which sample of an output an input sees, and when.
 
+mod conversion;
 mod schedule;
 mod visibility;
+mod words;
 
+pub use conversion::{Conversion, Pair, Term};
 pub use schedule::{Read, ReadSchedule};
 pub use visibility::{Hold, Timing, TimingError, Visibility};

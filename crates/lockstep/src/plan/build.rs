@@ -2,15 +2,13 @@
 
 use std::collections::{HashMap, HashSet};
 
-use serde::{Deserialize, Serialize};
-
-use super::{Initial, Link, PARTICIPANTS_MAX, Participant, Plan, PlanError, capacity, order};
-use crate::fault::{Disturbance, LinkFault, Place};
-use crate::link::{ReadSchedule, Timing, Visibility};
+use super::{Initial, Link, PARTICIPANTS_MAX, Participant, Plan, PlanError, capacity, fields, order};
+use crate::fault::LinkFault;
+use crate::link::{Conversion, Timing, Visibility};
 use crate::name::{NAME_MAX, is_name};
 use crate::participant::{Interface, Kind};
 use crate::port::Descriptor;
-use crate::time::{Rational, SampleTime, Ticks, Timebase};
+use crate::time::{Rational, SampleTime, Timebase};
 
 /// A participant as the user gives it.
 #[derive(Debug, Clone)]
@@ -36,8 +34,13 @@ pub struct LinkSpec {
     pub to: (String, String),
     /// Delay, jitter, drops.
     pub timing: Timing,
-    /// What is read before anything is visible; zeros unless given.
+    /// What is read before anything is visible; zeros unless given. With a conversion it is a payload of the input, of which those
+    /// fields count that the link feeds.
     pub initial: Option<Initial>,
+    /// How its samples become fields of the input; without one they are the input, and the two ports are described alike.
+    pub conversion: Option<Conversion>,
+    /// What its draws are named after besides the input, where the input has several links.
+    pub draws: Option<String>,
     /// What is wrong with it for a while.
     pub faults: Vec<LinkFault>,
 }
@@ -87,7 +90,7 @@ impl Plan {
                 sample_time,
                 activations: sample_time.count_before(end),
                 rank: 0,
-                inputs: vec![None; spec.interface.inputs.len()],
+                inputs: vec![Vec::new(); spec.interface.inputs.len()],
                 interface: spec.interface,
                 first_stream,
             });
@@ -105,6 +108,7 @@ impl Plan {
             }
         }
         errors.extend(plan.unconnected());
+        errors.extend(fields::check(&plan));
         if errors.is_empty() {
             errors = order::rank(&mut plan);
         }
@@ -147,7 +151,12 @@ impl Plan {
             )
         })?;
         let (sends, takes) = (&outputs[output].descriptor, &inputs[input].descriptor);
-        if let Some(difference) = sends.difference(takes) {
+        let difference = match &spec.conversion {
+            None => sends.difference(takes),
+            Some(conversion) if conversion.message != *sends => sends.difference(&conversion.message),
+            Some(conversion) => conversion.check(takes).err(),
+        };
+        if let Some(difference) = difference {
             return Err(PlanError::Mismatch {
                 link: spec.name.clone(),
                 from: format!("{}.{}", spec.from.0, spec.from.1),
@@ -155,9 +164,12 @@ impl Plan {
                 difference,
             });
         }
-        let initial = initial(spec, from, to, sends.size as usize)?;
-        // An input has one source, so its name names the link: the draws stay when a connection is renamed or gets more readers.
-        let draws = format!("{}.{}", spec.to.0, spec.to.1);
+        let initial = initial(spec, from, to, takes.size as usize)?;
+        // An input that has one source gives its name to the draws: they stay when a connection is renamed or gets more readers.
+        let draws = match &spec.draws {
+            None => format!("{}.{}", spec.to.0, spec.to.1),
+            Some(own) => format!("{}.{}.{own}", spec.to.0, spec.to.1),
+        };
         let visibility = Visibility::new(
             &spec.timing,
             &spec.faults,
@@ -179,19 +191,24 @@ impl Plan {
             faults: spec.faults.clone(),
             visibility,
             initial,
+            conversion: spec.conversion.clone(),
             capacity,
         })
     }
 
     fn add(&mut self, link: Link, errors: &mut Vec<PlanError>) {
-        match self.participants[link.to.0].inputs[link.to.1] {
+        let others = &self.participants[link.to.0].inputs[link.to.1];
+        let whole = |link: &Link| link.conversion.is_none();
+        let other = others.iter().map(|&other| &self.links[other]);
+        match other.clone().find(|other| whole(other) || whole(&link)) {
             Some(first) => errors.push(PlanError::FedTwice {
                 input: self.input_name(link.to),
-                first: self.links[first].name.clone(),
+                first: first.name.clone(),
                 second: link.name,
             }),
             None => {
-                self.participants[link.to.0].inputs[link.to.1] = Some(self.links.len());
+                let number = self.links.len();
+                self.participants[link.to.0].inputs[link.to.1].push(number);
                 self.links.push(link);
             }
         }
@@ -202,7 +219,7 @@ impl Plan {
         let mut outputs = None;
         for (number, participant) in self.participants.iter().enumerate() {
             for (input, port) in participant.interface.inputs.iter().enumerate() {
-                if port.required && participant.inputs[input].is_none() {
+                if port.required && participant.inputs[input].is_empty() {
                     let outputs = outputs.get_or_insert_with(|| self.outputs_by_payload());
                     errors.push(PlanError::NotConnected {
                         input: self.input_name((number, input)),
@@ -338,155 +355,4 @@ fn check_participants(specs: &[ParticipantSpec]) -> Vec<PlanError> {
         }
     }
     errors
-}
-
-/// The part of a plan that one participant works from: what it is told before the run starts.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Assignment {
-    /// The participant's name.
-    pub name: String,
-    /// The tick.
-    pub timebase: Timebase,
-    /// Its activations.
-    pub sample_time: SampleTime,
-    /// How many activations lie before the end.
-    pub activations: u64,
-    /// The ports, which must be those it told at hello.
-    pub interface: Interface,
-    /// One entry per input; `None` for an input that is not connected.
-    pub inputs: Vec<Option<InputLink>>,
-    /// One entry per output.
-    pub outputs: Vec<OutputPort>,
-}
-
-impl Assignment {
-    /// The streams that the participant puts on the tape, in the order in which an activation does, with the bytes of a
-    /// payload.
-    pub fn streams(&self) -> impl Iterator<Item = (u32, usize)> + '_ {
-        let outputs = self.outputs.iter().zip(&self.interface.outputs);
-        let outputs = outputs.map(|(output, port)| (output.stream, port.descriptor.size as usize));
-        let inputs = self.inputs.iter().zip(&self.interface.inputs);
-        outputs.chain(inputs.filter_map(|(link, port)| Some((link.as_ref()?.seen?, port.descriptor.size as usize))))
-    }
-}
-
-/// What a consumer knows of a link.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct InputLink {
-    /// The number of the link in the plan.
-    pub link: u32,
-    /// The name of the output, for messages.
-    pub from: String,
-    /// The rule of visibility.
-    pub visibility: Visibility,
-    /// What is read before anything is visible.
-    pub initial: Initial,
-    /// Samples that fit.
-    pub capacity: u32,
-    /// Whether a fault at the output may have made its samples NaN or infinite.
-    pub disturbed: bool,
-    /// What is wrong at the input itself.
-    pub faults: Vec<Disturbance>,
-    /// The number in the run's list of streams of what the participant sees, where that is recorded.
-    pub seen: Option<u32>,
-}
-
-/// What a producer knows of an output.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct OutputPort {
-    /// The number of the output in the run's list of streams.
-    pub stream: u32,
-    /// Everybody who reads it.
-    pub consumers: Vec<Consumer>,
-    /// What is done to its samples on the way to them.
-    pub faults: Vec<Disturbance>,
-}
-
-/// What a producer knows of a link.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Consumer {
-    /// The number of the link in the plan.
-    pub link: u32,
-    /// The name of the input, for messages.
-    pub to: String,
-    /// The number of the reading participant.
-    pub participant: u32,
-    /// The rule of visibility.
-    pub visibility: Visibility,
-    /// The reader's activations.
-    pub sample_time: SampleTime,
-    /// Whether the reader takes sample 0 before anything is visible.
-    pub first_sample: bool,
-    /// Samples that fit.
-    pub capacity: u32,
-    /// No activation of the reader at or after this instant, ticks.
-    pub end: Ticks,
-}
-
-impl Consumer {
-    /// The reads of the link.
-    pub fn schedule(&self) -> ReadSchedule {
-        ReadSchedule::new(self.visibility.clone(), self.sample_time, self.first_sample)
-    }
-}
-
-impl Plan {
-    /// The part of the plan that participant number `participant` works from.
-    pub fn assignment(&self, participant: usize) -> Assignment {
-        let own = &self.participants[participant];
-        let inputs = own.inputs.iter().enumerate().map(|(input, link)| {
-            link.map(|number| {
-                let link = &self.links[number];
-                InputLink {
-                    link: number as u32,
-                    from: self.output_name(link.from),
-                    visibility: link.visibility.clone(),
-                    initial: link.initial.clone(),
-                    capacity: link.capacity as u32,
-                    disturbed: self.disturbed(link.from),
-                    faults: self.disturbances(Place::Input {
-                        participant,
-                        port: input,
-                    }),
-                    seen: self.seen_stream(participant, input),
-                }
-            })
-        });
-        let mut readers: Vec<Vec<usize>> = vec![Vec::new(); own.interface.outputs.len()];
-        for (number, link) in self.links.iter().enumerate() {
-            if link.from.0 == participant {
-                readers[link.from.1].push(number);
-            }
-        }
-        let outputs = readers.iter().enumerate().map(|(output, readers)| {
-            let consumers = readers.iter().map(|&number| (number, &self.links[number]));
-            let consumers = consumers.map(|(number, link)| Consumer {
-                link: number as u32,
-                to: self.input_name(link.to),
-                participant: link.to.0 as u32,
-                visibility: link.visibility.clone(),
-                sample_time: self.participants[link.to.0].sample_time,
-                first_sample: link.initial == Initial::FirstSample,
-                capacity: link.capacity as u32,
-                end: self.end,
-            });
-            OutputPort {
-                stream: own.first_stream + output as u32,
-                consumers: consumers.collect(),
-                faults: self.disturbances(Place::Output {
-                    participant,
-                    port: output,
-                }),
-            }
-        });
-        Assignment {
-            name: own.name.clone(),
-            timebase: self.timebase,
-            sample_time: own.sample_time,
-            activations: own.activations,
-            inputs: inputs.collect(),
-            outputs: outputs.collect(),
-            interface: own.interface.clone(),
-        }
-    }
 }

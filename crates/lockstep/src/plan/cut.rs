@@ -41,9 +41,11 @@ pub struct Held {
 pub struct Position {
     /// The next activation; all before it are complete.
     pub next: u64,
-    /// For each input the samples that were sent before and that it still reads, oldest first. For an input without a link: at
-    /// most one, the value that it holds; its index means nothing. Without one the input holds zero bytes.
+    /// For each link that feeds an input, in the order of the assignment, the samples that were sent before and that it still
+    /// reads, oldest first.
     pub inputs: Vec<Vec<Backlog>>,
+    /// For each input without a link the value that it holds; empty where it has none, and holds zero bytes.
+    pub values: Vec<Vec<u8>>,
     /// What each output holds: its newest sample. Empty where there is none yet.
     pub outputs: Vec<Vec<u8>>,
     /// What its ports are stuck at.
@@ -130,15 +132,13 @@ impl Plan {
     ) -> Result<Position, E> {
         let own = &self.participants[participant];
         let mut inputs = Vec::with_capacity(own.inputs.len());
-        for link in &own.inputs {
+        for &link in own.inputs.iter().flatten() {
             let mut backlog = Vec::new();
-            if let &Some(link) = link {
-                let (giver, output) = self.links[link].from;
-                let stream = self.participants[giver].first_stream + output as u32;
-                for index in self.underway(cut, link) {
-                    let payload = self.sent((giver, output), index, &mut |index| sample(stream, index))?;
-                    backlog.push(Backlog { index, payload });
-                }
+            let (giver, output) = self.links[link].from;
+            let stream = self.participants[giver].first_stream + output as u32;
+            for index in self.underway(cut, link) {
+                let payload = self.sent((giver, output), index, &mut |index| sample(stream, index))?;
+                backlog.push(Backlog { index, payload });
             }
             inputs.push(backlog);
         }
@@ -153,6 +153,7 @@ impl Plan {
         Ok(Position {
             next: cut.next[participant],
             inputs,
+            values: vec![Vec::new(); own.inputs.len()],
             outputs,
             held: self.held(cut, participant, &mut sample)?,
             state: None,

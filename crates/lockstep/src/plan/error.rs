@@ -62,7 +62,10 @@ pub enum PlanError {
         known: String,
     },
     /// The ports at the two ends do not fit.
-    #[error("connection `{link}`: `{from}` does not fit `{to}`: {difference}")]
+    #[error(
+        "connection `{link}`: `{from}` does not fit `{to}`: {difference}; connect ports of one description, or say which fields belong \
+         together: map = {{ INPUT-FIELD = \"OUTPUT-FIELD\", … }}"
+    )]
     Mismatch {
         /// The link.
         link: String,
@@ -82,6 +85,30 @@ pub enum PlanError {
         first: String,
         /// The second link.
         second: String,
+    },
+    /// A field of an input with two sources that are no sum.
+    #[error(
+        "`{input}` is fed twice, by connections `{first}` and `{second}`: remove one, or write sum = true in both to add them up"
+    )]
+    FieldFedTwice {
+        /// The input with the element.
+        input: String,
+        /// The first link.
+        first: String,
+        /// The second link.
+        second: String,
+    },
+    /// An input that must be fed, of which some fields are not.
+    #[error(
+        "the input `{input}` is not fed in full: {} is missing; add to a map a field for it or a number that it always is, such as \
+         map = {{ \"{}\" = 0 }}, or a connection with to = \"{input}.{}\"",
+        .fields.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "), .fields[0], .fields[0]
+    )]
+    FieldsNotFed {
+        /// The input.
+        input: String,
+        /// The fields and elements that are missing: one at least.
+        fields: Vec<String>,
     },
     /// A required input without a source.
     #[error("the input `{input}` is not connected: add a connection with to = \"{input}\" from an output of type {message}{}", hint(.candidates))]

@@ -1,6 +1,6 @@
 //! Signal faults in a plan: where they act, and the streams that show what came of them.
 
-use super::{Cut, Held, Initial, Plan, PlanError, Seen};
+use super::{Cut, Held, Plan, PlanError, Seen};
 use crate::fault::{Disturbance, Effect, Injector, Place, SignalFault, Slot};
 use crate::link::Read;
 use crate::port::Descriptor;
@@ -53,7 +53,7 @@ impl Plan {
         }
         fault.effect.check(&fault.slots)?;
         if let Place::Input { participant, port } = fault.place
-            && self.participants[participant].inputs[port].is_none()
+            && self.participants[participant].inputs[port].is_empty()
         {
             let input = self.input_name((participant, port));
             return Err(format!(
@@ -127,27 +127,36 @@ impl Plan {
     /// What came into an input for activation `k`, before anything was done to it there. `sample` reads the tape.
     fn came_in<E>(
         &self,
-        link: usize,
+        (participant, port): (usize, usize),
         k: u64,
         sample: &mut impl FnMut(u32, u64) -> Result<Vec<u8>, E>,
     ) -> Result<Vec<u8>, E> {
-        let mut schedule = self.schedule(link);
-        schedule.skip_to(k);
-        let link = &self.links[link];
-        match schedule.advance() {
-            Read::Sample(index) => {
-                let stream = self.participants[link.from.0].first_stream + link.from.1 as u32;
-                self.sent(link.from, index, &mut |index| sample(stream, index))
-            }
-            Read::Initial => Ok(match &link.initial {
-                Initial::Value(bytes) => bytes.clone(),
-                Initial::FirstSample => {
-                    let (participant, port) = link.to;
-                    let descriptor = self.descriptor(Place::Input { participant, port });
-                    vec![0; descriptor.map_or(0, |descriptor| descriptor.size as usize)]
+        let descriptor = self.descriptor(Place::Input { participant, port });
+        let mut payload = vec![0; descriptor.map_or(0, |descriptor| descriptor.size as usize)];
+        let links = &self.participants[participant].inputs[port];
+        let conversions = links.iter().filter_map(|&link| self.links[link].conversion.as_ref());
+        conversions.for_each(|conversion| conversion.clear(&mut payload));
+        for &number in links {
+            let mut schedule = self.schedule(number);
+            schedule.skip_to(k);
+            let link = &self.links[number];
+            let came = match schedule.advance() {
+                Read::Sample(index) => {
+                    let stream = self.participants[link.from.0].first_stream + link.from.1 as u32;
+                    Some(self.sent(link.from, index, &mut |index| sample(stream, index))?)
                 }
-            }),
+                Read::Initial => None,
+            };
+            match (&link.conversion, came) {
+                (None, Some(came)) => payload = came,
+                (None, None) => payload = link.initial.payload(payload.len()),
+                (Some(conversion), Some(came)) => conversion.apply(&came, &mut payload),
+                (Some(conversion), None) => {
+                    conversion.stand_in(&link.initial.payload(payload.len()), &mut payload);
+                }
+            }
         }
+        Ok(payload)
     }
 
     /// What the faults of a participant's ports remember at `cut`. `sample` reads the tape.
@@ -160,13 +169,13 @@ impl Plan {
         let own = &self.participants[participant];
         let (instants, next) = (own.sample_time, cut.next[participant]);
         let mut held = Held::default();
-        for (port, link) in own.inputs.iter().enumerate() {
+        for port in 0..own.inputs.len() {
             let faults = self.disturbances(Place::Input { participant, port });
-            held.inputs.push(match (Injector::new(&faults, self.timebase), *link) {
-                (Some(mut injector), Some(link)) => injector
-                    .recall(next, instants, |k| self.came_in(link, k, sample))?
+            held.inputs.push(match Injector::new(&faults, self.timebase) {
+                Some(mut injector) => injector
+                    .recall(next, instants, |k| self.came_in((participant, port), k, sample))?
                     .to_vec(),
-                _ => Vec::new(),
+                None => Vec::new(),
             });
         }
         let samples = self.samples_before(participant, next);

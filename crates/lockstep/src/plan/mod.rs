@@ -4,18 +4,21 @@
 //! which participants can work at the same time. A plan is plain data; the executors, the hosts and the recorder all work
 //! from the same one.
 
+mod assignment;
 mod build;
 mod capacity;
 mod components;
 mod cut;
 mod error;
 mod faults;
+mod fields;
 mod limits;
 mod network;
 mod order;
 mod placement;
 
-pub use build::{Assignment, Consumer, InputLink, LinkSpec, OutputPort, ParticipantSpec};
+pub use assignment::{Assignment, Consumer, InputLink, OutputPort, SeenInput};
+pub use build::{LinkSpec, ParticipantSpec};
 pub use cut::{Backlog, Cut, Held, Position};
 pub use error::PlanError;
 pub use limits::PARTICIPANTS_MAX;

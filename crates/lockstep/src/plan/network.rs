@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::fault::{LinkFault, SignalFault};
-use crate::link::{ReadSchedule, Timing, Visibility};
+use crate::link::{Conversion, ReadSchedule, Timing, Visibility};
 use crate::participant::Interface;
 use crate::time::{Rational, SampleTime, Ticks, Timebase};
 
@@ -14,6 +14,16 @@ pub enum Initial {
     Value(Vec<u8>),
     /// The producer's sample 0, which exists before the run starts. Only for outputs without feedthrough.
     FirstSample,
+}
+
+impl Initial {
+    /// The payload of an input of `size` bytes where no sample is read: zero where sample 0 would stand in and is lost.
+    pub(crate) fn payload(&self, size: usize) -> Vec<u8> {
+        match self {
+            Initial::Value(bytes) => bytes.clone(),
+            Initial::FirstSample => vec![0; size],
+        }
+    }
 }
 
 /// A participant with its place in the plan.
@@ -33,8 +43,8 @@ pub struct Participant {
     pub activations: u64,
     /// Among activations at the same instant, lower ranks come first.
     pub rank: u32,
-    /// The link that feeds each input; an input that need not be connected may have none.
-    pub inputs: Vec<Option<usize>>,
+    /// The links that feed each input: none, if it need not be connected; one; or several, of which each gives some of its fields.
+    pub inputs: Vec<Vec<usize>>,
     /// The number of the first output in the run's list of streams; the others follow.
     pub first_stream: u32,
 }
@@ -56,6 +66,8 @@ pub struct Link {
     pub visibility: Visibility,
     /// What is read before anything is visible.
     pub initial: Initial,
+    /// How its samples become fields of the input; without one they are the input.
+    pub conversion: Option<Conversion>,
     /// How many samples may be in flight: enough for the delay, so that nobody ever waits in a circle.
     pub capacity: usize,
 }
@@ -94,6 +106,11 @@ impl Plan {
         let link = &self.links[link];
         let consumer = self.participants[link.to.0].sample_time;
         ReadSchedule::new(link.visibility.clone(), consumer, link.initial == Initial::FirstSample)
+    }
+
+    /// The links that feed the inputs of participant number `participant`, in the order in which it is told of them.
+    pub fn links_into(&self, participant: usize) -> impl Iterator<Item = usize> {
+        self.participants[participant].inputs.iter().flatten().copied()
     }
 
     /// `producer.port` or `consumer.port`.

@@ -47,6 +47,24 @@ impl Element {
         }
     }
 
+    /// Whether it is a floating-point number.
+    pub const fn is_decimal(self) -> bool {
+        matches!(self, Element::F64 | Element::F32)
+    }
+
+    /// Whether every value of an `other` is a value of this type too.
+    pub const fn holds(self, other: Element) -> bool {
+        match self {
+            Element::F64 => !matches!(other, Element::I64 | Element::U64),
+            Element::F32 => matches!(other, Element::F32 | Element::U8),
+            Element::I64 => !matches!(other, Element::F64 | Element::F32 | Element::U64),
+            Element::I32 => matches!(other, Element::I32 | Element::U8),
+            Element::U64 => matches!(other, Element::U64 | Element::U32 | Element::U8),
+            Element::U32 => matches!(other, Element::U32 | Element::U8),
+            Element::U8 => matches!(other, Element::U8),
+        }
+    }
+
     /// One element of this type as a double (integers beyond 2^53 are rounded). `bytes` starts at the element.
     pub fn to_f64(self, bytes: &[u8]) -> f64 {
         macro_rules! read {
@@ -111,6 +129,11 @@ impl Field {
     /// True when an extent is zero.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Whether it only fills the payload up: bytes called `padding`, `padding2`, … mean nothing, and need not be fed.
+    pub fn is_padding(&self) -> bool {
+        self.element == Element::U8 && self.name.starts_with("padding")
     }
 
     /// The bytes of the field inside a payload.

@@ -54,7 +54,7 @@ pub enum PositionError {
     /// For another number of ports.
     #[error("the position has {given} {what}; the participant has {own}")]
     Ports {
-        /// `inputs` or `outputs`.
+        /// `links`, `inputs` or `outputs`.
         what: &'static str,
         /// In the position.
         given: usize,
@@ -81,13 +81,11 @@ pub enum PositionError {
         /// In the participant.
         own: usize,
     },
-    /// More than one value for an input that has no link.
-    #[error("the position has {given} values for input `{port}`, which has no link and holds one")]
-    Values {
+    /// A value for an input that has a link.
+    #[error("the position has a value for input `{port}`, which a link feeds")]
+    Fed {
         /// The input.
         port: String,
-        /// In the position.
-        given: usize,
     },
     /// It cannot be initialised.
     #[error("it cannot be initialised: {0}")]

@@ -1,41 +1,26 @@
-//! The receiving side of a stepper: nothing that comes in is trusted.
-
-use std::collections::VecDeque;
+//! The receiving side of a stepper: links with their schedules, and what they make of the participant's inputs.
 
 use super::StepError;
+use super::source::Source;
 use crate::fault::Injector;
-use crate::link::{Read, ReadSchedule};
-use crate::participant::{FiniteCheck, Payload, first_not_finite};
-use crate::plan::{Backlog, Initial, InputLink};
+use crate::link::{Conversion, Read, ReadSchedule};
+use crate::participant::{FiniteCheck, Inputs, Payload, first_not_finite};
+use crate::plan::{Assignment, Backlog, Initial, InputLink, SeenInput};
 use crate::port::Descriptor;
 use crate::time::{SampleTime, Ticks, Timebase};
-use crate::transport::{Broken, Header, Receiver};
+use crate::transport::Receiver;
 
+/// One link that feeds an input.
 pub(super) struct InputState {
-    receiver: Box<dyn Receiver>,
+    /// The number of the input.
+    pub(super) port: usize,
+    source: Source,
     schedule: ReadSchedule,
-    from: String,
-    descriptor: Descriptor,
-    finite: FiniteCheck,
+    /// What the input shows where no sample is read.
     initial: Vec<u8>,
-    producer: SampleTime,
-    timebase: Timebase,
-    /// The newest sample received: samples come in order, once each. It is the one in the buffer, unless `shows_initial`.
-    received: Option<u64>,
     shows_initial: bool,
-    /// Samples that were sent before this participant took over, oldest first.
-    backlog: VecDeque<Backlog>,
-    /// Whether a fault on the way may have made samples NaN or infinite.
-    disturbed: bool,
-    pub(super) seen: Option<SeenState>,
-}
-
-/// What the participant sees where that is not what came in.
-pub(super) struct SeenState {
-    pub(super) stream: u32,
-    /// What came in, as long as the buffer shows what faults have made of it.
-    came_in: Payload,
-    injector: Option<Injector>,
+    /// How samples become fields of the input, and the newest sample. Without one, samples are the input's payload.
+    conversion: Option<(Conversion, Payload)>,
 }
 
 impl InputState {
@@ -50,143 +35,132 @@ impl InputState {
     ) -> InputState {
         let mut schedule = ReadSchedule::new(link.visibility.clone(), consumer, link.initial == Initial::FirstSample);
         schedule.skip_to(next);
+        let message = link.message(descriptor);
         InputState {
-            receiver,
+            port: link.input as usize,
+            source: Source::new(link, message, timebase, receiver, backlog),
             schedule,
-            backlog: backlog.into(),
-            from: link.from.clone(),
-            finite: FiniteCheck::new(descriptor),
-            initial: match &link.initial {
-                Initial::Value(bytes) => bytes.clone(),
-                Initial::FirstSample => vec![0; descriptor.size as usize],
-            },
-            descriptor: descriptor.clone(),
-            producer: link.visibility.producer(),
-            timebase,
-            received: None,
+            initial: link.initial.payload(descriptor.size as usize),
             shows_initial: false,
-            disturbed: link.disturbed,
-            seen: link.seen.map(|stream| SeenState {
-                stream,
-                came_in: Payload::zeroed(descriptor.size as usize),
-                injector: Injector::new(&link.faults, timebase),
-            }),
+            conversion: (link.conversion.clone())
+                .map(|conversion| (conversion, Payload::zeroed(message.size as usize))),
         }
-    }
-
-    pub(super) fn injector(&mut self) -> Option<&mut Injector> {
-        self.seen.as_mut()?.injector.as_mut()
     }
 
     pub(super) fn prepare(&mut self) -> Result<(), StepError> {
-        self.receiver.prepare().map_err(|source| self.broken(source))
+        self.source.prepare()
     }
 
-    fn broken(&self, source: Broken) -> StepError {
-        StepError::Broken {
-            way: format!("from `{}`", self.from),
-            source,
-        }
-    }
-
-    /// What the next activation reads. To be asked once per activation; `payload` becomes what came in again.
-    pub(super) fn next_read(&mut self, payload: &mut [u8]) -> Read {
-        if let Some(SeenState {
-            came_in,
-            injector: Some(_),
-            ..
-        }) = &self.seen
-        {
-            payload.copy_from_slice(came_in.bytes());
-        }
+    /// What the next activation reads. To be asked once per activation.
+    pub(super) fn next_read(&mut self) -> Read {
         self.schedule.advance()
     }
 
-    /// Makes of what came in what activation `k` at `t` sees. To be called once per activation.
-    pub(super) fn disturb(&mut self, k: u64, t: Ticks, payload: &mut [u8]) {
-        if let Some(SeenState {
-            came_in,
-            injector: Some(injector),
-            ..
-        }) = &mut self.seen
-        {
-            came_in.bytes_mut().copy_from_slice(payload);
-            injector.apply(k, t, payload);
-        }
-    }
-
-    /// Brings the sample that `read` names into `payload`; `Some(index)` when it is not there yet.
+    /// Gets the sample that `read` names, into `payload` if that is what the input shows; `Some(index)` when it is not there yet.
     pub(super) fn fetch(&mut self, read: Read, payload: &mut [u8]) -> Result<Option<u64>, StepError> {
         let Read::Sample(index) = read else {
-            if !self.shows_initial {
+            if !self.shows_initial && self.conversion.is_none() {
                 payload.copy_from_slice(&self.initial);
-                self.shows_initial = true;
             }
+            self.shows_initial = true;
             return Ok(None);
         };
-        while self.received.is_none_or(|received| received < index) {
-            let received = self.receive(payload).map_err(|source| self.broken(source))?;
-            let Some(header) = received else { return Ok(Some(index)) };
-            self.check(header, index, payload)?;
-            self.received = Some(header.index);
+        let place = match &mut self.conversion {
+            Some((_, sample)) => sample.bytes_mut(),
+            None => payload,
+        };
+        if self.source.is_behind(index) {
+            if !self.source.receive_to(index, place)? {
+                return Ok(Some(index));
+            }
             self.shows_initial = false;
         }
         Ok(None)
     }
+}
 
-    /// The next sample: first what was sent before this participant took over, then what comes.
-    fn receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
-        let Some(sample) = self.backlog.pop_front() else {
-            return self.receiver.try_receive(payload);
-        };
-        if sample.payload.len() != payload.len() {
-            let (came, due) = (sample.payload.len(), payload.len());
-            return Err(Broken(format!("a sample of {came} bytes where {due} are expected")));
-        }
-        payload.copy_from_slice(&sample.payload);
-        Ok(Some(Header {
-            index: sample.index,
-            stamp: self.producer.instant(sample.index),
-        }))
+/// An input that is put together from what its links bring.
+pub(super) struct Assembled {
+    port: usize,
+    descriptor: Descriptor,
+    finite: FiniteCheck,
+    /// Whether a fault on the way may have made samples NaN or infinite.
+    disturbed: bool,
+}
+
+impl Assembled {
+    /// Those of a participant.
+    pub(super) fn all(assignment: &Assignment) -> Vec<Assembled> {
+        let ports = assignment.interface.inputs.iter().enumerate();
+        let assembled = ports.filter_map(|(port, input)| {
+            let links = || assignment.inputs.iter().filter(|link| link.input as usize == port);
+            links().any(|link| link.conversion.is_some()).then(|| Assembled {
+                port,
+                finite: FiniteCheck::new(&input.descriptor),
+                descriptor: input.descriptor.clone(),
+                disturbed: links().any(|link| link.disturbed),
+            })
+        });
+        assembled.collect()
     }
 
-    /// A producer may send samples that nobody reads; it must not repeat, reorder or leave out, and it must not lie about
-    /// when a sample was taken.
-    fn check(&self, header: Header, wanted: u64, payload: &[u8]) -> Result<(), StepError> {
-        let bad = |what: String| {
-            Err(StepError::BadSample {
-                from: self.from.clone(),
-                what,
-            })
-        };
-        if let Some(received) = self.received.filter(|&received| header.index <= received) {
-            return bad(format!(
-                "sample #{} after sample #{received}: samples come once each, in order",
-                header.index
-            ));
+    /// Makes the payload out of what `links`, those of all inputs, have brought.
+    pub(super) fn assemble(&self, links: &[InputState], buffers: &mut Inputs) -> Result<(), StepError> {
+        let payload = buffers.payloads[self.port].bytes_mut();
+        let own = || links.iter().filter(|link| link.port == self.port);
+        for (conversion, _) in own().filter_map(|link| link.conversion.as_ref()) {
+            conversion.clear(payload);
         }
-        if header.index > wanted {
-            return bad(format!(
-                "sample #{} where #{wanted} is due: a sample was left out",
-                header.index
-            ));
-        }
-        let due = self.producer.instant(header.index);
-        if header.stamp != due {
-            return bad(format!(
-                "sample #{} stamped t = {} s; its stamp must be {} s",
-                header.index,
-                self.timebase.seconds(header.stamp),
-                self.timebase.seconds(due)
-            ));
+        for link in own() {
+            match &link.conversion {
+                Some((conversion, _)) if link.shows_initial => conversion.stand_in(&link.initial, payload),
+                Some((conversion, sample)) => conversion.apply(sample.bytes(), payload),
+                None => {}
+            }
         }
         if !self.disturbed && !self.finite.passes(payload) {
             let (element, value) = first_not_finite(&self.descriptor, payload).unwrap_or_default();
-            return bad(format!(
-                "sample #{} with {element} = {value}: a sample must be finite",
-                header.index
-            ));
+            let from: Vec<&str> = own().map(|link| link.source.from()).collect();
+            return Err(StepError::BadSample {
+                from: from.join("`, `"),
+                what: format!("what its connections turn into {element} = {value}: an input must be finite"),
+            });
         }
         Ok(())
+    }
+}
+
+/// What the participant sees where that is not what came in.
+pub(super) struct SeenState {
+    pub(super) port: usize,
+    pub(super) stream: u32,
+    /// What came in, as long as the buffer shows what faults have made of it.
+    came_in: Payload,
+    pub(super) injector: Option<Injector>,
+}
+
+impl SeenState {
+    pub(super) fn new(seen: &SeenInput, descriptor: &Descriptor, timebase: Timebase) -> SeenState {
+        SeenState {
+            port: seen.input as usize,
+            stream: seen.stream,
+            came_in: Payload::zeroed(descriptor.size as usize),
+            injector: Injector::new(&seen.faults, timebase),
+        }
+    }
+
+    /// Makes `payload` what came in again. To be called before anything new comes in.
+    pub(super) fn undo(&self, payload: &mut [u8]) {
+        if self.injector.is_some() {
+            payload.copy_from_slice(self.came_in.bytes());
+        }
+    }
+
+    /// Makes of what came in what activation `k` at `t` sees. To be called once per activation.
+    pub(super) fn disturb(&mut self, k: u64, t: Ticks, payload: &mut [u8]) {
+        if let Some(injector) = &mut self.injector {
+            self.came_in.bytes_mut().copy_from_slice(payload);
+            injector.apply(k, t, payload);
+        }
     }
 }

@@ -10,6 +10,7 @@ mod output;
 mod position;
 mod progress;
 mod rest;
+mod source;
 
 pub use error::{PositionError, StepError};
 
@@ -18,7 +19,7 @@ pub use progress::{Ends, Progress, Wait};
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use input::InputState;
+use input::{Assembled, InputState, SeenState};
 use output::{ConsumerState, Disturbed, OutputState};
 use progress::Phase;
 
@@ -33,7 +34,12 @@ use crate::transport::{Header, Recording};
 pub struct Stepper {
     participant: Box<dyn Participant>,
     assignment: Assignment,
-    inputs: Vec<Option<InputState>>,
+    /// The links that feed the inputs.
+    inputs: Vec<InputState>,
+    /// The inputs that are put together from fields.
+    assembled: Vec<Assembled>,
+    /// The inputs of which the tape has what they show.
+    seen: Vec<SeenState>,
     outputs: Vec<OutputState>,
     recording: Box<dyn Recording>,
     input_buffers: Inputs,
@@ -45,8 +51,6 @@ pub struct Stepper {
     sample: u64,
     initialised: bool,
     phase: Phase,
-    /// Whether what some input shows goes onto the tape.
-    looks: bool,
 }
 
 impl Stepper {
@@ -54,6 +58,7 @@ impl Stepper {
     pub fn new(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends) -> Stepper {
         let nothing = Position {
             inputs: vec![Vec::new(); assignment.inputs.len()],
+            values: vec![Vec::new(); assignment.interface.inputs.len()],
             ..Position::default()
         };
         Stepper::at(participant, assignment, ends, nothing)
@@ -62,26 +67,27 @@ impl Stepper {
     fn at(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends, position: Position) -> Stepper {
         let interface = &assignment.interface;
         let sample_time = assignment.sample_time;
-        let receivers = ends
-            .receivers
-            .into_iter()
-            .zip(&assignment.inputs)
-            .zip(&interface.inputs)
-            .zip(position.inputs);
+        let receivers = ends.receivers.into_iter().zip(&assignment.inputs).zip(position.inputs);
         let (next, held) = (position.next, position.held);
         let first_stamp = (next > 0).then(|| sample_time.instant(next));
-        let inputs = receivers.map(|(((receiver, link), port), backlog)| {
-            let (receiver, link) = (receiver?, link.as_ref()?);
-            Some(InputState::new(
+        let inputs = receivers.map(|((receiver, link), backlog)| {
+            let descriptor = &interface.inputs[link.input as usize].descriptor;
+            InputState::new(
                 link,
-                &port.descriptor,
+                descriptor,
                 sample_time,
                 next,
                 assignment.timebase,
                 receiver,
                 backlog,
-            ))
+            )
         });
+        let mut seen: Vec<SeenState> = (assignment.seen.iter())
+            .map(|seen| {
+                let descriptor = &interface.inputs[seen.input as usize].descriptor;
+                SeenState::new(seen, descriptor, assignment.timebase)
+            })
+            .collect();
         let senders = ends
             .senders
             .into_iter()
@@ -100,11 +106,13 @@ impl Stepper {
             disturbed: Injector::new(&output.faults, assignment.timebase)
                 .map(|injector| Disturbed::new(injector, port.descriptor.size as usize)),
         });
-        let mut inputs: Vec<_> = inputs.collect();
         let mut outputs: Vec<_> = outputs.collect();
-        for (input, held) in inputs.iter_mut().zip(&held.inputs) {
-            let injector = input.as_mut().and_then(InputState::injector);
-            injector.into_iter().for_each(|injector| injector.remember(held));
+        for seen in &mut seen {
+            let held = held.inputs.get(seen.port);
+            let injector = seen.injector.as_mut().zip(held);
+            injector
+                .into_iter()
+                .for_each(|(injector, held)| injector.remember(held));
         }
         for (output, held) in outputs.iter_mut().zip(&held.outputs) {
             let disturbed = output.disturbed.iter_mut();
@@ -112,8 +120,9 @@ impl Stepper {
         }
         Stepper {
             participant,
-            looks: inputs.iter().flatten().any(|input| input.seen.is_some()),
-            inputs,
+            inputs: inputs.collect(),
+            assembled: Assembled::all(&assignment),
+            seen,
             outputs,
             recording: ends.recording,
             input_buffers: Inputs::zeroed(interface),
@@ -175,8 +184,8 @@ impl Stepper {
                         return Ok(false);
                     }
                 }
-                Phase::Look { input } => {
-                    if !self.look(input)? {
+                Phase::Look { seen } => {
+                    if !self.look(seen)? {
                         return Ok(false);
                     }
                 }
@@ -192,7 +201,7 @@ impl Stepper {
 
     /// Lets all links take what they need; to be called when everybody is there, before the first activation.
     pub fn prepare(&mut self) -> Result<(), StepError> {
-        self.inputs.iter_mut().flatten().try_for_each(InputState::prepare)?;
+        self.inputs.iter_mut().try_for_each(InputState::prepare)?;
         self.outputs.iter_mut().try_for_each(OutputState::prepare)
     }
 
@@ -210,6 +219,9 @@ impl Stepper {
                             Progress::AtHorizon
                         });
                     }
+                    for seen in &self.seen {
+                        seen.undo(self.input_buffers.payloads[seen.port].bytes_mut());
+                    }
                     self.phase = Phase::Gather { input: 0, read: None };
                 }
                 Phase::Gather { input, read } => {
@@ -217,8 +229,8 @@ impl Stepper {
                         return Ok(Progress::Waiting(wait));
                     }
                 }
-                Phase::Look { input } => {
-                    if !self.look(input)? {
+                Phase::Look { seen } => {
+                    if !self.look(seen)? {
                         return Ok(Progress::Waiting(Wait::Recording));
                     }
                 }
@@ -260,23 +272,22 @@ impl Stepper {
     }
 
     fn gather(&mut self, number: usize, read: Option<Read>) -> Result<Option<Wait>, StepError> {
-        let Some(slot) = self.inputs.get_mut(number) else {
-            if self.looks {
-                self.disturb_inputs();
+        let Some(input) = self.inputs.get_mut(number) else {
+            for input in &self.assembled {
+                input.assemble(&self.inputs, &mut self.input_buffers)?;
             }
+            self.disturb_inputs();
             self.step()?;
             return Ok(None);
         };
-        if let Some(input) = slot {
-            let payload = self.input_buffers.payloads[number].bytes_mut();
-            let read = read.unwrap_or_else(|| input.next_read(payload));
-            if let Some(index) = input.fetch(read, payload)? {
-                self.phase = Phase::Gather {
-                    input: number,
-                    read: Some(read),
-                };
-                return Ok(Some(Wait::Sample { input: number, index }));
-            }
+        let payload = self.input_buffers.payloads[input.port].bytes_mut();
+        let read = read.unwrap_or_else(|| input.next_read());
+        if let Some(index) = input.fetch(read, payload)? {
+            self.phase = Phase::Gather {
+                input: number,
+                read: Some(read),
+            };
+            return Ok(Some(Wait::Sample { input: number, index }));
         }
         self.phase = Phase::Gather {
             input: number + 1,
@@ -288,32 +299,28 @@ impl Stepper {
     /// Everything has come in and has been checked: now faults may change it.
     fn disturb_inputs(&mut self) {
         let t = self.next_instant();
-        for (input, payload) in self.inputs.iter_mut().zip(&mut self.input_buffers.payloads) {
-            if let Some(input) = input {
-                input.disturb(self.next, t, payload.bytes_mut());
-            }
+        for seen in &mut self.seen {
+            let payload = self.input_buffers.payloads[seen.port].bytes_mut();
+            seen.disturb(self.next, t, payload);
         }
     }
 
-    /// Puts what input `number` has shown to this activation on the tape, behind the outputs.
+    /// Puts what the input of `seen` number `number` has shown to this activation on the tape, behind the outputs.
     fn look(&mut self, number: usize) -> Result<bool, StepError> {
-        let Some(slot) = self.inputs.get(number) else {
+        let Some(seen) = self.seen.get(number) else {
             self.prepare_to_publish();
             return Ok(true);
         };
-        let seen = slot.as_ref().and_then(|input| input.seen.as_ref());
-        if let Some(seen) = seen {
-            let header = Header {
-                index: self.next,
-                stamp: self.assignment.sample_time.instant(self.next),
-            };
-            let payload = self.input_buffers.payloads[number].bytes();
-            let appended = self.recording.try_append(seen.stream, header, payload);
-            if !appended.map_err(to_the_recorder)? {
-                return Ok(false);
-            }
+        let header = Header {
+            index: self.next,
+            stamp: self.assignment.sample_time.instant(self.next),
+        };
+        let payload = self.input_buffers.payloads[seen.port].bytes();
+        let appended = self.recording.try_append(seen.stream, header, payload);
+        if !appended.map_err(to_the_recorder)? {
+            return Ok(false);
         }
-        self.phase = Phase::Look { input: number + 1 };
+        self.phase = Phase::Look { seen: number + 1 };
         Ok(true)
     }
 
@@ -370,8 +377,8 @@ impl Stepper {
     fn record(&mut self, number: usize) -> Result<bool, StepError> {
         let header = self.header();
         let Some(output) = self.outputs.get_mut(number) else {
-            if self.looks && self.initialised {
-                self.phase = Phase::Look { input: 0 };
+            if self.initialised && !self.seen.is_empty() {
+                self.phase = Phase::Look { seen: 0 };
             } else {
                 self.prepare_to_publish();
             }

@@ -43,7 +43,8 @@ impl Position {
         }
         let interface = &assignment.interface;
         let ports = [
-            ("inputs", self.inputs.len(), interface.inputs.len()),
+            ("links", self.inputs.len(), assignment.inputs.len()),
+            ("inputs", self.values.len(), interface.inputs.len()),
             ("outputs", self.outputs.len(), interface.outputs.len()),
         ];
         for (what, given, own) in ports {
@@ -51,20 +52,14 @@ impl Position {
                 return Err(PositionError::Ports { what, given, own });
             }
         }
-        for ((samples, port), link) in self.inputs.iter().zip(&interface.inputs).zip(&assignment.inputs) {
-            let (port, own) = (port.name.clone(), port.descriptor.size as usize);
-            match &samples[..] {
-                _ if link.is_some() => {}
-                [] => {}
-                [value] if value.payload.len() == own => {}
-                [value] => {
-                    let given = value.payload.len();
-                    return Err(PositionError::Value { port, given, own });
-                }
-                many => {
-                    let given = many.len();
-                    return Err(PositionError::Values { port, given });
-                }
+        for (number, (value, port)) in self.values.iter().zip(&interface.inputs).enumerate() {
+            let (port, given, own) = (port.name.clone(), value.len(), port.descriptor.size as usize);
+            let fed = assignment.inputs.iter().any(|link| link.input as usize == number);
+            match given {
+                0 => {}
+                _ if fed => return Err(PositionError::Fed { port }),
+                size if size == own => {}
+                _ => return Err(PositionError::Value { port, given, own }),
             }
         }
         for (bytes, port) in self.outputs.iter().zip(&interface.outputs) {

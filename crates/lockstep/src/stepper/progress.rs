@@ -6,9 +6,9 @@ use crate::transport::{Receiver, Recording, Sender};
 /// What a stepper cannot go on without.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wait {
-    /// Sample `index` of the link that feeds input `input`.
+    /// Sample `index` of a link that feeds an input.
     Sample {
-        /// The input.
+        /// The link's position in the assignment.
         input: usize,
         /// The sample.
         index: u64,
@@ -39,8 +39,8 @@ pub enum Progress {
 
 /// The ends of the links of one participant, in the order of its assignment.
 pub struct Ends {
-    /// One receiver per connected input.
-    pub receivers: Vec<Option<Box<dyn Receiver>>>,
+    /// One receiver per link that feeds an input.
+    pub receivers: Vec<Box<dyn Receiver>>,
     /// One sender per consumer of each output.
     pub senders: Vec<Vec<Box<dyn Sender>>>,
     /// The way to the tape.
@@ -54,12 +54,12 @@ pub(super) enum Phase {
     Initialise,
     /// Between activations.
     Rest,
-    /// Getting the sample for this input; what it reads is asked once.
+    /// Getting the sample of this link; what it reads is asked once.
     Gather { input: usize, read: Option<Read> },
     /// Putting this output on the tape.
     Record { output: usize },
-    /// Putting on the tape what this input has shown, where a fault may have changed it.
-    Look { input: usize },
+    /// Putting on the tape what an input has shown, where a fault may have changed it.
+    Look { seen: usize },
     /// Sending this output to this consumer.
     Publish { output: usize, consumer: usize },
 }

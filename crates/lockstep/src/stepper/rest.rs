@@ -19,17 +19,10 @@ impl Stepper {
     ) -> Result<Stepper, PositionError> {
         position.check(&assignment)?;
         let outputs = position.outputs.clone();
-        let inputs: Vec<Option<Vec<u8>>> = (position.inputs.iter().zip(&assignment.inputs))
-            .map(|(samples, link)| {
-                samples
-                    .first()
-                    .filter(|_| link.is_none())
-                    .map(|one| one.payload.clone())
-            })
-            .collect();
+        let values = position.values.clone();
         let mut stepper = Stepper::at(participant, assignment, ends, position);
-        for (buffer, value) in stepper.input_buffers.payloads.iter_mut().zip(inputs) {
-            if let Some(value) = value {
+        for (buffer, value) in stepper.input_buffers.payloads.iter_mut().zip(values) {
+            if !value.is_empty() {
                 buffer.bytes_mut().copy_from_slice(&value);
             }
         }
@@ -61,7 +54,8 @@ impl Stepper {
     /// # Panics
     /// When the input is fed or `payload` has another size: a mistake of the caller.
     pub(crate) fn set_input(&mut self, input: usize, payload: &[u8]) {
-        assert!(self.inputs[input].is_none(), "input {input} is fed");
+        let fed = self.inputs.iter().any(|link| link.port == input);
+        assert!(!fed, "input {input} is fed");
         self.input_buffers.payloads[input].bytes_mut().copy_from_slice(payload);
     }
 }

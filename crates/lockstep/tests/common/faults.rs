@@ -30,7 +30,7 @@ impl Faults {
         let place = |one: &Somewhere| {
             let participant = one.participant % plan.participants.len();
             let own = &plan.participants[participant];
-            let connected: Vec<usize> = (0..own.inputs.len()).filter(|&at| own.inputs[at].is_some()).collect();
+            let connected: Vec<usize> = (0..own.inputs.len()).filter(|&at| !own.inputs[at].is_empty()).collect();
             if one.output {
                 let port = one.port % own.interface.outputs.len();
                 return Some(Place::Output { participant, port });

@@ -3,6 +3,7 @@
 
 mod faults;
 mod mixed;
+mod shape;
 
 use std::sync::{Arc, Mutex};
 
@@ -16,6 +17,7 @@ use proptest::prelude::*;
 
 pub use mixed::Mixed;
 use mixed::time;
+use shape::{Came, Shape};
 
 /// Mixes the inputs of every activation into a state and gives it out.
 pub struct Mixer {
@@ -110,7 +112,7 @@ impl Recording for Shared {
 #[derive(Debug, Clone)]
 pub struct World {
     pub mixers: Vec<(Kind, Rational, Rational, usize, usize)>,
-    pub links: Vec<(usize, usize, usize, usize, Timing, bool)>,
+    pub links: Vec<(usize, usize, usize, usize, Timing, bool, Shape)>,
     pub duration: Rational,
     pub seed: u64,
     pub faults: faults::Faults,
@@ -132,15 +134,16 @@ impl World {
     }
 
     pub fn plan(&self) -> Result<Plan, Vec<PlanError>> {
-        let mut taken = Vec::new();
+        let mut taken: Vec<((usize, usize), Shape)> = Vec::new();
         let mut links = Vec::new();
-        for (number, &(from, output, to, input, timing, first)) in self.links.iter().enumerate() {
+        for (number, &(from, output, to, input, timing, first, shape)) in self.links.iter().enumerate() {
             let (from, to) = (from % self.mixers.len(), to % self.mixers.len());
             let (output, input) = (output % self.mixers[from].4, input % self.mixers[to].3.max(1));
-            if self.mixers[to].3 == 0 || taken.contains(&(to, input)) {
+            let beside = |&(port, other): &((usize, usize), Shape)| port != (to, input) || shape.goes_with(other);
+            if self.mixers[to].3 == 0 || !taken.iter().all(beside) {
                 continue;
             }
-            taken.push((to, input));
+            taken.push(((to, input), shape));
             let first = first && self.mixers[from].0 == Kind::Continuous && self.mixers[from].2 <= self.mixers[to].2;
             links.push(LinkSpec {
                 name: format!("link{number}"),
@@ -152,6 +155,8 @@ impl World {
                 } else {
                     Some(Initial::Value(vec![number as u8; 16]))
                 },
+                conversion: shape.conversion(),
+                draws: shape.conversion().map(|_| format!("c{number}")),
                 faults: self.link_faults(number),
             });
         }
@@ -198,6 +203,7 @@ pub fn worlds() -> impl Strategy<Value = World> {
         0_usize..3,
         prop_oneof![1 => timing, 1 => zero],
         any::<bool>(),
+        shape::shapes(),
     );
     (
         prop::collection::vec(mixer, 1..7),
@@ -266,42 +272,16 @@ pub fn reference(world: &World, plan: &Plan) -> Tape {
         let (_, number, k) = todo.remove(ready.expect("the planner promised that there is no loop"));
         let own = &plan.participants[number];
         let (inputs, outputs) = &mut buffers[number];
-        for (input, link) in own.inputs.iter().enumerate() {
-            let Some(link) = link.map(|link| &plan.links[link]) else {
+        for (input, links) in own.inputs.iter().enumerate() {
+            if links.is_empty() {
                 continue;
-            };
-            let stream = plan.participants[link.from.0].first_stream as usize + link.from.1;
-            let arrived = |index: u64, stamp: Ticks| stamp + link.visibility.delay(index) <= now;
-            let sent = tape[stream]
-                .iter()
-                .rev()
-                .filter(|(index, stamp, _)| arrived(*index, *stamp));
-            let newest = match link.visibility.hold() {
-                Hold::Last => sent
-                    .clone()
-                    .find(|(index, ..)| !link.visibility.dropped(*index))
-                    .map(Some),
-                Hold::Initial => sent
-                    .clone()
-                    .next()
-                    .map(|sample| (!link.visibility.dropped(sample.0)).then_some(sample)),
-            };
-            let sent = |index: u64| {
-                let producer = &plan.participants[link.from.0];
-                let place = Place::Output {
-                    participant: link.from.0,
-                    port: link.from.1,
-                };
-                let given = |index: u64| tape[stream][index as usize].2.clone();
-                let instant = |index| producer.sample_time.instant(index);
-                faults::disturbed(plan, place, plan.faults.len(), index, &instant, &given)
-            };
-            let bytes = match (newest, &link.initial) {
-                (Some(Some((index, ..))), _) => sent(*index),
-                (None, Initial::FirstSample) => sent(0),
-                (_, Initial::Value(bytes)) => bytes.clone(),
-                (Some(None), Initial::FirstSample) => vec![0; 16],
-            };
+            }
+            let came = links.iter().map(|&link| came(plan, &tape, link, now));
+            let shapes = links.iter().map(|&link| {
+                let number: usize = plan.links[link].name["link".len()..].parse().unwrap();
+                world.links[number].6
+            });
+            let bytes = shape::together(shapes.zip(came));
             came_in[number][input].push(bytes);
             let place = Place::Input {
                 participant: number,
@@ -331,4 +311,41 @@ pub fn reference(world: &World, plan: &Plan) -> Tape {
         record(&mut tape, number, index, outputs);
     }
     tape
+}
+
+/// What came over link number `link` for an activation at `now`: a sample, or what stands in for one.
+fn came(plan: &Plan, tape: &Tape, link: usize, now: Ticks) -> Came {
+    let link = &plan.links[link];
+    let stream = plan.participants[link.from.0].first_stream as usize + link.from.1;
+    let arrived = |index: u64, stamp: Ticks| stamp + link.visibility.delay(index) <= now;
+    let sent = tape[stream]
+        .iter()
+        .rev()
+        .filter(|(index, stamp, _)| arrived(*index, *stamp));
+    let newest = match link.visibility.hold() {
+        Hold::Last => sent
+            .clone()
+            .find(|(index, ..)| !link.visibility.dropped(*index))
+            .map(Some),
+        Hold::Initial => sent
+            .clone()
+            .next()
+            .map(|sample| (!link.visibility.dropped(sample.0)).then_some(sample)),
+    };
+    let sent = |index: u64| {
+        let producer = &plan.participants[link.from.0];
+        let place = Place::Output {
+            participant: link.from.0,
+            port: link.from.1,
+        };
+        let given = |index: u64| tape[stream][index as usize].2.clone();
+        let instant = |index| producer.sample_time.instant(index);
+        faults::disturbed(plan, place, plan.faults.len(), index, &instant, &given)
+    };
+    match (newest, &link.initial) {
+        (Some(Some((index, ..))), _) => Came::Sample(sent(*index)),
+        (None, Initial::FirstSample) => Came::Sample(sent(0)),
+        (_, Initial::Value(bytes)) => Came::Initial(bytes.clone()),
+        (Some(None), Initial::FirstSample) => Came::Initial(vec![0; 16]),
+    }
 }

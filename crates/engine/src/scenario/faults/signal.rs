@@ -8,7 +8,7 @@ use lockstep::units;
 use toml::Value;
 
 use super::entry::{FaultEntry, Kind, Refusal};
-use crate::scenario::plan::{not_a_port, port};
+use crate::scenario::ports::{not_a_port, port};
 
 /// A signal fault that has been understood as far as that goes without the message that it disturbs.
 #[derive(Debug, Clone)]

@@ -1,0 +1,84 @@
+//! Connections by fields: from names and units to the elements of payloads.
+
+mod entry;
+mod pairs;
+
+use lockstep::link::{Conversion, Pair};
+use lockstep::plan::Initial;
+use lockstep::port::Descriptor;
+
+use super::ports::End;
+use super::types::ConnectionEntry;
+pub(super) use entry::Refusal;
+use entry::Wiring;
+use pairs::Ports;
+
+/// What is known of the ports at the ends of a link.
+pub(super) struct Known<'a> {
+    pub(super) sends: Option<&'a Descriptor>,
+    pub(super) takes: Option<&'a Descriptor>,
+}
+
+/// Whether `connection` is between fields, whatever the ports are.
+pub(super) fn names_fields(connection: &ConnectionEntry) -> bool {
+    let named = |text: &str| End::of(text).is_some_and(|end| end.field.is_some());
+    connection.map.is_some() || named(&connection.from) || connection.to.all().iter().any(|to| named(to))
+}
+
+/// How samples of `from` become fields of `to`; `None` where no fields are named, and they are the input as they are. Where one of the ports is not `known`, only what can be told: which elements are fed.
+pub(super) fn conversion(
+    connection: &ConnectionEntry,
+    from: End<'_>,
+    to: End<'_>,
+    known: &Known<'_>,
+    assumed: &Descriptor,
+) -> Result<Option<Conversion>, Refusal> {
+    let wiring = Wiring::of(connection, from, to)?;
+    let (Some(sends), Some(takes)) = (known.sends, known.takes) else {
+        return Ok((!wiring.is_whole()).then(|| Conversion {
+            message: assumed.clone(),
+            pairs: known
+                .takes
+                .map_or_else(Vec::new, |takes| pairs::targets(&wiring, takes, connection.sum)),
+        }));
+    };
+    let ports = Ports {
+        sends,
+        takes,
+        adds: connection.sum,
+        any_frames: connection.any_frames(),
+    };
+    let key = if connection.map.is_some() { "map" } else { "to" };
+    let pairs = match &wiring {
+        Wiring::Whole => return Ok(None),
+        Wiring::ByName => ports.by_name().map_err(|reason| (key, reason))?,
+        Wiring::Named(named) => {
+            let each = named.iter().map(|(to, recipe)| ports.pairs(to, recipe));
+            let each = each.collect::<Result<Vec<Vec<Pair>>, String>>();
+            each.map_err(|reason| (key, reason))?.concat()
+        }
+    };
+    Ok(Some(Conversion {
+        message: sends.clone(),
+        pairs,
+    }))
+}
+
+/// That what an input shows at first is only said of what the link feeds.
+pub(super) fn check_initial(initial: &Initial, conversion: &Conversion, takes: &Descriptor) -> Result<(), String> {
+    let Initial::Value(bytes) = initial else { return Ok(()) };
+    for field in &takes.fields {
+        let starts = field.range().step_by(field.element.size()).enumerate();
+        for (index, at) in starts {
+            let fed = conversion.pairs.iter().any(|pair| {
+                let start = pair.to.offset as usize;
+                (start..start + pair.count as usize * pair.to.element.size()).contains(&at)
+            });
+            if !fed && bytes[at..at + field.element.size()].iter().any(|byte| *byte != 0) {
+                let name = field.element_name(index);
+                return Err(format!("`{name}` is not fed by this connection: leave it out"));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,241 @@
+//! What each element of an input is made of.
+
+use lockstep::fault::Slot;
+use lockstep::link::{Pair, Term};
+use lockstep::port::{Descriptor, Field};
+use lockstep::units;
+use toml::Value;
+
+use super::entry::{Part, Recipe, Wiring};
+use crate::scenario::faults::values;
+
+/// The ports at the ends of a link, and what the connection says of all of its fields.
+pub(super) struct Ports<'a> {
+    pub(super) sends: &'a Descriptor,
+    pub(super) takes: &'a Descriptor,
+    pub(super) adds: bool,
+    pub(super) any_frames: bool,
+}
+
+/// Neighbouring elements of a field.
+struct Run<'a> {
+    name: &'a str,
+    field: &'a Field,
+    first: Slot,
+    count: usize,
+}
+
+impl<'a> Run<'a> {
+    fn find(descriptor: &'a Descriptor, name: &'a str) -> Result<Run<'a>, String> {
+        let Some((field, slots)) = Slot::named(descriptor, name) else {
+            let known: Vec<String> = descriptor.fields.iter().map(|field| format!("`{field}`")).collect();
+            return Err(format!(
+                "`{}` has no field or element `{name}`; it has {}",
+                descriptor.name,
+                known.join("; ")
+            ));
+        };
+        Ok(Run {
+            name,
+            field,
+            first: slots[0],
+            count: slots.len(),
+        })
+    }
+
+    fn is_whole(&self) -> bool {
+        self.count == self.field.len()
+    }
+}
+
+/// What is fed where the fields that it is made of are not known: as if it were constant.
+pub(super) fn targets(wiring: &Wiring, takes: &Descriptor, adds: bool) -> Vec<Pair> {
+    let names: Vec<&str> = match wiring {
+        Wiring::Whole => Vec::new(),
+        Wiring::ByName => takes.fields.iter().map(|field| field.name.as_str()).collect(),
+        Wiring::Named(named) => named.iter().map(|(to, _)| to.as_str()).collect(),
+    };
+    let runs = names.into_iter().filter_map(|name| Run::find(takes, name).ok());
+    let pair = |run: Run<'_>| Pair {
+        to: run.first,
+        count: run.count as u32,
+        terms: Vec::new(),
+        offset: 0.0,
+        adds,
+    };
+    runs.map(pair).collect()
+}
+
+impl Ports<'_> {
+    /// Every field of the input from the field of the same name.
+    pub(super) fn by_name(&self) -> Result<Vec<Pair>, String> {
+        let there = |field: &&Field| !field.is_padding() || self.sends.field(&field.name).is_some();
+        let each = self.takes.fields.iter().filter(there).map(|field| {
+            let part = Part {
+                from: field.name.clone(),
+                factor: None,
+            };
+            let recipe = Recipe {
+                terms: vec![part],
+                ..Recipe::default()
+            };
+            self.pairs(&field.name, &recipe)
+        });
+        Ok(each.collect::<Result<Vec<Vec<Pair>>, String>>()?.concat())
+    }
+
+    /// The field or element `to` of the input.
+    pub(super) fn pairs(&self, to: &str, recipe: &Recipe) -> Result<Vec<Pair>, String> {
+        let run = Run::find(self.takes, to)?;
+        let terms = recipe.terms.iter().map(|part| self.term(&run, part));
+        let terms: Vec<Term> = terms.collect::<Result<_, String>>()?;
+        let offsets = match (&recipe.value, &recipe.offset) {
+            (Some(value), _) => constants(&run, value)?,
+            (None, Some(offset)) => {
+                values(offset, &run.field.unit, run.count).map_err(|reason| format!("`{to}`: the offset {reason}"))?
+            }
+            (None, None) => vec![0.0],
+        };
+        let pair = |number: u32, count: u32, offset: f64| Pair {
+            to: Slot {
+                offset: run.first.offset + number * run.first.element.size() as u32,
+                ..run.first
+            },
+            count,
+            terms: terms.iter().map(|term| after(term, number)).collect(),
+            offset,
+            adds: self.adds,
+        };
+        let same = offsets.iter().all(|offset| offset.to_bits() == offsets[0].to_bits());
+        let pairs: Vec<Pair> = if same {
+            vec![pair(0, run.count as u32, offsets[0])]
+        } else {
+            let each = offsets.iter().enumerate();
+            each.map(|(number, &offset)| pair(number as u32, 1, offset)).collect()
+        };
+        let computed = pairs.iter().any(|pair| !pair.terms.is_empty() && !pair.copies());
+        if (computed || self.adds) && !run.field.element.is_decimal() {
+            return Err(format!(
+                "`{}` is made of whole numbers, which are taken over as they are: leave `factor`, `offset`, sums and other units out, \
+                 or make it f64",
+                run.field
+            ));
+        }
+        Ok(pairs)
+    }
+
+    fn term(&self, to: &Run<'_>, part: &Part) -> Result<Term, String> {
+        let from = Run::find(self.sends, &part.from)?;
+        let shapes = from.is_whole() && to.is_whole() && from.count > 1 && from.field.shape != to.field.shape;
+        if from.count != to.count || shapes {
+            return Err(format!(
+                "`{}` has {} of `{}` and `{}` has {} of `{}`: name elements, such as `{}`, or fields of one shape",
+                from.name,
+                elements(from.count),
+                from.field,
+                to.name,
+                elements(to.count),
+                to.field,
+                if from.count > to.count { &from } else { to }.field.element_name(0)
+            ));
+        }
+        if !to.field.element.holds(from.field.element) {
+            return Err(format!(
+                "`{}` cannot be `{}`: {} does not hold every value of {}; make the input {}",
+                to.field,
+                from.field,
+                to.field.element.name(),
+                from.field.element.name(),
+                from.field.element.name(),
+            ));
+        }
+        let (ours, theirs) = (&from.field.frame, &to.field.frame);
+        if !self.any_frames && !ours.is_empty() && !theirs.is_empty() && ours != theirs {
+            return Err(format!(
+                "`{}` is not in the frame of `{}`: write frames = \"any\" in the connection if the numbers are meant all the same",
+                from.field, to.field
+            ));
+        }
+        let scale = scale(part, from.field, to.field)
+            .map_err(|reason| format!("`{}` does not become `{}`: {reason}", from.field, to.field))?;
+        Ok(Term {
+            from: from.first,
+            scale,
+        })
+    }
+}
+
+fn after(term: &Term, number: u32) -> Term {
+    let from = Slot {
+        offset: term.from.offset + number * term.from.element.size() as u32,
+        ..term.from
+    };
+    Term { from, ..*term }
+}
+
+fn elements(count: usize) -> String {
+    if count == 1 {
+        "one element".to_owned()
+    } else {
+        format!("{count} elements")
+    }
+}
+
+/// What values of `from` are multiplied with.
+fn scale(part: &Part, from: &Field, to: &Field) -> Result<f64, String> {
+    let one = |text: &str| {
+        let (values, listed) = units::convert(text, &to.unit).map_err(|error| {
+            format!("{error}; a factor with a unit, such as factor = \"2 N/m\", makes one dimension of another")
+        })?;
+        match values[..] {
+            [value] if !listed => Ok(value),
+            _ => Err(format!("the factor `{text}` is a list: write one number")),
+        }
+    };
+    let factor = match &part.factor {
+        None => 1.0,
+        Some(Value::Float(factor)) => *factor,
+        Some(Value::Integer(factor)) => *factor as f64,
+        // The unit of the product is that of the factor times that of the field.
+        Some(Value::String(text)) => return one(&product(text, &from.unit)),
+        Some(other) => return Err(format!("the factor `{other}` is no number: write 2, 0.5 or \"2 N/m\"")),
+    };
+    if !factor.is_finite() {
+        return Err(format!("the factor {factor} is not finite"));
+    }
+    if from.unit == to.unit {
+        return Ok(factor);
+    }
+    Ok(one(&format!("1 {}", from.unit))? * factor)
+}
+
+/// A quantity times a unit, as text.
+fn product(factor: &str, unit: &str) -> String {
+    if unit == "1" {
+        factor.to_owned()
+    } else {
+        format!("{factor} {unit}")
+    }
+}
+
+/// What the elements of `run` always are.
+fn constants(run: &Run<'_>, value: &Value) -> Result<Vec<f64>, String> {
+    // A number stands in the unit of the field, as in an initial value.
+    let unit = if value.is_str() { run.field.unit.as_str() } else { "1" };
+    let numbers = values(value, unit, run.count).map_err(|reason| format!("`{}`: the value {reason}", run.name))?;
+    let element = run.field.element;
+    for number in &numbers {
+        let mut bytes = [0; 8];
+        element.put(*number, &mut bytes[..element.size()]);
+        let kept = element.to_f64(&bytes);
+        let exact = kept.to_bits() == number.to_bits() || (*number == 0.0 && kept == 0.0);
+        let large = !element.is_decimal() && number.abs() >= 9_007_199_254_740_992.0;
+        if !number.is_finite() || large || (!exact && !element.is_decimal()) {
+            return Err(format!(
+                "`{}` cannot always be {number}: write a value that it holds",
+                run.field
+            ));
+        }
+    }
+    Ok(numbers)
+}

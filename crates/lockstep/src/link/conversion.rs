@@ -1,0 +1,300 @@
+//! Conversions: what the samples of a link become in the fields of an input that was not made for them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::fault::Slot;
+use crate::port::{Descriptor, Element};
+
+/// How the samples of a link become elements of an input. An input with several such links is put together from all of them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Conversion {
+    /// What the link brings.
+    pub message: Descriptor,
+    /// What becomes of it.
+    pub pairs: Vec<Pair>,
+}
+
+/// Neighbouring elements of an input, and what they are made of: the sum of the terms, and the offset.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Pair {
+    /// The first of them.
+    pub to: Slot,
+    /// How many there are.
+    pub count: u32,
+    /// What they are made of; nothing for constants.
+    pub terms: Vec<Term>,
+    /// Is added, in the unit of the elements.
+    pub offset: f64,
+    /// Whether this is added to what other pairs give, which all say so. Such a sum starts at zero.
+    pub adds: bool,
+}
+
+/// Neighbouring elements of a sample, and the factor that they are taken with.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Term {
+    /// The first of them.
+    pub from: Slot,
+    /// The factor, which has the conversion of units in it.
+    pub scale: f64,
+}
+
+impl Conversion {
+    /// Whether it turns samples of its message into elements of `takes`.
+    ///
+    /// # Errors
+    /// What is wrong.
+    pub(crate) fn check(&self, takes: &Descriptor) -> Result<(), String> {
+        for pair in &self.pairs {
+            let count = pair.count as usize;
+            if count == 0 || !pair.to.run_fits(count, takes) {
+                return Err(format!("`{}` has no such elements", takes.name));
+            }
+            if !pair.terms.iter().all(|term| term.from.run_fits(count, &self.message)) {
+                return Err(format!("`{}` has no such elements", self.message.name));
+            }
+            let scales = pair.terms.iter().map(|term| term.scale);
+            if let Some(number) = scales.chain([pair.offset]).find(|number| !number.is_finite()) {
+                return Err(format!("{number} is not finite"));
+            }
+            let to = pair.to.element;
+            if let Some(term) = pair.terms.iter().find(|term| !to.holds(term.from.element)) {
+                let (from, to) = (term.from.element.name(), to.name());
+                return Err(format!("{to} does not hold every value of {from}"));
+            }
+            if !pair.terms.is_empty() && !pair.copies() && !to.is_decimal() {
+                return Err(format!(
+                    "arithmetic needs f64 or f32 where the elements are {}",
+                    to.name()
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets those elements of `payload` to zero to which it and others will add.
+    pub(crate) fn clear(&self, payload: &mut [u8]) {
+        for pair in self.pairs.iter().filter(|pair| pair.adds) {
+            payload[pair.range()].fill(0);
+        }
+    }
+
+    /// Puts what becomes of `sample` into the payload of the input.
+    pub(crate) fn apply(&self, sample: &[u8], payload: &mut [u8]) {
+        self.pairs.iter().for_each(|pair| pair.apply(sample, payload));
+    }
+
+    /// Puts what stands in for a sample into the payload of the input: the elements of `initial`, which is such a payload, and
+    /// constants, which hold always.
+    pub(crate) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
+        for pair in &self.pairs {
+            if pair.terms.is_empty() {
+                pair.apply(&[], payload);
+            } else if pair.adds {
+                for to in pair.elements() {
+                    let value = to.value(payload) + to.value(initial);
+                    to.element.put(value, to.bytes(payload));
+                }
+            } else {
+                payload[pair.range()].copy_from_slice(&initial[pair.range()]);
+            }
+        }
+    }
+}
+
+impl Pair {
+    /// The bytes of its elements.
+    pub(crate) fn range(&self) -> std::ops::Range<usize> {
+        let start = self.to.offset as usize;
+        start..start + self.count as usize * self.to.element.size()
+    }
+
+    /// Whether values are taken over as they are.
+    pub fn copies(&self) -> bool {
+        let [term] = self.terms[..] else { return false };
+        term.scale == 1.0 && self.offset == 0.0 && !self.adds
+    }
+
+    fn elements(&self) -> impl Iterator<Item = Slot> {
+        let to = self.to;
+        (0..self.count).map(move |number| to.after(number))
+    }
+
+    fn apply(&self, sample: &[u8], payload: &mut [u8]) {
+        if self.copies() {
+            return self.copy(self.terms[0].from, sample, payload);
+        }
+        for number in 0..self.count {
+            let mut parts = self.terms.iter();
+            let part = |term: &Term| term.from.after(number).value(sample) * term.scale;
+            let mut value = match parts.next() {
+                Some(first) => parts.fold(part(first), |sum, term| sum + part(term)),
+                None => self.offset,
+            };
+            if self.offset != 0.0 && !self.terms.is_empty() {
+                value += self.offset;
+            }
+            let to = self.to.after(number);
+            if self.adds {
+                value += to.value(payload);
+            }
+            to.element.put(value, to.bytes(payload));
+        }
+    }
+
+    /// Values as they are, in elements that hold them.
+    fn copy(&self, from: Slot, sample: &[u8], payload: &mut [u8]) {
+        if from.element == self.to.element {
+            let start = from.offset as usize;
+            let range = self.range();
+            let bytes = &sample[start..start + range.len()];
+            return payload[range].copy_from_slice(bytes);
+        }
+        for number in 0..self.count {
+            let (from, to) = (from.after(number), self.to.after(number));
+            let bytes = to.bytes(payload);
+            if to.element.is_decimal() {
+                to.element.put(from.value(sample), bytes);
+            } else {
+                let whole = whole(from.element, &sample[from.range()]).to_le_bytes();
+                bytes.copy_from_slice(&whole[..to.element.size()]);
+            }
+        }
+    }
+}
+
+/// A whole number of any type.
+fn whole(element: Element, bytes: &[u8]) -> i128 {
+    let mut wide = [0; 16];
+    wide[..bytes.len()].copy_from_slice(bytes);
+    let negative = matches!(element, Element::I32 | Element::I64) && bytes.last().is_some_and(|last| last & 0x80 != 0);
+    if negative {
+        wide[bytes.len()..].fill(0xff);
+    }
+    i128::from_le_bytes(wide)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn slot(offset: u32, element: Element) -> Slot {
+        Slot { offset, element }
+    }
+
+    /// What becomes of one value.
+    fn converted(from: Element, value: &[u8], to: Element, scale: f64, offset: f64) -> Vec<u8> {
+        let pair = Pair {
+            to: slot(0, to),
+            count: 1,
+            terms: vec![Term {
+                from: slot(0, from),
+                scale,
+            }],
+            offset,
+            adds: false,
+        };
+        let mut payload = vec![0x55; to.size()];
+        pair.apply(value, &mut payload);
+        payload
+    }
+
+    #[test]
+    fn element_holds_a_type_exactly_when_every_value_comes_back() {
+        let all = [
+            (
+                Element::F64,
+                vec![1.5e300_f64.to_le_bytes().to_vec(), 0.1_f64.to_le_bytes().to_vec()],
+            ),
+            (
+                Element::F32,
+                vec![f32::MAX.to_le_bytes().to_vec(), 0.1_f32.to_le_bytes().to_vec()],
+            ),
+            (
+                Element::I64,
+                vec![i64::MIN.to_le_bytes().to_vec(), (i64::MAX - 1).to_le_bytes().to_vec()],
+            ),
+            (
+                Element::I32,
+                vec![i32::MIN.to_le_bytes().to_vec(), (i32::MAX - 1).to_le_bytes().to_vec()],
+            ),
+            (Element::U64, vec![(u64::MAX - 1).to_le_bytes().to_vec()]),
+            (Element::U32, vec![(u32::MAX - 1).to_le_bytes().to_vec()]),
+            (Element::U8, vec![vec![255], vec![7]]),
+        ];
+        for (from, values) in &all {
+            for (to, _) in &all {
+                let kept = values.iter().all(|value| same(*from, value, *to));
+                assert_eq!(to.holds(*from), kept, "{from:?} in {to:?}");
+            }
+        }
+    }
+
+    /// Whether the converted value is the same number.
+    fn same(from: Element, value: &[u8], to: Element) -> bool {
+        let new = converted(from, value, to, 1.0, 0.0);
+        match (from.is_decimal(), to.is_decimal()) {
+            (true, true) => from.to_f64(value).to_bits() == to.to_f64(&new).to_bits(),
+            // Every value of these types is whole, so that a double that is near one is not it.
+            (false, true) => whole(from, value) == to.to_f64(&new) as i128,
+            (false, false) => whole(from, value) == whole(to, &new),
+            // What is no whole number is not kept by any of them.
+            (true, false) => false,
+        }
+    }
+
+    #[test]
+    fn value_is_scaled_then_shifted_and_kept_where_neither_is_asked() {
+        let value = 0.1_f64.to_le_bytes();
+        let of = |scale, offset| {
+            let bytes = converted(Element::F64, &value, Element::F64, scale, offset);
+            Element::F64.to_f64(&bytes)
+        };
+        assert_eq!(of(1.0, 0.0).to_bits(), 0.1_f64.to_bits());
+        assert_eq!(of(-3.0, 0.0).to_bits(), (0.1_f64 * -3.0).to_bits());
+        assert_eq!(of(-3.0, 0.7).to_bits(), (0.1_f64 * -3.0 + 0.7).to_bits());
+        let nan = f64::NAN.to_le_bytes();
+        assert_eq!(converted(Element::F64, &nan, Element::F64, 1.0, 0.0), nan);
+    }
+
+    #[test]
+    fn sum_starts_at_zero_and_is_made_again_each_time() {
+        let add = |scale, offset| Conversion {
+            message: Descriptor {
+                name: "x".into(),
+                size: 16,
+                fields: Vec::new(),
+            },
+            pairs: vec![Pair {
+                to: slot(8, Element::F64),
+                count: 1,
+                terms: vec![
+                    Term {
+                        from: slot(0, Element::F64),
+                        scale,
+                    },
+                    Term {
+                        from: slot(8, Element::F64),
+                        scale: 1.0,
+                    },
+                ],
+                offset,
+                adds: true,
+            }],
+        };
+        let (one, two) = (add(2.0, 0.5), add(-1.0, 0.0));
+        let sample: Vec<u8> = [3.0_f64, 10.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+        let initial: Vec<u8> = [0.0_f64, 100.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+        let mut payload = vec![0; 16];
+        for _ in 0..2 {
+            one.clear(&mut payload);
+            two.clear(&mut payload);
+            one.apply(&sample, &mut payload);
+            two.apply(&sample, &mut payload);
+            assert_eq!(Element::F64.to_f64(&payload[8..]), 16.5 + 7.0);
+        }
+        one.clear(&mut payload);
+        one.apply(&sample, &mut payload);
+        two.stand_in(&initial, &mut payload);
+        assert_eq!(Element::F64.to_f64(&payload[8..]), 16.5 + 100.0);
+    }
+}

@@ -1,0 +1,73 @@
+//! Conversions in words, for whoever looks at a plan.
+
+use super::{Conversion, Pair, Term};
+use crate::fault::Slot;
+use crate::port::{Descriptor, Field};
+
+impl Conversion {
+    /// A line for each field, or part of one, of the input that takes `takes`: `u [rad] = 0.017453292519943295 * x [deg]`.
+    pub fn words(&self, takes: &Descriptor) -> Vec<String> {
+        self.pairs.iter().map(|pair| self.pair(pair, takes)).collect()
+    }
+
+    /// The names of the fields and elements that it feeds.
+    pub fn targets(&self, takes: &Descriptor) -> Vec<String> {
+        let name = |pair: &Pair| named(takes, pair.to, pair.count).map_or_else(String::new, |(name, _)| name);
+        self.pairs.iter().map(name).collect()
+    }
+
+    fn pair(&self, pair: &Pair, takes: &Descriptor) -> String {
+        let Some((to, field)) = named(takes, pair.to, pair.count) else {
+            return String::new();
+        };
+        let mut parts: Vec<String> = pair.terms.iter().map(|term| self.term(term, pair, field)).collect();
+        if pair.offset != 0.0 || parts.is_empty() {
+            parts.push(format!("{}", pair.offset));
+        }
+        let sign = if pair.adds { "+=" } else { "=" };
+        format!("{to}{} {sign} {}", unit(field), parts.join(" + "))
+    }
+
+    fn term(&self, term: &Term, pair: &Pair, to: &Field) -> String {
+        let Some((name, field)) = named(&self.message, term.from, pair.count) else {
+            return String::new();
+        };
+        let scale = if term.scale == 1.0 {
+            String::new()
+        } else {
+            format!("{} * ", term.scale)
+        };
+        let mut text = format!("{scale}{name}{}", unit(field));
+        if field.element != to.element {
+            text += &format!(" ({} to {})", field.element.name(), to.element.name());
+        }
+        if field.frame != to.frame {
+            let frame = |field: &Field| match field.frame.as_str() {
+                "" => "no frame".to_owned(),
+                frame => format!("frame {frame}"),
+            };
+            text += &format!(" ({} to {})", frame(field), frame(to));
+        }
+        text
+    }
+}
+
+/// ` [m/s]`; nothing for pure numbers.
+fn unit(field: &Field) -> String {
+    if field.unit == "1" {
+        String::new()
+    } else {
+        format!(" [{}]", field.unit)
+    }
+}
+
+/// The name of `count` elements from `first` on, and the field that they are of.
+fn named(descriptor: &Descriptor, first: Slot, count: u32) -> Option<(String, &Field)> {
+    let start = first.offset as usize;
+    let field = descriptor.fields.iter().find(|field| field.range().contains(&start))?;
+    if count as usize == field.len() {
+        return Some((field.name.clone(), field));
+    }
+    let index = (start - field.range().start) / field.element.size();
+    Some((field.element_name(index), field))
+}

@@ -1,0 +1,187 @@
+//! What each participant is told of a plan.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Initial, Plan};
+use crate::fault::{Disturbance, Place};
+use crate::link::{Conversion, ReadSchedule, Visibility};
+use crate::participant::Interface;
+use crate::port::Descriptor;
+use crate::time::{SampleTime, Ticks, Timebase};
+
+/// The part of a plan that one participant works from: what it is told before the run starts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Assignment {
+    /// The participant's name.
+    pub name: String,
+    /// The tick.
+    pub timebase: Timebase,
+    /// Its activations.
+    pub sample_time: SampleTime,
+    /// How many activations lie before the end.
+    pub activations: u64,
+    /// The ports, which must be those it told at hello.
+    pub interface: Interface,
+    /// The links that feed its inputs, in the order of the inputs. Several may feed one, and none.
+    pub inputs: Vec<InputLink>,
+    /// One entry per output.
+    pub outputs: Vec<OutputPort>,
+    /// The inputs of which the tape has what the participant sees, in their order.
+    pub seen: Vec<SeenInput>,
+}
+
+impl Assignment {
+    /// The streams that the participant puts on the tape, in the order in which an activation does, with the bytes of a
+    /// payload.
+    pub fn streams(&self) -> impl Iterator<Item = (u32, usize)> + '_ {
+        let outputs = self.outputs.iter().zip(&self.interface.outputs);
+        let outputs = outputs.map(|(output, port)| (output.stream, port.descriptor.size as usize));
+        let inputs = &self.interface.inputs;
+        let seen = self.seen.iter();
+        outputs.chain(seen.map(|seen| (seen.stream, inputs[seen.input as usize].descriptor.size as usize)))
+    }
+}
+
+/// What a consumer knows of a link.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct InputLink {
+    /// The number of the input that it feeds.
+    pub input: u32,
+    /// The number of the link in the plan.
+    pub link: u32,
+    /// The name of the output, for messages.
+    pub from: String,
+    /// The rule of visibility.
+    pub visibility: Visibility,
+    /// What is read before anything is visible.
+    pub initial: Initial,
+    /// Samples that fit.
+    pub capacity: u32,
+    /// Whether a fault at the output may have made its samples NaN or infinite.
+    pub disturbed: bool,
+    /// How its samples become fields of the input; without one they are the input.
+    pub conversion: Option<Conversion>,
+}
+
+impl InputLink {
+    /// What the link brings, for an input that takes `takes`.
+    pub fn message<'a>(&'a self, takes: &'a Descriptor) -> &'a Descriptor {
+        self.conversion.as_ref().map_or(takes, |conversion| &conversion.message)
+    }
+}
+
+/// An input of which the tape has what the participant sees.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SeenInput {
+    /// The number of the input.
+    pub input: u32,
+    /// The number in the run's list of streams.
+    pub stream: u32,
+    /// What is wrong at the input itself.
+    pub faults: Vec<Disturbance>,
+}
+
+/// What a producer knows of an output.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OutputPort {
+    /// The number of the output in the run's list of streams.
+    pub stream: u32,
+    /// Everybody who reads it.
+    pub consumers: Vec<Consumer>,
+    /// What is done to its samples on the way to them.
+    pub faults: Vec<Disturbance>,
+}
+
+/// What a producer knows of a link.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Consumer {
+    /// The number of the link in the plan.
+    pub link: u32,
+    /// The name of the input, for messages.
+    pub to: String,
+    /// The number of the reading participant.
+    pub participant: u32,
+    /// The rule of visibility.
+    pub visibility: Visibility,
+    /// The reader's activations.
+    pub sample_time: SampleTime,
+    /// Whether the reader takes sample 0 before anything is visible.
+    pub first_sample: bool,
+    /// Samples that fit.
+    pub capacity: u32,
+    /// No activation of the reader at or after this instant, ticks.
+    pub end: Ticks,
+}
+
+impl Consumer {
+    /// The reads of the link.
+    pub fn schedule(&self) -> ReadSchedule {
+        ReadSchedule::new(self.visibility.clone(), self.sample_time, self.first_sample)
+    }
+}
+
+impl Plan {
+    /// The part of the plan that participant number `participant` works from.
+    pub fn assignment(&self, participant: usize) -> Assignment {
+        let own = &self.participants[participant];
+        let inputs = own.inputs.iter().enumerate();
+        let inputs = inputs.flat_map(|(input, links)| links.iter().map(move |&number| (input, number)));
+        let inputs = inputs.map(|(input, number)| {
+            let link = &self.links[number];
+            InputLink {
+                input: input as u32,
+                link: number as u32,
+                from: self.output_name(link.from),
+                visibility: link.visibility.clone(),
+                initial: link.initial.clone(),
+                capacity: link.capacity as u32,
+                disturbed: self.disturbed(link.from),
+                conversion: link.conversion.clone(),
+            }
+        });
+        let seen = (0..own.inputs.len()).filter_map(|port| {
+            Some(SeenInput {
+                input: port as u32,
+                stream: self.seen_stream(participant, port)?,
+                faults: self.disturbances(Place::Input { participant, port }),
+            })
+        });
+        let mut readers: Vec<Vec<usize>> = vec![Vec::new(); own.interface.outputs.len()];
+        for (number, link) in self.links.iter().enumerate() {
+            if link.from.0 == participant {
+                readers[link.from.1].push(number);
+            }
+        }
+        let outputs = readers.iter().enumerate().map(|(output, readers)| {
+            let consumers = readers.iter().map(|&number| (number, &self.links[number]));
+            let consumers = consumers.map(|(number, link)| Consumer {
+                link: number as u32,
+                to: self.input_name(link.to),
+                participant: link.to.0 as u32,
+                visibility: link.visibility.clone(),
+                sample_time: self.participants[link.to.0].sample_time,
+                first_sample: link.initial == Initial::FirstSample,
+                capacity: link.capacity as u32,
+                end: self.end,
+            });
+            OutputPort {
+                stream: own.first_stream + output as u32,
+                consumers: consumers.collect(),
+                faults: self.disturbances(Place::Output {
+                    participant,
+                    port: output,
+                }),
+            }
+        });
+        Assignment {
+            name: own.name.clone(),
+            timebase: self.timebase,
+            sample_time: own.sample_time,
+            activations: own.activations,
+            inputs: inputs.collect(),
+            outputs: outputs.collect(),
+            seen: seen.collect(),
+            interface: own.interface.clone(),
+        }
+    }
+}

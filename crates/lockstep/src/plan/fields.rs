@@ -1,0 +1,76 @@
+//! Inputs that are put together from fields: which of their elements are fed, and by whom.
+
+use super::{Plan, PlanError};
+use crate::port::{Descriptor, Field};
+
+/// What feeds an element: a link, and whether it adds to what others give.
+type Feeder = Option<(usize, bool)>;
+
+/// Elements that are fed twice, and those of inputs that must be fed which are not.
+pub(super) fn check(plan: &Plan) -> Vec<PlanError> {
+    let mut errors = Vec::new();
+    for (number, participant) in plan.participants.iter().enumerate() {
+        for (input, links) in participant.inputs.iter().enumerate() {
+            if links.iter().any(|&link| plan.links[link].conversion.is_some()) {
+                let port = &participant.interface.inputs[input];
+                let mut fed = vec![None; port.descriptor.size as usize];
+                for &link in links {
+                    errors.extend(feed(plan, link, &port.descriptor, &mut fed));
+                }
+                let left = left_out(&port.descriptor, &fed);
+                if port.required && !left.is_empty() {
+                    errors.push(PlanError::FieldsNotFed {
+                        input: plan.input_name((number, input)),
+                        fields: left,
+                    });
+                }
+            }
+        }
+    }
+    errors
+}
+
+/// Notes what `link` feeds; the first element that is fed already, unless both add.
+fn feed(plan: &Plan, link: usize, descriptor: &Descriptor, fed: &mut [Feeder]) -> Option<PlanError> {
+    let own = &plan.links[link];
+    for pair in own.conversion.iter().flat_map(|conversion| &conversion.pairs) {
+        for at in pair.range().step_by(pair.to.element.size()) {
+            match fed[at] {
+                Some((first, adds)) if !(adds && pair.adds) => {
+                    return Some(PlanError::FieldFedTwice {
+                        input: format!("{}.{}", plan.input_name(own.to), element_at(descriptor, at)),
+                        first: plan.links[first].name.clone(),
+                        second: own.name.clone(),
+                    });
+                }
+                _ => fed[at] = Some((link, pair.adds)),
+            }
+        }
+    }
+    None
+}
+
+/// The fields, or elements of them, that nothing feeds.
+fn left_out(descriptor: &Descriptor, fed: &[Feeder]) -> Vec<String> {
+    let mut left = Vec::new();
+    for field in descriptor.fields.iter().filter(|field| !field.is_padding()) {
+        let starts = field.range().step_by(field.element.size()).enumerate();
+        let missing: Vec<usize> = starts
+            .filter(|&(_, at)| fed[at].is_none())
+            .map(|(index, _)| index)
+            .collect();
+        if missing.len() == field.len() {
+            left.push(field.name.clone());
+        } else {
+            left.extend(missing.into_iter().map(|index| field.element_name(index)));
+        }
+    }
+    left
+}
+
+/// The name of the element that starts at byte `at`.
+fn element_at(descriptor: &Descriptor, at: usize) -> String {
+    let field = descriptor.fields.iter().find(|field| field.range().contains(&at));
+    let name = |field: &Field| field.element_name((at - field.offset as usize) / field.element.size());
+    field.map(name).unwrap_or_default()
+}

@@ -1,0 +1,135 @@
+//! Samples as they come in on a link: nothing of them is trusted.
+
+use std::collections::VecDeque;
+
+use super::StepError;
+use crate::participant::{FiniteCheck, first_not_finite};
+use crate::plan::{Backlog, InputLink};
+use crate::port::Descriptor;
+use crate::time::{SampleTime, Timebase};
+use crate::transport::{Broken, Header, Receiver};
+
+pub(super) struct Source {
+    receiver: Box<dyn Receiver>,
+    from: String,
+    descriptor: Descriptor,
+    finite: FiniteCheck,
+    producer: SampleTime,
+    timebase: Timebase,
+    /// The newest sample received: samples come in order, once each.
+    received: Option<u64>,
+    /// Samples that were sent before this participant took over, oldest first.
+    backlog: VecDeque<Backlog>,
+    /// Whether a fault on the way may have made samples NaN or infinite.
+    disturbed: bool,
+}
+
+impl Source {
+    pub(super) fn new(
+        link: &InputLink,
+        message: &Descriptor,
+        timebase: Timebase,
+        receiver: Box<dyn Receiver>,
+        backlog: Vec<Backlog>,
+    ) -> Source {
+        Source {
+            receiver,
+            from: link.from.clone(),
+            finite: FiniteCheck::new(message),
+            descriptor: message.clone(),
+            producer: link.visibility.producer(),
+            timebase,
+            received: None,
+            backlog: backlog.into(),
+            disturbed: link.disturbed,
+        }
+    }
+
+    /// The name of the output.
+    pub(super) fn from(&self) -> &str {
+        &self.from
+    }
+
+    pub(super) fn prepare(&mut self) -> Result<(), StepError> {
+        self.receiver.prepare().map_err(|source| self.broken(source))
+    }
+
+    fn broken(&self, source: Broken) -> StepError {
+        StepError::Broken {
+            way: format!("from `{}`", self.from),
+            source,
+        }
+    }
+
+    /// Whether sample `index` has not been received yet.
+    pub(super) fn is_behind(&self, index: u64) -> bool {
+        self.received.is_none_or(|received| received < index)
+    }
+
+    /// Receives samples into `payload` up to `index`; whether it has come.
+    pub(super) fn receive_to(&mut self, index: u64, payload: &mut [u8]) -> Result<bool, StepError> {
+        while self.is_behind(index) {
+            let received = self.receive(payload).map_err(|source| self.broken(source))?;
+            let Some(header) = received else { return Ok(false) };
+            self.check(header, index, payload)?;
+            self.received = Some(header.index);
+        }
+        Ok(true)
+    }
+
+    /// The next sample: first what was sent before this participant took over, then what comes.
+    fn receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
+        let Some(sample) = self.backlog.pop_front() else {
+            return self.receiver.try_receive(payload);
+        };
+        if sample.payload.len() != payload.len() {
+            let (came, due) = (sample.payload.len(), payload.len());
+            return Err(Broken(format!("a sample of {came} bytes where {due} are expected")));
+        }
+        payload.copy_from_slice(&sample.payload);
+        Ok(Some(Header {
+            index: sample.index,
+            stamp: self.producer.instant(sample.index),
+        }))
+    }
+
+    /// A producer may send samples that nobody reads; it must not repeat, reorder or leave out, and it must not lie about
+    /// when a sample was taken.
+    fn check(&self, header: Header, wanted: u64, payload: &[u8]) -> Result<(), StepError> {
+        let bad = |what: String| {
+            Err(StepError::BadSample {
+                from: self.from.clone(),
+                what,
+            })
+        };
+        if let Some(received) = self.received.filter(|&received| header.index <= received) {
+            return bad(format!(
+                "sample #{} after sample #{received}: samples come once each, in order",
+                header.index
+            ));
+        }
+        if header.index > wanted {
+            return bad(format!(
+                "sample #{} where #{wanted} is due: a sample was left out",
+                header.index
+            ));
+        }
+        let due = self.producer.instant(header.index);
+        if header.stamp != due {
+            return bad(format!(
+                "sample #{} stamped t = {} s; its stamp must be {} s",
+                header.index,
+                self.timebase.seconds(header.stamp),
+                self.timebase.seconds(due)
+            ));
+        }
+        if !self.disturbed && !self.finite.passes(payload) {
+            let (element, value) = first_not_finite(&self.descriptor, payload).unwrap_or_default();
+            return bad(format!(
+                "sample #{} with {element} = {value}: a sample must be finite",
+                header.index
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,275 @@
+//! Connections by fields: what fits that was not made for each other, what is said of it, and what is refused.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use escapement_tests::compiler::examples;
+use escapement_tests::fmus::Recipe;
+use escapement_tests::program::{Folder, Said, built, orchestrate, participant, root, text};
+use tape::{Reader, Source};
+
+/// All values of a field of a stream, in its own unit.
+fn values(run: &Path, stream: &str, field: &str) -> Vec<f64> {
+    let reader = Reader::open(&run.join("tape")).expect("the run has a tape");
+    let number = reader.stream(stream).expect("the stream is there");
+    let spec = &reader.streams()[number];
+    let (field, elements) = spec.descriptor.named(field).expect("the field is there");
+    let mut record = vec![0; spec.stride()];
+    let stamp = spec.stride() - spec.descriptor.size as usize;
+    let all = 0..reader.count(number);
+    all.map(|index| {
+        reader.read(number, index, &mut record).expect("the record is there");
+        field.value(&record[stamp..], elements.start)
+    })
+    .collect()
+}
+
+fn ran(scenario: &Path, out: &Path, more: &[&str]) {
+    let mut arguments = vec!["run", text(scenario), "--out", text(out), "--quiet"];
+    arguments.extend(more);
+    let said = orchestrate(&arguments);
+    assert!(matches!(said.code, Some(0 | 3)), "{more:?}: {said:?}");
+}
+
+fn same(one: &Path, other: &Path) {
+    let said = orchestrate(&["compare", text(one), text(other)]);
+    assert_eq!(said.code, Some(0), "{}: {said:?}", other.display());
+}
+
+/// Runs `scenario` in processes, in one if it can be, resumed from `at`, and replays each of `participants`: one tape. Gives the run.
+fn every_way(folder: &Folder, scenario: &Path, at: &str, participants: &[&str]) -> PathBuf {
+    let path = |name: &str| folder.path().join(name);
+    let (apart, whole, resumed) = (path("apart"), path("whole"), path("resumed"));
+    ran(scenario, &apart, &["--checkpoint-at", at]);
+    let programs = std::fs::read_to_string(scenario).expect("the scenario is there").contains("exe =");
+    let ways: &[&[&str]] = if programs { &[&[]] } else { &[&[], &["--in-process"]] };
+    for &more in ways {
+        ran(scenario, &whole, &[&["--force"][..], more].concat());
+        same(&apart, &whole);
+        let mut arguments = vec!["resume", text(&apart), "--out", text(&resumed), "--force", "--quiet"];
+        arguments.extend(more);
+        let said = orchestrate(&arguments);
+        assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+        same(&apart, &resumed);
+    }
+    for participant in participants {
+        let said = orchestrate(&["replay", text(&apart), "--participant", participant]);
+        assert_eq!(said.code, Some(0), "{participant}: {said:?}");
+    }
+    apart
+}
+
+/// A spring and a damper that push each other, wired by `wires`.
+fn two_fmus(folder: &Folder, ports: [&str; 2], wires: &str) -> PathBuf {
+    let damper = Recipe {
+        damper: true,
+        ..Recipe::new(2)
+    };
+    let (spring, damper) = (Recipe::new(3).build(folder, "spring"), damper.build(folder, "damper"));
+    folder.write(
+        "fmus.toml",
+        &format!(
+            "duration = \"2 s\"\n[participants.mass]\nperiod = \"1 ms\"\nrun = {{ fmu = \"{}\"{} }}\n\
+             [participants.damper]\nperiod = \"1 ms\"\nrun = {{ fmu = \"{}\"{} }}\n{wires}",
+            text(&spring),
+            ports[0],
+            text(&damper),
+            ports[1]
+        ),
+    )
+}
+
+const BY_FIELDS: &str = "[connections.speed]\nfrom = \"mass.outputs.v\"\nto = \"damper.inputs.v\"\ninitial = \"first-sample\"\n\
+                         [connections.force]\nfrom = \"damper.outputs.f\"\nto = \"mass.inputs.f\"\n";
+
+#[test]
+fn fmus_wired_by_fields_have_the_tape_of_fmus_wired_by_ports() {
+    let folder = Folder::new("fields-fmus");
+    let wired = two_fmus(&folder, ["", ""], BY_FIELDS);
+    let run = every_way(&folder, &wired, "700 ms", &["mass", "damper"]);
+    let other = Folder::new("fields-ports");
+    let ports = [", ports = { velocity = [\"v\"], position = [\"x\"] }", ""];
+    let wires = "[connections.speed]\nfrom = \"mass.velocity\"\nto = \"damper.inputs\"\ninitial = \"first-sample\"\n\
+                 [connections.force]\nfrom = \"damper.outputs\"\nto = \"mass.inputs\"\n";
+    let plain = other.path().join("plain");
+    ran(&two_fmus(&other, ports, wires), &plain, &["--in-process"]);
+    let bits = |run: &Path, stream: &str, field: &str| -> Vec<u64> {
+        values(run, stream, field).into_iter().map(f64::to_bits).collect()
+    };
+    assert_eq!(bits(&run, "mass.outputs", "x"), bits(&plain, "mass.position", "x"));
+    assert_eq!(bits(&run, "damper.outputs", "f"), bits(&plain, "damper.outputs", "f"));
+}
+
+#[test]
+fn fmu_in_other_units_moves_a_plug_in_and_a_builtin_alike() {
+    let folder = Folder::new("fields-units");
+    let damper = Recipe {
+        damper: true,
+        ..Recipe::new(3)
+    };
+    let damper = damper.build(&folder, "damper");
+    let plant = examples().path("c/libplant.so");
+    let scenario = |name: &str, ports: &str, push: &str| {
+        folder.write(
+            name,
+            &format!(
+                "duration = \"1 s\"\n[participants.plant]\nperiod = \"1 ms\"\nrun = {{ library = \"{}\" }}\n\
+                 parameters = {{ mass = \"2 kg\", stiffness = \"80 N/m\", damping = \"0 N s/m\" }}\n\
+                 [participants.damper]\nperiod = \"1 ms\"\nrun = {{ fmu = \"{}\"{ports} }}\n\
+                 [participants.mass]\nperiod = \"1 ms\"\nrun = {{ builtin = \"spring\" }}\n\
+                 parameters = {{ position = \"10 cm\", mass = \"1 kg\", stiffness = \"40 N/m\", coupling = \"5 N/m\", damping = \"0 N s/m\" }}\n\
+                 [connections.speed]\nfrom = \"mass.motion.velocity\"\nto = \"damper.inputs.v\"\n\
+                 [connections.push]\nfrom = \"damper.outputs.f\"\nto = \"plant.push.force\"\n{push}\
+                 [connections.pull]\nfrom = \"plant.motion\"\nto = \"mass.neighbour\"\nmap = \"by-name\"\n",
+                text(&plant),
+                text(&damper)
+            ),
+        )
+    };
+    let metric = scenario("metric.toml", "", "");
+    let run = every_way(&folder, &metric, "0.3 s", &["plant", "damper", "mass"]);
+    let ports = ", ports = { inputs = [{ variable = \"v\", unit = \"mm/s\" }], outputs = [{ variable = \"f\", unit = \"kN\" }] }";
+    let small = folder.path().join("small");
+    ran(&scenario("small.toml", ports, ""), &small, &[]);
+    for (stream, field) in [("plant.motion", "position"), ("mass.motion", "velocity")] {
+        let (one, other) = (values(&run, stream, field), values(&small, stream, field));
+        let largest = one.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+        assert!(largest > 1e-3 && one.len() == other.len(), "{largest}");
+        for (one, other) in one.iter().zip(&other) {
+            assert!((one - other).abs() < 1e-12 * largest, "{one} {other}");
+        }
+    }
+    let said = orchestrate(&["check", text(&folder.path().join("small.toml")), "--start"]);
+    for words in [
+        "v [mm/s] = 1000 * velocity [m/s] (frame N to no frame)",
+        "force [N] = 1000 * f [kN] (no frame to frame N)",
+        "position [m] = position [m]",
+    ] {
+        assert!(said.out.contains(words), "{words}: {said:?}");
+    }
+}
+
+/// The program of an example with `arguments`.
+fn example(program: &str, arguments: &[&str]) -> Said {
+    let mut command = Command::new(built().join(program));
+    let said = command.current_dir(root()).args(arguments).output();
+    Said::from(said.expect("the program can be started"))
+}
+
+#[test]
+fn examples_wired_by_fields_have_the_tapes_of_their_ports() {
+    let folder = Folder::new("fields-examples");
+    let path = |name: &str| folder.path().join(name);
+    let by_name = "connections.motion.map=\"by-name\"";
+    let fields = [
+        "connections.turn.map={ angle = \"angle\" }",
+        "connections.rate={ from = \"shaft.turn.rate\", to = \"regulator.turn.rate\", initial = \"first-sample\" }",
+        "connections.drive.map={ torque = { from = \"torque\" }, wanted = [\"wanted\"] }",
+    ];
+    let cases: [(&str, &str, &[&str]); 2] = [
+        ("lander", "examples/lander/lander.toml", &[by_name]),
+        ("servo", "examples/servo/servo.toml", &fields),
+    ];
+    for (program, scenario, sets) in cases {
+        let (plain, mapped) = (path(&format!("{program}-plain")), path(&format!("{program}-mapped")));
+        let said = example(program, &["run", scenario, "--out", text(&plain), "--quiet"]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let mut arguments = vec!["run", scenario, "--out", text(&mapped), "--quiet"];
+        sets.iter().for_each(|set| arguments.extend(["--set", set]));
+        let said = example(program, &arguments);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        same(&plain, &mapped);
+        // The plan holds what was said, so it runs again by itself.
+        let again = path(&format!("{program}-again"));
+        let said = example(
+            program,
+            &["run", text(&mapped.join("plan.toml")), "--out", text(&again), "--quiet"],
+        );
+        assert_eq!(said.code, Some(0), "{said:?}");
+        same(&plain, &again);
+    }
+}
+
+/// An oscillator whose damper sees its position 5 ms and its velocity 20 ms late, and is told of a sum.
+fn oscillator(folder: &Folder, more: &str) -> PathBuf {
+    folder.write(
+        "oscillator.toml",
+        &format!(
+            "duration = \"2 s\"\n[participants.plant]\nrun = {{ exe = \"{}\" }}\nperiod = \"1 ms\"\n\
+             [participants.damper]\nrun = {{ exe = \"{}\" }}\nperiod = \"10 ms\"\n\
+             [connections.place]\nfrom = \"plant.motion\"\nto = \"damper.motion\"\nmap = {{ position = \"position\" }}\n\
+             delay = \"5 ms\"\njitter = \"7 ms\"\ninitial = {{ position = 0.25 }}\n\
+             [connections.speed]\nfrom = \"plant.motion.velocity\"\nto = \"damper.motion.velocity\"\ndelay = \"20 ms\"\n\
+             drop = 0.2\nsum = true\nfactor = 0.75\n\
+             [connections.speed-again]\nfrom = \"plant.motion.velocity\"\nto = \"damper.motion.velocity\"\nsum = true\nfactor = 0.25\n\
+             [connections.push]\nfrom = \"damper.push\"\nto = \"plant.push\"\n{more}",
+            participant("oscillator").display(),
+            participant("damper").display()
+        ),
+    )
+}
+
+#[test]
+fn fields_with_links_of_their_own_are_one_tape_with_faults_and_resumed() {
+    let folder = Folder::new("fields-faults");
+    let faults = "[[faults]]\nat = \"0.4 s\"\nuntil = \"1.2 s\"\nconnection = \"speed\"\nextra-delay = \"30 ms\"\ndrop = 0.5\n\
+                  [[faults]]\nat = \"0.5 s\"\nuntil = \"1.5 s\"\ninput = \"damper.motion\"\nfield = \"velocity\"\nkind = \"stuck\"\n\
+                  [[faults]]\nat = \"0.7 s\"\nuntil = \"1.1 s\"\noutput = \"plant.motion\"\nfield = \"position\"\nkind = \"bias\"\nvalue = \"2 cm\"\n";
+    let run = every_way(&folder, &oscillator(&folder, faults), "0.8 s", &["damper", "plant"]);
+    let seen = |field: &str| values(&run, "damper.seen.motion", field);
+    assert_eq!(seen("position")[0], 0.25);
+    let (velocity, truth) = (seen("velocity"), values(&run, "plant.motion", "velocity"));
+    // Stuck from activation 50 to 149.
+    assert!(velocity[50..150].iter().all(|x| x.to_bits() == velocity[50].to_bits()));
+    // Three quarters of a sample that is 20 ms old, and a quarter of the present one; where nothing was dropped.
+    let whole = |k: usize| 0.0 + truth[10 * k - 20] * 0.75 + truth[10 * k] * 0.25;
+    let hits = (3..40).filter(|&k| velocity[k].to_bits() == whole(k).to_bits()).count();
+    assert!((20..37).contains(&hits), "{hits}");
+}
+
+#[test]
+fn campaign_varies_a_connection_by_fields() {
+    let folder = Folder::new("fields-sweep");
+    let out = folder.path().join("sweep");
+    let said = orchestrate(&[
+        "sweep",
+        "examples/fmu/wired.toml",
+        "--vary",
+        "connections.where.offset=0.0,1.0,50.0",
+        "--out",
+        text(&out),
+        "--quiet",
+    ]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let table = std::fs::read_to_string(out.join("table.csv")).expect("a campaign has a table");
+    assert_eq!(
+        (table.lines().count(), table.matches(",met,").count()),
+        (4, 2),
+        "{table}"
+    );
+}
+
+#[test]
+fn check_and_graph_tell_what_becomes_of_what() {
+    let said = orchestrate(&["check", "examples/fmu/wired.toml"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    for words in [
+        "position [m] = 0.001 * h [mm]",
+        "velocity [m/s] = v [m/s]",
+        "Float64_continuous_input = 100 * position [m] (frame N to no frame) + 2",
+        "Float64_discrete_input += 3 * velocity [m/s]",
+    ] {
+        assert!(said.out.contains(words), "{words}: {said:?}");
+    }
+    let said = orchestrate(&["graph", "examples/fmu/wired.toml"]);
+    assert!(
+        said.out.contains("outputs to position, velocity, 20 ms late"),
+        "{said:?}"
+    );
+    let said = orchestrate(&["check", "examples/fmu/wired.toml", "--json"]);
+    let plan = &said.json()["plan"];
+    assert_eq!(
+        plan["links"][2]["conversion"]["pairs"][0]["terms"][0]["scale"], 0.001,
+        "{plan}"
+    );
+}
