@@ -51,7 +51,7 @@ foreign_participant() {
     "$orchestrator" run examples/spring/spring.toml --quiet --out "$work/python-late" "${late[@]}" --set "$in_python" || [ $? -eq 3 ]
     "$orchestrator" compare "$work/rust-late" "$work/python-late"
     # What it does not do it refuses, with a remedy.
-    for more in 'connections.to-right.map="by-name"'; do
+    for more in 'connections.to-right.map="by-name"' 'connections.to-left.hold="linear"'; do
         said=$("$orchestrator" run examples/spring/spring.toml --quiet --out "$work/refused-${#more}" --set "$more" --set "$in_python" 2>&1) && return 1
         grep -q "which this program does not do" <<< "$said"
     done

@@ -83,6 +83,8 @@ class Reader:
         producer = self.sample_time()
         base, spread, scale = self.wide(), self.wide(), self.wide()
         drop_below, hold, key = self.take("Q"), self.take("I"), self.take("Q")
+        if hold == 2:
+            raise Refused("a connection interpolates, which this program does not do: write hold = \"last\"")
         disruption = lambda: (self.take("q"), self.take("q"), self.wide(), self.take("Q"), self.take("Q"))
         return Visibility(producer, base, spread, scale, drop_below, hold, key, self.list(disruption))
 

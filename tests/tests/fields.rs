@@ -41,7 +41,9 @@ fn every_way(folder: &Folder, scenario: &Path, at: &str, participants: &[&str]) 
     let path = |name: &str| folder.path().join(name);
     let (apart, whole, resumed) = (path("apart"), path("whole"), path("resumed"));
     ran(scenario, &apart, &["--checkpoint-at", at]);
-    let programs = std::fs::read_to_string(scenario).expect("the scenario is there").contains("exe =");
+    let programs = std::fs::read_to_string(scenario)
+        .expect("the scenario is there")
+        .contains("exe =");
     let ways: &[&[&str]] = if programs { &[&[]] } else { &[&[], &["--in-process"]] };
     for &more in ways {
         ran(scenario, &whole, &[&["--force"][..], more].concat());
@@ -225,6 +227,42 @@ fn fields_with_links_of_their_own_are_one_tape_with_faults_and_resumed() {
     let whole = |k: usize| 0.0 + truth[10 * k - 20] * 0.75 + truth[10 * k] * 0.25;
     let hits = (3..40).filter(|&k| velocity[k].to_bits() == whole(k).to_bits()).count();
     assert!((20..37).contains(&hits), "{hits}");
+}
+
+#[test]
+fn interpolated_links_are_one_tape_with_faults_and_resumed() {
+    let folder = Folder::new("fields-linear");
+    let faults = "[[faults]]\nat = \"0.4 s\"\nuntil = \"1.2 s\"\nconnection = \"speed\"\nextra-delay = \"30 ms\"\ndrop = 0.5\n\
+                  [[faults]]\nat = \"0.5 s\"\nuntil = \"1.5 s\"\ninput = \"damper.motion\"\nfield = \"position\"\nkind = \"stuck\"\n\
+                  [[faults]]\nat = \"0.7 s\"\nuntil = \"1.1 s\"\noutput = \"plant.motion\"\nfield = \"velocity\"\nkind = \"noise\"\nvalue = \"1 m/s\"\n";
+    let scenario = std::fs::read_to_string(oscillator(&folder, faults)).expect("it was just written");
+    // The reader's instants less the delay lie between the samples.
+    let scenario = scenario.replace("delay = \"5 ms\"", "delay = \"5.5 ms\"\nhold = \"linear\"");
+    let scenario = scenario.replace("delay = \"20 ms\"", "delay = \"61/3000 s\"\nhold = \"linear\"");
+    let scenario = folder.write("linear.toml", &scenario);
+    let run = every_way(&folder, &scenario, "0.8 s", &["damper", "plant"]);
+    let (seen, truth) = (
+        values(&run, "damper.seen.motion", "position"),
+        values(&run, "plant.motion", "position"),
+    );
+    // 5.5 ms before activation k, half of the way between two samples; a jitter of up to 7 ms may have kept the second one.
+    let between = |k: usize| truth[10 * k - 6] + 0.5 * (truth[10 * k - 5] - truth[10 * k - 6]);
+    let hits = (1..50).filter(|&k| seen[k].to_bits() == between(k).to_bits()).count();
+    assert!((15..49).contains(&hits), "{hits}");
+    let said = orchestrate(&["check", text(&scenario), "--start"]);
+    assert!(said.out.contains("interpolated"), "{said:?}");
+    let short = [
+        "check",
+        text(&scenario),
+        "--start",
+        "--set",
+        "connections.place.delay=0.5ms",
+    ];
+    let said = orchestrate(&short);
+    assert!(
+        said.code == Some(0) && said.err.contains("connections.place.hold") && said.err.contains("1 ms"),
+        "{said:?}"
+    );
 }
 
 #[test]

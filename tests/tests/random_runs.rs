@@ -58,7 +58,7 @@ fn plan(draws: &mut Draws, processes: bool) -> String {
             draws.of(&["0 s", "5 ms", "21 ms"]),
             draws.of(&["0 s", "0 s", "9 ms"]),
             draws.of(&["0.0", "0.0", "0.4"]),
-            draws.of(&["last", "initial"]),
+            draws.of(&["last", "initial", "linear"]),
         );
         if draws.below(2) == 0 {
             // The two fields on links of their own.

@@ -4,7 +4,7 @@ mod place;
 
 use lockstep::executor::{InLoop, assemble};
 use lockstep::fault::Slot;
-use lockstep::link::{Conversion, Pair, Term, Timing};
+use lockstep::link::{Conversion, Hold, Pair, Term, Timing};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
 use lockstep::port::Message;
@@ -73,7 +73,7 @@ fn turned() -> Conversion {
     }
 }
 
-/// Two that read each other, with a delay, jitter and losses on the way; `between` fields, or as they are.
+/// Two that read each other, with a delay, jitter and losses on the way; `between` fields and interpolated, or as they are.
 fn plan(between: bool) -> Plan {
     let second = |text: &str| text.parse::<Rational>().expect("a time");
     let participants = two();
@@ -94,7 +94,7 @@ fn plan(between: bool) -> Plan {
             delay: second("2 ms"),
             jitter: second("3 ms"),
             drop: 0.1,
-            ..Timing::default()
+            hold: if between { Hold::Linear } else { Hold::Last },
         },
         initial: None,
         conversion: between.then(turned),

@@ -6,6 +6,7 @@ use crate::cli::CheckArgs;
 use crate::program::catalogue;
 use engine::run::{Known, Options, Placement, RunFailure, faults, room};
 use engine::scenario::{Program, Scenario};
+use lockstep::link::Hold;
 
 /// Plans and says what would run.
 pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
@@ -131,6 +132,9 @@ fn describe(scenario: &Scenario, known: &Known) {
         if link.timing.drop > 0.0 {
             timing += &format!(", drops {} %", 100.0 * link.timing.drop);
         }
+        if link.timing.hold == Hold::Linear {
+            timing += ", interpolated";
+        }
         println!(
             "  {:<24} {} -> {} ({timing}, room for {} samples)",
             link.name,
@@ -139,7 +143,9 @@ fn describe(scenario: &Scenario, known: &Known) {
             link.capacity
         );
         let taken = &plan.participants[link.to.0].interface.inputs[link.to.1].descriptor;
-        let certain = [link.from.0, link.to.0].iter().all(|&end| known.interfaces[end].is_some());
+        let certain = [link.from.0, link.to.0]
+            .iter()
+            .all(|&end| known.interfaces[end].is_some());
         match &link.conversion {
             Some(conversion) if certain => (conversion.words(taken).iter()).for_each(|words| println!("    {words}")),
             Some(_) => println!("    between fields of ports that are not known"),

@@ -10,7 +10,6 @@ mod reduce;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use lockstep::link::Read;
 use lockstep::participant::Interface;
 use lockstep::time::Rational;
 use tape::compare::{Comparison, compare};
@@ -319,9 +318,9 @@ fn reach(
         let name = format!("{played}.{}", producer.interface.outputs[from.1].name);
         let count = reader.count(reader.stream(&name)?);
         let mut schedule = plan.schedule(*link);
-        let missing = (0..own.activations).find_map(|k| match schedule.advance() {
-            Read::Sample(index) if index >= count => Some((k, index)),
-            _ => None,
+        let missing = (0..own.activations).find_map(|k| {
+            let index = schedule.advance().samples().find(|&index| index >= count)?;
+            Some((k, index))
         });
         let Some((k, index)) = missing else { continue };
         let at = instant(own.period, own.offset, k)?;

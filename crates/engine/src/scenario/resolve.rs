@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use lockstep::link::Timing;
+use lockstep::link::{Hold, Timing};
 use lockstep::time::Rational;
 use report::view::View;
 use serde::Serialize;
@@ -19,7 +19,7 @@ use super::guards::{self, Guard};
 use super::measures::{self, DeclaredMeasure};
 use super::names::Names;
 use super::pictures;
-use super::ports::{not_a_port, port};
+use super::ports::{End, not_a_port, port};
 use super::program::Program;
 use super::source::{Source, typed};
 use super::types::{ConnectionEntry, ParticipantEntry, Top};
@@ -246,6 +246,18 @@ impl Scenario {
                 "inputs",
                 format!("nobody feeds `{port}`: it holds zero unless a program sets it while the run goes on"),
             );
+        }
+        for (name, connection) in self.connections.iter().filter(|(_, own)| own.hold == Hold::Linear) {
+            let producer = End::of(&connection.from).and_then(|from| self.names.number(from.participant));
+            let period = producer.map(|number| self.participants[number].period);
+            if let Some(period) = period.filter(|period| connection.delay < *period) {
+                let reason = format!(
+                    "with a delay of {} the next sample has often not been taken when it is needed, and the last one is held: a delay of \
+                     at least the producer's period, {period}, is always interpolated",
+                    connection.delay
+                );
+                remark(&format!("connections.{name}.hold"), reason);
+            }
         }
         let faults = self.faults.begins();
         let substitutions = self.substitutions.iter().map(|one| (one.key.clone(), one.at));

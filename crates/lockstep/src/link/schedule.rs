@@ -12,6 +12,20 @@ pub enum Read {
     Initial,
     /// The sample with this index.
     Sample(u64),
+    /// What lies between the samples with these two indices.
+    Between(u64, u64),
+}
+
+impl Read {
+    /// The samples that it takes, in their order.
+    pub fn samples(self) -> impl Iterator<Item = u64> {
+        let (first, second) = match self {
+            Read::Initial => (None, None),
+            Read::Sample(index) => (Some(index), None),
+            Read::Between(before, after) => (Some(before), Some(after)),
+        };
+        first.into_iter().chain(second)
+    }
 }
 
 /// The reads of one link, activation by activation. Producer and consumer each run one: the producer to know which samples
@@ -78,7 +92,7 @@ impl ReadSchedule {
             return self.nothing();
         };
         if self.steady {
-            return Read::Sample(last);
+            return self.towards_next(last, t);
         }
         let sure = producer
             .index_at_or_before(t.saturating_sub(most))
@@ -91,13 +105,22 @@ impl ReadSchedule {
             .find(|&k| producer.instant(k) + self.visibility.delay(k) <= t && self.arrives(k));
         let newest_sent = late.or(self.newest_sent);
         match self.visibility.hold() {
-            Hold::Last => late.or(self.newest).map_or_else(|| self.nothing(), Read::Sample),
+            Hold::Last | Hold::Linear => {
+                let newest = late.or(self.newest);
+                newest.map_or_else(|| self.nothing(), |newest| self.towards_next(newest, t))
+            }
             Hold::Initial => match newest_sent {
                 Some(k) if !self.visibility.dropped(k) => Read::Sample(k),
                 Some(_) => Read::Initial,
                 None => self.nothing(),
             },
         }
+    }
+
+    /// What is read at `t` where sample `k` is the newest one.
+    fn towards_next(&self, k: u64, t: Ticks) -> Read {
+        let after = (self.visibility.hold() == Hold::Linear).then(|| self.visibility.following(k, t));
+        after.flatten().map_or(Read::Sample(k), |after| Read::Between(k, after))
     }
 
     /// Whether sample `k` counts when the newest is looked for: under `Hold::Initial` a dropped sample does, as a gap.
@@ -136,17 +159,31 @@ mod tests {
         let arrived = |k: &u64| visibility.producer().instant(*k) + visibility.delay(*k) <= t;
         let sent = (0..200).rev().filter(arrived);
         let newest = match visibility.hold() {
-            Hold::Last => sent.clone().find(|&k| !visibility.dropped(k)),
+            Hold::Last | Hold::Linear => sent.clone().find(|&k| !visibility.dropped(k)),
             Hold::Initial => match sent.clone().next() {
                 Some(k) if visibility.dropped(k) => return Read::Initial,
                 other => other,
             },
         };
         match newest {
+            Some(k) if visibility.hold() == Hold::Linear => {
+                // The next sample that is not lost, if it is there by `t` without the delay and was taken before.
+                let mut without = visibility.clone();
+                without.shift_nothing();
+                let there =
+                    |next: &u64| visibility.producer().instant(*next) < t && arrived_without(&without, *next, t);
+                let next = (k + 1..400).find(|&next| !visibility.dropped(next)).filter(there);
+                let between = next.filter(|_| visibility.weight(t, k, k + 1) > 0.0);
+                between.map_or(Read::Sample(k), |next| Read::Between(k, next))
+            }
             Some(k) => Read::Sample(k),
             None if first_sample => Read::Sample(0),
             None => Read::Initial,
         }
+    }
+
+    fn arrived_without(without: &Visibility, k: u64, t: Ticks) -> bool {
+        without.producer().instant(k) + without.delay(k) <= t
     }
 
     proptest! {
@@ -159,7 +196,7 @@ mod tests {
                 (0_i64..800, prop_oneof![Just(None), (0_i64..300).prop_map(Some)], prop_oneof![Just(0.0), 0.0..=1.0], 0_i64..90, 1_i64..7),
                 0..4,
             ),
-            initial_on_drop in any::<bool>(),
+            hold in prop_oneof![Just(Hold::Last), Just(Hold::Initial), Just(Hold::Linear)],
             first_sample in any::<bool>(),
             seed in any::<u64>(),
         ) {
@@ -168,7 +205,7 @@ mod tests {
                 delay: Rational::new(i128::from(delay), i128::from(delay_parts) * 1000).unwrap(),
                 jitter: Rational::from_millis(jitter),
                 drop,
-                hold: if initial_on_drop { Hold::Initial } else { Hold::Last },
+                hold,
             };
             let fault = |(number, (at, length, drop, extra, parts)): (usize, &(i64, Option<i64>, f64, i64, i64))| LinkFault {
                 name: format!("f{number}"),
@@ -189,9 +226,17 @@ mod tests {
             for k in 0..consumer.count_before(200 * period.min(5)) {
                 let read = schedule.advance();
                 prop_assert_eq!(read, searched(&visibility, consumer.instant(k), first_sample), "activation {}", k);
-                if let Read::Sample(index) = read {
+                if let Some(index) = read.samples().next() {
                     prop_assert!(index >= last, "reads never go back");
                     last = index;
+                }
+                if let Read::Between(before, after) = read {
+                    let weight = visibility.weight(consumer.instant(k), before, after);
+                    prop_assert!(0.0 < weight && weight < 1.0, "{}", weight);
+                    let seconds = |tick: Ticks| tick as f64 / 1000.0;
+                    let now = seconds(consumer.instant(k)) - timing.delay.seconds();
+                    let (from, to) = (seconds(producer.instant(before)), seconds(producer.instant(after)));
+                    prop_assert!((from + weight * (to - from) - now).abs() < 1e-12);
                 }
             }
         }

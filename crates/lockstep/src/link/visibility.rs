@@ -15,6 +15,9 @@ pub enum Hold {
     Last,
     /// The link's initial value, until a sample comes through again ("zeroing" where that value is zero).
     Initial,
+    /// What lies between two samples, at the instant that is the delay ago. The delay is then a shift of the signal: samples arrive
+    /// without it, as late as jitter and faults make them.
+    Linear,
 }
 
 /// The timing of a link as the user gives it.
@@ -73,7 +76,8 @@ pub enum TimingError {
 pub struct Visibility {
     /// When the samples are stamped: sample k carries the instant k of this sample time.
     producer: SampleTime,
-    /// The delay of a sample with draw r is ceil((base + spread * r) / scale) ticks, r in [0, 2^32).
+    /// The delay of a sample with draw r is ceil((base + spread * r) / scale) ticks, r in [0, 2^32); with `Hold::Linear`, the larger
+    /// one of ceil(base / scale) and ceil(spread * r / scale).
     base: i128,
     spread: i128,
     scale: i128,
@@ -206,12 +210,36 @@ impl Visibility {
 
     /// The delay of sample `k`, ticks: `s + d <= t` and `s + ceil(d) <= t` are the same for whole ticks s and t.
     pub fn delay(&self, k: u64) -> Ticks {
-        let draw = if self.spread == 0 {
+        self.delay_at(self.draw(k), self.extra_at(k))
+    }
+
+    fn draw(&self, k: u64) -> i128 {
+        if self.spread == 0 {
             0
         } else {
             i128::from(self.random.bits(2 * k) >> 32)
-        };
-        self.delay_at(draw, self.extra_at(k))
+        }
+    }
+
+    /// With [`Hold::Linear`]: the sample towards which an activation at `t` interpolates from sample `k`, which it reads: the next one
+    /// that is not lost, if it was taken before `t` and has arrived, and if what is read is not sample `k` itself.
+    pub fn following(&self, k: u64, t: Ticks) -> Option<u64> {
+        let since = i128::from(t) - i128::from(self.producer.instant(k));
+        if since == self.base / self.scale && self.base % self.scale == 0 {
+            return None;
+        }
+        let last = self.producer.index_at_or_before(t.checked_sub(1)?)?;
+        let next = (k + 1..=last).find(|&next| !self.dropped(next))?;
+        let late = self.ticks(self.spread * self.draw(next) + self.extra_at(next));
+        (self.producer.instant(next).saturating_add(late) <= t).then_some(next)
+    }
+
+    /// How far the instant that is the delay before `t` lies on the way from sample `before` to sample `after`.
+    pub fn weight(&self, t: Ticks, before: u64, after: u64) -> f64 {
+        let (from, to) = (self.producer.instant(before), self.producer.instant(after));
+        let whole = i128::from(t) - i128::from(from) - self.base / self.scale;
+        let part = (self.base % self.scale) as f64 / self.scale as f64;
+        (whole as f64 - part) / (to - from) as f64
     }
 
     /// What faults add to the delay of sample `k`, as a part of `base`.
@@ -228,8 +256,22 @@ impl Visibility {
     }
 
     fn delay_at(&self, draw: i128, extra: i128) -> Ticks {
-        let ticks = self.base + extra + self.spread * draw;
-        (ticks / self.scale + i128::from(ticks % self.scale != 0)) as Ticks
+        let late = extra + self.spread * draw;
+        match self.hold {
+            Hold::Last | Hold::Initial => self.ticks(self.base + late),
+            Hold::Linear => self.ticks(self.base).max(self.ticks(late)),
+        }
+    }
+
+    /// Rounded up.
+    fn ticks(&self, scaled: i128) -> Ticks {
+        (scaled / self.scale + i128::from(scaled % self.scale != 0)) as Ticks
+    }
+
+    /// Leaves jitter and faults of the delay.
+    #[cfg(test)]
+    pub(super) fn shift_nothing(&mut self) {
+        self.base = 0;
     }
 
     /// The least and the largest delay that any sample can have, ticks.

@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Initial, Plan};
-use crate::link::{Read, ReadSchedule};
+use crate::link::ReadSchedule;
 use crate::participant::Kind;
 use crate::time::Ticks;
 
@@ -107,10 +107,14 @@ impl Plan {
         let mut underway: Vec<u64> = Vec::new();
         while schedule.next_activation() < consumer.activations {
             let t = consumer.sample_time.instant(schedule.next_activation());
-            match schedule.advance() {
-                Read::Sample(index) if index >= sent => break,
-                Read::Sample(index) if underway.last() != Some(&index) => underway.push(index),
-                _ => {}
+            let mut samples = schedule.advance().samples().peekable();
+            if samples.peek().is_some_and(|&first| first >= sent) {
+                break;
+            }
+            for index in samples.filter(|&index| index < sent) {
+                if underway.last().is_none_or(|&last| last < index) {
+                    underway.push(index);
+                }
             }
             if t >= settled {
                 break;

@@ -2,7 +2,7 @@
 
 use super::{Cut, Held, Plan, PlanError, Seen};
 use crate::fault::{Disturbance, Effect, Injector, Place, SignalFault, Slot};
-use crate::link::Read;
+use crate::link::{Read, interpolate};
 use crate::port::Descriptor;
 use crate::random::Stream;
 use crate::time::{Rational, TickError, Ticks};
@@ -140,12 +140,20 @@ impl Plan {
             let mut schedule = self.schedule(number);
             schedule.skip_to(k);
             let link = &self.links[number];
+            let stream = self.participants[link.from.0].first_stream + link.from.1 as u32;
+            let mut sent = |index| self.sent(link.from, index, &mut |index| sample(stream, index));
             let came = match schedule.advance() {
-                Read::Sample(index) => {
-                    let stream = self.participants[link.from.0].first_stream + link.from.1 as u32;
-                    Some(self.sent(link.from, index, &mut |index| sample(stream, index))?)
-                }
                 Read::Initial => None,
+                Read::Sample(index) => Some(sent(index)?),
+                Read::Between(before, after) => {
+                    let t = self.participants[participant].sample_time.instant(k);
+                    let weight = link.visibility.weight(t, before, after);
+                    let given = &self.participants[link.from.0].interface.outputs[link.from.1].descriptor;
+                    let (before, after) = (sent(before)?, sent(after)?);
+                    let mut came = before.clone();
+                    interpolate(given, &before, &after, weight, &mut came);
+                    Some(came)
+                }
             };
             match (&link.conversion, came) {
                 (None, Some(came)) => payload = came,

@@ -1,9 +1,10 @@
 //! The receiving side of a stepper: links with their schedules, and what they make of the participant's inputs.
 
 use super::StepError;
+use super::between::Between;
 use super::source::Source;
 use crate::fault::Injector;
-use crate::link::{Conversion, Read, ReadSchedule};
+use crate::link::{Conversion, Hold, Read, ReadSchedule};
 use crate::participant::{FiniteCheck, Inputs, Payload, first_not_finite};
 use crate::plan::{Assignment, Backlog, Initial, InputLink, SeenInput};
 use crate::port::Descriptor;
@@ -21,6 +22,8 @@ pub(super) struct InputState {
     shows_initial: bool,
     /// How samples become fields of the input, and the newest sample. Without one, samples are the input's payload.
     conversion: Option<(Conversion, Payload)>,
+    /// The samples between which is interpolated, where that is asked for.
+    between: Option<Between>,
 }
 
 impl InputState {
@@ -44,6 +47,7 @@ impl InputState {
             shows_initial: false,
             conversion: (link.conversion.clone())
                 .map(|conversion| (conversion, Payload::zeroed(message.size as usize))),
+            between: (link.visibility.hold() == Hold::Linear).then(|| Between::new(message, link.visibility.clone())),
         }
     }
 
@@ -56,9 +60,9 @@ impl InputState {
         self.schedule.advance()
     }
 
-    /// Gets the sample that `read` names, into `payload` if that is what the input shows; `Some(index)` when it is not there yet.
-    pub(super) fn fetch(&mut self, read: Read, payload: &mut [u8]) -> Result<Option<u64>, StepError> {
-        let Read::Sample(index) = read else {
+    /// Gets what `read` names at `t`, into `payload` if that is what the input shows; the index of a sample that is not there yet.
+    pub(super) fn fetch(&mut self, read: Read, t: Ticks, payload: &mut [u8]) -> Result<Option<u64>, StepError> {
+        let (Read::Sample(index) | Read::Between(index, _)) = read else {
             if !self.shows_initial && self.conversion.is_none() {
                 payload.copy_from_slice(&self.initial);
             }
@@ -69,6 +73,11 @@ impl InputState {
             Some((_, sample)) => sample.bytes_mut(),
             None => payload,
         };
+        if let Some(between) = &mut self.between {
+            let missing = between.fetch(&mut self.source, read, t, place)?;
+            self.shows_initial &= missing.is_some();
+            return Ok(missing);
+        }
         if self.source.is_behind(index) {
             if !self.source.receive_to(index, place)? {
                 return Ok(Some(index));

@@ -4,6 +4,7 @@
 //! and publish. It never blocks: where it cannot go on it says what it waits for, and whoever drives it decides how to wait.
 //! The loop in one process, the threads and the processes over shared memory all drive this same code.
 
+mod between;
 mod error;
 mod input;
 mod output;
@@ -282,7 +283,8 @@ impl Stepper {
         };
         let payload = self.input_buffers.payloads[input.port].bytes_mut();
         let read = read.unwrap_or_else(|| input.next_read());
-        if let Some(index) = input.fetch(read, payload)? {
+        let t = self.assignment.sample_time.instant(self.next);
+        if let Some(index) = input.fetch(read, t, payload)? {
             self.phase = Phase::Gather {
                 input: number,
                 read: Some(read),

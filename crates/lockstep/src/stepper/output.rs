@@ -2,7 +2,7 @@
 
 use super::StepError;
 use crate::fault::Injector;
-use crate::link::{Read, ReadSchedule};
+use crate::link::ReadSchedule;
 use crate::participant::{FiniteCheck, Payload};
 use crate::plan::Consumer;
 use crate::port::Descriptor;
@@ -69,8 +69,9 @@ pub(super) struct ConsumerState {
     schedule: ReadSchedule,
     /// Activations of the consumer before the end.
     activations: u64,
-    /// The next sample that it reads, as far as known.
+    /// The next sample that it reads, as far as known, and the one that it reads with it.
     next_read: Option<u64>,
+    with_it: Option<u64>,
 }
 
 impl ConsumerState {
@@ -88,6 +89,7 @@ impl ConsumerState {
             schedule,
             activations: consumer.sample_time.count_before(consumer.end),
             next_read: None,
+            with_it: None,
         }
     }
 
@@ -103,11 +105,12 @@ impl ConsumerState {
         self.wants = loop {
             match self.next_read {
                 Some(next) if next >= index => break next == index,
+                _ if self.with_it.is_some() => self.next_read = self.with_it.take(),
                 _ if self.schedule.next_activation() >= self.activations => break false,
                 _ => {
-                    if let Read::Sample(next) = self.schedule.advance() {
-                        self.next_read = Some(next);
-                    }
+                    let mut samples = self.schedule.advance().samples();
+                    self.next_read = samples.next().or(self.next_read);
+                    self.with_it = samples.next();
                 }
             }
         };

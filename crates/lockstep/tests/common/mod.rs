@@ -187,13 +187,13 @@ pub fn worlds() -> impl Strategy<Value = World> {
         time(0..30),
         prop_oneof![3 => Just(Rational::ZERO), 1 => time(0..20)],
         prop_oneof![3 => Just(0.0), 1 => 0.0..1.0],
-        any::<bool>(),
+        prop_oneof![Just(Hold::Last), Just(Hold::Initial), Just(Hold::Linear)],
     )
-        .prop_map(|(delay, jitter, drop, initial)| Timing {
+        .prop_map(|(delay, jitter, drop, hold)| Timing {
             delay,
             jitter,
             drop,
-            hold: if initial { Hold::Initial } else { Hold::Last },
+            hold,
         });
     let zero = Just(Timing::default());
     let link = (
@@ -323,7 +323,7 @@ fn came(plan: &Plan, tape: &Tape, link: usize, now: Ticks) -> Came {
         .rev()
         .filter(|(index, stamp, _)| arrived(*index, *stamp));
     let newest = match link.visibility.hold() {
-        Hold::Last => sent
+        Hold::Last | Hold::Linear => sent
             .clone()
             .find(|(index, ..)| !link.visibility.dropped(*index))
             .map(Some),
@@ -343,6 +343,22 @@ fn came(plan: &Plan, tape: &Tape, link: usize, now: Ticks) -> Came {
         faults::disturbed(plan, place, plan.faults.len(), index, &instant, &given)
     };
     match (newest, &link.initial) {
+        (Some(Some((index, ..))), _) if link.visibility.hold() == Hold::Linear => {
+            let Some(next) = link.visibility.following(*index, now) else {
+                return Came::Sample(sent(*index));
+            };
+            let number = |bytes: &[u8]| f64::from_le_bytes(bytes[8..].try_into().unwrap());
+            let (before, after) = (sent(*index), sent(next));
+            let (a, b) = (number(&before), number(&after));
+            let weight = link.visibility.weight(now, *index, next);
+            let x = if (b - a).is_finite() {
+                a + weight * (b - a)
+            } else {
+                a * (1.0 - weight) + b * weight
+            };
+            // A whole number is the earlier one.
+            Came::Sample([&before[..8], &x.to_le_bytes()].concat())
+        }
         (Some(Some((index, ..))), _) => Came::Sample(sent(*index)),
         (None, Initial::FirstSample) => Came::Sample(sent(0)),
         (_, Initial::Value(bytes)) => Came::Initial(bytes.clone()),

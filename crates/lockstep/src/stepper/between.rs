@@ -1,0 +1,75 @@
+//! The two newest samples of a link between which is interpolated.
+
+use super::StepError;
+use super::source::Source;
+use crate::link::{Read, Visibility, interpolate};
+use crate::participant::Payload;
+use crate::port::Descriptor;
+use crate::time::Ticks;
+
+pub(super) struct Between {
+    descriptor: Descriptor,
+    visibility: Visibility,
+    before: Kept,
+    after: Kept,
+}
+
+struct Kept {
+    index: Option<u64>,
+    payload: Payload,
+}
+
+impl Between {
+    pub(super) fn new(descriptor: &Descriptor, visibility: Visibility) -> Between {
+        let kept = || Kept {
+            index: None,
+            payload: Payload::zeroed(descriptor.size as usize),
+        };
+        Between {
+            descriptor: descriptor.clone(),
+            visibility,
+            before: kept(),
+            after: kept(),
+        }
+    }
+
+    /// Puts what is read at `t` into `out`; the index of the sample that is not there yet, if one is missing.
+    pub(super) fn fetch(
+        &mut self,
+        source: &mut Source,
+        read: Read,
+        t: Ticks,
+        out: &mut [u8],
+    ) -> Result<Option<u64>, StepError> {
+        let (before, after) = match read {
+            Read::Initial => return Ok(None),
+            Read::Sample(index) => (index, None),
+            Read::Between(before, after) => (before, Some(after)),
+        };
+        if self.before.index != Some(before) {
+            // The sample that was ahead is the one behind now, unless both have been passed.
+            if self.after.index != Some(before) && !self.receive(source, before)? {
+                return Ok(Some(before));
+            }
+            std::mem::swap(&mut self.before, &mut self.after);
+        }
+        let Some(after) = after else {
+            out.copy_from_slice(self.before.payload.bytes());
+            return Ok(None);
+        };
+        if self.after.index != Some(after) && !self.receive(source, after)? {
+            return Ok(Some(after));
+        }
+        let weight = self.visibility.weight(t, before, after);
+        let (before, after) = (self.before.payload.bytes(), self.after.payload.bytes());
+        interpolate(&self.descriptor, before, after, weight, out);
+        Ok(None)
+    }
+
+    fn receive(&mut self, source: &mut Source, index: u64) -> Result<bool, StepError> {
+        self.after.index = None;
+        let there = source.receive_to(index, self.after.payload.bytes_mut())?;
+        self.after.index = there.then_some(index);
+        Ok(there)
+    }
+}
