@@ -22,7 +22,7 @@ use crate::commands::report::ReportArgs;
 use crate::commands::sweep::SweepArgs;
 #[cfg(feature = "capture")]
 use crate::commands::tune::TuneArgs;
-use engine::run::{self, Known, RunFailure, Wait};
+use engine::run::{self, Known, Overrun, RunFailure, Wait};
 use engine::scenario::{Program, Scenario};
 
 /// Co-simulation in lockstep over shared memory.
@@ -122,6 +122,14 @@ fn wait() -> impl TypedValueParser<Value = Wait> {
     PossibleValuesParser::new(Wait::ALL.map(|(name, _)| name)).map(|text| {
         let found = Wait::ALL.iter().find(|(name, _)| *name == text);
         found.map(|(_, wait)| *wait).unwrap_or_default()
+    })
+}
+
+/// `--overrun` by its words.
+fn overrun() -> impl TypedValueParser<Value = Overrun> {
+    PossibleValuesParser::new(Overrun::ALL.map(|(name, _)| name)).map(|text| {
+        let found = Overrun::ALL.iter().find(|(name, _)| *name == text);
+        found.map(|(_, overrun)| *overrun).unwrap_or_default()
     })
 }
 
@@ -226,7 +234,8 @@ pub struct RunArgs {
 pub struct ResumeArgs {
     /// The folder of the run to go on from
     pub run: PathBuf,
-    /// Go on from the newest checkpoint at or before this simulated time; from the newest of all when not given
+    /// Go on from the newest checkpoint at or before this simulated time, and make the changes at this time; from the newest of all when
+    /// not given
     #[arg(long, value_name = "TIME", value_parser = instant)]
     pub from: Option<Rational>,
     /// Change a key of the scenario from here on, to ask what if (may be given more than once)
@@ -252,6 +261,12 @@ pub struct HowArgs {
     /// Keep pace with the wall clock, or with a multiple of it
     #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", require_equals = true, value_parser = pace)]
     pub real_time: Option<f64>,
+    /// With --real-time: what becomes of the run when a step is complete only after the next one was due: it is counted, or the run ends
+    #[arg(long, value_name = "WHAT", default_value = "report", value_parser = overrun(), requires = "real_time")]
+    pub overrun: Overrun,
+    /// Write what every participant did when (steps, waits, cores) as a trace that Perfetto opens; no more than a million spans
+    #[arg(long, value_name = "FILE")]
+    pub trace: Option<PathBuf>,
     /// Come to rest at this simulated time and wait for Enter (may be given more than once)
     #[arg(long, value_name = "TIME", value_parser = instant)]
     pub pause_at: Vec<Rational>,

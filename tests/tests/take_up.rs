@@ -1,7 +1,7 @@
 //! Runs that are taken up in mid-course: from a checkpoint, after a death, with a substitute.
 
 use escapement_tests::machine::{processes_of, signal, wait_for_bytes, writer_of};
-use escapement_tests::program::{Said, finish, participant, start, text};
+use escapement_tests::program::{Said, finish, orchestrate, participant, start, text};
 use escapement_tests::world::{World, substitution};
 use rustix::process::Signal;
 
@@ -50,6 +50,95 @@ fn a_branch_asks_what_if() {
     assert_eq!(undisturbed[..4001 * 24], branch[..4001 * 24]);
     assert_ne!(undisturbed, branch);
     assert_eq!(undisturbed.len(), branch.len());
+}
+
+#[test]
+fn branch_behind_a_checkpoint_is_the_run_that_says_so_itself() {
+    // The other program pushes with 90 N from its first step on.
+    for from in ["4.123 s", "4 s", "9.99 s"] {
+        let world = World::with("branch-at", "damper", &substitution(from, "out_of_range", "keep"));
+        assert_eq!(world.run("itself", &[]).code, Some(0));
+        let plain = World::new("branch-of", "damper");
+        assert_eq!(plain.run("saved", &["--checkpoint-every", "2 s"]).code, Some(0));
+        let program = format!(
+            "participants.damper.run={{ exe = '{}' }}",
+            participant("out_of_range").display()
+        );
+        let said = plain.resume("saved", "branch", &["--from", from, "--set", &program]);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let said = orchestrate(&["compare", text(&world.path("itself")), text(&plain.path("branch"))]);
+        assert_eq!(said.code, Some(0), "{from}: {said:?}");
+        assert_nothing_beside(&plain, &["oscillator.toml", "undisturbed", "saved", "branch"]);
+    }
+}
+
+/// The folder of `world` has nothing but `names`.
+fn assert_nothing_beside(world: &World, names: &[&str]) {
+    let all = std::fs::read_dir(world.folder.path()).unwrap();
+    let all: std::collections::BTreeSet<String> = all
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    assert_eq!(all, names.iter().map(|name| (*name).to_owned()).collect());
+}
+
+#[test]
+fn branch_without_a_change_is_the_run_itself() {
+    let world = World::new("branch-none", "damper");
+    assert_eq!(world.run("saved", &["--checkpoint-every", "3 s"]).code, Some(0));
+    for (number, from) in ["3 s", "5.0005 s", "1/3 s", "9.999 s"].into_iter().enumerate() {
+        let more = [
+            "--from",
+            from,
+            "--set",
+            "title=Unchanged",
+            "--set",
+            "connections.push.delay=0ms",
+        ];
+        let name = format!("branch{number}");
+        let said = world.resume("saved", &name, &more);
+        if from == "1/3 s" {
+            assert_eq!(said.code, Some(2), "no checkpoint comes before: {said:?}");
+            continue;
+        }
+        assert_eq!(said.code, Some(0), "{said:?}");
+        world.same_as_undisturbed(&name);
+    }
+}
+
+#[test]
+fn branch_does_not_depend_on_the_checkpoint_before_it() {
+    let world = World::new("branch-same", "damper");
+    for (name, every) in [("often", "1 s"), ("rarely", "3 s")] {
+        assert_eq!(world.run(name, &["--checkpoint-every", every]).code, Some(0));
+    }
+    let change = ["--from", "5 s", "--set", "connections.push.delay=25ms"];
+    for (run, branch) in [("often", "at"), ("rarely", "behind")] {
+        let said = world.resume(run, branch, &change);
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
+    let [at, behind] = ["at", "behind"].map(|name| world.path(name));
+    let said = orchestrate(&["compare", text(&at), text(&behind)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    // Up to the branch it is the run; 25 ms later at the latest it is not.
+    let motion = |name: &str| std::fs::read(world.path(name).join("tape/plant.motion.bin")).unwrap();
+    let (undisturbed, branch) = (motion("undisturbed"), motion("behind"));
+    assert_eq!(undisturbed[..5001 * 24], branch[..5001 * 24]);
+    assert_ne!(undisturbed[5001 * 24..5030 * 24], branch[5001 * 24..5030 * 24]);
+    // What cannot be is refused, with nothing left.
+    let said = world.resume(
+        "rarely",
+        "late",
+        &["--from", "10 s", "--set", "connections.push.delay=25ms"],
+    );
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err.contains("--from 10 s") && said.err.contains("ends at 10 s"),
+        "{said:?}"
+    );
+    assert_nothing_beside(
+        &world,
+        &["oscillator.toml", "undisturbed", "often", "rarely", "at", "behind"],
+    );
 }
 
 #[test]

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::participant::Interface;
 use crate::plan::{Assignment, Position};
+use crate::span::Span;
 
 /// The version of the protocol. Both sides must have the same.
 pub const PROTOCOL: u32 = 6;
@@ -135,6 +136,13 @@ pub enum Note {
     Recalled {
         /// The next activation.
         next: u64,
+    },
+    /// What was done when, in order; only where it was asked for.
+    Spans {
+        /// How many spans are missing behind these, because there was no room for them.
+        lost: u64,
+        /// What was done.
+        spans: Vec<Span>,
     },
 }
 

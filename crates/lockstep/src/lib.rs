@@ -16,6 +16,7 @@ pub mod participant;
 pub mod plan;
 pub mod port;
 pub mod random;
+pub mod span;
 pub mod stepper;
 pub mod time;
 pub mod transport;

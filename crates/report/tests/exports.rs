@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use lockstep::port::{Descriptor, Element, Field};
 use lockstep::time::Rational;
-use report::export;
+use report::export::{self, Compression};
 use tape::{MemoryTape, Sink, StreamSpec};
 
 /// A folder that goes with the test.
@@ -111,8 +111,8 @@ fn picture_is_as_large_in_every_export_as_on_the_tape() {
     let bytes = (camera.stride() + depth.stride()) * 100;
     let (tape, folder) = (tape(vec![camera, depth], 100), Scratch::new("picture"));
     export::csv(&tape, &folder.0).unwrap();
-    export::parquet(&tape, &folder.0).unwrap();
-    export::mcap(&tape, &folder.join("run.mcap"), None).unwrap();
+    export::parquet(&tape, &folder.0, &[]).unwrap();
+    export::mcap(&tape, &folder.join("run.mcap"), None, &[], Compression::None).unwrap();
     let files = files(&folder);
     for kind in [&["csv", "npy"][..], &["parquet"], &["mcap"]] {
         let mine = files
@@ -162,8 +162,8 @@ fn stream_without_a_sample_is_a_table_without_rows() {
     let fields = [("x", Element::F64, &[][..], "m"), ("wide", Element::U32, &[500], "1")];
     let (tape, folder) = (tape(vec![spec("never", &fields)], 0), Scratch::new("empty"));
     export::csv(&tape, &folder.0).unwrap();
-    export::parquet(&tape, &folder.0).unwrap();
-    export::mcap(&tape, &folder.join("run.mcap"), None).unwrap();
+    export::parquet(&tape, &folder.0, &[]).unwrap();
+    export::mcap(&tape, &folder.join("run.mcap"), None, &[], Compression::None).unwrap();
     let files = files(&folder);
     assert_eq!(files["a.never.csv"], b"t [s],x [m]\n");
     assert!(String::from_utf8_lossy(&files["a.never.wide.npy"]).contains("(0, 500)"));
@@ -182,7 +182,7 @@ fn messages_name_their_fields_for_json_themselves() {
         scalar("1st"),
     ];
     let (tape, folder) = (tape(vec![spec("arm", &fields)], 1), Scratch::new("json"));
-    export::mcap(&tape, &folder.join("run.mcap"), None).unwrap();
+    export::mcap(&tape, &folder.join("run.mcap"), None, &[], Compression::None).unwrap();
     let file = fs::read(folder.join("run.mcap")).unwrap();
     let has = |part: &[u8]| file.windows(part.len()).any(|window| window == part);
     assert!(has(b"\x62\x06proto2"), "proto3 forbids fields of one name in JSON");

@@ -5,10 +5,14 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
-use report::export;
+use lockstep::time::Rational;
+use report::export::{self, Compression};
 use report::geometry::Geometry;
+use tape::folder::RunFolder;
+use tape::{Choice, Excerpt};
 
 use super::trust::{Trust, told};
+use crate::cli::instant;
 use crate::line::Busy;
 use engine::scenario::in_path;
 
@@ -30,6 +34,16 @@ pub enum Format {
     Rrd,
 }
 
+/// How an MCAP file is compressed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum Pressed {
+    /// LZ4, chunk by chunk
+    #[default]
+    Lz4,
+    /// Not at all
+    None,
+}
+
 /// Write the tape of a run in a format that other tools open.
 #[derive(Debug, Args)]
 pub struct ExportArgs {
@@ -41,6 +55,18 @@ pub struct ExportArgs {
     /// The folder to write into [default: `export` in the run folder]
     #[arg(long, short)]
     pub out: Option<PathBuf>,
+    /// A stream such as plant.motion, or a field such as plant.motion.position (may be given more than once) [default: everything]
+    #[arg(long, value_name = "NAME")]
+    pub of: Vec<String>,
+    /// No sample before this time
+    #[arg(long, value_name = "TIME", value_parser = instant)]
+    pub from: Option<Rational>,
+    /// No sample after this time
+    #[arg(long, value_name = "TIME", value_parser = instant)]
+    pub until: Option<Rational>,
+    /// How an MCAP file is compressed
+    #[arg(long, value_enum, default_value_t)]
+    pub compression: Pressed,
     /// A URDF for the scene, of the servicer or of the target [default: those that the run names]
     #[arg(long)]
     pub model: Vec<PathBuf>,
@@ -75,9 +101,22 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     }
     let out = args.out.clone().unwrap_or_else(|| args.run.join("export"));
     let busy = Busy::reading("exporting", &args.run);
+    let choice = Choice {
+        names: args.of.clone(),
+        from: args.from,
+        to: args.until,
+    };
+    let chosen = match Excerpt::new(&reader, &choice) {
+        Ok(chosen) => chosen,
+        Err(error) => {
+            eprintln!("error: {}", told(&error));
+            return Ok(UNREADABLE);
+        }
+    };
+    let about = about(&args.run);
     let result = match args.to {
-        Format::Csv => export::csv(&reader, &out),
-        Format::Parquet => export::parquet(&reader, &out),
+        Format::Csv => export::csv(&chosen, &out),
+        Format::Parquet => export::parquet(&chosen, &out, &about),
         Format::Mcap | Format::Rrd => {
             let geometry = match Geometry::read(&reader, &args.run, &args.model) {
                 Ok(geometry) => geometry,
@@ -88,7 +127,12 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             };
             let path = out.join("run.mcap");
             std::fs::create_dir_all(&out)?;
-            export::mcap(&reader, &path, Some(&geometry)).map(|()| vec![path])
+            let compression = match (args.to, args.compression) {
+                // A step on the way to another format.
+                (Format::Rrd, _) | (_, Pressed::None) => Compression::None,
+                (_, Pressed::Lz4) => Compression::Lz4,
+            };
+            export::mcap(&chosen, &path, Some(&geometry), &about, compression).map(|()| vec![path])
         }
     };
     drop(busy);
@@ -114,6 +158,48 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             Ok(UNWRITABLE)
         }
     }
+}
+
+/// What the run's folder says of it, as far as it is there: the plan, what ran it, and the digest of its tape.
+fn about(run: &Path) -> Vec<(&'static str, String)> {
+    let folder = if run.join("index.json").is_file() {
+        run.join("..")
+    } else {
+        run.to_owned()
+    };
+    let folder = RunFolder::open(&folder);
+    let plan = std::fs::read_to_string(folder.plan()).ok();
+    let value = |path: PathBuf| {
+        let text = std::fs::read_to_string(path).ok()?;
+        serde_json::from_str::<serde_json::Value>(&text).ok()
+    };
+    let (run, seal) = (value(folder.run()), value(folder.tape().join("seal.json")));
+    let text = |from: &Option<serde_json::Value>, key: &str| {
+        let found = from.as_ref()?.get(key)?;
+        Some(found.as_str().map_or_else(|| found.to_string(), str::to_owned))
+    };
+    let table = plan.as_ref().and_then(|plan| plan.parse::<toml::Table>().ok());
+    let seed = table.and_then(|table| {
+        Some(
+            table
+                .get("seed")?
+                .as_str()
+                .map_or_else(|| table["seed"].to_string(), str::to_owned),
+        )
+    });
+    let known = [
+        ("title", text(&run, "title")),
+        ("seed", seed),
+        ("digest", text(&seal, "digest")),
+        ("version", text(&run, "version")),
+        ("started", text(&run, "started")),
+        ("command", text(&run, "command")),
+        ("plan", plan),
+    ];
+    known
+        .into_iter()
+        .filter_map(|(key, value)| Some((key, value?)))
+        .collect()
 }
 
 /// Lets Rerun write its own format, which is that of the very version that will open it.

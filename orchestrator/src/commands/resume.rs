@@ -4,10 +4,10 @@ use crate::program::catalogue;
 use tape::Reader;
 use tape::folder::RunFolder;
 
-use super::run::execute;
+use super::run::{execute, options};
 use crate::cli::ResumeArgs;
-use engine::run::Origin;
 use engine::run::checkpoint::Checkpoint;
+use engine::run::{Origin, RunFailure, branch, check};
 use engine::scenario::Scenario;
 
 /// Goes on with a run in a folder of its own; the other one stays as it is.
@@ -31,10 +31,12 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
         eprintln!("error: {reason}");
         return Ok(2);
     }
-    let mut overrides = args.set.clone();
-    overrides.extend(args.duration.map(|duration| format!("duration={duration}")));
-    let mut scenario = match Scenario::read(catalogue(), &folder.plan(), &overrides) {
-        Ok(scenario) => scenario,
+    let duration = args.duration.map(|duration| format!("duration={duration}"));
+    let duration: Vec<String> = duration.into_iter().collect();
+    let read = |overrides: &[String]| Scenario::read(catalogue(), &folder.plan(), overrides);
+    let read = read(&[&args.set[..], &duration].concat()).and_then(|scenario| Ok((scenario, read(&duration)?)));
+    let (mut scenario, unchanged) = match read {
+        Ok(both) => both,
         Err(error) => {
             eprintln!("error: {error}");
             return Ok(2);
@@ -50,11 +52,28 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     if let Some(name) = name(&folder) {
         scenario.name = name;
     }
+    // Without changes the run is the same from any checkpoint on.
+    let at = args.from.filter(|at| !args.set.is_empty() && *at > checkpoint.time);
     if !args.how.common.quiet {
-        eprintln!("going on from the checkpoint at t = {}", checkpoint.time);
+        let and = at
+            .map(|at| format!(", with changes from t = {at} on"))
+            .unwrap_or_default();
+        eprintln!("going on from the checkpoint at t = {}{and}", checkpoint.time);
     }
     let run = args.run.clone();
-    execute(&scenario, &args.how, Some(Origin { run, checkpoint }), &[])
+    let origin = Origin { run, checkpoint };
+    let Some(at) = at else {
+        return execute(&scenario, &args.how, Some(origin), &[]);
+    };
+    // What would be refused there is refused now.
+    let checked = check(&scenario).map_err(RunFailure::from);
+    match checked.and_then(|_| branch(&unchanged, &options(&args.how), origin, at)) {
+        Ok(branch) => execute(&scenario, &args.how, Some(branch.origin.clone()), &[]),
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            Ok(failure.exit_code())
+        }
+    }
 }
 
 /// The name of the scenario that was run.

@@ -11,7 +11,7 @@ use tape::folder::RunFolder;
 use crate::cli::{HowArgs, RunArgs};
 use crate::{signals, terminal};
 use engine::live::{self, Server, Steering};
-use engine::run::{Ending, Options, Origin, Outcome, Record, RunFailure, run as run_scenario};
+use engine::run::{Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, factor, run as run_scenario};
 use engine::scenario::Scenario;
 use engine::shadow::{Account, Shadow};
 
@@ -48,22 +48,9 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
         }
     };
     let options = Options {
-        in_process: how.in_process,
-        record: Record::Folder,
-        out: how.common.out.clone(),
-        force: how.common.force,
-        progress: terminal::progress(how.common.quiet),
-        interrupt: signals::interrupt(),
-        pace: how.real_time,
-        pause_at: how.pause_at.clone(),
-        checkpoint_every: how.checkpoint_every,
-        checkpoint_at: how.checkpoint_at.clone(),
         origin,
-        wait: how.wait,
-        no_placement: how.no_placement,
-        patience_s: how.common.patience.seconds(),
-        start_within: how.common.start_within(),
         steering: server.as_ref().map(|(_, steering)| steering.clone()),
+        ..options(how)
     };
     let outcome = match run_scenario(scenario, &options) {
         Ok(outcome) => outcome,
@@ -88,6 +75,17 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     let folder = RunFolder::open(&root);
     let written = folder.write_json(&folder.summary(), &summary);
     tell(&outcome.ending);
+    let complaint = outcome.punctuality.as_ref().and_then(Punctuality::complaint);
+    let traced = outcome.traced.as_ref();
+    let unwritten = traced.and_then(|traced| {
+        traced
+            .error
+            .as_ref()
+            .map(|error| format!("{}: {error}", traced.path.display()))
+    });
+    for words in complaint.into_iter().chain(unwritten) {
+        eprintln!("warning: {words}");
+    }
     written?;
     if how.common.json {
         println!("{}", serde_json::to_string_pretty(&summary)?);
@@ -102,6 +100,29 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
         farewell(how, server, &outcome)?;
     }
     Ok(outcome.exit_code())
+}
+
+/// What the command line says of a run, apart from its scenario and its page.
+pub fn options(how: &HowArgs) -> Options {
+    Options {
+        in_process: how.in_process,
+        record: Record::Folder,
+        out: how.common.out.clone(),
+        force: how.common.force,
+        progress: terminal::progress(how.common.quiet),
+        interrupt: signals::interrupt(),
+        pace: how.real_time,
+        overrun: how.overrun,
+        trace: how.trace.clone(),
+        pause_at: how.pause_at.clone(),
+        checkpoint_every: how.checkpoint_every,
+        checkpoint_at: how.checkpoint_at.clone(),
+        wait: how.wait,
+        no_placement: how.no_placement,
+        patience_s: how.common.patience.seconds(),
+        start_within: how.common.start_within(),
+        ..Options::default()
+    }
 }
 
 /// The server of the page, where one is asked for.
@@ -162,17 +183,50 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
         println!("{}", figures.text);
     }
     println!(
-        "{:.3} s simulated in {:.3} s: {:.0} times real time ({})",
+        "{:.3} s simulated in {:.3} s: {} times real time ({})",
         outcome.simulated_s,
         outcome.wall_s,
-        outcome.real_time_factor(),
+        factor(outcome.real_time_factor()),
         outcome.placement
     );
+    outcome.punctuality.iter().for_each(print_pace);
+    if let Some(traced) = &outcome.traced {
+        let cut = match traced.missing {
+            0 => String::new(),
+            missing => format!(", {missing} more are missing"),
+        };
+        println!("trace: {} ({} spans{cut})", traced.path.display(), traced.spans);
+    }
     for what in &outcome.recovered {
         println!("recovered: {what}");
     }
     if let Some(folder) = &outcome.folder {
         println!("run folder: {}", folder.display());
+    }
+}
+
+/// How the pace of the wall clock was kept.
+fn print_pace(pace: &Punctuality) {
+    let held = pace.held.map_or_else(|| "not known".to_owned(), factor);
+    println!("pace: {held} times real time held of {}", factor(pace.asked));
+    let width = pace.participants.keys().map(String::len).max().unwrap_or(0).max(11);
+    println!(
+        "  {:width$}       p50       p99     p99.9   largest  overruns (ms late)",
+        ""
+    );
+    for (name, one) in &pace.participants {
+        if one.steps == 0 {
+            println!("  {name:width$}  does not say when its steps are complete");
+            continue;
+        }
+        let ms = [
+            one.lateness_p50_s,
+            one.lateness_p99_s,
+            one.lateness_p999_s,
+            one.lateness_largest_s,
+        ]
+        .map(|s| format!("{:9.3}", s * 1e3));
+        println!("  {name:width$} {} {} of {}", ms.join(" "), one.overruns, one.steps);
     }
 }
 

@@ -1,8 +1,8 @@
 //! The one seam through which somebody outside moves the horizon of a run: a limit, and how far the run is.
 
 use std::path::PathBuf;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use lockstep::plan::Plan;
 use lockstep::time::{Rational, Ticks};
@@ -36,6 +36,8 @@ pub struct Steering {
     granted: AtomicI64,
     resting: AtomicBool,
     course: OnceLock<Course>,
+    /// How the pace of the wall clock is kept.
+    pace: Mutex<serde_json::Value>,
     /// How it ended, in words.
     ended: OnceLock<String>,
 }
@@ -48,6 +50,7 @@ impl Default for Steering {
             granted: AtomicI64::new(0),
             resting: AtomicBool::new(false),
             course: OnceLock::new(),
+            pace: Mutex::default(),
             ended: OnceLock::new(),
         }
     }
@@ -95,6 +98,12 @@ impl Steering {
         self.newest.store(newest, Ordering::Relaxed);
         self.granted.store(granted, Ordering::Relaxed);
         self.resting.store(resting, Ordering::Relaxed);
+    }
+
+    /// The run says how it keeps the pace of the wall clock.
+    pub fn tell_pace(&self, pace: &impl serde::Serialize) {
+        let pace = serde_json::to_value(pace).unwrap_or_default();
+        *self.pace.lock().unwrap_or_else(PoisonError::into_inner) = pace;
     }
 
     /// The run is over, and its folder complete.
@@ -156,6 +165,7 @@ impl Steering {
             "paused": self.limit() != Ticks::MAX,
             "resting": self.resting.load(Ordering::Relaxed),
             "ended": self.ended(),
+            "pace": *self.pace.lock().unwrap_or_else(PoisonError::into_inner),
         })
     }
 }

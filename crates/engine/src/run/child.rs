@@ -8,6 +8,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::OnceLock;
 use std::time::Duration;
 
+use lockstep::span::{Detail, SPANS};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open};
 
 use super::awake::Patience;
@@ -70,10 +71,10 @@ pub fn own_program() -> Command {
 }
 
 impl Participant {
-    /// Starts the program of `entry` with its place in the run in the environment.
+    /// Starts the program of `entry` with its place in the run in the environment. It is asked for spans in this `detail`.
     ///
     /// The kernel kills the child when the thread that starts it dies, so this must be called from the main thread.
-    pub fn start(entry: &Entry, address: &str, log: &Path) -> io::Result<Participant> {
+    pub fn start(entry: &Entry, address: &str, log: &Path, detail: Option<Detail>) -> io::Result<Participant> {
         let name = entry.setup.name.clone();
         let mut command = match &entry.program {
             Program::Builtin(builtin) => {
@@ -103,6 +104,8 @@ impl Participant {
         command
             .env(lockstep::host::ADDRESS, address)
             .env(lockstep::host::PARTICIPANT, &name)
+            .env_remove(SPANS)
+            .envs(detail.map(|detail| (SPANS, detail.word())))
             .stdin(Stdio::null())
             .stdout(output.try_clone()?)
             .stderr(output);

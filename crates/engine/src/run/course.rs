@@ -12,6 +12,7 @@ use super::horizon::Guide;
 use super::inputs::Inputs;
 use super::outcome::{Ending, RunFailure};
 use super::recording::Recorder;
+use super::times::Times;
 use crate::scenario::{Entry, Scenario};
 
 /// The state of a run apart from its executor.
@@ -34,6 +35,8 @@ pub(super) struct Course {
     /// What became of participants that failed.
     pub(super) recovered: Vec<String>,
     pub(super) recorder: Arc<Mutex<Recorder>>,
+    /// What participants say of their wall time.
+    pub(super) times: Times,
 }
 
 impl Course {
@@ -49,6 +52,16 @@ impl Course {
     /// The newest stamp of anybody, ticks.
     pub(super) fn newest(&self) -> Ticks {
         self.recorder().newest
+    }
+
+    /// Tells whoever steers the run how far it is, whether everybody rests at the horizon, and how it keeps its pace.
+    pub(super) fn tell(&mut self, newest: Ticks, resting: bool) {
+        self.guide.tell(newest, resting);
+        if let Some(steering) = &self.options.steering
+            && let Some(news) = self.times.news()
+        {
+            steering.tell_pace(&news);
+        }
     }
 
     /// The name of participant number `number`.

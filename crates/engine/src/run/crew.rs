@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
 use lockstep::participant::Interface;
 use lockstep::plan::{Plan, Position};
+use lockstep::span::{Detail, Span};
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;
 use lockstep::transport::iceoryx::{
@@ -86,6 +87,8 @@ pub(super) struct Member {
     at_rest: Option<Ticks>,
     /// The next activation, once it has come to rest on the order to do so.
     pub(super) recalled: Option<u64>,
+    /// What it did when, and how many spans are missing behind each batch; until somebody takes them.
+    pub(super) spans: Vec<(u64, Vec<Span>)>,
 }
 
 impl Member {
@@ -98,6 +101,7 @@ impl Member {
             failed: None,
             at_rest: None,
             recalled: None,
+            spans: Vec::new(),
         }
     }
 
@@ -159,6 +163,7 @@ impl Member {
             failed,
             at_rest,
             recalled,
+            spans,
             ..
         } = self;
         let Ports {
@@ -187,6 +192,7 @@ impl Member {
                     recorder.recalled(number, next)?;
                     news |= recalled.replace(next).is_none();
                 }
+                Recorded::Note(Note::Spans { lost, spans: some }) => spans.push((lost, some)),
                 Recorded::Note(note @ Note::Failed { .. }) => *failed = Some(note),
             }
             Ok(())
@@ -292,9 +298,10 @@ pub(super) fn start(
     entry: &Entry,
     domain: &Domain,
     log: &std::path::Path,
+    detail: Option<Detail>,
 ) -> Result<Participant, RunFailure> {
     use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied};
-    Participant::start(entry, &domain.address().to_string(), log).map_err(|error| {
+    Participant::start(entry, &domain.address().to_string(), log, detail).map_err(|error| {
         if matches!(error.kind(), NotFound | NotADirectory | PermissionDenied) {
             let reason = format!("{} cannot be started: {error}", entry.program);
             return scenario.program_refusal(entry, &reason).into();

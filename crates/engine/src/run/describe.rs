@@ -65,7 +65,7 @@ fn ask_monitored(
     let mut members = Vec::new();
     for (entry, ports) in entries.iter().zip(ports) {
         let log = words.join(format!("words.{}", entry.setup.name));
-        let process = crew::start(scenario, entry, &domain, &log)?;
+        let process = crew::start(scenario, entry, &domain, &log, None)?;
         members.push(Member::new(process, ports, crew::start_within(entry, options)));
     }
     let mut waited = Awake::since(Instant::now());

@@ -18,6 +18,7 @@ use super::monitor::Monitor;
 use super::outcome::{Ending, Outcome, RunFailure};
 use super::prepare::{self, Ready};
 use super::store::{Record, no_samples};
+use super::times::Times;
 use super::{Options, in_process, instants, room, set_up};
 use crate::observer::Event as Report;
 use crate::scenario::Scenario;
@@ -146,6 +147,7 @@ impl Run {
         } = ready;
         let (from, substituted) = (start.from, start.substituted);
         let agenda = Agenda::new(&scenario, &plan, &options, from, substituted)?;
+        let times = Times::new(&plan, &options, &scenario.title)?;
         let recorder = Arc::new(Mutex::new(recorder));
         let executor: Box<dyn Executor> = match making {
             Making::Here(participants) => {
@@ -165,6 +167,7 @@ impl Run {
             recovered,
             folder,
             recorder,
+            times,
             scenario,
             options,
             plan,
@@ -284,7 +287,8 @@ impl Run {
         self.conclude()
     }
 
-    fn conclude(mut self) -> Outcome {
+    /// Ends the run, here if it has not come to its end.
+    pub(super) fn conclude(mut self) -> Outcome {
         let course = &mut self.course;
         course.options.progress.report(Report::Over);
         self.executor.bring_down(course);
@@ -297,8 +301,10 @@ impl Run {
             recorder,
             folder,
             recovered,
+            times,
             ..
         } = self.course;
+        let (punctuality, traced) = times.finish();
         let recorder = Arc::into_inner(recorder).expect("the participants are gone");
         let mut recorder = recorder.into_inner().unwrap_or_else(PoisonError::into_inner);
         // A tape that cannot be written is the fault of no participant.
@@ -329,6 +335,8 @@ impl Run {
             recovered,
             figures,
             sources: prepare::sources(&plan),
+            punctuality,
+            traced,
             timing: account.timing,
             placement: account.placement,
         }

@@ -8,7 +8,7 @@ use lockstep::time::Ticks;
 
 use super::Options;
 use super::agenda::{Agenda, Business};
-use super::awake::Awake;
+use super::pace::{Due, Pace};
 use crate::live::Steering;
 use crate::scenario::Scenario;
 
@@ -37,7 +37,9 @@ impl Guide {
         Guide {
             end: plan.end,
             agenda,
-            pace: options.pace.map(|factor| Pace::new(factor * ticks_per_s, from)),
+            pace: options
+                .pace
+                .map(|factor| Pace::new(factor * ticks_per_s, from, Instant::now())),
             steering: options.steering.clone(),
             lead: Lead::new(shortest.unwrap_or(1)),
             granted: from,
@@ -81,6 +83,11 @@ impl Guide {
         if let Some(steering) = &self.steering {
             steering.tell(newest, self.granted, resting);
         }
+    }
+
+    /// When the wall clock comes to `at`, where the run keeps pace with it.
+    pub(super) fn due(&self, at: Ticks) -> Option<Due> {
+        self.pace.as_ref().map(|pace| pace.due(at))
     }
 
     /// The next rest.
@@ -127,37 +134,6 @@ impl Guide {
     }
 }
 
-/// Keeps simulated time behind a multiple of the wall time in which this process ran and the run was not at rest.
-struct Pace {
-    ticks_per_s: f64,
-    awake: Awake,
-    at: Ticks,
-}
-
-impl Pace {
-    fn new(ticks_per_s: f64, at: Ticks) -> Pace {
-        Pace {
-            ticks_per_s,
-            awake: Awake::since(Instant::now()),
-            at,
-        }
-    }
-
-    fn start_over(&mut self, at: Ticks, now: Instant) {
-        (self.awake, self.at) = (Awake::since(now), at);
-    }
-
-    /// The instant that has come, `most` at the latest: a run that was held there, or suspended, does not hurry afterwards.
-    fn reached(&mut self, most: Ticks, now: Instant) -> Ticks {
-        let passed = self.awake.at(now).as_secs_f64() * self.ticks_per_s;
-        let reached = self.at.saturating_add(passed as Ticks);
-        if reached >= most {
-            self.start_over(most, now);
-        }
-        reached.min(most)
-    }
-}
-
 /// How far ahead of the newest sample a free run is let, so that a wish to pause still finds something to hold back.
 struct Lead {
     least: Ticks,
@@ -201,11 +177,7 @@ mod tests {
     use super::*;
 
     fn guide(stops: Vec<Ticks>, pace: Option<f64>, steering: Option<Arc<Steering>>, start: Instant) -> Guide {
-        let pace = pace.map(|ticks_per_s| Pace {
-            ticks_per_s,
-            awake: Awake::since(start),
-            at: 0,
-        });
+        let pace = pace.map(|ticks_per_s| Pace::new(ticks_per_s, 0, start));
         Guide {
             end: 100_000,
             agenda: Agenda::of_pauses(stops),

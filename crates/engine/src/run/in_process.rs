@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use lockstep::executor::{InLoop, Part, RunError, assemble};
+use lockstep::executor::{InLoop, Moment, Part, RunError, assemble};
 use lockstep::participant::Participant;
 use lockstep::plan::{Cut, Plan, Position};
 use lockstep::stepper::settle;
@@ -182,19 +182,34 @@ impl Executor for Loop {
             std::thread::sleep(NAP);
         }
         if let Some(looped) = &mut self.looped {
-            looped.run_to(horizon, |_| {})?;
+            let Course { times, guide, .. } = course;
+            if times.wants() {
+                looped.run_to(horizon, |moment| match moment {
+                    Moment::Begins => times.begins(),
+                    Moment::Stepped {
+                        participant,
+                        activation,
+                    } => times.stepped(participant, activation, guide),
+                })?;
+            } else {
+                looped.run_to(horizon, |_| {})?;
+            }
         }
         let lie = course.recorder().take_lie();
         if let Some((number, reason)) = lie {
             let participant = course.name(number).to_owned();
             return Err(Ending::Failed { participant, reason });
         }
-        course.guide.tell(horizon, horizon == reached);
+        course.tell(horizon, horizon == reached);
         self.reached = horizon;
         let t_s = plan.timebase.seconds(horizon);
         course.options.progress.report(Report::Time { t_s });
         if course.options.interrupt.asked() {
             let reason = format!("interrupted at t = {t_s} s");
+            return Ok(Turn::Over(Ending::Stopped { reason }));
+        }
+        if let Some(reason) = course.times.stops() {
+            let reason = reason.to_owned();
             return Ok(Turn::Over(Ending::Stopped { reason }));
         }
         if horizon >= plan.end {

@@ -3,6 +3,7 @@
 mod agenda;
 mod attend;
 mod awake;
+mod branch;
 mod bus;
 pub mod checkpoint;
 mod child;
@@ -19,11 +20,13 @@ mod horizon;
 mod in_process;
 mod inputs;
 mod instants;
+mod lateness;
 mod log;
 mod monitor;
 mod newest;
 mod notes;
 mod outcome;
+mod pace;
 mod place;
 mod placement;
 mod played;
@@ -36,6 +39,8 @@ mod slices;
 mod store;
 mod survive;
 mod take_up;
+mod times;
+mod trace;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -45,17 +50,20 @@ use lockstep::plan::Plan;
 use lockstep::time::Rational;
 use tape::folder::RunFolder;
 
+pub use branch::{Branch, branch};
 pub use bus::guard as guard_memory;
 pub use child::{own_program, start_instead, tie};
 pub use drive::{Checkpoint, Instantlike};
 pub(crate) use guard::Watch;
 pub use handle::Run;
+pub use lateness::{Lateness, Overrun, Punctuality, factor};
 pub use newest::Sample;
 pub use outcome::{Ending, ORCHESTRATOR, Outcome, RunFailure};
 pub use placement::Placement;
 pub use prepare::{Known, check, check_here, check_with_programs};
 pub use recording::streams;
 pub use store::Record;
+pub use trace::Traced;
 
 use crate::live::Steering;
 use crate::observer::{Event, Interrupt, Progress};
@@ -120,6 +128,10 @@ pub struct Options {
     pub interrupt: Interrupt,
     /// Simulated seconds per second of wall time; as fast as possible when not given.
     pub pace: Option<f64>,
+    /// What becomes of a run with a pace when a step is complete only after the next one was due.
+    pub overrun: Overrun,
+    /// The file that says what every participant did when, as JSON trace events; none when not given.
+    pub trace: Option<PathBuf>,
     /// Come to rest here and wait for the user.
     pub pause_at: Vec<Rational>,
     /// Keep the state of the run in a file this often, simulated.
@@ -151,6 +163,8 @@ impl Default for Options {
             progress: Progress::default(),
             interrupt: Interrupt::default(),
             pace: None,
+            overrun: Overrun::Report,
+            trace: None,
             pause_at: Vec::new(),
             checkpoint_every: None,
             checkpoint_at: Vec::new(),

@@ -11,6 +11,8 @@ use tape::folder::FolderError;
 use tape::{AppendError, CreateError, Digest, ReadError};
 
 use super::checkpoint::CheckpointError;
+use super::lateness::Punctuality;
+use super::trace::Traced;
 use crate::scenario::ScenarioError;
 use crate::scope::ScopeError;
 
@@ -175,6 +177,10 @@ pub struct Outcome {
     pub recovered: Vec<String>,
     /// The figures of merit.
     pub figures: Option<crate::assessment::Figures>,
+    /// How the pace of the wall clock was kept, where it was to be.
+    pub punctuality: Option<Punctuality>,
+    /// What became of the trace, where there is one.
+    pub traced: Option<Traced>,
     /// Where everybody's wall time went.
     pub timing: BTreeMap<String, Timing>,
     /// Who feeds each input of each participant in `timing`.
@@ -235,6 +241,20 @@ impl Outcome {
         }
         if !self.recovered.is_empty() {
             all.insert("recovered".into(), json!(self.recovered));
+        }
+        if let Some(punctuality) = &self.punctuality {
+            all.insert("pace".into(), json!(punctuality));
+        }
+        if let Some(traced) = &self.traced {
+            let Traced {
+                path,
+                spans,
+                missing,
+                error,
+            } = traced;
+            let trace =
+                json!({ "file": path.display().to_string(), "spans": spans, "missing": missing, "error": error });
+            all.insert("trace".into(), trace);
         }
         all.insert("placement".into(), json!(self.placement));
         all.insert("timing".into(), self.timing());

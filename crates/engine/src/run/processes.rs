@@ -116,6 +116,9 @@ impl Processes {
             reason,
         };
         let taken = member.take(number, &mut course.recorder());
+        for (lost, spans) in member.spans.drain(..) {
+            course.times.take(number, lost, &spans, &course.guide);
+        }
         let moved = match taken {
             Ok(moved) => moved,
             Err(broken) => {
@@ -188,7 +191,7 @@ impl Processes {
             .crew
             .iter()
             .all(|member| member.rests_at(self.place.clock.horizon()));
-        course.guide.tell(course.newest(), resting);
+        course.tell(course.newest(), resting);
         if resting {
             self.rounds.patience.renew();
         }
@@ -235,6 +238,10 @@ impl Executor for Processes {
         course.options.progress.report(Report::Time { t_s });
         if self.monitor.asked() {
             let reason = format!("interrupted at t = {t_s} s");
+            return Ok(Turn::Over(Ending::Stopped { reason }));
+        }
+        if let Some(reason) = course.times.stops() {
+            let reason = reason.to_owned();
             return Ok(Turn::Over(Ending::Stopped { reason }));
         }
         if self.rounds.flushed.elapsed() > FLUSH {

@@ -195,7 +195,7 @@ impl SetUp<'_> {
                 *programs += 1;
                 log = self.folder.stderr(&format!("{name}.{programs}"));
             }
-            let process = crew::start(self.scenario, entry, &domain, &log)?;
+            let process = crew::start(self.scenario, entry, &domain, &log, options.detail())?;
             crew.push(Member::new(process, ports, crew::start_within(entry, options)));
         }
         // Every wait below ends when any of the participants fails.

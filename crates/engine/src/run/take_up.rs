@@ -62,7 +62,7 @@ impl Processes {
                     self.programs += 1;
                     let log = folder.stderr(&format!("{}.{}", entry.setup.name, self.programs));
                     missing.unless(number, &mut member, |member| {
-                        member.process = crew::start(&course.scenario, &entry, &domain, &log)?;
+                        member.process = crew::start(&course.scenario, &entry, &domain, &log, course.options.detail())?;
                         Ok(())
                     })?;
                     (Some(entry), state)

@@ -6,6 +6,20 @@ use crate::plan::{Plan, Position};
 use crate::stepper::{PositionError, Progress, Stepper};
 use crate::time::Ticks;
 
+/// What happens in a loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Moment {
+    /// Somebody begins to work on an activation.
+    Begins,
+    /// Who began last has completed its activation.
+    Stepped {
+        /// Its number.
+        participant: usize,
+        /// The activation.
+        activation: u64,
+    },
+}
+
 /// A run in one loop of one thread: the fastest way without parallelism, and the measure for the other executors.
 pub struct InLoop {
     steppers: Vec<Stepper>,
@@ -40,9 +54,9 @@ impl InLoop {
         }
     }
 
-    /// Does every activation before `horizon`, in order. Calls `at` with the instant before the activations of that
-    /// instant, ticks.
-    pub fn run_to(&mut self, horizon: Ticks, mut at: impl FnMut(Ticks)) -> Result<(), RunError> {
+    /// Does every activation before `horizon`, in order. Tells `watch` when a participant begins to work on an activation, and when it
+    /// has completed it.
+    pub fn run_to(&mut self, horizon: Ticks, mut watch: impl FnMut(Moment)) -> Result<(), RunError> {
         if !self.started {
             // Before any horizon is given, this publishes what exists before the run starts.
             self.settle()?;
@@ -60,14 +74,13 @@ impl InLoop {
             if now >= horizon {
                 return self.settle();
             }
-            at(now);
-            self.instant(now)?;
+            self.instant(now, &mut watch)?;
         }
     }
 
     /// All activations at `now`. Ranks give the order; where a circle of zero-delay links is open only at this instant,
     /// a participant may have to wait for one of higher rank, and its turn comes again.
-    fn instant(&mut self, now: Ticks) -> Result<(), RunError> {
+    fn instant(&mut self, now: Ticks, watch: &mut impl FnMut(Moment)) -> Result<(), RunError> {
         loop {
             let (mut moved, mut left) = (false, false);
             for &number in &self.by_rank {
@@ -75,8 +88,16 @@ impl InLoop {
                 if stepper.next_instant() != now || stepper.next_activation() >= stepper.assignment().activations {
                     continue;
                 }
+                let activation = stepper.next_activation();
+                watch(Moment::Begins);
                 match stepper.poll().map_err(|source| RunError::of(stepper, source))? {
-                    Progress::Stepped => moved = true,
+                    Progress::Stepped => {
+                        moved = true;
+                        watch(Moment::Stepped {
+                            participant: number,
+                            activation,
+                        });
+                    }
                     Progress::Waiting(_) => left = true,
                     Progress::AtHorizon | Progress::Finished => {}
                 }

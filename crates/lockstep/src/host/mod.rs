@@ -4,6 +4,7 @@ mod error;
 mod neighbours;
 mod ready;
 mod session;
+mod spans;
 mod waiting;
 
 pub use error::HostError;
@@ -13,6 +14,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use crate::participant::{ParameterError, Participant, Setup};
+use crate::span::{Detail, SPANS};
 use crate::transport::iceoryx::Address;
 
 /// The environment variable with the address of the run.
@@ -42,7 +44,8 @@ pub fn run(
         // A participant must not outlive its orchestrator, however that ends.
         rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))
             .map_err(|error| HostError::Orphan(error.to_string()))?;
-        let mut seat = session::Seat::empty(&name, program, Arc::new(factory));
+        let spans = env::var(SPANS).ok().and_then(|word| Detail::of(&word));
+        let mut seat = session::Seat::empty(&name, program, Arc::new(factory), spans);
         let mut address = Some(address);
         // Whoever is moved leaves everything of the old address first.
         while let Some(at) = address {

@@ -6,10 +6,12 @@ use std::time::{Duration, Instant};
 
 use super::HostError;
 use super::neighbours::Neighbours;
+use super::spans::Spans;
 use super::waiting::Patience;
 use crate::control::{Note, Timing, Waiting};
 use crate::participant::Participant;
 use crate::plan::{Assignment, Position};
+use crate::span::{Doing, now_ns};
 use crate::stepper::{Ends, PositionError, Progress, StepError, Stepper, Wait};
 use crate::time::Ticks;
 use crate::transport::Broken;
@@ -39,6 +41,8 @@ pub(super) struct Ready {
     neighbours: Neighbours,
     pub(super) patience: Patience,
     pub(super) timing: Timing,
+    /// What is done when, where somebody asks.
+    pub(super) spans: Option<Spans>,
     /// Whether the links have what they need.
     prepared: bool,
     /// Keeps the services of the links open.
@@ -51,6 +55,8 @@ struct Waited {
     what: Wait,
     since: Instant,
     until: Instant,
+    /// How often the participant had slept before.
+    sleeps: u64,
 }
 
 /// Why a stretch of steps ended.
@@ -129,6 +135,7 @@ pub(super) fn connect(
         neighbours,
         patience: Patience::new(waiting),
         timing,
+        spans: None,
         prepared: false,
         _links: links,
     })
@@ -149,6 +156,9 @@ impl Ready {
             let prepared = self.stepper.prepare();
             prepared.map_err(|source| self.failed(source))?;
         }
+        if let Some(spans) = &mut self.spans {
+            spans.goes_on(self.stepper.next_activation());
+        }
         let mut waiting: Option<Waited> = None;
         status.set(Status {
             next: self.stepper.next_activation(),
@@ -156,11 +166,15 @@ impl Ready {
         });
         loop {
             let activation = self.stepper.next_activation();
+            let begun_ns = self.spans.as_ref().map(|_| now_ns());
             let progress = match self.stepper.poll() {
                 Ok(progress) => progress,
                 Err(source) => return Err(self.failed(source)),
             };
             self.neighbours.wake();
+            if let Some(begun_ns) = begun_ns {
+                self.keep_spans(activation, progress, waiting, begun_ns);
+            }
             if let Progress::Waiting(wait) = progress {
                 if self.wait(wait, &mut waiting, status, sleeper)? {
                     return Ok(Pause::Ordered);
@@ -177,6 +191,7 @@ impl Ready {
                         next: activation + 1,
                         activity: Activity::Computing,
                     });
+                    self.hand_out_spans()?;
                     if activation % 256 == 255 && self.clock.order() != Order::GoOn {
                         return Ok(Pause::Ordered);
                     }
@@ -187,6 +202,8 @@ impl Ready {
                         next: activation,
                         activity: Activity::Rest,
                     });
+                    self.hand_over_spans(sleeper)?;
+                    self.spans.iter_mut().for_each(Spans::rests);
                     self.hand_over(
                         &Note::AtRest {
                             horizon,
@@ -203,6 +220,7 @@ impl Ready {
                         next: count,
                         activity: Activity::Finished,
                     });
+                    self.hand_over_spans(sleeper)?;
                     self.hand_over(&Note::Finished(self.timing.clone()), sleeper)?;
                     return Ok(Pause::Finished);
                 }
@@ -225,6 +243,7 @@ impl Ready {
                 what: wait,
                 since: now,
                 until: now,
+                sleeps: self.patience.sleeps,
             };
             if let Some(known) = waiting.replace(begun) {
                 self.account(Waited { until: now, ..known });
@@ -270,6 +289,7 @@ impl Ready {
         let next = self.stepper.next_activation();
         let activity = Activity::Rest;
         status.set(Status { next, activity });
+        self.hand_over_spans(sleeper)?;
         Ok(self.hand_over(&Note::Recalled { next }, sleeper)?)
     }
 
@@ -283,7 +303,7 @@ impl Ready {
         .unwrap_or(Sleeping::FOR_ANYTHING)
     }
 
-    fn account(&mut self, Waited { what, since, until }: Waited) {
+    fn account(&mut self, Waited { what, since, until, .. }: Waited) {
         let nanos = (until - since).as_nanos() as u64;
         match what {
             Wait::Sample { input, .. } => self.timing.inputs_ns[input] += nanos,
@@ -298,6 +318,72 @@ impl Ready {
             sleeper.sleep(NAP)?;
         }
         Ok(())
+    }
+}
+
+impl Ready {
+    /// Keeps what the call of the stepper that began at `begun_ns` and came to `progress` tells of `activation`; before it, `waiting` was
+    /// waited for.
+    fn keep_spans(&mut self, activation: u64, progress: Progress, waiting: Option<Waited>, begun_ns: u64) {
+        let Some(spans) = &mut self.spans else { return };
+        let now_for = match progress {
+            Progress::Waiting(wait) => Some(wait),
+            Progress::Stepped | Progress::AtHorizon | Progress::Finished => None,
+        };
+        let over = waiting.filter(|waited| Some(waited.what) != now_for);
+        if let Some(waited) = over {
+            let since_ns = now_ns().saturating_sub(waited.since.elapsed().as_nanos() as u64);
+            let sleeps = self.patience.sleeps - waited.sleeps;
+            spans.waited(
+                activation,
+                doing(waited.what),
+                sleeps as u32,
+                since_ns,
+                begun_ns.max(since_ns),
+            );
+        }
+        match progress {
+            Progress::Stepped => spans.computed(activation, begun_ns, true),
+            // What comes before is the step.
+            Progress::Waiting(Wait::Room { .. } | Wait::Recording) if over.is_some() || waiting.is_none() => {
+                spans.computed(activation, begun_ns, false);
+            }
+            Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished => {}
+        }
+    }
+
+    /// Hands out spans as far as there is room, where it is time.
+    fn hand_out_spans(&mut self) -> Result<(), Broken> {
+        while let Some(spans) = self.spans.as_mut().filter(|spans| spans.is_due())
+            && let Some(note) = spans.note()
+            && self.record.0.borrow_mut().note(&note)?
+        {
+            spans.handed();
+        }
+        Ok(())
+    }
+
+    /// Hands out all spans.
+    pub(super) fn hand_over_spans(&mut self, sleeper: &mut Sleeper) -> Result<(), Broken> {
+        while let Some(note) = self.spans.as_ref().and_then(Spans::note) {
+            self.hand_over(&note, sleeper)?;
+            self.spans.iter_mut().for_each(Spans::handed);
+        }
+        Ok(())
+    }
+}
+
+fn doing(wait: Wait) -> Doing {
+    match wait {
+        Wait::Sample { input, index } => Doing::Sample {
+            input: input as u32,
+            index,
+        },
+        Wait::Room { output, consumer } => Doing::Room {
+            output: output as u32,
+            consumer: consumer as u32,
+        },
+        Wait::Recording => Doing::Recorder,
     }
 }
 

@@ -5,10 +5,12 @@ use std::time::{Duration, Instant};
 
 use super::HostError;
 use super::ready::{Pause, Ready, connect};
+use super::spans::Spans;
 use crate::control::{Note, PROTOCOL, Reply, Request, Timing, Waiting};
 use crate::panic::message;
 use crate::participant::{Factory, Participant, Setup};
 use crate::plan::{Assignment, Position};
+use crate::span::Detail;
 use crate::stepper::settle;
 use crate::time::Ticks;
 use crate::transport::iceoryx::{Address, ControlServer, Domain, Order, Sleeper, StatusWriter};
@@ -20,6 +22,8 @@ pub(super) struct Seat {
     factory: Factory,
     stage: Stage,
     timing: Timing,
+    /// Whether somebody asks what is done when.
+    spans: Option<Detail>,
 }
 
 /// How far a participant has come with its requests.
@@ -35,13 +39,14 @@ enum Stage {
 }
 
 impl Seat {
-    pub(super) fn empty(name: &str, program: &str, factory: Factory) -> Seat {
+    pub(super) fn empty(name: &str, program: &str, factory: Factory, spans: Option<Detail>) -> Seat {
         Seat {
             name: name.to_owned(),
             program: program.to_owned(),
             factory,
             stage: Stage::Unknown,
             timing: Timing::default(),
+            spans,
         }
     }
 }
@@ -205,6 +210,7 @@ impl Session {
                 HostError::Step { source, .. } => source.to_string(),
                 other => other.to_string(),
             };
+            ready.hand_over_spans(&mut self.sleeper)?;
             let note = Note::Failed {
                 activation,
                 t: t.to_string(),
@@ -259,6 +265,7 @@ impl Seat {
                 if self.timing.inputs_ns.len() == inputs {
                     ready.timing = std::mem::take(&mut self.timing);
                 }
+                ready.spans = self.spans.map(Spans::new);
                 self.stage = Stage::Ready(Box::new(ready));
                 Reply::Done
             }

@@ -53,22 +53,41 @@ pub fn csv(source: &dyn Source, dir: &Path) -> Result<Vec<PathBuf>, ExportError>
 /// One Parquet file per stream into the folder `dir`: `<participant>.<port>.parquet`, a column of the field's own type per
 /// element. A field of more than 256 elements is one column: bytes of a fixed number for `u8`, a list of a fixed number of
 /// elements for the other types. Unit, frame, field and shape of each column are in the column's metadata as Arrow readers
-/// show it. Gives the files.
-pub fn parquet(source: &dyn Source, dir: &Path) -> Result<Vec<PathBuf>, ExportError> {
+/// show it, and `about` in that of the file, each key behind `escapement.`. Gives the files.
+pub fn parquet(source: &dyn Source, dir: &Path, about: &About) -> Result<Vec<PathBuf>, ExportError> {
     per_stream(source, dir, |source, stream, dir| {
         let path = dir.join(format!("{}.parquet", source.streams()[stream].name()));
-        whole_file(&path, |file| parquet::write(source, stream, file))?;
+        whole_file(&path, |file| parquet::write(source, stream, about, file))?;
         Ok(vec![path])
     })
 }
+
+/// How an MCAP file is compressed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Compression {
+    /// Not at all.
+    None,
+    /// Chunk by chunk as an LZ4 frame, which every reader of MCAP knows.
+    #[default]
+    Lz4,
+}
+
+/// What a reader of the files should know of the run: keys and values of their metadata.
+pub type About = [(&'static str, String)];
 
 /// One MCAP file with every stream as a topic `/participant/port` of a protobuf message that describes itself, the
 /// poses among the fields as frame transforms on `/tf`, and `geometry` as a scene.
 ///
 /// A pose is a pair of fields `p_XY_X` and `quat_XY`: frame Y in frame X. Log times are the stamps as nanoseconds
-/// since the start of the run.
-pub fn mcap(source: &dyn Source, path: &Path, geometry: Option<&Geometry>) -> Result<(), ExportError> {
-    whole_file(path, |file| mcap::write(source, geometry, file))
+/// since the start of the run. `about` is the metadata record `escapement`.
+pub fn mcap(
+    source: &dyn Source,
+    path: &Path,
+    geometry: Option<&Geometry>,
+    about: &About,
+    compression: Compression,
+) -> Result<(), ExportError> {
+    whole_file(path, |file| mcap::write(source, geometry, about, compression, file))
 }
 
 /// What writes one file.
@@ -89,9 +108,11 @@ impl From<io::Error> for WriteError {
     }
 }
 
-type WriteStream = fn(&dyn Source, usize, &Path) -> Result<Vec<PathBuf>, ExportError>;
-
-fn per_stream(source: &dyn Source, dir: &Path, write: WriteStream) -> Result<Vec<PathBuf>, ExportError> {
+fn per_stream(
+    source: &dyn Source,
+    dir: &Path,
+    write: impl Fn(&dyn Source, usize, &Path) -> Result<Vec<PathBuf>, ExportError>,
+) -> Result<Vec<PathBuf>, ExportError> {
     fs::create_dir_all(dir).map_err(|source| ExportError::Io {
         path: dir.to_owned(),
         action: "create the folder",

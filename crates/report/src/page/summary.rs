@@ -51,6 +51,7 @@ const HIDDEN: &[&str] = &[
     "timing",
     "placement",
     "run_folder",
+    "trace",
 ];
 
 /// What stands before the name of a measure in the key of its row.

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use crate::export::Counted;
+use super::lz4;
+use crate::export::{About, Compression, Counted};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 /// Bytes of messages that a chunk collects.
@@ -20,6 +21,8 @@ mod op {
     pub(super) const MESSAGE_INDEX: u8 = 0x07;
     pub(super) const CHUNK_INDEX: u8 = 0x08;
     pub(super) const STATISTICS: u8 = 0x0b;
+    pub(super) const METADATA: u8 = 0x0c;
+    pub(super) const METADATA_INDEX: u8 = 0x0d;
     pub(super) const SUMMARY_OFFSET: u8 = 0x0e;
     pub(super) const DATA_END: u8 = 0x0f;
 }
@@ -69,6 +72,8 @@ impl Content {
 /// An MCAP file being written.
 pub(super) struct Container<'a, W: Write> {
     file: Counted<'a, W>,
+    compression: Compression,
+    metadata: Vec<Vec<u8>>,
     schemas: Vec<Vec<u8>>,
     channels: Vec<Vec<u8>>,
     chunk: Vec<u8>,
@@ -91,7 +96,7 @@ fn number(count: usize) -> io::Result<u16> {
 }
 
 impl<'a, W: Write> Container<'a, W> {
-    pub(super) fn begin(mut file: Counted<'a, W>) -> io::Result<Container<'a, W>> {
+    pub(super) fn begin(mut file: Counted<'a, W>, compression: Compression) -> io::Result<Container<'a, W>> {
         file.put(MAGIC)?;
         let header = Content::default()
             .bytes(b"")
@@ -99,6 +104,8 @@ impl<'a, W: Write> Container<'a, W> {
         file.put(&header.record(op::HEADER))?;
         Ok(Container {
             file,
+            compression,
+            metadata: Vec::new(),
             schemas: Vec::new(),
             channels: Vec::new(),
             chunk: Vec::new(),
@@ -108,6 +115,22 @@ impl<'a, W: Write> Container<'a, W> {
             counts: BTreeMap::new(),
             range: None,
         })
+    }
+
+    /// Writes keys and values under a name.
+    pub(super) fn metadata(&mut self, name: &str, about: &About) -> io::Result<()> {
+        let pairs: Vec<(String, String)> = about
+            .iter()
+            .map(|(key, value)| ((*key).to_owned(), value.clone()))
+            .collect();
+        let record = Content::default()
+            .bytes(name.as_bytes())
+            .map(&pairs)
+            .record(op::METADATA);
+        let index = Content::default().u64(self.file.position).u64(record.len() as u64);
+        self.metadata
+            .push(index.bytes(name.as_bytes()).record(op::METADATA_INDEX));
+        self.file.put(&record)
     }
 
     /// Declares a protobuf schema; gives its number.
@@ -164,17 +187,23 @@ impl<'a, W: Write> Container<'a, W> {
             return Ok(());
         };
         let (start, size) = (self.file.position, self.chunk.len() as u64);
+        let (name, packed) = match self.compression {
+            Compression::None => (&b""[..], None),
+            Compression::Lz4 => (&b"lz4"[..], Some(lz4::frame(&self.chunk))),
+        };
+        let records = packed.as_deref().unwrap_or(&self.chunk);
+        let stored = records.len() as u64;
         let head = Content::default()
             .u64(from)
             .u64(to)
             .u64(size)
             .u32(crc32fast::hash(&self.chunk))
-            .bytes(b"")
-            .u64(size);
+            .bytes(name)
+            .u64(stored);
         self.file.put(&[op::CHUNK])?;
-        self.file.put(&(head.0.len() as u64 + size).to_le_bytes())?;
+        self.file.put(&(head.0.len() as u64 + stored).to_le_bytes())?;
         self.file.put(&head.0)?;
-        self.file.put(&self.chunk)?;
+        self.file.put(records)?;
         self.chunk.clear();
         let length = self.file.position - start;
         let mut offsets: BTreeMap<u16, u64> = BTreeMap::new();
@@ -200,8 +229,8 @@ impl<'a, W: Write> Container<'a, W> {
             .u64(length)
             .counts(&offsets)
             .u64(self.file.position - start - length)
-            .bytes(b"")
-            .u64(size)
+            .bytes(name)
+            .u64(stored)
             .u64(size);
         self.chunk_indices.push(index.record(op::CHUNK_INDEX));
         self.range = widen(widen(self.range, from), to);
@@ -219,7 +248,7 @@ impl<'a, W: Write> Container<'a, W> {
             .u16(self.schemas.len() as u16)
             .u32(self.channels.len() as u32)
             .u32(0)
-            .u32(0)
+            .u32(self.metadata.len() as u32)
             .u32(self.chunk_indices.len() as u32)
             .u64(first)
             .u64(last)
@@ -230,6 +259,7 @@ impl<'a, W: Write> Container<'a, W> {
             (op::CHANNEL, self.channels),
             (op::STATISTICS, vec![statistics]),
             (op::CHUNK_INDEX, self.chunk_indices),
+            (op::METADATA_INDEX, self.metadata),
         ];
         let mut crc = crc32fast::Hasher::new();
         let mut offsets = Vec::new();

@@ -1,6 +1,7 @@
 //! MCAP with protobuf: one file that Foxglove, PlotJuggler and Rerun open.
 
 mod container;
+mod lz4;
 mod proto;
 mod schema;
 mod transforms;
@@ -8,7 +9,7 @@ mod transforms;
 use std::fs::File;
 use std::io::BufWriter;
 
-use super::{Counted, WriteError};
+use super::{About, Compression, Counted, WriteError};
 use container::Container;
 use schema::Schema;
 use tape::{Record, Records, Source};
@@ -53,9 +54,14 @@ impl Topic<'_> {
 pub(super) fn write(
     source: &dyn Source,
     geometry: Option<&Geometry>,
+    about: &About,
+    compression: Compression,
     out: &mut BufWriter<File>,
 ) -> Result<(), WriteError> {
-    let mut file = Container::begin(Counted::new(out))?;
+    let mut file = Container::begin(Counted::new(out), compression)?;
+    if !about.is_empty() {
+        file.metadata("escapement", about)?;
+    }
     let mut topics = Vec::new();
     let mut names = schema::Names::default();
     for (stream, spec) in source.streams().iter().enumerate() {

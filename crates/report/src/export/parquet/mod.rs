@@ -15,7 +15,7 @@ use lockstep::port::Element;
 use serde_json::json;
 
 use super::columns::{Column, TIME, columns};
-use super::{Counted, WriteError, varint};
+use super::{About, Counted, WriteError, varint};
 use crate::page::base64;
 use tape::{Records, Source, StreamSpec};
 use thrift::Struct;
@@ -141,7 +141,12 @@ fn width(column: &Column<'_>) -> usize {
     (column.elements * column.field.element.size()).max(4)
 }
 
-pub(super) fn write(source: &dyn Source, stream: usize, out: &mut BufWriter<File>) -> Result<(), WriteError> {
+pub(super) fn write(
+    source: &dyn Source,
+    stream: usize,
+    about: &About,
+    out: &mut BufWriter<File>,
+) -> Result<(), WriteError> {
     let spec = &source.streams()[stream];
     let columns = columns(spec);
     let leaves: Vec<Leaf<'_>> = std::iter::once(Leaf::of(TIME, Element::F64, 1))
@@ -181,7 +186,7 @@ pub(super) fn write(source: &dyn Source, stream: usize, out: &mut BufWriter<File
         }
         groups.push((rows, chunks));
     }
-    let footer = footer(spec, &columns, &leaves, &groups);
+    let footer = footer(spec, about, &columns, &leaves, &groups);
     file.put(&footer)?;
     file.put(&(footer.len() as u32).to_le_bytes())?;
     file.put(b"PAR1")?;
@@ -225,8 +230,14 @@ fn page_header(bytes: usize, values: u64) -> Vec<u8> {
     page.end()
 }
 
-fn footer(spec: &StreamSpec, columns: &[Column<'_>], leaves: &[Leaf<'_>], groups: &[(u64, Vec<Chunk>)]) -> Vec<u8> {
-    let about = json!({
+fn footer(
+    spec: &StreamSpec,
+    about: &About,
+    columns: &[Column<'_>],
+    leaves: &[Leaf<'_>],
+    groups: &[(u64, Vec<Chunk>)],
+) -> Vec<u8> {
+    let stream = json!({
         "participant": spec.participant,
         "port": spec.port,
         "offset": spec.offset,
@@ -234,10 +245,15 @@ fn footer(spec: &StreamSpec, columns: &[Column<'_>], leaves: &[Leaf<'_>], groups
         "first_index": spec.first_index,
         "descriptor": spec.descriptor,
     });
-    let metadata = [
-        ("escapement.stream", about.to_string()),
+    let known = about
+        .iter()
+        .map(|(key, value)| (format!("escapement.{key}"), value.clone()));
+    let known: Vec<(String, String)> = known.collect();
+    let mut metadata = vec![
+        ("escapement.stream", stream.to_string()),
         ("ARROW:schema", base64(arrow::schema(columns).into_iter())),
     ];
+    metadata.extend(known.iter().map(|(key, value)| (key.as_str(), value.clone())));
     describe("sample", leaves, groups, &metadata)
 }
 

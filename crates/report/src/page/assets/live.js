@@ -82,7 +82,15 @@ class Live {
     this.step.disabled = this.unit.disabled = this.time.disabled = !state.paused;
     this.dot.dataset.state = state.paused ? (state.resting ? "paused" : "stopping") : "running";
     const at = state.paused && state.resting ? state.horizon : state.t;
-    this.say(`t = ${at.toFixed(3)} s of ${show(this.about.duration_s)} s` + (state.paused ? (state.resting ? ", at rest" : ", coming to rest") : this.rate ? `, ${this.rate.toFixed(1)} × real time` : ""));
+    this.say(`t = ${at.toFixed(3)} s of ${show(this.about.duration_s)} s` + (state.paused ? (state.resting ? ", at rest" : ", coming to rest") : this.rate ? `, ${this.rate.toFixed(1)} × real time` : "") + this.pace(state.pace));
+  }
+
+  /** How the pace of the wall clock is kept, and who is late. */
+  pace(pace) {
+    if (!pace) return "";
+    const late = Object.entries(pace.participants).filter(([, one]) => one.overruns > 0).sort((a, b) => b[1].overruns - a[1].overruns)
+      .map(([name, one]) => `${name} overran ${one.overruns} of ${one.steps} steps, p99 ${show(one.lateness_p99_s * 1e3)} ms, largest ${show(one.lateness_largest_s * 1e3)} ms late`);
+    return `; ${pace.held === null ? "" : `${show(pace.held)} of `}${show(pace.asked)} × real time ${pace.kept ? "kept" : "not kept"}` + (late.length ? ": " + late.join("; ") : "");
   }
 
   /** What the server refused stays to be read for a while. */

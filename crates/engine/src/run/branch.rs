@@ -1,0 +1,80 @@
+//! A branch at an instant at which no checkpoint was made: the run goes on unchanged from the one before, up to there.
+
+use std::path::{Path, PathBuf};
+
+use lockstep::time::Rational;
+
+use super::handle::Run;
+use super::outcome::{Ending, RunFailure};
+use super::{Options, Origin};
+use crate::scenario::Scenario;
+
+/// A run that was let on unchanged to where a branch begins. What it recorded is there until this is dropped.
+pub struct Branch {
+    /// Where the branch begins.
+    pub origin: Origin,
+    _folder: Scratch,
+}
+
+/// A folder that is removed with everything in it.
+struct Scratch(PathBuf);
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // What cannot be removed now is seen by its name.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Goes on with `origin`, a run of `scenario`, as fast as possible and without a pause, and saves it at `to`. The folder that it takes is
+/// made beside the one in `options`.
+///
+/// # Errors
+/// When `to` does not lie between the checkpoint and the end, or when the run fails on its way.
+pub fn branch(scenario: &Scenario, options: &Options, origin: Origin, to: Rational) -> Result<Branch, RunFailure> {
+    if to >= scenario.duration {
+        return Err(RunFailure::Option {
+            option: "--from",
+            value: to.to_string(),
+            reason: format!(
+                "is no instant of the run, which ends at {}; name an earlier one, or a longer --duration",
+                scenario.duration
+            ),
+        });
+    }
+    let beside = options
+        .out
+        .as_deref()
+        .and_then(Path::parent)
+        .unwrap_or(Path::new("runs"));
+    let folder = Scratch(beside.join(format!(".branch-{}", std::process::id())));
+    let options = Options {
+        out: Some(folder.0.clone()),
+        force: true,
+        pace: None,
+        trace: None,
+        pause_at: Vec::new(),
+        checkpoint_every: None,
+        checkpoint_at: vec![to],
+        steering: None,
+        origin: Some(origin),
+        ..options.clone()
+    };
+    let mut run = Run::begin(std::sync::Arc::new(scenario.clone()), options)?;
+    let ticks = run.course.plan.timebase.ceil(to);
+    run.go(Some(ticks.map_err(|error| RunFailure::Other(error.to_string()))?));
+    let checkpoint = run.course.last_checkpoint.take().filter(|_| run.over.is_none());
+    let outcome = run.conclude();
+    match (checkpoint, outcome.ending) {
+        (Some(checkpoint), Ending::Complete) => Ok(Branch {
+            origin: Origin {
+                run: folder.0.clone(),
+                checkpoint,
+            },
+            _folder: folder,
+        }),
+        (_, Ending::Failed { participant, reason }) => Err(RunFailure::Participant { participant, reason }),
+        (_, Ending::Stopped { .. }) => Err(RunFailure::Interrupted),
+        (None, Ending::Complete) => Err(RunFailure::Other(format!("the run came to its end before t = {to}"))),
+    }
+}

@@ -1,0 +1,345 @@
+//! How well a run keeps pace with the wall clock: how late the steps of each participant are, and who is to blame.
+
+use std::collections::BTreeMap;
+
+use lockstep::plan::Plan;
+use lockstep::span::{Doing, Span};
+use lockstep::time::Ticks;
+use serde::Serialize;
+
+use super::horizon::Guide;
+
+/// What becomes of a run that keeps pace with the wall clock when a step is complete only after the next one was due.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Overrun {
+    /// It is counted, and reported.
+    #[default]
+    Report,
+    /// The run ends.
+    Stop,
+}
+
+impl Overrun {
+    /// Both with their names.
+    pub const ALL: [(&'static str, Overrun); 2] = [("report", Overrun::Report), ("stop", Overrun::Stop)];
+}
+
+/// The pace is kept when this much of what was asked for was held.
+const KEPT: f64 = 0.99;
+
+/// How a run kept pace with the wall clock. These figures depend on the machine; nothing of them is on the tape.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Punctuality {
+    /// Simulated seconds per second of wall time, as asked for.
+    pub asked: f64,
+    /// The same up to the end of the last step, without the time spent at rest; nothing where no step says when it was done.
+    pub held: Option<f64>,
+    /// Whether at least 99 % of what was asked for was held.
+    pub kept: bool,
+    /// Of each participant.
+    pub participants: BTreeMap<String, Lateness>,
+}
+
+/// How late the steps of a participant were complete: after the instant at which the wall clock came to their time.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Lateness {
+    /// Steps that were looked at. None of a program that does not say when it is done.
+    pub steps: u64,
+    /// Steps that were complete only after the next one of the participant was due.
+    pub overruns: u64,
+    /// Steps whose own work, without waiting, took longer than the participant has from one to the next.
+    pub too_long: u64,
+    /// Half of the steps were no later, s.
+    pub lateness_p50_s: f64,
+    /// 99 of 100 steps were no later, s.
+    pub lateness_p99_s: f64,
+    /// 999 of 1000 steps were no later, s.
+    pub lateness_p999_s: f64,
+    /// The latest step, s.
+    pub lateness_largest_s: f64,
+    /// Its time, s of the run.
+    pub largest_at_s: f64,
+}
+
+impl Punctuality {
+    /// That the pace was not kept, and who was late; nothing when it was.
+    pub fn complaint(&self) -> Option<String> {
+        if self.kept {
+            return None;
+        }
+        let late = |all: &mut dyn Iterator<Item = (&String, u64, u64)>, what: &str| {
+            let mut all: Vec<_> = all.filter(|(_, count, _)| *count > 0).collect();
+            all.sort_by_key(|(name, count, steps)| {
+                (
+                    std::cmp::Reverse(u128::from(*count) * 1_000_000 / u128::from(*steps)),
+                    *name,
+                )
+            });
+            let words: Vec<String> = (all.iter())
+                .map(|(name, count, steps)| format!("`{name}` ({count} of {steps} steps {what})"))
+                .collect();
+            (!words.is_empty()).then(|| words.join(", "))
+        };
+        let own = self.participants.iter();
+        let slow = late(
+            &mut own.clone().map(|(name, one)| (name, one.too_long, one.steps)),
+            "worked for longer than their period",
+        );
+        let waited = || {
+            late(
+                &mut own.clone().map(|(name, one)| (name, one.overruns, one.steps)),
+                "overran",
+            )
+        };
+        let who = slow.or_else(waited);
+        let who = who.map_or_else(
+            || "nobody says when it was done".to_owned(),
+            |who| format!("late: {who}"),
+        );
+        let held = self.held.map_or_else(|| "less".to_owned(), factor);
+        Some(format!(
+            "the pace was not kept: {held} times real time where {} was asked for; {who}",
+            factor(self.asked)
+        ))
+    }
+}
+
+/// A real-time factor for people: three digits that mean something.
+pub fn factor(factor: f64) -> String {
+    if factor >= 99.95 || factor == 0.0 {
+        return format!("{factor:.0}");
+    }
+    let digits = (2 - factor.log10().floor() as i32).clamp(0, 9) as usize;
+    let text = format!("{factor:.digits$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+/// Looks at steps while they come.
+pub(super) struct Watchman {
+    asked: f64,
+    overrun: Overrun,
+    all: Vec<Own>,
+    /// The first overrun, in words.
+    first: Option<String>,
+    /// In the stretch that the newest step lies in: its number, the wall time from its beginning to when the newest instant with a step was due,
+    /// and how late a step at that instant was, s.
+    newest: (u64, f64, f64),
+    /// The sums of these times of the stretches before, s.
+    before: (f64, f64),
+}
+
+/// What is known of one participant.
+struct Own {
+    histogram: Histogram,
+    overruns: u64,
+    too_long: u64,
+    largest_at: Ticks,
+    /// Work on the step that is not complete, ns.
+    work_ns: u64,
+}
+
+impl Watchman {
+    pub(super) fn new(participants: usize, asked: f64, overrun: Overrun) -> Watchman {
+        let own = |_| Own {
+            histogram: Histogram::default(),
+            overruns: 0,
+            too_long: 0,
+            largest_at: 0,
+            work_ns: 0,
+        };
+        Watchman {
+            asked,
+            overrun,
+            all: (0..participants).map(own).collect(),
+            first: None,
+            newest: (0, 0.0, 0.0),
+            before: (0.0, 0.0),
+        }
+    }
+
+    /// Looks at a span of participant number `number`.
+    pub(super) fn look(&mut self, number: usize, span: &Span, guide: &Guide, plan: &Plan) {
+        let Doing::Computing { done } = span.doing else { return };
+        let participant = &plan.participants[number];
+        if span.activation >= participant.activations {
+            return;
+        }
+        let own = &mut self.all[number];
+        own.work_ns = (own.work_ns).saturating_add(span.end_ns.saturating_sub(span.begin_ns));
+        if !done {
+            return;
+        }
+        let work_ns = std::mem::take(&mut own.work_ns);
+        let at = participant.sample_time.instant(span.activation);
+        let (Some(due), Some(next)) = (guide.due(at), guide.due(at + participant.sample_time.period)) else {
+            return;
+        };
+        let late_ns = span.end_ns.saturating_sub(due.ns);
+        if late_ns > own.histogram.largest || own.histogram.count == 0 {
+            own.largest_at = at;
+        }
+        own.histogram.add(late_ns);
+        let period_s = participant.period.seconds() / self.asked;
+        own.too_long += u64::from(work_ns as f64 > period_s * 1e9);
+        let late_s = late_ns as f64 * 1e-9;
+        if due.stretch > self.newest.0 {
+            let (_, into_s, late_s) = self.newest;
+            self.before = (self.before.0 + into_s, self.before.1 + late_s);
+            self.newest = (due.stretch, due.into_s, late_s);
+        }
+        if due.stretch == self.newest.0 && due.into_s >= self.newest.1 {
+            let latest = if due.into_s > self.newest.1 { 0.0 } else { self.newest.2 };
+            self.newest = (due.stretch, due.into_s, late_s.max(latest));
+        }
+        if span.end_ns > next.ns {
+            own.overruns += 1;
+            let t = plan.timebase.seconds(at);
+            self.first.get_or_insert_with(|| {
+                format!(
+                    "overrun at t = {t} s: step {} of `{}` was complete {:.3} ms after the wall clock had come to it, and has {:.3} ms until \
+                     the next one is due (its own work took {:.3} ms); a run without --overrun stop counts such steps and goes on",
+                    span.activation,
+                    participant.name,
+                    late_s * 1e3,
+                    period_s * 1e3,
+                    work_ns as f64 * 1e-6
+                )
+            });
+        }
+    }
+
+    /// Why the run is to end here.
+    pub(super) fn stops(&self) -> Option<&str> {
+        self.first.as_deref().filter(|_| self.overrun == Overrun::Stop)
+    }
+
+    /// What is known by now.
+    pub(super) fn account(&self, plan: &Plan) -> Punctuality {
+        let (_, into_s, late_s) = self.newest;
+        let (due_s, late_s) = (self.before.0 + into_s, self.before.1 + late_s);
+        let held = (due_s > 0.0).then(|| self.asked * due_s / (due_s + late_s));
+        let all = self.all.iter().zip(&plan.participants).map(|(own, participant)| {
+            let seconds = |ns: u64| ns as f64 * 1e-9;
+            let quantile = |part: f64| seconds(own.histogram.quantile(part));
+            let lateness = Lateness {
+                steps: own.histogram.count,
+                overruns: own.overruns,
+                too_long: own.too_long,
+                lateness_p50_s: quantile(0.5),
+                lateness_p99_s: quantile(0.99),
+                lateness_p999_s: quantile(0.999),
+                lateness_largest_s: seconds(own.histogram.largest),
+                largest_at_s: plan.timebase.seconds(own.largest_at),
+            };
+            (participant.name.clone(), lateness)
+        });
+        Punctuality {
+            asked: self.asked,
+            held,
+            // A run that ends with its first step has nothing to be behind with.
+            kept: held.is_none_or(|held| held >= KEPT * self.asked),
+            participants: all.collect(),
+        }
+    }
+}
+
+/// Buckets of a factor of two: a quantile is at most a thirty-second too large.
+const PARTS: u64 = 32;
+
+/// How often which times came, ns, in the same memory however many they are.
+#[derive(Default)]
+struct Histogram {
+    buckets: Vec<u64>,
+    count: u64,
+    largest: u64,
+}
+
+impl Histogram {
+    fn bucket(ns: u64) -> usize {
+        let shift = (ns / PARTS).checked_ilog2().unwrap_or(0) + u32::from(ns >= PARTS);
+        match shift {
+            0 => ns as usize,
+            shift => (u64::from(shift) * PARTS + (ns >> (shift - 1)) - PARTS) as usize,
+        }
+    }
+
+    /// The largest time of a bucket, ns.
+    fn end(bucket: usize) -> u64 {
+        let (octave, part) = (bucket as u64 / PARTS, bucket as u64 % PARTS);
+        match octave {
+            0 => part,
+            octave => ((PARTS + part + 1) << (octave - 1)) - 1,
+        }
+    }
+
+    fn add(&mut self, ns: u64) {
+        // A century; what another process says may be anything.
+        let ns = ns.min(1 << 62);
+        let bucket = Self::bucket(ns);
+        if self.buckets.len() <= bucket {
+            self.buckets.resize(bucket + 1, 0);
+        }
+        self.buckets[bucket] += 1;
+        self.count += 1;
+        self.largest = self.largest.max(ns);
+    }
+
+    /// The least time, up to the width of a bucket, that `part` of all do not exceed; 0 of none.
+    fn quantile(&self, part: f64) -> u64 {
+        let wanted = (part * self.count as f64).ceil() as u64;
+        let mut sum = 0;
+        for (bucket, count) in self.buckets.iter().enumerate() {
+            sum += count;
+            if sum >= wanted.max(1) {
+                return Self::end(bucket).min(self.largest);
+            }
+        }
+        0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_those_of_the_sorted_times_to_a_thirty_second() {
+        let draws = lockstep::random::Stream::new(5, "times");
+        let mut times: Vec<u64> = (0..5000)
+            .map(|at| draws.bits(2 * at) >> (draws.bits(2 * at + 1) % 60 + 4))
+            .collect();
+        let mut histogram = Histogram::default();
+        times.iter().for_each(|&ns| histogram.add(ns));
+        times.sort_unstable();
+        for part in [0.001, 0.5, 0.99, 0.999, 1.0] {
+            let exact = times[(part * times.len() as f64).ceil() as usize - 1];
+            let told = histogram.quantile(part);
+            assert!(
+                exact <= told && told <= exact + exact / PARTS,
+                "{part}: {told} for {exact}"
+            );
+        }
+        assert_eq!(histogram.quantile(1.0), *times.last().unwrap());
+    }
+
+    #[test]
+    fn buckets_follow_each_other_without_a_gap() {
+        for bucket in 0..1500 {
+            let end = Histogram::end(bucket);
+            assert_eq!(
+                (Histogram::bucket(end), Histogram::bucket(end + 1)),
+                (bucket, bucket + 1)
+            );
+        }
+    }
+
+    #[test]
+    fn factor_is_told_with_three_digits() {
+        let told = [0.0, 0.00123, 0.0431, 0.5, 0.9998, 1.0, 12.34, 122.4].map(factor);
+        assert_eq!(told, ["0", "0.00123", "0.0431", "0.5", "1", "1", "12.3", "122"]);
+    }
+}

@@ -1,0 +1,110 @@
+//! What participants say of their wall time while they work: looked at for the pace, and written into the trace.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use lockstep::plan::Plan;
+use lockstep::span::{Detail, Doing, Span, core, now_ns};
+
+use super::Options;
+use super::horizon::Guide;
+use super::lateness::{Punctuality, Watchman};
+use super::outcome::RunFailure;
+use super::trace::{Trace, Traced};
+
+/// The live page is told how the pace is kept this often.
+const TELL: Duration = Duration::from_millis(250);
+
+/// Everything that is made of spans.
+pub(super) struct Times {
+    plan: Arc<Plan>,
+    watchman: Option<Watchman>,
+    trace: Option<Trace>,
+    /// When somebody began to work on an activation, in one loop.
+    begun_ns: u64,
+    told: Option<Instant>,
+}
+
+impl Options {
+    /// How much participants are to say of what they do when; nothing where nobody asks.
+    pub(super) fn detail(&self) -> Option<Detail> {
+        match (&self.trace, self.pace) {
+            (Some(_), _) => Some(Detail::Waits),
+            (None, Some(_)) => Some(Detail::Steps),
+            (None, None) => None,
+        }
+    }
+}
+
+impl Times {
+    /// For a run of `plan`.
+    ///
+    /// # Errors
+    /// When the file of the trace cannot be made.
+    pub(super) fn new(plan: &Arc<Plan>, options: &Options, title: &str) -> Result<Times, RunFailure> {
+        let trace = options.trace.as_deref().map(|path| Trace::create(path, title));
+        Ok(Times {
+            watchman: (options.pace).map(|asked| Watchman::new(plan.participants.len(), asked, options.overrun)),
+            trace: trace.transpose()?,
+            plan: plan.clone(),
+            begun_ns: 0,
+            told: None,
+        })
+    }
+
+    /// Whether anything is made of spans.
+    pub(super) fn wants(&self) -> bool {
+        self.watchman.is_some() || self.trace.is_some()
+    }
+
+    /// Takes spans of participant number `number`, behind which `lost` are missing.
+    pub(super) fn take(&mut self, number: usize, lost: u64, spans: &[Span], guide: &Guide) {
+        if let Some(watchman) = &mut self.watchman {
+            spans
+                .iter()
+                .for_each(|span| watchman.look(number, span, guide, &self.plan));
+        }
+        if let Some(trace) = &mut self.trace {
+            trace.take(number, lost, spans, &self.plan);
+        }
+    }
+
+    /// In one loop: somebody begins to work on an activation.
+    pub(super) fn begins(&mut self) {
+        self.begun_ns = now_ns();
+    }
+
+    /// In one loop: participant number `number`, who began last, has completed `activation`.
+    pub(super) fn stepped(&mut self, number: usize, activation: u64, guide: &Guide) {
+        let span = Span {
+            activation,
+            doing: Doing::Computing { done: true },
+            core: core(),
+            sleeps: 0,
+            begin_ns: self.begun_ns,
+            end_ns: now_ns(),
+        };
+        self.take(number, 0, &[span], guide);
+    }
+
+    /// Why the run is to end here: a step overran, and that is to be the end.
+    pub(super) fn stops(&self) -> Option<&str> {
+        self.watchman.as_ref().and_then(Watchman::stops)
+    }
+
+    /// How the pace is kept, for the live page, from time to time.
+    pub(super) fn news(&mut self) -> Option<Punctuality> {
+        let watchman = self.watchman.as_ref()?;
+        if self.told.is_some_and(|told| told.elapsed() < TELL) {
+            return None;
+        }
+        self.told = Some(Instant::now());
+        Some(watchman.account(&self.plan))
+    }
+
+    /// What came out.
+    pub(super) fn finish(self) -> (Option<Punctuality>, Option<Traced>) {
+        let punctuality = self.watchman.map(|watchman| watchman.account(&self.plan));
+        (punctuality, self.trace.map(Trace::finish))
+    }
+}

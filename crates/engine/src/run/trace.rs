@@ -1,0 +1,201 @@
+//! A file with what every participant did when, as JSON trace events, which Perfetto and Chrome's `about:tracing` open.
+//!
+//! A process of the trace is a participant, a thread of it a core. The file is bounded: behind [`EVENTS`] spans nothing more is
+//! written but how many are missing. So is the memory that it takes: spans are written as they come.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use lockstep::plan::Plan;
+use lockstep::span::{Doing, Span, now_ns};
+use serde_json::{Value, json};
+
+use super::outcome::RunFailure;
+
+/// The most spans of a file: about 200 MB.
+const EVENTS: u64 = 1_000_000;
+
+/// A trace that is being written.
+pub(super) struct Trace {
+    path: PathBuf,
+    file: BufWriter<File>,
+    begin_ns: u64,
+    /// The bound on `written`.
+    events: u64,
+    written: u64,
+    /// Spans that are not in the file: that came too late for it, or that found no room on their way.
+    missing: u64,
+    /// The participants and cores that have been introduced.
+    known: Vec<(usize, u32)>,
+    /// What went wrong; nothing is written from then on.
+    error: Option<io::Error>,
+}
+
+/// What became of a trace.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Traced {
+    /// The file.
+    pub path: PathBuf,
+    /// Spans in it.
+    pub spans: u64,
+    /// Spans that are missing in it.
+    pub missing: u64,
+    /// Why it is not whole, if it could not be written.
+    pub error: Option<String>,
+}
+
+impl Trace {
+    /// Begins the file.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub(super) fn create(path: &Path, title: &str) -> Result<Trace, RunFailure> {
+        let refuse = |error: io::Error| RunFailure::Option {
+            option: "--trace",
+            value: path.display().to_string(),
+            reason: format!("cannot be written: {error}; name a file in a folder that is there"),
+        };
+        let mut file = BufWriter::new(File::create(path).map_err(refuse)?);
+        let about = json!({ "run": title, "time": "ns of wall time since the beginning of the run" });
+        write!(
+            file,
+            "{{\"displayTimeUnit\":\"ns\",\"otherData\":{about},\"traceEvents\":["
+        )
+        .map_err(refuse)?;
+        Ok(Trace {
+            path: path.to_owned(),
+            file,
+            begin_ns: now_ns(),
+            events: EVENTS,
+            written: 0,
+            missing: 0,
+            known: Vec::new(),
+            error: None,
+        })
+    }
+
+    /// Writes spans of participant number `number`, behind which `lost` are missing.
+    pub(super) fn take(&mut self, number: usize, lost: u64, spans: &[Span], plan: &Plan) {
+        for span in spans {
+            if self.written >= self.events {
+                self.missing += 1;
+            } else {
+                self.written += 1;
+                self.span(number, span, plan);
+            }
+        }
+        if lost > 0 {
+            self.missing += lost;
+            if let Some(last) = spans.last().filter(|_| self.written < self.events) {
+                let name = format!("cut: {lost} spans are missing from here on");
+                self.mark(number, last.core, last.end_ns, &name, lost);
+            }
+        }
+    }
+
+    fn span(&mut self, number: usize, span: &Span, plan: &Plan) {
+        let participant = &plan.participants[number];
+        self.introduce(number, span.core, &participant.name);
+        let input = |input: u32| participant.interface.inputs.get(input as usize);
+        let source = |input: u32| {
+            let link = participant.inputs.get(input as usize).copied().flatten();
+            link.map(|link| plan.output_name(plan.links[link].from))
+        };
+        let (name, kind, what) = match span.doing {
+            Doing::Computing { done } => (format!("step {}", span.activation), "step", json!({ "complete": done })),
+            Doing::Sample { input: port, index } => {
+                let name = input(port).map_or("", |input| input.name.as_str());
+                let what = json!({ "input": name, "output": source(port), "sample": index });
+                (format!("waits for `{name}`"), "wait", what)
+            }
+            Doing::Room { output, consumer } => {
+                let name = participant.interface.outputs.get(output as usize);
+                let name = name.map_or("", |output| output.name.as_str());
+                let consumer = plan
+                    .links
+                    .iter()
+                    .filter(|link| link.from == (number, output as usize))
+                    .nth(consumer as usize);
+                let reader = consumer.map(|link| plan.participants[link.to.0].name.as_str());
+                (
+                    format!("waits for room behind `{name}`"),
+                    "wait",
+                    json!({ "output": name, "reader": reader }),
+                )
+            }
+            Doing::Recorder => ("waits for the recorder".to_owned(), "wait", json!({})),
+            Doing::Horizon => ("waits for granted time".to_owned(), "wait", json!({})),
+        };
+        let mut args = json!({ "activation": span.activation, "core": span.core });
+        if span.activation < participant.activations {
+            let at = participant.sample_time.instant(span.activation);
+            args["t_s"] = json!(plan.timebase.seconds(at));
+        }
+        if span.sleeps > 0 {
+            args["sleeps"] = json!(span.sleeps);
+        }
+        if let (Value::Object(args), Value::Object(what)) = (&mut args, what) {
+            args.extend(what);
+        }
+        let ns = |at: u64| at.saturating_sub(self.begin_ns) as f64 * 1e-3;
+        let begin = ns(span.begin_ns);
+        let event = json!({
+            "ph": "X", "name": name, "cat": kind, "pid": number + 1, "tid": span.core + 1,
+            "ts": begin, "dur": ns(span.end_ns.max(span.begin_ns)) - begin, "args": args,
+        });
+        self.event(&event);
+    }
+
+    /// Names a participant and the core that it runs on, once.
+    fn introduce(&mut self, number: usize, core: u32, name: &str) {
+        if self.known.contains(&(number, core)) {
+            return;
+        }
+        if self.known.iter().all(|(known, _)| *known != number) {
+            self.event(&json!({ "ph": "M", "name": "process_name", "pid": number + 1, "args": { "name": name } }));
+        }
+        self.known.push((number, core));
+        let thread = json!({
+            "ph": "M", "name": "thread_name", "pid": number + 1, "tid": core + 1, "args": { "name": format!("core {core}") },
+        });
+        self.event(&thread);
+    }
+
+    fn mark(&mut self, number: usize, core: u32, at_ns: u64, name: &str, missing: u64) {
+        let ts = at_ns.saturating_sub(self.begin_ns) as f64 * 1e-3;
+        let event = json!({
+            "ph": "i", "s": "p", "name": name, "cat": "cut", "pid": number + 1, "tid": core + 1, "ts": ts, "args": { "missing": missing },
+        });
+        self.event(&event);
+    }
+
+    fn event(&mut self, event: &Value) {
+        if self.error.is_none() {
+            let comma = if self.known.is_empty() { "" } else { "," };
+            self.error = write!(self.file, "{comma}\n{event}").err();
+        }
+    }
+
+    /// Ends the file.
+    pub(super) fn finish(mut self) -> Traced {
+        if self.missing > 0 {
+            let name = format!("cut: {} spans are missing in this trace", self.missing);
+            let event = json!({
+                "ph": "i", "s": "g", "name": name, "cat": "cut", "pid": 0, "tid": 0,
+                "ts": now_ns().saturating_sub(self.begin_ns) as f64 * 1e-3, "args": { "missing": self.missing },
+            });
+            self.event(&event);
+        }
+        let ended = self
+            .error
+            .take()
+            .map_or_else(|| self.file.write_all(b"\n]}\n").and_then(|()| self.file.flush()), Err);
+        Traced {
+            path: self.path,
+            spans: self.written,
+            missing: self.missing,
+            error: ended.err().map(|error| error.to_string()),
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! The spans of one participant on their way to the orchestrator.
+
+use crate::control::Note;
+use crate::span::{Detail, Doing, Span, core, now_ns};
+
+/// Spans that are kept while the recorder has no room for them. What comes then is left out, and counted.
+const KEPT: usize = 4096;
+/// Spans of one note: it is shorter than the longest one.
+const TOGETHER: usize = 64;
+/// They are handed out at least this often, ns.
+const EVERY_NS: u64 = 20_000_000;
+
+/// What was done and is not handed out yet.
+pub(super) struct Spans {
+    detail: Detail,
+    kept: Vec<Span>,
+    /// How many were left out since the last note.
+    lost: u64,
+    handed_ns: u64,
+    /// When the participant came to the horizon.
+    resting_ns: Option<u64>,
+}
+
+impl Spans {
+    pub(super) fn new(detail: Detail) -> Spans {
+        Spans {
+            detail,
+            kept: Vec::with_capacity(KEPT),
+            lost: 0,
+            handed_ns: 0,
+            resting_ns: None,
+        }
+    }
+
+    /// Part of a step of `activation` was done since `begin_ns`.
+    pub(super) fn computed(&mut self, activation: u64, begin_ns: u64, done: bool) {
+        self.keep(Span {
+            activation,
+            doing: Doing::Computing { done },
+            core: core(),
+            sleeps: 0,
+            begin_ns,
+            end_ns: now_ns(),
+        });
+    }
+
+    /// Something was waited for.
+    pub(super) fn waited(&mut self, activation: u64, doing: Doing, sleeps: u32, begin_ns: u64, end_ns: u64) {
+        if self.detail == Detail::Waits {
+            let core = core();
+            self.keep(Span {
+                activation,
+                doing,
+                core,
+                sleeps,
+                begin_ns,
+                end_ns,
+            });
+        }
+    }
+
+    /// The participant has come to the horizon.
+    pub(super) fn rests(&mut self) {
+        self.resting_ns = Some(now_ns());
+    }
+
+    /// The participant goes on from the horizon with `activation`.
+    pub(super) fn goes_on(&mut self, activation: u64) {
+        if let Some(begin_ns) = self.resting_ns.take() {
+            self.waited(activation, Doing::Horizon, 0, begin_ns, now_ns());
+        }
+    }
+
+    fn keep(&mut self, span: Span) {
+        // Once something is missing, so is all that comes before there is room for the rest: what is told has one gap.
+        if self.kept.len() < KEPT && self.lost == 0 {
+            self.kept.push(span);
+        } else {
+            self.lost += 1;
+        }
+    }
+
+    /// Whether it is time to hand some of them out.
+    pub(super) fn is_due(&self) -> bool {
+        let newest = self.kept.last().map_or(0, |span| span.end_ns);
+        self.kept.len() >= TOGETHER || newest > self.handed_ns + EVERY_NS
+    }
+
+    /// The next note, if there is anything to tell.
+    pub(super) fn note(&self) -> Option<Note> {
+        let spans = &self.kept[..self.kept.len().min(TOGETHER)];
+        (!spans.is_empty() || self.lost > 0).then(|| Note::Spans {
+            // Those that were left out came behind all that are kept.
+            lost: if spans.len() == self.kept.len() { self.lost } else { 0 },
+            spans: spans.to_vec(),
+        })
+    }
+
+    /// The note was handed out.
+    pub(super) fn handed(&mut self) {
+        let count = self.kept.len().min(TOGETHER);
+        self.handed_ns = self.kept.get(count.saturating_sub(1)).map_or(0, |span| span.end_ns);
+        self.kept.drain(..count);
+        if self.kept.is_empty() {
+            self.lost = 0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_finds_no_room_is_counted_behind_what_is_kept() {
+        let mut spans = Spans::new(Detail::Waits);
+        let count = KEPT as u64 + 10;
+        (0..count).for_each(|at| spans.waited(at, Doing::Recorder, 0, at, at + 1));
+        let (mut told, mut left_out) = (Vec::new(), 0);
+        while let Some(Note::Spans { lost, spans: some }) = spans.note() {
+            assert_eq!(left_out, 0, "nothing is told behind what is missing");
+            left_out += lost;
+            told.extend(some.iter().map(|span| span.activation));
+            spans.handed();
+        }
+        assert_eq!((told, left_out), ((0..KEPT as u64).collect(), 10));
+    }
+
+    #[test]
+    fn steps_alone_are_kept_where_nobody_asks_for_waits() {
+        let mut spans = Spans::new(Detail::Steps);
+        spans.waited(0, Doing::Horizon, 0, 0, 1);
+        assert_eq!(spans.note(), None);
+        spans.computed(3, now_ns(), true);
+        assert!(matches!(spans.note(), Some(Note::Spans { lost: 0, spans }) if spans[0].activation == 3));
+    }
+}

@@ -1,0 +1,176 @@
+//! LZ4, as far as a chunk needs it: one frame of blocks that stand for themselves.
+//!
+//! A block is a series of literals and of copies of what came up to 64 KiB before. It is found by a table of where four bytes were seen
+//! last: one look for each place, so it is fast and good enough for numbers that repeat. See the LZ4 block and frame formats.
+
+/// The beginning of every frame: magic number, version 1 with independent blocks of at most 4 MiB, checksum of these two bytes.
+const HEAD: [u8; 7] = [0x04, 0x22, 0x4d, 0x18, 0x60, 0x70, 0x73];
+/// Bytes of a block before it is compressed.
+const BLOCK: usize = 4 << 20;
+/// The sign of a block that is not compressed.
+const PLAIN: u32 = 1 << 31;
+/// The least copy.
+const COPY: usize = 4;
+/// So many bytes at the end are literals, and the last copy begins so many before the end.
+const TAIL: usize = 5;
+const LAST_COPY: usize = 12;
+/// A copy reaches back this far.
+const FAR: usize = 65_535;
+const TABLE_BITS: u32 = 14;
+
+/// `bytes` as a frame.
+pub(super) fn frame(bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(bytes.len() / 2 + 64);
+    out.extend(HEAD);
+    let mut table = vec![0; 1 << TABLE_BITS];
+    for block in bytes.chunks(BLOCK) {
+        let size_at = out.len();
+        out.extend([0; 4]);
+        table.fill(0);
+        compress(block, &mut table, &mut out);
+        let mut size = (out.len() - size_at - 4) as u32;
+        if size as usize >= block.len() {
+            out.truncate(size_at + 4);
+            out.extend(block);
+            size = block.len() as u32 | PLAIN;
+        }
+        out[size_at..size_at + 4].copy_from_slice(&size.to_le_bytes());
+    }
+    out.extend([0; 4]);
+    out
+}
+
+/// Puts `block` compressed behind `out`. `table` has zeros; then for a hash of four bytes one more than where they were.
+fn compress(block: &[u8], table: &mut [u32], out: &mut Vec<u8>) {
+    let four = |at: usize| u32::from_le_bytes([block[at], block[at + 1], block[at + 2], block[at + 3]]);
+    let (mut at, mut written) = (0, 0);
+    let end = block.len().saturating_sub(LAST_COPY);
+    while at < end {
+        let bytes = four(at);
+        let slot = &mut table[(bytes.wrapping_mul(2_654_435_761) >> (32 - TABLE_BITS)) as usize];
+        let before = std::mem::replace(slot, at as u32 + 1) as usize;
+        let from = before.wrapping_sub(1);
+        if before == 0 || at - from > FAR || four(from) != bytes {
+            // Where nothing repeats, look ever more rarely.
+            at += 1 + ((at - written) >> 6);
+            continue;
+        }
+        let room = block.len() - TAIL - at;
+        let same = (COPY..room).take_while(|&n| block[from + n] == block[at + n]).count();
+        let length = COPY + same;
+        sequence(&block[written..at], Some((at - from, length)), out);
+        at += length;
+        written = at;
+    }
+    sequence(&block[written..], None, out);
+}
+
+/// Literals, then a copy of so many bytes from so far before.
+fn sequence(literals: &[u8], copy: Option<(usize, usize)>, out: &mut Vec<u8>) {
+    let more = copy.map_or(0, |(_, length)| length - COPY);
+    out.push((literals.len().min(15) << 4 | more.min(15)) as u8);
+    rest(literals.len(), out);
+    out.extend(literals);
+    if let Some((distance, _)) = copy {
+        out.extend((distance as u16).to_le_bytes());
+        rest(more, out);
+    }
+}
+
+/// What of a length does not fit into the four bits before.
+fn rest(length: usize, out: &mut Vec<u8>) {
+    if let Some(mut rest) = length.checked_sub(15) {
+        while rest >= 255 {
+            out.push(255);
+            rest -= 255;
+        }
+        out.push(rest as u8);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// What a frame holds, by the rules of the format alone.
+    fn unpack(frame: &[u8]) -> Vec<u8> {
+        let mut rest = frame.strip_prefix(&HEAD).expect("a frame");
+        let mut all = Vec::new();
+        loop {
+            let (size, behind) = rest.split_first_chunk::<4>().expect("a size");
+            let size = u32::from_le_bytes(*size);
+            if size == 0 {
+                assert!(behind.is_empty());
+                return all;
+            }
+            let (block, behind) = behind.split_at((size & !PLAIN) as usize);
+            if size & PLAIN == 0 {
+                unpack_block(block, &mut all);
+            } else {
+                all.extend(block);
+            }
+            rest = behind;
+        }
+    }
+
+    fn unpack_block(mut block: &[u8], all: &mut Vec<u8>) {
+        let begin = all.len();
+        let byte = |block: &mut &[u8]| {
+            let (first, rest) = block.split_first().expect("a byte");
+            *block = rest;
+            usize::from(*first)
+        };
+        let length = |nibble: usize, block: &mut &[u8]| {
+            let mut length = nibble;
+            while nibble == 15 {
+                let more = byte(block);
+                length += more;
+                if more < 255 {
+                    break;
+                }
+            }
+            length
+        };
+        loop {
+            let token = byte(&mut block);
+            let literals = length(token >> 4, &mut block);
+            all.extend(&block[..literals]);
+            block = &block[literals..];
+            if block.is_empty() {
+                assert!(literals >= TAIL || all.len() - begin < LAST_COPY, "the end is literal");
+                return;
+            }
+            let distance = byte(&mut block) | byte(&mut block) << 8;
+            let length = COPY + length(token & 15, &mut block);
+            assert!(
+                0 < distance && distance <= all.len() - begin,
+                "a copy stays in its block"
+            );
+            for _ in 0..length {
+                all.push(all[all.len() - distance]);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn frame_holds_what_was_put_into_it(pieces in prop::collection::vec((prop::collection::vec(any::<u8>(), 0..40), 1_usize..30), 0..60)) {
+            let bytes: Vec<u8> = pieces.into_iter().flat_map(|(piece, times)| piece.repeat(times)).collect();
+            prop_assert_eq!(unpack(&frame(&bytes)), bytes);
+        }
+    }
+
+    #[test]
+    fn numbers_that_repeat_get_smaller_and_noise_does_not_grow() {
+        let steps: Vec<u8> = (0..200_000_u64).flat_map(|at| (at / 100).to_le_bytes()).collect();
+        let packed = frame(&steps);
+        assert_eq!(unpack(&packed), steps);
+        assert!(packed.len() < steps.len() / 20, "{} of {}", packed.len(), steps.len());
+        let draws = lockstep::random::Stream::new(3, "noise");
+        let noise: Vec<u8> = (0..700_000).flat_map(|at| draws.bits(at).to_le_bytes()).collect();
+        let packed = frame(&noise);
+        assert_eq!(unpack(&packed), noise);
+        assert!(packed.len() <= noise.len() + 32);
+    }
+}

@@ -1,0 +1,256 @@
+//! Streams, fields and times of a tape, as a tape.
+
+use lockstep::port::Descriptor;
+use lockstep::time::Rational;
+
+use super::spec::STAMP_BYTES;
+use super::{ReadError, Source, StreamSpec, split_record};
+
+/// What is chosen of a source: `participant.port` for a whole stream, `participant.port.field` for a field of it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Choice {
+    /// Streams and fields; everything when there is none.
+    pub names: Vec<String>,
+    /// No sample that is stamped before.
+    pub from: Option<Rational>,
+    /// No sample that is stamped after.
+    pub to: Option<Rational>,
+}
+
+/// What was chosen of another source, which has it in the same order. Fields keep their names, units and bytes.
+pub struct Excerpt<'a, S: Source + ?Sized> {
+    source: &'a S,
+    streams: Vec<StreamSpec>,
+    picked: Vec<Picked>,
+}
+
+/// A stream that was chosen.
+struct Picked {
+    stream: usize,
+    /// The first record, and how many.
+    first: u64,
+    count: u64,
+    /// Where in a record of the source what was chosen lies, in order; nothing when that is all of it.
+    parts: Option<Vec<std::ops::Range<usize>>>,
+}
+
+impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
+    /// Looks `choice` up in `source`.
+    ///
+    /// # Errors
+    /// A stream or field that is not there, with those that are; a tape that cannot be read.
+    pub fn new(source: &'a S, choice: &Choice) -> Result<Excerpt<'a, S>, ReadError> {
+        let all = source.streams();
+        let mut fields: Vec<Option<Vec<usize>>> = vec![None; all.len()];
+        for name in &choice.names {
+            let whole = name.split('.').count() <= 2;
+            let (stream, field) = if whole {
+                (source.stream(name)?, None)
+            } else {
+                let found = source.field(name)?;
+                let own = all[found.stream].descriptor.fields.iter();
+                (found.stream, own.clone().position(|field| *field == found.field))
+            };
+            let count = all[stream].descriptor.fields.len();
+            let own = fields[stream].get_or_insert_default();
+            match field {
+                Some(field) => own.push(field),
+                None => own.extend(0..count),
+            }
+        }
+        let (mut streams, mut picked) = (Vec::new(), Vec::new());
+        for (stream, fields) in fields.into_iter().enumerate() {
+            if fields.is_none() && !choice.names.is_empty() {
+                continue;
+            }
+            let first = match choice.from {
+                Some(from) => records_before(source, stream, |stamp_s| stamp_s < from.seconds())?,
+                None => 0,
+            };
+            let end = match choice.to {
+                Some(to) => records_before(source, stream, |stamp_s| stamp_s <= to.seconds())?,
+                None => source.count(stream),
+            };
+            let mut spec = all[stream].clone();
+            spec.first_index += first;
+            let parts = fields.and_then(|fields| narrow(&mut spec.descriptor, &fields));
+            streams.push(spec);
+            picked.push(Picked {
+                stream,
+                first,
+                count: end.saturating_sub(first),
+                parts,
+            });
+        }
+        Ok(Excerpt {
+            source,
+            streams,
+            picked,
+        })
+    }
+}
+
+/// Leaves `fields` in `descriptor`; where in a record they were, if some go.
+fn narrow(descriptor: &mut Descriptor, fields: &[usize]) -> Option<Vec<std::ops::Range<usize>>> {
+    if (0..descriptor.fields.len()).all(|field| fields.contains(&field)) {
+        return None;
+    }
+    let all = std::mem::take(&mut descriptor.fields);
+    let (mut parts, mut size) = (Vec::new(), 0);
+    for (_, mut field) in all.into_iter().enumerate().filter(|(at, _)| fields.contains(at)) {
+        let range = field.range();
+        parts.push(STAMP_BYTES + range.start..STAMP_BYTES + range.end);
+        field.offset = size;
+        size += range.len() as u32;
+        descriptor.fields.push(field);
+    }
+    descriptor.size = size;
+    Some(parts)
+}
+
+/// How many records of a stream come before the first one whose stamp is not `before`.
+fn records_before<S: Source + ?Sized>(
+    source: &S,
+    stream: usize,
+    before: impl Fn(f64) -> bool,
+) -> Result<u64, ReadError> {
+    let mut record = vec![0; source.streams()[stream].stride()];
+    let (mut low, mut high) = (0, source.count(stream));
+    while low < high {
+        let middle = low + (high - low) / 2;
+        source.read(stream, middle, &mut record)?;
+        if before(split_record(&record, middle).stamp_s) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    Ok(low)
+}
+
+impl<S: Source + ?Sized> Source for Excerpt<'_, S> {
+    fn streams(&self) -> &[StreamSpec] {
+        &self.streams
+    }
+
+    fn count(&self, stream: usize) -> u64 {
+        self.picked[stream].count
+    }
+
+    fn read(&self, stream: usize, first: u64, records: &mut [u8]) -> Result<(), ReadError> {
+        let stride = self.check_range(stream, first, records.len())?;
+        let own = &self.picked[stream];
+        let Some(parts) = &own.parts else {
+            return self.source.read(own.stream, own.first + first, records);
+        };
+        let wide = self.source.streams()[own.stream].stride();
+        let mut all = vec![0; records.len() / stride * wide];
+        self.source.read(own.stream, own.first + first, &mut all)?;
+        for (narrow, record) in records.chunks_exact_mut(stride).zip(all.chunks_exact(wide)) {
+            let (stamp, mut rest) = narrow.split_at_mut(STAMP_BYTES);
+            stamp.copy_from_slice(&record[..STAMP_BYTES]);
+            for part in parts {
+                let (field, behind) = rest.split_at_mut(part.len());
+                field.copy_from_slice(&record[part.clone()]);
+                rest = behind;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{MemoryTape, Records, Sink};
+    use lockstep::port::{Element, Field};
+
+    /// Streams `a.x` and `a.y` with the fields `u` (two bytes), `v` (a double) and `w` (a byte), whose bytes count up.
+    fn tape() -> MemoryTape {
+        let field = |name: &str, element, shape: &[u32], offset| Field {
+            name: name.into(),
+            element,
+            shape: shape.to_vec(),
+            unit: "m".into(),
+            frame: String::new(),
+            offset,
+        };
+        let descriptor = Descriptor {
+            name: "M".into(),
+            size: 16,
+            fields: vec![
+                field("v", Element::F64, &[], 0),
+                field("u", Element::U8, &[2], 8),
+                field("w", Element::U8, &[6], 10),
+            ],
+        };
+        let spec = |port| {
+            StreamSpec::new(
+                "a",
+                port,
+                descriptor.clone(),
+                Rational::ZERO,
+                Rational::from_millis(100),
+            )
+        };
+        let mut tape = MemoryTape::new(vec![spec("x"), spec("y")]).unwrap();
+        for index in 0..50 {
+            let payload: Vec<u8> = (0..16).map(|at| at + 16 * index as u8).collect();
+            (0..2).for_each(|stream| tape.sample(stream, index, index as f64 / 10.0, &payload).unwrap());
+        }
+        tape
+    }
+
+    fn choice(names: &[&str], from: Option<i64>, to: Option<i64>) -> Choice {
+        Choice {
+            names: names.iter().map(|name| (*name).to_owned()).collect(),
+            from: from.map(Rational::from_millis),
+            to: to.map(Rational::from_millis),
+        }
+    }
+
+    #[test]
+    fn nothing_chosen_is_everything() {
+        let tape = tape();
+        let all = Excerpt::new(&tape, &Choice::default()).unwrap();
+        assert_eq!(all.digest().unwrap(), tape.digest().unwrap());
+    }
+
+    #[test]
+    fn fields_and_times_are_those_of_the_tape() {
+        let tape = tape();
+        let some = Excerpt::new(&tape, &choice(&["a.y.w", "a.y.v"], Some(950), Some(2000))).unwrap();
+        assert_eq!(some.streams().len(), 1);
+        let spec = &some.streams()[0];
+        let names: Vec<&str> = spec.descriptor.fields.iter().map(|field| field.name.as_str()).collect();
+        assert_eq!(
+            (spec.name().as_str(), spec.first_index, names),
+            ("a.y", 10, vec!["v", "w"])
+        );
+        let mut records = Records::new(&some, 0);
+        for index in 10..=20 {
+            let record = records.next().unwrap().unwrap();
+            let first = 16 * index as u8;
+            let expected: Vec<u8> = (0..8).chain(10..16).map(|at| at + first).collect();
+            assert_eq!((record.index, record.stamp_s), (index, index as f64 / 10.0));
+            assert_eq!(record.payload, expected);
+        }
+        assert_eq!(records.next().unwrap(), None);
+    }
+
+    #[test]
+    fn choice_without_a_sample_is_empty_and_an_unknown_name_is_refused() {
+        let tape = tape();
+        for (from, to) in [(Some(5000), None), (Some(310), Some(390)), (Some(400), Some(300))] {
+            let none = Excerpt::new(&tape, &choice(&[], from, to)).unwrap();
+            assert_eq!((none.count(0), none.count(1)), (0, 0), "{from:?} {to:?}");
+        }
+        for (name, known) in [("a.z", "`a.x`"), ("a", "`a.x`"), ("a.x.q", "`w`")] {
+            let error = Excerpt::new(&tape, &choice(&[name], None, None))
+                .err()
+                .unwrap()
+                .to_string();
+            assert!(error.contains(known), "{error}");
+        }
+    }
+}
