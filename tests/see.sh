@@ -30,6 +30,7 @@ fi
 "$orchestrator" run scenarios/close.toml --in-process --quiet --set 'participants.plant.parameters.slosh="spherical"' --out "$work/spherical"
 "$orchestrator" run scenarios/capture-and-stabilise.toml --in-process --quiet --duration "34 s" --out "$work/grasped" || [ $? -eq 3 ]
 step "exports" "$python" tests/exports/check_exports.py "$orchestrator" "$work/close"
+step "measures" "$python" tests/measures/check_measures.py "$orchestrator"
 step "report" "$python" tests/pages/check_report.py "$orchestrator" "$work/close" "$work/slower" --bodies "$work/spherical" --bodies "$work/grasped" ${2:+--screenshots "$2"}
 step "report of any run" "$python" tests/pages/check_any.py "$orchestrator" "$(dirname "$orchestrator")/lander" ${2:+--screenshots "$2"}
 step "live page" "$python" tests/pages/check_live.py "$orchestrator" ${2:+--screenshots "$2"}

@@ -394,3 +394,68 @@ at-most = "1 m"
     assert_eq!(refused.code, Some(2), "{refused:?}");
     assert!(refused.err.contains("the streams are"), "{refused:?}");
 }
+
+#[test]
+fn what_cannot_be_measured_has_a_reason_and_misses_its_criterion() {
+    let folder = Folder::new("measures-none");
+    let exe = |name: &str| participant(name).display().to_string();
+    let scenario = folder.write(
+        "none.toml",
+        &format!(
+            r#"duration = "1 s"
+participants.swing = {{ run = {{ exe = "{oscillator}" }}, period = "1 ms" }}
+participants.brake = {{ run = {{ exe = "{damper}" }}, period = "10 ms" }}
+participants.late = {{ run = {{ exe = "{damper}" }}, period = "10 ms", offset = "2 s" }}
+connections.a = {{ from = "swing.motion", to = ["brake.motion", "late.motion"] }}
+connections.b = {{ from = "brake.push", to = "swing.push" }}
+
+[measures]
+never = {{ of = "late.push.force", compute = "mean", at-most = "1 N" }}
+empty = {{ of = "swing.motion.position", compute = "max", from = "0.5 s", to = "0.5 s", at-least = "-9 m" }}
+nothing = {{ of = "swing.motion.position", compute = "max", from = "0.5001 s", to = "0.5009 s", at-least = "-9 m" }}
+count = {{ of = "brake.push.count", compute = "final", at-least = 100, at-most = 100 }}
+counted = {{ of = "brake.push.count", compute = "changes", at-least = 99, at-most = 99 }}
+broken = {{ of = "brake.seen.motion.position", compute = "max-abs", at-most = "9 m" }}
+before = {{ of = "brake.seen.motion.position", compute = "max-abs", to = "0.49 s", at-most = "9 m" }}
+"#,
+            oscillator = exe("oscillator"),
+            damper = exe("damper")
+        ),
+    );
+    // Twice beyond what a double holds; the brake looks at the velocity alone.
+    let fault = "at=0.5s,input=brake.motion,field=position,kind=scale,value=1e200";
+    let out = folder.path().join("run");
+    let faults = ["--fault", fault, "--fault", fault];
+    let said = orchestrate(&[&["run", text(&scenario), "--json", "--out", text(&out)], &faults[..]].concat());
+    assert_eq!(said.code, Some(3), "{said:?}");
+    let summary = said.json();
+    let asked = ask(&out, &["--json"]);
+    assert_eq!(asked.code, Some(3), "{asked:?}");
+    assert_eq!(judged(&asked.json())[..3], judged(&summary)[..3]);
+    for (name, reason) in [
+        ("never", "there is no sample in the window"),
+        ("nothing", "there is no sample in the window"),
+        ("broken", "the value is"),
+    ] {
+        let own = &summary["measures"][name];
+        assert_eq!(own["value"], Value::Null, "{own}");
+        assert!(own["reason"].as_str().unwrap_or_default().contains(reason), "{own}");
+    }
+    assert!(
+        summary["measures"]["broken"]["reason"]
+            .as_str()
+            .unwrap()
+            .ends_with("inf at t = 0.5 s")
+    );
+    for name in ["empty", "before", "count", "counted"] {
+        assert!(
+            summary["measures"][name]["value"].is_number(),
+            "{name}: {}",
+            summary["measures"][name]
+        );
+    }
+    let criteria = summary["criteria"].as_array().expect("it has criteria");
+    let missed = criteria.iter().filter(|one| one["met"] == false);
+    let missed: Vec<&str> = missed.map(|one| one["name"].as_str().unwrap_or_default()).collect();
+    assert_eq!(missed, ["broken", "never", "nothing"]);
+}

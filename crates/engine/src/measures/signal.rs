@@ -49,8 +49,13 @@ pub(super) fn evaluate(through: Through, of: &[f64], minus: Option<(&[f64], f64)
     }
 }
 
-/// The angle between two attitudes, at most pi; what is no rotation, a quaternion of zeros, has none (NaN). Lengths do not matter.
+/// The angle between two attitudes, at most pi; what is no rotation, a quaternion of zeros or of what is not finite, has none (NaN).
+/// Lengths do not matter.
 fn angle(p: &[f64], q: &[f64]) -> f64 {
+    // Infinite products would have an angle of their own.
+    if p.iter().chain(q).any(|x| !x.is_finite()) {
+        return f64::NAN;
+    }
     let ([p0, p1, p2, p3], [q0, q1, q2, q3]) = ([p[0], p[1], p[2], p[3]], [q[0], q[1], q[2], q[3]]);
     // The product of the conjugate of p with q.
     let scalar = p0 * q0 + p1 * q1 + p2 * q2 + p3 * q3;
@@ -109,5 +114,9 @@ mod tests {
         let found = one(Through::Angle, &[half, half, 0.0, 0.0], Some(&[half, 0.0, half, 0.0]))[0];
         assert!((found - std::f64::consts::PI * 2.0 / 3.0).abs() < 1e-15, "{found}");
         assert!(one(Through::Angle, &[0.0; 4], None)[0].is_nan());
+        // as a flipped bit of an exponent leaves it
+        let broken = [f64::INFINITY, 0.0, 0.5, 0.0];
+        assert!(one(Through::Angle, &broken, None)[0].is_nan());
+        assert!(one(Through::Angle, &[half, half, 0.0, 0.0], Some(&broken))[0].is_nan());
     }
 }
