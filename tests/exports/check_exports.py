@@ -282,6 +282,38 @@ def check_documentation(program, run, made):
     print("the snippets of docs/run-folder.md read what is on the tape")
 
 
+def check_about(program, run, out):
+    """What the files say of the run, as far as its folder says it; and what is chosen of it."""
+    with open(out / "run.mcap", "rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert {chunk.compression for chunk in reader.get_summary().chunk_indexes} == {"lz4"}
+        about = {record.name: record.metadata for record in reader.iter_metadata()}
+    streams = read_tape(run)
+    names = [name for name, (_, _, stamps, _) in streams.items() if len(stamps) > 2]
+    parquet = pyarrow.parquet.read_metadata(out / f"{names[0]}.parquet").metadata
+    if (run / "plan.toml").exists():
+        about = about["escapement"]
+        assert about["plan"] == (run / "plan.toml").read_text()
+        assert about["digest"] == json.loads((run / "tape/seal.json").read_text())["digest"]
+        assert about["version"] == json.loads((run / "run.json").read_text())["version"] and about["seed"]
+        for key, value in about.items():
+            assert parquet[f"escapement.{key}".encode()].decode() == value, key
+    else:
+        assert about == {} and b"escapement.plan" not in parquet
+    # A field of one stream, from its second sample to the one before the last.
+    name = names[0]
+    _, fields, stamps, records = streams[name]
+    field = fields[-1]["name"]
+    chosen = ["--of", f"{name}.{field}", "--from", f"{float(stamps[1])!r} s", "--until", f"{float(stamps[-2])!r} s"]
+    part = out / "part"
+    subprocess.run([program, "export", str(run), "--to", "parquet", "--out", str(part), *map(str, chosen)], check=True, stdout=subprocess.DEVNULL)
+    assert [file.name for file in part.iterdir()] == [f"{name}.parquet"]
+    table = pyarrow.parquet.read_table(part / f"{name}.parquet")
+    assert len(table) == len(stamps) - 2 and len(table.column_names) == 1 + (1 if wide(fields[-1]) else int(np.prod(fields[-1]["shape"], dtype=int)))
+    same(table[0].to_numpy(), stamps[1:-1], "the stamps that were chosen")
+    print("the files say what they are of, and have what was chosen")
+
+
 def check_run(program, run):
     streams = read_tape(run)
     assert streams, "a tape without streams shows nothing"
@@ -290,6 +322,7 @@ def check_run(program, run):
         for kind, check in [("csv", check_csv), ("parquet", check_parquet), ("mcap", check_mcap)]:
             subprocess.run([program, "export", str(run), "--to", kind, "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
             print(f"{kind}: {check(out, streams)} values equal those of the tape")
+        check_about(program, run, out)
         print(check_rerun(program, run, out, streams))
 
 

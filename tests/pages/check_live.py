@@ -55,6 +55,7 @@ def check(driver, url, run, screenshots):
     until("the curves grow", lambda: points() > first[0] + 200 and frames() > first[1] + 10)
     button("Pause").click()
     until("it comes to rest", lambda: "at rest" in text())
+    until("it says how its pace is kept", lambda: " of 2 × real time " in text() and "kept" in text())
     # The page has the last samples when it next asks for them, which on a busy machine takes a while.
     newest = lambda: (time.sleep(0.5), (points(), text()))[1]
     until("the page has caught up", lambda: newest() == newest())

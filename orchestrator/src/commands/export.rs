@@ -75,6 +75,25 @@ pub struct ExportArgs {
     pub trust: Trust,
 }
 
+impl ExportArgs {
+    /// What of the tape is exported.
+    fn choice(&self) -> Choice {
+        Choice {
+            names: self.of.clone(),
+            from: self.from,
+            to: self.until,
+        }
+    }
+
+    fn compression(&self) -> Compression {
+        match (self.to, self.compression) {
+            // A step on the way to another format.
+            (Format::Rrd, _) | (_, Pressed::None) => Compression::None,
+            (_, Pressed::Lz4) => Compression::Lz4,
+        }
+    }
+}
+
 /// Exports and says which files there are; gives the exit code.
 pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
@@ -101,12 +120,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     }
     let out = args.out.clone().unwrap_or_else(|| args.run.join("export"));
     let busy = Busy::reading("exporting", &args.run);
-    let choice = Choice {
-        names: args.of.clone(),
-        from: args.from,
-        to: args.until,
-    };
-    let chosen = match Excerpt::new(&reader, &choice) {
+    let chosen = match Excerpt::new(&reader, &args.choice()) {
         Ok(chosen) => chosen,
         Err(error) => {
             eprintln!("error: {}", told(&error));
@@ -127,12 +141,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             };
             let path = out.join("run.mcap");
             std::fs::create_dir_all(&out)?;
-            let compression = match (args.to, args.compression) {
-                // A step on the way to another format.
-                (Format::Rrd, _) | (_, Pressed::None) => Compression::None,
-                (_, Pressed::Lz4) => Compression::Lz4,
-            };
-            export::mcap(&chosen, &path, Some(&geometry), &about, compression).map(|()| vec![path])
+            export::mcap(&chosen, &path, Some(&geometry), &about, args.compression()).map(|()| vec![path])
         }
     };
     drop(busy);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use engine::measures::{Definition, of_tape};
-use engine::scenario::{DeclaredMeasure, measures_of_file};
+use engine::scenario::{DeclaredMeasure, measures_of_file, measures_of_plan};
 use serde_json::json;
 use tape::folder::RunFolder;
 use tape::{Reader, Source};
@@ -115,12 +115,12 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<i32> {
 
 impl MeasureArgs {
     fn definitions(&self, tape: &Reader) -> Result<Vec<Definition>, String> {
-        let file = match (&self.of, &self.measures) {
+        let definitions = match (&self.of, &self.measures) {
             (Some(of), _) => return Ok(vec![self.single(of, tape)?]),
-            (None, Some(file)) => file.clone(),
-            (None, None) => self.plan()?,
+            (None, Some(file)) => measures_of_file(catalogue(), file, tape.streams()),
+            (None, None) => measures_of_plan(catalogue(), &self.plan()?, tape.streams()),
         };
-        measures_of_file(catalogue(), &file, tape.streams()).map_err(|error| error.to_string())
+        definitions.map_err(|error| error.to_string())
     }
 
     /// The scenario of the run.

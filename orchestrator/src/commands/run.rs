@@ -197,6 +197,9 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
         };
         println!("trace: {} ({} spans{cut})", traced.path.display(), traced.spans);
     }
+    if !outcome.partial.is_empty() {
+        println!("the tape has only: {}", outcome.partial.join(", "));
+    }
     for what in &outcome.recovered {
         println!("recovered: {what}");
     }
@@ -226,7 +229,7 @@ fn print_pace(pace: &Punctuality) {
             one.lateness_largest_s,
         ]
         .map(|s| format!("{:9.3}", s * 1e3));
-        println!("  {name:width$} {} {} of {}", ms.join(" "), one.overruns, one.steps);
+        println!("  {name:width$} {}  {} of {}", ms.join(" "), one.overruns, one.steps);
     }
 }
 

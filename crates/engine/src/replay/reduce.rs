@@ -168,6 +168,8 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
     table.remove("assessment");
     table.remove("measures");
     table.remove("guards");
+    table.remove("report");
+    table.remove("record");
     Ok(cast)
 }
 

@@ -83,6 +83,7 @@ impl Run {
             scenario.make()?
         };
         let (known, made) = prepare::checked(&scenario, made)?;
+        refuse_without_samples(&scenario, &options)?;
         let entries = prepare::entries(&scenario, &options)?;
         let participants = if options.in_process {
             Some(in_process::seated(&scenario, &options, &entries, made)?)
@@ -302,8 +303,10 @@ impl Run {
             folder,
             recovered,
             times,
+            scenario,
             ..
         } = self.course;
+        let partial = prepare::partial(&scenario, &plan);
         let (punctuality, traced) = times.finish();
         let recorder = Arc::into_inner(recorder).expect("the participants are gone");
         let mut recorder = recorder.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -337,6 +340,7 @@ impl Run {
             sources: prepare::sources(&plan),
             punctuality,
             traced,
+            partial,
             timing: account.timing,
             placement: account.placement,
         }
@@ -353,6 +357,24 @@ fn refuse_inside_a_participant(scenario: &Scenario) -> Result<(), RunFailure> {
         ))),
         _ => Ok(()),
     }
+}
+
+/// Where samples are left out, a run cannot be taken up in mid-course.
+fn refuse_without_samples(scenario: &Scenario, options: &Options) -> Result<(), RunFailure> {
+    if scenario.records_all() {
+        return Ok(());
+    }
+    if options.checkpoint_every.is_some() || !options.checkpoint_at.is_empty() {
+        return Err(scenario
+            .needs_samples("a checkpoint (--checkpoint-every, --checkpoint-at)")
+            .into());
+    }
+    if scenario.moves() {
+        return Err(scenario
+            .needs_samples("a program that takes over in mid-run (`on-failure`, `substitute`)")
+            .into());
+    }
+    Ok(())
 }
 
 /// Who does the steps of a run, as far as they are there.

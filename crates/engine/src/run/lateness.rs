@@ -1,13 +1,11 @@
 //! How well a run keeps pace with the wall clock: how late the steps of each participant are, and who is to blame.
 
-use std::collections::BTreeMap;
-
 use lockstep::plan::Plan;
 use lockstep::span::{Doing, Span};
 use lockstep::time::Ticks;
-use serde::Serialize;
 
 use super::horizon::Guide;
+use super::punctuality::{Lateness, Punctuality};
 
 /// What becomes of a run that keeps pace with the wall clock when a step is complete only after the next one was due.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -22,100 +20,6 @@ pub enum Overrun {
 impl Overrun {
     /// Both with their names.
     pub const ALL: [(&'static str, Overrun); 2] = [("report", Overrun::Report), ("stop", Overrun::Stop)];
-}
-
-/// The pace is kept when this much of what was asked for was held.
-const KEPT: f64 = 0.99;
-
-/// How a run kept pace with the wall clock. These figures depend on the machine; nothing of them is on the tape.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Punctuality {
-    /// Simulated seconds per second of wall time, as asked for.
-    pub asked: f64,
-    /// The same up to the end of the last step, without the time spent at rest; nothing where no step says when it was done.
-    pub held: Option<f64>,
-    /// Whether at least 99 % of what was asked for was held.
-    pub kept: bool,
-    /// Of each participant.
-    pub participants: BTreeMap<String, Lateness>,
-}
-
-/// How late the steps of a participant were complete: after the instant at which the wall clock came to their time.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct Lateness {
-    /// Steps that were looked at. None of a program that does not say when it is done.
-    pub steps: u64,
-    /// Steps that were complete only after the next one of the participant was due.
-    pub overruns: u64,
-    /// Steps whose own work, without waiting, took longer than the participant has from one to the next.
-    pub too_long: u64,
-    /// Half of the steps were no later, s.
-    pub lateness_p50_s: f64,
-    /// 99 of 100 steps were no later, s.
-    pub lateness_p99_s: f64,
-    /// 999 of 1000 steps were no later, s.
-    pub lateness_p999_s: f64,
-    /// The latest step, s.
-    pub lateness_largest_s: f64,
-    /// Its time, s of the run.
-    pub largest_at_s: f64,
-}
-
-impl Punctuality {
-    /// That the pace was not kept, and who was late; nothing when it was.
-    pub fn complaint(&self) -> Option<String> {
-        if self.kept {
-            return None;
-        }
-        let late = |all: &mut dyn Iterator<Item = (&String, u64, u64)>, what: &str| {
-            let mut all: Vec<_> = all.filter(|(_, count, _)| *count > 0).collect();
-            all.sort_by_key(|(name, count, steps)| {
-                (
-                    std::cmp::Reverse(u128::from(*count) * 1_000_000 / u128::from(*steps)),
-                    *name,
-                )
-            });
-            let words: Vec<String> = (all.iter())
-                .map(|(name, count, steps)| format!("`{name}` ({count} of {steps} steps {what})"))
-                .collect();
-            (!words.is_empty()).then(|| words.join(", "))
-        };
-        let own = self.participants.iter();
-        let slow = late(
-            &mut own.clone().map(|(name, one)| (name, one.too_long, one.steps)),
-            "worked for longer than their period",
-        );
-        let waited = || {
-            late(
-                &mut own.clone().map(|(name, one)| (name, one.overruns, one.steps)),
-                "overran",
-            )
-        };
-        let who = slow.or_else(waited);
-        let who = who.map_or_else(
-            || "nobody says when it was done".to_owned(),
-            |who| format!("late: {who}"),
-        );
-        let held = self.held.map_or_else(|| "less".to_owned(), factor);
-        Some(format!(
-            "the pace was not kept: {held} times real time where {} was asked for; {who}",
-            factor(self.asked)
-        ))
-    }
-}
-
-/// A real-time factor for people: three digits that mean something.
-pub fn factor(factor: f64) -> String {
-    if factor >= 99.95 || factor == 0.0 {
-        return format!("{factor:.0}");
-    }
-    let digits = (2 - factor.log10().floor() as i32).clamp(0, 9) as usize;
-    let text = format!("{factor:.digits$}");
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        text
-    }
 }
 
 /// Looks at steps while they come.
@@ -240,8 +144,7 @@ impl Watchman {
         Punctuality {
             asked: self.asked,
             held,
-            // A run that ends with its first step has nothing to be behind with.
-            kept: held.is_none_or(|held| held >= KEPT * self.asked),
+            kept: Punctuality::is_kept(self.asked, held),
             participants: all.collect(),
         }
     }
@@ -335,11 +238,5 @@ mod tests {
                 (bucket, bucket + 1)
             );
         }
-    }
-
-    #[test]
-    fn factor_is_told_with_three_digits() {
-        let told = [0.0, 0.00123, 0.0431, 0.5, 0.9998, 1.0, 12.34, 122.4].map(factor);
-        assert_eq!(told, ["0", "0.00123", "0.0431", "0.5", "1", "1", "12.3", "122"]);
     }
 }

@@ -11,8 +11,8 @@ use tape::folder::FolderError;
 use tape::{AppendError, CreateError, Digest, ReadError};
 
 use super::checkpoint::CheckpointError;
-use super::lateness::Punctuality;
-use super::trace::Traced;
+use super::punctuality::Punctuality;
+use super::traced::Traced;
 use crate::scenario::ScenarioError;
 use crate::scope::ScopeError;
 
@@ -179,6 +179,8 @@ pub struct Outcome {
     pub figures: Option<crate::assessment::Figures>,
     /// How the pace of the wall clock was kept, where it was to be.
     pub punctuality: Option<Punctuality>,
+    /// What the tape has of the streams of which it does not have everything, in words.
+    pub partial: Vec<String>,
     /// What became of the trace, where there is one.
     pub traced: Option<Traced>,
     /// Where everybody's wall time went.
@@ -241,6 +243,9 @@ impl Outcome {
         }
         if !self.recovered.is_empty() {
             all.insert("recovered".into(), json!(self.recovered));
+        }
+        if !self.partial.is_empty() {
+            all.insert("tape_has_only".into(), json!(self.partial));
         }
         if let Some(punctuality) = &self.punctuality {
             all.insert("pace".into(), json!(punctuality));

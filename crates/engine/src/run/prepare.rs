@@ -17,6 +17,7 @@ use super::describe;
 use super::executor::Seat;
 use super::guard::Watch;
 use super::inputs::Inputs;
+use super::lanes::Lanes;
 use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::played::Played;
@@ -73,6 +74,7 @@ pub(super) fn checked(scenario: &Scenario, made: Made) -> Result<(Known, Made), 
     let plan = scenario.sketch(&interfaces)?;
     scenario.watches(&plan, |participant| interfaces[participant].is_some())?;
     scenario.check_pictures(&plan, |participant| interfaces[participant].is_some())?;
+    scenario.kept(&plan, &streams(&plan), |participant| interfaces[participant].is_some())?;
     if interfaces.iter().all(Option::is_some) {
         assess(scenario, &streams(&plan))?;
     } else {
@@ -114,6 +116,7 @@ pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Kno
     assess(scenario, &streams(&plan))?;
     scenario.watches(&plan, |_| true)?;
     scenario.check_pictures(&plan, |_| true)?;
+    scenario.kept(&plan, &streams(&plan), |_| true)?;
     Ok(Known {
         interfaces: interfaces.into_iter().map(Some).collect(),
         plan,
@@ -198,11 +201,12 @@ pub(super) fn recorder(
 ) -> Result<Recorder, RunFailure> {
     let streams = streams(plan);
     let (assessment, watches) = judges(scenario, plan, &streams)?;
+    let (lanes, kept) = Lanes::new(&scenario.kept(plan, &streams, |_| true)?, &streams);
     let store = match folder {
-        Some(folder) => Store::Disk(Writer::create(&folder.tape(), streams)?),
-        None => Store::without_folder(record, streams)?,
+        Some(folder) => Store::Disk(Writer::create(&folder.tape(), kept)?),
+        None => Store::without_folder(record, kept)?,
     };
-    Ok(Recorder::new(plan.clone(), store, assessment, watches))
+    Ok(Recorder::new(plan.clone(), store, lanes, assessment, watches))
 }
 
 /// The assessment of a run, if it has one, and its guards.
@@ -212,6 +216,17 @@ type Judges = (Option<Box<dyn Assessment>>, Vec<Watch>);
 pub(super) fn judges(scenario: &Scenario, plan: &Plan, streams: &[StreamSpec]) -> Result<Judges, ScenarioError> {
     scenario.check_pictures(plan, |_| true)?;
     Ok((assess(scenario, streams)?, scenario.watches(plan, |_| true)?))
+}
+
+/// What the tape has of the streams of which it does not have everything, in words.
+pub(super) fn partial(scenario: &Scenario, plan: &Plan) -> Vec<String> {
+    if scenario.records_all() {
+        return Vec::new();
+    }
+    let streams = streams(plan);
+    let kept = scenario.kept(plan, &streams, |_| true).unwrap_or_default();
+    let all = kept.iter().zip(&streams);
+    all.filter_map(|(kept, spec)| kept.words(spec)).collect()
 }
 
 /// The name of what comes over each link into each participant.

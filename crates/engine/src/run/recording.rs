@@ -11,6 +11,7 @@ use tape::{AppendError, Digest, Event, EventKind, StreamSpec};
 
 use super::faults;
 use super::guard::Watch;
+use super::lanes::{Lanes, left_out};
 use super::newest::Newest;
 use super::outcome::{Ending, RunFailure};
 use super::played::{Played, difference};
@@ -60,6 +61,8 @@ pub(super) fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u6
 /// Everything that is made of samples while they come.
 pub struct Recorder {
     store: Store,
+    /// Which samples are kept.
+    lanes: Lanes,
     assessment: Option<Box<dyn Assessment>>,
     pub(super) plan: Arc<Plan>,
     /// The participant that owns each stream.
@@ -89,10 +92,11 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Records into `store`, which was made for the streams of `plan`, and looks at every sample with `watches`.
+    /// Records into `store` what `lanes` keep of the streams of `plan`, and looks at every sample with `watches`.
     pub(super) fn new(
         plan: Arc<Plan>,
         store: Store,
+        lanes: Lanes,
         assessment: Option<Box<dyn Assessment>>,
         watches: Vec<Watch>,
     ) -> Recorder {
@@ -104,6 +108,7 @@ impl Recorder {
         let early = early.map(|(stream, &owner)| samples(&plan, stream, owner, 0)).collect();
         Recorder {
             store,
+            lanes,
             assessment,
             watches,
             latest: None,
@@ -175,11 +180,13 @@ impl Recorder {
 
     /// Where everybody goes on at `cut`, each with the state that it has.
     pub fn positions(&mut self, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
+        self.check_whole()?;
         self.store.positions(&self.plan, cut)
     }
 
     /// Everybody goes back: samples that are on the tape will come again, and must be what they were.
     pub fn expect_again(&mut self) -> Result<(), RunFailure> {
+        self.check_whole()?;
         self.again = self.store.tape(&self.plan)?;
         Ok(())
     }
@@ -225,8 +232,14 @@ impl Recorder {
         self.latest.as_ref()?.get(stream)
     }
 
+    /// That every sample is kept.
+    fn check_whole(&self) -> Result<(), RunFailure> {
+        self.lanes.is_whole().then_some(()).ok_or_else(left_out)
+    }
+
     /// That samples can be read back.
     pub(super) fn check_samples(&self) -> Result<(), RunFailure> {
+        self.check_whole()?;
         self.store.has_samples().then_some(()).ok_or_else(no_samples)
     }
 
@@ -312,7 +325,7 @@ impl Recorder {
             return Ok(());
         }
         let stamp = self.plan.timebase.seconds(header.stamp);
-        match self.store.append(number, header.index, stamp, payload) {
+        match self.lanes.put(&mut self.store, number, header.index, stamp, payload) {
             Ok(()) => {}
             Err(error @ (AppendError::Io { .. } | AppendError::DiskFull { .. })) => {
                 let text = error.to_string();
@@ -430,7 +443,8 @@ impl Recorder {
 
     /// How many samples of stream number `stream` have come.
     pub fn count(&self, stream: usize) -> u64 {
-        self.store.count(stream).unwrap_or(self.reached[stream])
+        let stored = self.store.count(stream).filter(|_| self.lanes.is_whole());
+        stored.unwrap_or(self.reached[stream])
     }
 
     /// The figures of what has come so far.

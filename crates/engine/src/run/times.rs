@@ -8,9 +8,11 @@ use lockstep::span::{Detail, Doing, Span, core, now_ns};
 
 use super::Options;
 use super::horizon::Guide;
-use super::lateness::{Punctuality, Watchman};
+use super::lateness::Watchman;
 use super::outcome::RunFailure;
-use super::trace::{Trace, Traced};
+use super::punctuality::Punctuality;
+use super::trace::Trace;
+use super::traced::Traced;
 
 /// The live page is told how the pace is kept this often.
 const TELL: Duration = Duration::from_millis(250);

@@ -12,6 +12,7 @@ use lockstep::span::{Doing, Span, now_ns};
 use serde_json::{Value, json};
 
 use super::outcome::RunFailure;
+use super::traced::Traced;
 
 /// The most spans of a file: about 200 MB.
 const EVENTS: u64 = 1_000_000;
@@ -30,19 +31,6 @@ pub(super) struct Trace {
     known: Vec<(usize, u32)>,
     /// What went wrong; nothing is written from then on.
     error: Option<io::Error>,
-}
-
-/// What became of a trace.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Traced {
-    /// The file.
-    pub path: PathBuf,
-    /// Spans in it.
-    pub spans: u64,
-    /// Spans that are missing in it.
-    pub missing: u64,
-    /// Why it is not whole, if it could not be written.
-    pub error: Option<String>,
 }
 
 impl Trace {
@@ -197,5 +185,49 @@ impl Trace {
             missing: self.missing,
             error: ended.err().map(|error| error.to_string()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lockstep::participant::{Interface, Kind};
+    use lockstep::plan::ParticipantSpec;
+    use lockstep::time::Rational;
+
+    #[test]
+    fn trace_is_bounded_and_says_what_is_missing() {
+        let spec = ParticipantSpec {
+            name: "a".into(),
+            period: Rational::from_millis(1),
+            offset: Rational::ZERO,
+            interface: Interface::new(Kind::Sampled),
+        };
+        let plan = Plan::build(vec![spec], &[], Rational::from_millis(100), 1).expect("a plan");
+        let path = std::env::temp_dir().join(format!("escapement-trace-{}.json", std::process::id()));
+        let mut trace = Trace::create(&path, "\"quoted\"").expect("it can be written");
+        trace.events = 10;
+        let span = |activation| Span {
+            activation,
+            doing: Doing::Computing { done: true },
+            core: 1,
+            sleeps: 0,
+            begin_ns: 0,
+            end_ns: 1,
+        };
+        trace.take(0, 3, &[span(0), span(1)], &plan);
+        trace.take(0, 0, &(2..15).map(span).collect::<Vec<_>>(), &plan);
+        let traced = trace.finish();
+        assert_eq!((traced.spans, traced.missing, traced.error), (10, 3 + 5, None));
+        let text = std::fs::read_to_string(&path).expect("it is there");
+        std::fs::remove_file(&path).expect("it is there");
+        let all: Value = serde_json::from_str(&text).expect("it is JSON");
+        let events = all["traceEvents"].as_array().expect("a list");
+        let of = |kind: &str| events.iter().filter(|event| event["ph"] == kind).collect::<Vec<_>>();
+        assert_eq!((of("M").len(), of("X").len(), of("i").len()), (2, 10, 2));
+        assert_eq!(
+            (&of("i")[0]["args"]["missing"], &of("i")[1]["args"]["missing"]),
+            (&json!(3), &json!(8))
+        );
     }
 }

@@ -21,6 +21,7 @@ use super::names::Names;
 use super::pictures;
 use super::ports::{End, not_a_port, port};
 use super::program::Program;
+use super::recorded::{self, Wish};
 use super::source::{Source, typed};
 use super::types::{ConnectionEntry, ParticipantEntry, Top};
 use crate::Catalogue;
@@ -52,6 +53,7 @@ pub struct Scenario {
     pub(super) guards: Vec<Guard>,
     pub(super) measures: Vec<DeclaredMeasure>,
     pub(super) pictures: View,
+    pub(super) record: Vec<Wish>,
     pub(super) source: Source,
 }
 
@@ -124,6 +126,10 @@ impl Scenario {
             mistakes.extend(wrong);
             View::default()
         });
+        let record = recorded::read(&source, &names, top.record).unwrap_or_else(|wrong| {
+            mistakes.extend(wrong);
+            Vec::new()
+        });
         let mut inputs = Vec::new();
         for port in &top.inputs {
             match open_input(&names, port) {
@@ -157,6 +163,7 @@ impl Scenario {
             guards,
             measures,
             pictures,
+            record,
             source,
         })
     }

@@ -156,8 +156,11 @@ impl Source {
         while let Some((depth, part)) = way.next() {
             let known: Vec<String> = table.keys().map(|name| format!("`{name}`")).collect();
             // Names of participants and connections must exist; what is below may be a default that the file leaves out. A
-            // guard, a measure or what the report draws may be new.
-            if depth < 2 && !["guards", "measures", "report"].contains(&above[0]) && !table.contains_key(*part) {
+            // guard, a measure, what the report draws or what is recorded may be new.
+            if depth < 2
+                && !["guards", "measures", "report", "record"].contains(&above[0])
+                && !table.contains_key(*part)
+            {
                 let place = above[..depth].join(".");
                 let there = if place.is_empty() {
                     "the scenario".to_owned()

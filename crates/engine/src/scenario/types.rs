@@ -180,6 +180,8 @@ pub(super) struct Top {
     /// What varies in a campaign: no run depends on it.
     #[serde(default, rename = "campaign", skip_serializing_if = "Option::is_none")]
     pub(super) _campaign: Option<Table>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) record: Option<Table>,
 }
 
 fn one() -> u64 {

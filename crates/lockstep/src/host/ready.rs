@@ -57,6 +57,8 @@ struct Waited {
     until: Instant,
     /// How often the participant had slept before.
     sleeps: u64,
+    /// `since` on the clock of spans, where somebody asks for them.
+    since_ns: u64,
 }
 
 /// Why a stretch of steps ended.
@@ -197,36 +199,36 @@ impl Ready {
                     }
                 }
                 Progress::AtHorizon => {
-                    self.timing.total_ns += started.elapsed().as_nanos() as u64;
-                    status.set(Status {
-                        next: activation,
-                        activity: Activity::Rest,
-                    });
-                    self.hand_over_spans(sleeper)?;
+                    let next = activation;
+                    let activity = Activity::Rest;
+                    self.pause(started, Status { next, activity }, status, sleeper)?;
                     self.spans.iter_mut().for_each(Spans::rests);
-                    self.hand_over(
-                        &Note::AtRest {
-                            horizon,
-                            next: activation,
-                        },
-                        sleeper,
-                    )?;
+                    self.hand_over(&Note::AtRest { horizon, next }, sleeper)?;
                     return Ok(Pause::AtHorizon(horizon));
                 }
                 Progress::Finished => {
-                    self.timing.total_ns += started.elapsed().as_nanos() as u64;
                     self.timing.sleeps = self.patience.sleeps;
-                    status.set(Status {
-                        next: count,
-                        activity: Activity::Finished,
-                    });
-                    self.hand_over_spans(sleeper)?;
+                    let (next, activity) = (count, Activity::Finished);
+                    self.pause(started, Status { next, activity }, status, sleeper)?;
                     self.hand_over(&Note::Finished(self.timing.clone()), sleeper)?;
                     return Ok(Pause::Finished);
                 }
                 Progress::Waiting(_) => {}
             }
         }
+    }
+
+    /// Ends a stretch of steps that has `started` then, with this status.
+    fn pause(
+        &mut self,
+        started: Instant,
+        now: Status,
+        status: &mut StatusWriter,
+        sleeper: &mut Sleeper,
+    ) -> Result<(), Broken> {
+        self.timing.total_ns += started.elapsed().as_nanos() as u64;
+        status.set(now);
+        self.hand_over_spans(sleeper)
     }
 
     /// Lets some time pass before the next look; whether the clock has an order.
@@ -244,6 +246,7 @@ impl Ready {
                 since: now,
                 until: now,
                 sleeps: self.patience.sleeps,
+                since_ns: self.spans.as_ref().map_or(0, |_| now_ns()),
             };
             if let Some(known) = waiting.replace(begun) {
                 self.account(Waited { until: now, ..known });
@@ -332,14 +335,13 @@ impl Ready {
         };
         let over = waiting.filter(|waited| Some(waited.what) != now_for);
         if let Some(waited) = over {
-            let since_ns = now_ns().saturating_sub(waited.since.elapsed().as_nanos() as u64);
             let sleeps = self.patience.sleeps - waited.sleeps;
             spans.waited(
                 activation,
                 doing(waited.what),
                 sleeps as u32,
-                since_ns,
-                begun_ns.max(since_ns),
+                waited.since_ns,
+                begun_ns.max(waited.since_ns),
             );
         }
         match progress {

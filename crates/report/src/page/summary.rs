@@ -52,6 +52,7 @@ const HIDDEN: &[&str] = &[
     "placement",
     "run_folder",
     "trace",
+    "tape_has_only",
 ];
 
 /// What stands before the name of a measure in the key of its row.

@@ -14,6 +14,7 @@ use tape::StreamSpec;
 use toml::{Table, Value};
 
 use crate::scenario::error::{Mistake, ScenarioError};
+use crate::scenario::recorded::leaves_out;
 use crate::scenario::resolve::Scenario;
 use crate::scenario::source::{Source, typed};
 use chosen::Chosen;
@@ -201,6 +202,42 @@ pub fn measures_of_file(
     };
     let declared = read(&source, sections.into_iter().collect()).map_err(|mistakes| source.error(mistakes))?;
     definitions(&source, &declared, streams, |_| true)
+}
+
+/// The measures of the run whose `plan.toml` is `file`, over the `streams` of its tape.
+///
+/// # Errors
+/// As [`measures_of_file`], and where the tape does not have what the run measured.
+pub fn measures_of_plan(
+    catalogue: &Arc<Catalogue>,
+    file: &Path,
+    streams: &[StreamSpec],
+) -> Result<Vec<Definition>, ScenarioError> {
+    let source = Source::read(catalogue, file, &[])?;
+    if let (Some(Value::Table(record)), Some(Value::Table(sections))) =
+        (source.table.get("record"), source.table.get("measures"))
+    {
+        let declared =
+            read(&source, sections.clone().into_iter().collect()).map_err(|mistakes| source.error(mistakes))?;
+        let mistakes = declared.iter().filter_map(|measure| {
+            let mut paths = std::iter::once(&measure.entry.of).chain(&measure.entry.minus);
+            let part = paths.find(|path| {
+                let mut names = path.splitn(2, '.');
+                let (participant, rest) = (names.next().unwrap_or_default(), names.next().unwrap_or_default());
+                leaves_out(record, participant, rest)
+            })?;
+            let reason = format!(
+                "the tape does not have all of `{part}`, because [record] leaves samples out: summary.json has the figure of the run, and \
+                 --of measures what the tape has"
+            );
+            Some(source.mistake(&format!("measures.{}", measure.name), reason))
+        });
+        let mistakes: Vec<Mistake> = mistakes.collect();
+        if !mistakes.is_empty() {
+            return Err(source.error(mistakes));
+        }
+    }
+    measures_of_file(catalogue, file, streams)
 }
 
 impl Scenario {

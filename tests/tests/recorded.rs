@@ -1,0 +1,276 @@
+//! `[record]`: what a scenario keeps of its samples. What is kept is what it always was, figures do not change, and what would need the rest is
+//! refused.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use escapement_tests::program::{Folder, Said, orchestrate, root, text};
+use escapement_tests::world::World;
+use serde_json::Value;
+use tape::{Reader, Records, Source};
+
+/// The first seconds of the close capture into `out`.
+fn close(out: &Path, more: &[&str]) -> Said {
+    let scenario = root().join("scenarios/close.toml");
+    let all = [
+        "run",
+        text(&scenario),
+        "--duration",
+        "3 s",
+        "--json",
+        "--out",
+        text(out),
+    ];
+    let said = orchestrate(&[&all[..], more].concat());
+    assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+    said
+}
+
+/// The samples of each stream by their stamps.
+fn samples(run: &Path) -> BTreeMap<String, BTreeMap<u64, Vec<u8>>> {
+    let tape = Reader::open(run).expect("there is a tape");
+    tape.verify().expect("it is what was sealed");
+    let streams = tape.streams().iter().enumerate().map(|(stream, spec)| {
+        let mut records = Records::new(&tape, stream);
+        let mut samples = BTreeMap::new();
+        while let Some(record) = records.next().expect("it can be read") {
+            samples.insert(record.stamp_s.to_bits(), record.payload.to_vec());
+        }
+        (spec.name(), samples)
+    });
+    streams.collect()
+}
+
+const PARTS: [&str; 8] = [
+    "--set",
+    "record.plant.truth=false",
+    "--set",
+    "record.plant.measured={ every = \"20 ms\", from = \"0.505 s\", to = \"2 s\" }",
+    "--set",
+    "record.controller={ command = { to = \"1 s\" } }",
+    "--set",
+    "record.guidance=true",
+];
+
+#[test]
+fn what_is_kept_is_what_it_was_in_every_way_of_running() {
+    let folder = Folder::new("recorded");
+    let out = |name: &str| folder.path().join(name);
+    let whole = close(&out("whole"), &["--in-process"]).json();
+    let part = close(&out("part"), &[&["--in-process"], &PARTS[..]].concat()).json();
+    let apart = close(&out("apart"), &PARTS).json();
+    assert_ne!(
+        whole["tape_digest"], part["tape_digest"],
+        "the digest says what it covers"
+    );
+    assert_eq!(part["tape_digest"], apart["tape_digest"]);
+    for key in ["criteria", "peak_base_torque_n_m", "verdict"] {
+        assert_eq!(whole[key], part[key], "{key}");
+    }
+    assert!(whole["tape_has_only"].is_null());
+    let words = part["tape_has_only"].to_string();
+    for part in [
+        "nothing of `plant.truth`",
+        "`plant.measured` every 20 ms from 520 ms to 2 s",
+        "`controller.command` to 1 s",
+    ] {
+        assert!(words.contains(part), "{words}");
+    }
+    let (whole, part) = (samples(&out("whole")), samples(&out("part")));
+    let missing: Vec<&String> = whole.keys().filter(|name| !part.contains_key(*name)).collect();
+    assert_eq!(missing, ["plant.truth"]);
+    let instants =
+        |times: &mut dyn Iterator<Item = u32>| times.map(|ms| (f64::from(ms) / 1000.0).to_bits()).collect::<Vec<_>>();
+    let stamps = |name: &str| part[name].keys().copied().collect::<Vec<_>>();
+    assert_eq!(stamps("plant.measured"), instants(&mut (520..=2000).step_by(20)));
+    assert_eq!(stamps("controller.command"), instants(&mut (0..=1000).step_by(10)));
+    assert_eq!(part["guidance.setpoint"], whole["guidance.setpoint"]);
+    for (name, kept) in &part {
+        for (stamp, payload) in kept {
+            assert_eq!(whole[name][stamp], *payload, "{name} at {}", f64::from_bits(*stamp));
+        }
+    }
+    // A campaign has the tape of the run.
+    let scenario = root().join("scenarios/close.toml");
+    let common = ["sweep", text(&scenario), "--duration", "3 s", "--json", "--out"];
+    let swept = orchestrate(&[&common[..], &[text(&out("sweep")), "--vary", "seed=1"], &PARTS].concat());
+    assert_eq!(
+        swept.json()["rows"][0]["tape_digest"],
+        apart["tape_digest"],
+        "{swept:?}"
+    );
+}
+
+#[test]
+fn pages_and_exports_show_what_there_is() {
+    let folder = Folder::new("recorded-shown");
+    let out = folder.path().join("run");
+    close(&out, &[&["--in-process"], &PARTS[..]].concat());
+    for command in [
+        &["report", text(&out)][..],
+        &["export", text(&out), "--to", "parquet"],
+        &["export", text(&out), "--to", "mcap"],
+        &["compare", text(&out), text(&out)],
+        &[
+            "measure",
+            text(&out),
+            "--of",
+            "plant.measured.p_NB_N[0]",
+            "--compute",
+            "max",
+            "--json",
+        ],
+    ] {
+        let said = orchestrate(command);
+        assert_eq!(said.code, Some(0), "{command:?}: {said:?}");
+    }
+}
+
+#[test]
+fn what_needs_the_rest_is_refused() {
+    let world = World::with(
+        "recorded-refused",
+        "damper",
+        "\n[record]\nplant.motion = { every = \"5 ms\" }\n\n[measures.peak]\nof = \"plant.motion.position\"\ncompute = \"max\"\n",
+    );
+    let said = world.run("part", &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(
+        said.out.contains("the tape has only: `plant.motion` every 5 ms"),
+        "{said:?}"
+    );
+    let refuse = |more: &[&str], part: &str| {
+        let said = world.run("no", more);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(
+            said.err.contains("record.plant.motion") && said.err.contains(part),
+            "{said:?}"
+        );
+        assert!(!world.path("no").exists());
+    };
+    refuse(&["--checkpoint-every", "1 s"], "a checkpoint (--checkpoint-every");
+    refuse(
+        &["--set", "participants.damper.on-failure=restart-from-checkpoint"],
+        "`on-failure`",
+    );
+    let part = world.path("part");
+    let asked = orchestrate(&["measure", text(&part)]);
+    assert_eq!(asked.code, Some(2), "{asked:?}");
+    assert!(
+        asked.err.contains("measures.peak") && asked.err.contains("[record] leaves samples out"),
+        "{asked:?}"
+    );
+    let replayed = orchestrate(&["replay", text(&part), "--participant", "damper"]);
+    assert_eq!(replayed.code, Some(2), "{replayed:?}");
+    assert!(replayed.err.contains("5 ms"), "{replayed:?}");
+    // What was recorded whole can go on without being so.
+    let again = ["--set", "record.plant.motion=true", "--checkpoint-at", "4 s"];
+    assert_eq!(world.run("saved", &again).code, Some(0));
+    let said = world.resume("saved", "on", &["--set", "record.plant.motion={ every = \"5 ms\" }"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let compared = orchestrate(&["compare", text(&part), text(&world.path("on"))]);
+    assert_eq!(compared.code, Some(0), "{compared:?}");
+}
+
+#[test]
+fn wishes_that_do_not_fit_are_refused_with_file_and_key() {
+    let world = World::new("recorded-wrong", "damper");
+    let scenario = std::fs::read_to_string(&world.scenario).unwrap();
+    for (record, key, part) in [
+        (
+            "plants.motion = false",
+            "record.plants",
+            "there is no participant `plants`",
+        ),
+        (
+            "plant.notion = false",
+            "record.plant.notion",
+            "there is no output `notion`; there is `motion`",
+        ),
+        (
+            "plant.motion = { every = \"2.5 ms\" }",
+            "record.plant.motion.every",
+            "no whole multiple of the period",
+        ),
+        (
+            "plant.motion = { every = \"0 s\" }",
+            "record.plant.motion.every",
+            "above zero",
+        ),
+        (
+            "plant.motion = { from = \"3 s\", to = \"2 s\" }",
+            "record.plant.motion.to",
+            "nothing would be kept",
+        ),
+        (
+            "plant.motion = { until = \"2 s\" }",
+            "record.plant.motion",
+            "unknown field `until`",
+        ),
+        ("plant.motion = 5", "record.plant.motion", "write false, true"),
+    ] {
+        std::fs::write(&world.scenario, format!("{scenario}\n[record]\n{record}\n")).unwrap();
+        let said = world.run("no", &[]);
+        assert_eq!(said.code, Some(2), "{record}: {said:?}");
+        assert!(said.err.contains(key) && said.err.contains(part), "{record}: {said:?}");
+        assert!(!world.path("no").exists());
+    }
+}
+
+#[test]
+fn exports_choose_streams_fields_and_times() {
+    let folder = Folder::new("chosen");
+    let out = folder.path().join("run");
+    let summary: Value = close(&out, &["--in-process"]).json();
+    let to = folder.path().join("csv");
+    let chosen = [
+        "--of",
+        "plant.truth.p_NB_N",
+        "--of",
+        "guidance.setpoint",
+        "--from",
+        "0.5s",
+        "--until",
+        "0.75s",
+    ];
+    let said = orchestrate(&[&["export", text(&out), "--to", "csv", "--out", text(&to)], &chosen[..]].concat());
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let files: Vec<String> = std::fs::read_dir(&to)
+        .unwrap()
+        .map(|file| file.unwrap().file_name().into_string().unwrap())
+        .collect();
+    assert_eq!(files.len(), 2, "{files:?}");
+    let table = std::fs::read_to_string(to.join("plant.truth.csv")).unwrap();
+    let mut lines = table.lines();
+    assert_eq!(lines.next(), Some("t [s],p_NB_N[0] [m],p_NB_N[1] [m],p_NB_N[2] [m]"));
+    let stamps: Vec<f64> = lines
+        .map(|line| line.split(',').next().unwrap().parse().unwrap())
+        .collect();
+    assert_eq!(
+        (stamps.len(), stamps.first(), stamps.last()),
+        (251, Some(&0.5), Some(&0.75))
+    );
+    let said = orchestrate(&["export", text(&out), "--to", "csv", "--of", "plant.truth.nope"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("has no field `nope`"), "{said:?}");
+    // What the file is of stands in it.
+    let said = orchestrate(&[
+        "export",
+        text(&out),
+        "--to",
+        "mcap",
+        "--compression",
+        "none",
+        "--out",
+        text(&to),
+    ]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let mcap = std::fs::read(to.join("run.mcap")).unwrap();
+    let has = |part: &str| mcap.windows(part.len()).any(|window| window == part.as_bytes());
+    assert!(has(summary["tape_digest"].as_str().unwrap()) && has("[participants.plant]"));
+    let plain = mcap.len();
+    let said = orchestrate(&["export", text(&out), "--to", "mcap", "--out", text(&to)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let packed = std::fs::metadata(to.join("run.mcap")).unwrap().len() as usize;
+    assert!(packed < plain, "{packed} of {plain}");
+}
