@@ -38,8 +38,12 @@ fn in_its_place(folder: &Folder, scenario: &str, name: &str, fmi: &str, sets: &[
         sets,
     );
     assert_eq!(said.code, Some(0), "{said:?}");
-    let (_, entry) = said
-        .out
+    place(&said.out, name)
+}
+
+/// The changes that put an FMU in the place of the participant `name`, of what the program has printed.
+fn place(printed: &str, name: &str) -> Vec<String> {
+    let (_, entry) = printed
         .split_once("In the place of the participant:\n")
         .expect("the entry is printed");
     let entry: toml::Table = entry.parse().unwrap_or_else(|error| panic!("{entry}: {error}"));
@@ -219,7 +223,7 @@ fn parameters_can_be_set() {
 /// The payloads of a stream, each with its stamp in front.
 fn records(run: &Path, stream: &str) -> Vec<Vec<u8>> {
     let reader = Reader::open(&run.join("tape")).expect("the run has a tape");
-    let number = reader.stream(stream).unwrap_or_else(|| panic!("there is no {stream}"));
+    let number = reader.stream(stream).expect("the stream is there");
     let mut record = vec![0; reader.streams()[number].stride()];
     let read = |index| {
         reader.read(number, index, &mut record).expect("the record is there");
