@@ -123,12 +123,10 @@ mod tests {
         };
         let length = |nibble: usize, block: &mut &[u8]| {
             let mut length = nibble;
-            while nibble == 15 {
-                let more = byte(block);
+            let mut more = if nibble == 15 { 255 } else { 0 };
+            while more == 255 {
+                more = byte(block);
                 length += more;
-                if more < 255 {
-                    break;
-                }
             }
             length
         };
