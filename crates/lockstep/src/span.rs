@@ -42,10 +42,10 @@ pub enum Doing {
         /// Whether the step is complete.
         done: bool,
     },
-    /// It waits for sample `index` of the link that feeds input `input`.
+    /// It waits for sample `index` of the link number `link` of those into it.
     Sample {
-        /// The input.
-        input: u32,
+        /// The link.
+        link: u32,
         /// The sample.
         index: u64,
     },

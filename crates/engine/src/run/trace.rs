@@ -85,16 +85,13 @@ impl Trace {
     fn span(&mut self, number: usize, span: &Span, plan: &Plan) {
         let participant = &plan.participants[number];
         self.introduce(number, span.core, &participant.name);
-        let input = |input: u32| participant.interface.inputs.get(input as usize);
-        let source = |input: u32| {
-            let link = participant.inputs.get(input as usize).copied().flatten();
-            link.map(|link| plan.output_name(plan.links[link].from))
-        };
         let (name, kind, what) = match span.doing {
             Doing::Computing { done } => (format!("step {}", span.activation), "step", json!({ "complete": done })),
-            Doing::Sample { input: port, index } => {
-                let name = input(port).map_or("", |input| input.name.as_str());
-                let what = json!({ "input": name, "output": source(port), "sample": index });
+            Doing::Sample { link, index } => {
+                let link = plan.links_into(number).nth(link as usize).map(|link| &plan.links[link]);
+                let name = link.map_or("", |link| participant.interface.inputs[link.to.1].name.as_str());
+                let source = link.map(|link| plan.output_name(link.from));
+                let what = json!({ "input": name, "output": source, "sample": index });
                 (format!("waits for `{name}`"), "wait", what)
             }
             Doing::Room { output, consumer } => {

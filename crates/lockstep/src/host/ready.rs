@@ -378,7 +378,7 @@ impl Ready {
 fn doing(wait: Wait) -> Doing {
     match wait {
         Wait::Sample { input, index } => Doing::Sample {
-            input: input as u32,
+            link: input as u32,
             index,
         },
         Wait::Room { output, consumer } => Doing::Room {
