@@ -10,7 +10,6 @@ use crate::program::root;
 /// link anything and is linked by nobody.
 pub const ARROWS: [(&str, &[&str]); 24] = [
     ("allocation", &[]),
-pub const ARROWS: [(&str, &[&str]); 24] = [
     ("lockstep", &[]),
     ("multibody", &[]),
     ("guidance-laws", &[]),
@@ -68,8 +67,15 @@ pub const ARROWS: [(&str, &[&str]); 24] = [
     ),
     (
         "escapement",
-        &["allocation", "engine", "lockstep", "orchestrator", "plugin", "tape"],
-        &["engine", "fmu-export", "lockstep", "orchestrator", "plugin", "tape"],
+        &[
+            "allocation",
+            "engine",
+            "fmu-export",
+            "lockstep",
+            "orchestrator",
+            "plugin",
+            "tape",
+        ],
     ),
     ("escapement-c", &["plugin"]),
     ("fmu-export", &["engine", "lockstep", "tape"]),

@@ -259,12 +259,12 @@ fn input(plan: &Plan, name: &str) -> Result<Port, String> {
                 .inputs
                 .iter()
                 .enumerate()
-                .filter(|(at, _)| own.inputs[*at].is_none());
+                .filter(|(at, _)| own.inputs[*at].is_empty());
             free.map(|(_, one)| format!("`{}.{}`", own.name, one.name))
         });
         return Err(format!("there is no input `{name}`; nothing feeds {}", listed(all)));
     };
-    if let Some(link) = own.inputs[at] {
+    if let Some(&link) = own.inputs[at].first() {
         let link = &plan.links[link];
         let (from, link) = (plan.output_name(link.from), &link.name);
         return Err(format!(

@@ -182,6 +182,8 @@ pub fn links(scenario: &Table) -> Vec<LinkSpec> {
                 ..Timing::default()
             },
             initial: (text(connection, "initial") == Some("first-sample")).then_some(Initial::FirstSample),
+            conversion: None,
+            draws: None,
         });
         specs.collect::<Vec<_>>()
     });
