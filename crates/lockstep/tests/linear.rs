@@ -117,8 +117,8 @@ fn heard(kind: Kind, times: Times, hold: Hold) -> Vec<Signal> {
     InLoop::new(&plan, assemble(&plan, own, |_| Box::new(NoRecording)))
         .run_to(plan.end, |_| {})
         .unwrap();
-    let heard = listener.0.lock().unwrap().clone();
-    heard
+    let heard = listener.0.lock().unwrap();
+    heard.clone()
 }
 
 fn times() -> impl Strategy<Value = Times> {

@@ -95,7 +95,7 @@ pub fn together(links: impl Iterator<Item = (Shape, Came)>) -> Vec<u8> {
             Shape::Both(scale, offset) => (hash, x) = (own_hash, turned(scale, offset)),
             Shape::Hash => hash = own_hash,
             Shape::X(scale, offset) => x = turned(scale, offset),
-            Shape::Adds(scale, offset) => x = turned(scale, offset) + x,
+            Shape::Adds(scale, offset) => x += turned(scale, offset),
             Shape::Twice(_) if initial => x = own,
             Shape::Twice(scale) => x = own + own * scale,
             Shape::Always(value) => x = value,
