@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand};
+use clap::builder::{ArgPredicate, PossibleValuesParser, TypedValueParser};
+use clap::{Args, CommandFactory, Parser, Subcommand};
 use lockstep::time::{Rational, TimeError};
 
 use crate::commands::compare::CompareArgs;
@@ -19,7 +19,7 @@ use crate::commands::measure::MeasureArgs;
 use crate::commands::new::NewArgs;
 use crate::commands::replay::ReplayArgs;
 use crate::commands::report::ReportArgs;
-use crate::commands::sweep::SweepArgs;
+use crate::commands::shards::SweepCommand;
 #[cfg(feature = "capture")]
 use crate::commands::tune::TuneArgs;
 use engine::run::{self, Known, Overrun, RunFailure, Wait};
@@ -40,6 +40,19 @@ pub struct Cli {
     pub command: Command,
 }
 
+/// The command line, in which a point of a campaign may stand in the place of a scenario to run.
+pub fn command() -> clap::Command {
+    Cli::command().mut_subcommand("run", |run| {
+        run.mut_arg("scenario", |scenario| {
+            let instead = ArgPredicate::IsPresent;
+            scenario
+                .required(false)
+                .required_unless_present("point")
+                .default_value_if("point", instead, Some("-"))
+        })
+    })
+}
+
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
@@ -54,7 +67,7 @@ pub enum Command {
     /// Draw participants, rates, delays and order
     Graph(GraphArgs),
     /// Run a scenario over a grid of values: one table, and a picture of where it works
-    Sweep(SweepArgs),
+    Sweep(SweepCommand),
     /// Run a scenario with one failure after the other, and say which still meet the criteria
     Faults(FaultsArgs),
     /// Say whether two tapes are identical, else where they differ
@@ -217,6 +230,9 @@ pub struct RunArgs {
     /// The scenario
     #[command(flatten)]
     pub scenario: ScenarioArgs,
+    /// Run this point of a campaign by itself, whole tape and all, in place of a scenario: the same digest
+    #[arg(long, value_name = "FOLDER:NUMBER", conflicts_with_all = ["scenario", "shadow"])]
+    pub point: Option<PathBuf>,
     /// Feed a second program what a participant is fed, and say where it would have said something else: a file, or
     /// builtin:NAME (may be given more than once)
     #[arg(long, value_name = "PARTICIPANT=PROGRAM")]

@@ -3,11 +3,11 @@
 use std::process::ExitCode;
 use std::sync::{Arc, OnceLock};
 
-use clap::{CommandFactory, FromArgMatches};
+use clap::FromArgMatches;
 use engine::Catalogue;
 use lockstep::participant::{ParameterError, Participant, Setup};
 
-use crate::cli::{Cli, Command};
+use crate::cli::{self, Cli, Command};
 use crate::templates::Template;
 use crate::{bench, commands, limits, version};
 
@@ -110,7 +110,7 @@ impl Program {
         // The command line's texts live as long as the program.
         let name: &'static str = self.name.leak();
         let version: &'static str = version::of_program(name, self.version.as_deref()).leak();
-        let mut line = Cli::command().name(name).bin_name(name).version(version);
+        let mut line = cli::command().name(name).bin_name(name).version(version);
         if self.templates.is_empty() {
             line = line.mut_subcommand("new", |new| new.hide(true));
         }
@@ -153,7 +153,7 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         Command::Tune(args) => commands::tune::run(args),
         #[cfg(feature = "capture")]
         Command::Margins(args) => commands::margins::run(args),
-        Command::Sweep(args) => commands::sweep::run(args),
+        Command::Sweep(args) => commands::shards::run(args),
         Command::Faults(args) => commands::faults::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::New(args) => Ok(commands::new::run(args, line.get_name(), templates)),

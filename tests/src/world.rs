@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::machine::processes_of;
-use crate::program::{Folder, Said, orchestrate, participant, text};
+use crate::program::{Folder, Said, orchestrate, participant, root, text};
 
 /// Writes the scenario with `damper` in the damper's place.
 pub fn oscillator(folder: &Folder, damper: &str) -> PathBuf {
@@ -138,4 +138,16 @@ pub fn substitution(at: &str, program: &str, state: &str) -> String {
         "\n[[faults]]\nat = \"{at}\"\nsubstitute = \"damper\"\nrun = {{ exe = \"{}\" }}\nstate = \"{state}\"\n",
         exe.display()
     )
+}
+
+/// The project's own two masses, in one program, with a measure and a fault; gives the file's name.
+pub fn springs(folder: &Folder) -> String {
+    let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
+    let scenario = scenario
+        .replace("10 s\"", "200 ms\"")
+        .replace("duration = \"10 ms\"", "duration = \"200 ms\"");
+    let measures = "\n[measures.swing]\nof = \"right.motion.position\"\ncompute = \"max-abs\"\nat-most = \"0.9 mm\"\n\
+                    \n[[faults]]\nname = \"push\"\nat = \"50 ms\"\ninput = \"right.neighbour\"\nfield = \"position\"\nkind = \"bias\"\nvalue = \"1 mm\"\n";
+    folder.write("springs.toml", &(scenario + measures));
+    "springs.toml".to_owned()
 }

@@ -2,19 +2,8 @@
 
 use std::process::Command;
 
-use escapement_tests::program::{Folder, finish, orchestrate, root, start, text};
-
-/// The project's own two masses, in one program.
-fn springs(folder: &Folder) -> String {
-    let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
-    let scenario = scenario
-        .replace("10 s\"", "200 ms\"")
-        .replace("duration = \"10 ms\"", "duration = \"200 ms\"");
-    let measures = "\n[measures.swing]\nof = \"right.motion.position\"\ncompute = \"max-abs\"\nat-most = \"0.9 mm\"\n\
-                    \n[[faults]]\nname = \"push\"\nat = \"50 ms\"\ninput = \"right.neighbour\"\nfield = \"position\"\nkind = \"bias\"\nvalue = \"1 mm\"\n";
-    folder.write("springs.toml", &(scenario + measures));
-    "springs.toml".to_owned()
-}
+use escapement_tests::program::{Folder, finish, orchestrate, start, text};
+use escapement_tests::world::springs;
 
 const CAMPAIGN: &str = r#"
 title = "Two masses that nobody has weighed"

@@ -338,7 +338,7 @@ pub unsafe fn figure(pointer: *mut Run, name: *const c_char, value: *mut f64) ->
             )
         };
         let figures = run.figures().map(|figures| Figures::of(&figures));
-        let numbers = figures.map(|figures| figures.numbers).unwrap_or_default();
+        let numbers: Vec<_> = figures.iter().flat_map(Figures::numbers).collect();
         let found = numbers
             .iter()
             .find(|number| number.key == name || number.name == name)

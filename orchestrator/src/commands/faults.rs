@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use clap::Args;
 use lockstep::time::Rational;
 
-use super::sweep::{CampaignArgs, code, json, known_figures, told, write};
+use super::conclusion::{code, json, told, write};
+use super::sweep::{CampaignArgs, known_figures};
 use crate::cli::{self, ScenarioArgs};
 use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
 use engine::run::RunFailure;
@@ -77,6 +78,7 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         columns: cases.columns,
         points: cases.points,
         refused: Vec::new(),
+        source: None,
     };
     known_figures(&campaign, 1)?;
     let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;

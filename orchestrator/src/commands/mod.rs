@@ -4,6 +4,7 @@ pub mod bench;
 pub mod check;
 pub mod compare;
 pub mod completions;
+mod conclusion;
 pub mod doctor;
 pub mod export;
 pub mod faults;
@@ -22,6 +23,7 @@ pub mod replay;
 pub mod report;
 pub mod resume;
 pub mod run;
+pub mod shards;
 pub mod sweep;
 mod trust;
 #[cfg(feature = "capture")]

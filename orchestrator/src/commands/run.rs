@@ -2,6 +2,7 @@
 
 use crate::program::catalogue;
 use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -10,6 +11,7 @@ use tape::folder::RunFolder;
 
 use crate::cli::{HowArgs, RunArgs};
 use crate::{signals, terminal};
+use engine::campaign::Recalled;
 use engine::live::{self, Server, Steering};
 use engine::run::{Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, factor, run as run_scenario};
 use engine::scenario::Scenario;
@@ -17,6 +19,9 @@ use engine::shadow::{Account, Shadow};
 
 /// Runs and reports.
 pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
+    if let Some(place) = &args.point {
+        return again(place, args);
+    }
     let scenario = match Scenario::read(catalogue(), &args.scenario.scenario, &args.scenario.overrides()) {
         Ok(scenario) => scenario,
         Err(error) => {
@@ -38,13 +43,50 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
     }
 }
 
+/// Runs a point of a campaign by itself, and compares its tape with what the campaign had.
+fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
+    let refused = |error: &dyn std::fmt::Display| {
+        eprintln!("error: {error}");
+        Ok(2)
+    };
+    let point = match Recalled::read(place) {
+        Ok(point) => point,
+        Err(error) => return refused(&error),
+    };
+    let more = args.scenario.overrides();
+    let changes = [point.changes.as_slice(), &more].concat();
+    let scenario = match Scenario::read(catalogue(), &point.file, &changes) {
+        Ok(scenario) => scenario,
+        Err(error) => return refused(&error),
+    };
+    let (code, digest) = executed(&scenario, &args.how, None, &[])?;
+    let common = || Scenario::read(catalogue(), &point.file, point.common()).ok();
+    // With changes of its own it is another run.
+    let compared = digest.filter(|_| more.is_empty()).zip(common());
+    if let Some(difference) = compared.and_then(|(digest, common)| point.difference(&common, &digest)) {
+        eprintln!("error: {difference}");
+        return Ok(3);
+    }
+    Ok(code)
+}
+
 /// Runs `scenario`, from `origin` if there is one, with `shadows`, and reports.
 pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shadows: &[Shadow]) -> anyhow::Result<i32> {
+    executed(scenario, how, origin, shadows).map(|(code, _)| code)
+}
+
+/// The same, with the digest of the tape.
+fn executed(
+    scenario: &Scenario,
+    how: &HowArgs,
+    origin: Option<Origin>,
+    shadows: &[Shadow],
+) -> anyhow::Result<(i32, Option<String>)> {
     let server = match live(how) {
         Ok(server) => server,
         Err(reason) => {
             eprintln!("error: {reason}");
-            return Ok(2);
+            return Ok((2, None));
         }
     };
     let options = Options {
@@ -56,7 +98,7 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
         Ok(outcome) => outcome,
         Err(failure) => {
             eprintln!("error: {failure}");
-            return Ok(failure.exit_code());
+            return Ok((failure.exit_code(), None));
         }
     };
     let mut summary = outcome.summary();
@@ -99,7 +141,7 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     if let Some((server, _)) = &server {
         farewell(how, server, &outcome)?;
     }
-    Ok(outcome.exit_code())
+    Ok((outcome.exit_code(), outcome.digest.map(|digest| digest.to_string())))
 }
 
 /// What the command line says of a run, apart from its scenario and its page.

@@ -6,10 +6,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::conclusion::conclude;
+use super::shards::{ClusterArgs, PartArgs};
 use crate::cli::ScenarioArgs;
-use engine::assessment::Criterion;
 use engine::campaign::{
-    self, Axis, Campaign, CampaignError, CampaignFile, Finished, GridError, Kind, Number, Options, Picture, Plan,
+    self, Axis, Campaign, CampaignError, CampaignFile, GridError, Keep, Kind, Number, Options, Plan, Until,
 };
 use engine::run::check;
 use engine::scenario::Scenario;
@@ -37,9 +38,22 @@ pub struct SweepArgs {
     /// So many seeds from the scenario's on: the same as --vary seed=FIRST..LAST
     #[arg(long, value_name = "COUNT")]
     pub seeds: Option<u64>,
+    /// So many points are drawn, in place of what the campaign file says: with more of them a campaign grows
+    #[arg(long, value_name = "COUNT", conflicts_with_all = ["vary", "seeds"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub points: Option<u32>,
     /// The figure of merit that the picture and the quantiles show, such as position_error_at_grasp
     #[arg(long, value_name = "NAME")]
     pub figure: Option<String>,
+    /// End as soon as the 95 % confidence interval is so narrow: 'met within 1 %' for the share of points that are met, or
+    /// 'FIGURE within 2 %' for the mean of a figure of merit
+    #[arg(long, value_name = "WHAT within WIDTH", conflicts_with = "shard")]
+    pub until: Option<Until>,
+    /// Which part of the points
+    #[command(flatten)]
+    pub part: PartArgs,
+    /// On which machines
+    #[command(flatten)]
+    pub cluster: ClusterArgs,
     /// Everything about how the points are run
     #[command(flatten)]
     pub campaign: CampaignArgs,
@@ -54,9 +68,9 @@ pub struct CampaignArgs {
     /// Processes that work side by side; one a core when not given
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub workers: Option<u16>,
-    /// Keep the run folder of every point, tape and all
-    #[arg(long)]
-    pub keep: bool,
+    /// Keep run folders, tape and all: of all points, of those that failed, of those that are not met, or of the worst ten (worst:10)
+    #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "all")]
+    pub keep: Vec<Keep>,
     /// Print the result as JSON
     #[arg(long)]
     pub json: bool,
@@ -71,9 +85,10 @@ impl CampaignArgs {
         Options {
             out: self.out.clone(),
             workers: self.workers.map(usize::from),
-            keep: self.keep,
+            keep: self.keep.clone(),
             progress: terminal::progress(self.quiet),
             interrupt: signals::interrupt(),
+            ..Options::default()
         }
     }
 }
@@ -98,7 +113,10 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         Some(file) => file.plan(&scenario)?,
         None => listed(args, &scenario, &overrides)?,
     };
-    let campaign = Campaign::of_plan(Kind::Sweep, path.to_owned(), overrides, &plan);
+    let campaign = match &file {
+        Some(file) => file.campaign(overrides, &plan),
+        None => Campaign::of_plan(Kind::Sweep, path.to_owned(), overrides, &plan),
+    };
     // Where values are drawn, the first of them may be one that cannot be; of a grid somebody wrote every value.
     let tries = if file.is_some() { TRIES } else { 1 };
     let figures = known_figures(&campaign, tries).map_err(|error| match &file {
@@ -109,38 +127,24 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         Some(name) => Some(campaign::figure_of(name, &figures)?),
         None => None,
     };
-    let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;
-    let shown = figure.clone().or_else(|| default_figure(&figures));
-    let limited = |criterion: &Criterion| criterion.limit.is_some_and(|limit| limit > 0.0);
-    let judged = finished
-        .results
-        .iter()
-        .flatten()
-        .filter_map(|result| result.figures.as_ref());
-    let judged = judged.flat_map(|figures| &figures.criteria).any(limited);
-    let varied = campaign.columns.iter().filter(|column| column.name != "seed").count();
-    let own = file.as_ref().map_or("", CampaignFile::title);
-    let title = [own, &scenario.title, &scenario.name];
-    let title = title.into_iter().find(|title| !title.is_empty()).unwrap_or_default();
-    let picture = Picture {
-        title,
-        columns: &campaign.columns,
-        results: &finished.results,
-        // over one key all criteria are shown, unless there are none or the user asks for one figure
-        figure: if varied > 1 || !judged {
-            shown.as_ref()
-        } else {
-            figure.as_ref()
+    let options = Options {
+        // Seeds alone, and draws: those that come after 200 are the same whether they come now or later.
+        grows: match &campaign.source {
+            Some(source) => source.grows,
+            None => args.vary.is_empty(),
         },
+        figure: figure.clone(),
+        until: args.until.as_ref().map(|until| until.watch(&figures)).transpose()?,
+        ..args.part.options(args.campaign.options())?
     };
-    let mut pictures = write(&campaign, &finished, Some(&picture))?;
-    pictures.push(write_page(title, &campaign, &plan, &finished)?);
-    if args.campaign.json {
-        println!("{}", json(&campaign, &finished, &pictures));
-    } else if !args.campaign.quiet {
-        print(&scenario, &campaign, &finished, shown.as_ref(), &pictures);
+    if let Some(code) = args
+        .cluster
+        .act(&campaign, &scenario, &options, figure.as_ref(), &args.campaign)?
+    {
+        return Ok(code);
     }
-    Ok(code(&finished))
+    let finished = campaign::run(&campaign, &scenario, &options)?;
+    conclude(&campaign, &finished, &figures, figure.as_ref(), &args.campaign)
 }
 
 /// So many points are tried before all of them are taken to be wrong.
@@ -149,6 +153,15 @@ const TRIES: usize = 20;
 /// The campaign that the file declares, unless the command line says itself what varies.
 fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
     let file = CampaignFile::open(&args.scenario.scenario)?;
+    if let Some(points) = args.points {
+        let file = file.ok_or_else(|| {
+            let path = args.scenario.scenario.display();
+            let reason =
+                format!("{path} is no campaign file: a grid has its values, and --seeds COUNT says how many seeds");
+            CampaignError::Points(reason)
+        })?;
+        return Ok(Some(file.with_points(points)));
+    }
     if args.vary.is_empty() && args.seeds.is_none() {
         return Ok(file);
     }
@@ -191,18 +204,6 @@ fn listed(args: &SweepArgs, scenario: &Scenario, overrides: &[String]) -> Result
     Ok(Plan::Listed { columns, points })
 }
 
-/// The exit code: whether all points ran.
-pub fn code(finished: &Finished) -> i32 {
-    if finished.interrupted {
-        eprintln!(
-            "interrupted: {} of {} points are complete; the same command goes on from there",
-            finished.results.iter().flatten().count(),
-            finished.results.len()
-        );
-    }
-    i32::from(!finished.all_ran())
-}
-
 /// Checks the first point with everything but launch, and says which figures of merit there are. Where it is refused, up to `tries`
 /// points are tried for one that is not.
 ///
@@ -223,165 +224,4 @@ pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Vec<Number>, C
         }
     }
     first.map_or(Ok(Vec::new()), Err)
-}
-
-/// What is shown unless the user says: the first thing that the run is judged by.
-pub fn default_figure(figures: &[Number]) -> Option<Number> {
-    figures.first().cloned()
-}
-
-/// Writes table and picture; gives the files.
-pub fn write(
-    campaign: &Campaign,
-    finished: &Finished,
-    picture: Option<&Picture<'_>>,
-) -> Result<Vec<PathBuf>, CampaignError> {
-    let sheet = campaign::sheet(campaign, &finished.results);
-    let root = finished.folder.root();
-    let mut files = vec![root.join("table.csv"), root.join("table.parquet")];
-    sheet.csv(&files[0])?;
-    sheet.parquet(&files[1])?;
-    if let Some(drawing) = picture.and_then(campaign::draw) {
-        files.push(finished.folder.write("figure.svg", report::figures::svg(&drawing))?);
-        if let Some(png) = report::figures::png(&drawing, 2.5) {
-            files.push(finished.folder.write("figure.png", png)?);
-        }
-    }
-    Ok(files)
-}
-
-/// Writes the page with the statistics; gives the file.
-pub fn write_page(
-    title: &str,
-    campaign: &Campaign,
-    plan: &Plan,
-    finished: &Finished,
-) -> Result<PathBuf, CampaignError> {
-    let data = campaign::analysis(title, campaign, plan, &finished.results);
-    finished
-        .folder
-        .write("report.html", report::campaign::page(title, &data))
-}
-
-/// The campaign as JSON: counts, files, and every row.
-pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serde_json::Value {
-    let rows = finished.results.iter().enumerate().map(|(at, result)| {
-        let values = campaign
-            .columns
-            .iter()
-            .map(|column| (column.name.clone(), column.json(at)));
-        let figures = result.as_ref().and_then(|result| result.figures.as_ref());
-        let figures = figures.map(|figures| {
-            figures
-                .numbers
-                .iter()
-                .map(|number| (number.key.clone(), number.value))
-                .collect::<std::collections::BTreeMap<_, _>>()
-        });
-        serde_json::json!({
-            "point": at + 1,
-            "values": values.collect::<serde_json::Map<_, _>>(),
-            "outcome": result.as_ref().map(|result| result.outcome.word()),
-            "reason": result.as_ref().and_then(|result| result.reason.clone()),
-            "figures": figures,
-            "tape_digest": result.as_ref().and_then(|result| result.tape.clone()),
-        })
-    });
-    let count = |outcome| finished.count(outcome);
-    // JSON is text; a path need not be.
-    let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
-    serde_json::json!({
-        "folder": finished.folder.root().display().to_string(),
-        "files": files,
-        "points": finished.results.len(),
-        "met": count(campaign::Outcome::Met),
-        "not_met": count(campaign::Outcome::NotMet),
-        "complete": count(campaign::Outcome::Complete),
-        "refused": count(campaign::Outcome::Refused),
-        "failed": count(campaign::Outcome::Failed),
-        "crashed": count(campaign::Outcome::Crashed),
-        "interrupted": finished.interrupted,
-        "rows": rows.collect::<Vec<_>>(),
-    })
-}
-
-fn print(scenario: &Scenario, campaign: &Campaign, finished: &Finished, figure: Option<&Number>, files: &[PathBuf]) {
-    if !scenario.title.is_empty() {
-        println!("{}", scenario.title);
-    }
-    println!("{}", campaign::verdicts(&finished.results));
-    if campaign.columns.iter().any(|column| column.name == "seed") {
-        let ran = finished
-            .results
-            .iter()
-            .flatten()
-            .filter(|result| result.outcome.ran())
-            .count();
-        let good = finished
-            .results
-            .iter()
-            .flatten()
-            .filter(|result| result.outcome.good())
-            .count();
-        let (low, high) = campaign::wilson(good, ran);
-        println!(
-            "  {} {good} of {ran}: a share of {:.1} % to {:.1} % with 95 % confidence",
-            campaign::good_word(&finished.results),
-            100.0 * low,
-            100.0 * high
-        );
-    }
-    if let Some(figure) = figure {
-        let values = finished
-            .results
-            .iter()
-            .flatten()
-            .filter_map(|result| campaign::figure_value(result, &figure.key));
-        if let Some([least, median, most, greatest]) = campaign::quantiles(values) {
-            let [least, median, most, greatest] = [least, median, most, greatest].map(campaign::short);
-            println!(
-                "  {}: {least} to {greatest}{}, median {median}, 95 % up to {most}",
-                figure.words(),
-                engine::assessment::behind(&figure.unit)
-            );
-        }
-    }
-    if let [column] = &campaign.columns[..]
-        && column.name != "seed"
-    {
-        println!(
-            "  {} at {}: {}",
-            campaign::good_word(&finished.results),
-            column.name,
-            campaign::stretches(column, &finished.results)
-        );
-    }
-    if let Some(map) = campaign::map(&campaign.columns, &finished.results) {
-        println!("{map}");
-    }
-    for (at, result) in finished.results.iter().enumerate() {
-        if let Some(result) = result.as_ref().filter(|result| !result.outcome.ran()) {
-            let values: Vec<&str> = campaign
-                .columns
-                .iter()
-                .map(|column| column.texts[at].as_str())
-                .collect();
-            let reason = result.reason.as_deref().unwrap_or_default();
-            println!("  {} at {}: {reason}", result.outcome.word(), values.join(", "));
-        }
-    }
-    told(finished, files);
-}
-
-/// Time and files.
-pub fn told(finished: &Finished, files: &[PathBuf]) {
-    let before = if finished.resumed > 0 {
-        format!(" ({} were there)", finished.resumed)
-    } else {
-        String::new()
-    };
-    println!("{:.1} s{before}", finished.wall_s);
-    for file in files {
-        println!("{}", file.display());
-    }
 }

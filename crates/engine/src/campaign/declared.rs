@@ -24,6 +24,8 @@ pub struct Declared {
     start: BTreeMap<String, Quantity>,
     /// The seed of the first point, where each has its own.
     first_seed: Option<u64>,
+    /// Whether no draw depends on the number of points.
+    grows: bool,
     heads: Vec<Head>,
 }
 
@@ -118,6 +120,9 @@ impl Declared {
         let on_grid = |one: &Dispersion| own(one) == Design::Grid && one.levels.or(one.draws.choices()).is_some();
         let drawn = |one: &&Dispersion| !one.once && !on_grid(one) && one.draws.varies();
         let others = dispersions.iter().any(|one| drawn(&one));
+        let grows = !dispersions
+            .iter()
+            .any(|one| drawn(&one) && own(one) == Design::LatinHypercube);
         let inner = drawn_points(points, others, first_seed.is_some())?;
         let (mut ways, mut outer) = (Vec::new(), 1_usize);
         let mut dealer = Dealer {
@@ -165,6 +170,7 @@ impl Declared {
             matrices,
             start,
             first_seed,
+            grows,
             heads: Vec::new(),
         };
         let (_, heads) = made.drawn(0);
@@ -176,6 +182,11 @@ impl Declared {
     /// How many points there are.
     pub fn count(&self) -> usize {
         self.inner * self.outer
+    }
+
+    /// Whether more points leave those as they are that there were: of a Latin hypercube their number is part of every draw.
+    pub fn grows(&self) -> bool {
+        self.grows
     }
 
     /// The columns.

@@ -1,6 +1,7 @@
 //! The figures of a point as numbers.
 
 use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use report::page::split_unit;
 use serde::{Deserialize, Serialize};
@@ -45,38 +46,102 @@ impl Number {
 }
 
 /// Figures of merit as numbers.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+///
+/// A campaign holds those of all its points, and the points of one scenario have the same figures: names and units are there once.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(from = "Plain", into = "Plain")]
 pub struct Figures {
-    /// An entry for each element of a list.
-    pub numbers: Vec<Number>,
+    /// An entry for each element of a list, without values.
+    names: Arc<Vec<Number>>,
+    /// The values; NaN for what is missing.
+    values: Box<[f64]>,
     /// The criteria and what became of them.
     pub criteria: Vec<Criterion>,
 }
 
+/// The same as JSON has it.
+#[derive(Serialize, Deserialize)]
+struct Plain {
+    numbers: Vec<Number>,
+    criteria: Vec<Criterion>,
+}
+
+impl From<Plain> for Figures {
+    fn from(plain: Plain) -> Figures {
+        Figures::new(plain.numbers, plain.criteria)
+    }
+}
+
+impl From<Figures> for Plain {
+    fn from(figures: Figures) -> Plain {
+        Plain {
+            numbers: figures.numbers().collect(),
+            criteria: figures.criteria,
+        }
+    }
+}
+
+impl PartialEq for Figures {
+    fn eq(&self, other: &Figures) -> bool {
+        let bits = |figures: &Figures| figures.values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        self.names == other.names && bits(self) == bits(other) && self.criteria == other.criteria
+    }
+}
+
+/// The names that were there before, or these. Few are kept: points whose figures differ are rare.
+fn shared(names: Vec<Number>) -> Arc<Vec<Number>> {
+    const KEPT: usize = 8;
+    static KNOWN: Mutex<Vec<Arc<Vec<Number>>>> = Mutex::new(Vec::new());
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(own) = known.iter().find(|own| ***own == names) {
+        return own.clone();
+    }
+    let own = Arc::new(names);
+    known.truncate(KEPT - 1);
+    known.insert(0, own.clone());
+    own
+}
+
 impl Figures {
+    /// These numbers and criteria.
+    pub fn new(mut numbers: Vec<Number>, criteria: Vec<Criterion>) -> Figures {
+        let values = numbers.iter_mut().map(|number| number.value.take().unwrap_or(f64::NAN));
+        Figures {
+            values: values.collect(),
+            names: shared(numbers),
+            criteria,
+        }
+    }
+
     /// Those of a run.
     pub fn of(figures: &assessment::Figures) -> Figures {
-        Figures {
-            numbers: numbers(figures),
-            criteria: figures.criteria.clone(),
-        }
+        Figures::new(numbers(figures), figures.criteria.clone())
+    }
+
+    /// All of them, as they come.
+    pub fn numbers(&self) -> impl Iterator<Item = Number> {
+        self.names.iter().zip(self.values.iter()).map(|(name, value)| Number {
+            value: Some(*value).filter(|value| !value.is_nan()),
+            ..name.clone()
+        })
     }
 
     /// All of them: those with a criterion first, the others by name.
     pub fn ordered(&self) -> Vec<Number> {
         let judged = self.criteria.iter().flat_map(|criterion| {
-            let own = |number: &&Number| number.name.split('[').next() == Some(&*criterion.name);
-            self.numbers.iter().filter(own)
+            let own = |number: &Number| number.name.split('[').next() == Some(&*criterion.name);
+            self.numbers().filter(own)
         });
         let mut seen = BTreeSet::new();
-        let mut all: Vec<Number> = judged.chain(&self.numbers).cloned().collect();
+        let mut all: Vec<Number> = judged.chain(self.numbers()).collect();
         all.retain(|number| seen.insert(number.key.clone()));
         all
     }
 
     /// The value of the figure with this key.
     pub fn value(&self, key: &str) -> Option<f64> {
-        self.numbers.iter().find(|number| number.key == key)?.value
+        let at = self.names.iter().position(|number| number.key == key)?;
+        Some(self.values[at]).filter(|value| !value.is_nan())
     }
 }
 
@@ -116,4 +181,33 @@ fn numbers(figures: &assessment::Figures) -> Vec<Number> {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_come_back_from_json_with_gaps_and_shared_names() {
+        let number = |key: &str, value| Number::of_key(key.to_owned(), value);
+        let figures = |value| {
+            let numbers = vec![
+                number("miss_mm", value),
+                number("late_s", None),
+                number("list[1]", Some(-0.0)),
+            ];
+            Figures::new(numbers, Vec::new())
+        };
+        let one = figures(Some(0.1));
+        let text = serde_json::to_string(&one).unwrap();
+        let back: Figures = serde_json::from_str(&text).unwrap();
+        assert_eq!(back, one);
+        assert_ne!(back, figures(Some(0.2)));
+        assert_eq!((back.value("miss_mm"), back.value("late_s")), (Some(0.1), None));
+        assert!(Arc::ptr_eq(&back.names, &one.names), "the names are there once");
+        assert_eq!(
+            back.numbers().map(|number| number.unit).collect::<Vec<_>>(),
+            ["mm", "s", ""]
+        );
+    }
 }

@@ -2,12 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use tape::Digest;
 use toml::{Table, Value};
 
-use super::CampaignError;
+use super::any_path::AnyPath;
 use super::declared::{Declared, dimension_of};
 use super::dispersions::{Context, DESIGNS, Design, Dispersion, Quantity, Sized, at_key, dispersion};
+use super::identity::Kind;
 use super::plan::Plan;
+use super::source::Source;
+use super::{Campaign, CampaignError};
 use crate::scenario::{Lines, Mistake, Scenario, ScenarioError};
 
 /// A file that declares a campaign: of its own, which names a scenario, or a scenario with the table `campaign`.
@@ -71,6 +75,40 @@ impl CampaignFile {
     /// One line about it; empty where there is none.
     pub fn title(&self) -> &str {
         self.table.get("title").and_then(Value::as_str).unwrap_or_default()
+    }
+
+    /// The same with another number of points.
+    #[must_use]
+    pub fn with_points(mut self, points: u32) -> CampaignFile {
+        self.table.insert("points".to_owned(), Value::Integer(points.into()));
+        self
+    }
+
+    /// Files that it names, each with its key, as they stand there: the scenario, and those that values are taken from.
+    pub fn files(&self) -> Vec<(String, &str)> {
+        let scenario = self.table.get("scenario").and_then(Value::as_str);
+        let vary = self.table.get("vary").and_then(Value::as_table).into_iter().flatten();
+        let values = vary.filter_map(|(name, one)| Some((format!("vary.{name}.file"), one.get("file")?.as_str()?)));
+        let scenario = scenario.map(|file| ("scenario".to_owned(), file));
+        scenario.into_iter().chain(values).collect()
+    }
+
+    /// The campaign of the points `plan`, with the changes that all of them share.
+    pub fn campaign(&self, overrides: Vec<String>, plan: &Plan) -> Campaign {
+        let mut says = self.table.clone();
+        // More points make the same campaign larger, and what the scenario says counts by itself.
+        says.retain(|key, _| !["points", "scenario"].contains(&key));
+        let source = Source {
+            file: AnyPath(self.path.clone()),
+            digest: Digest::of(says.to_string().as_bytes()),
+            title: self.title().to_owned(),
+            factors: plan.factors(),
+            grows: plan.grows(),
+        };
+        Campaign {
+            source: Some(source),
+            ..Campaign::of_plan(Kind::Sweep, self.scenario.clone(), overrides, plan)
+        }
     }
 
     fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {

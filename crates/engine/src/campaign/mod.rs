@@ -5,37 +5,58 @@
 //! and into the table in the order of the points. Nothing in the table depends on the number of workers or on time.
 
 mod analysis;
+mod any_path;
+mod bundle;
 mod cases;
 mod declared;
 mod dispersions;
+mod engines;
 mod figures;
 mod file;
 mod folder;
 mod grid;
+mod identity;
+mod journal;
+mod keep;
+mod merge;
 mod picture;
 mod plan;
 mod point;
+mod recall;
+mod shard;
+mod source;
 mod spread;
+mod status;
 mod table;
 mod tell;
+mod until;
 mod work;
 mod worker;
 
 use std::path::PathBuf;
 
 pub use analysis::analysis;
+pub use bundle::{Bundle, bundle};
 pub use cases::{Cases, CasesError, appended, builtin, from_file as cases_from_file};
 pub use declared::Declared;
+pub use engines::{Cluster, Engine, Step, Waiting, submit, waiting};
 pub use figures::{Figures, Number};
 pub use file::CampaignFile;
-pub use folder::Kind;
 pub use grid::{Axis, GridError, grid, range_of_seeds};
+pub use identity::{Identity, Kind};
+pub use keep::Keep;
+pub use merge::merge;
 pub use picture::{Picture, draw};
 pub use plan::{Cell, Head, Plan, Point};
-pub use point::{Outcome, figures_of};
+pub use point::{Outcome, Result as PointResult, figures_of};
+pub use recall::Recalled;
+pub use shard::{ParseShardError, Shard};
+pub use source::Source;
+pub use status::{Part, State, parts};
 pub use table::{figure_of, figure_value, sheet, short};
-pub use tell::{good_word, map, quantiles, stretches, verdicts, wilson};
-pub use work::{Finished, Options, run};
+pub use tell::{NORMAL_95, good_word, map, quantiles, stretches, verdicts, wilson};
+pub use until::{Until, Watch};
+pub use work::{Finished, Options, run, run_as};
 pub use worker::serve;
 
 use crate::run::RunFailure;
@@ -59,6 +80,8 @@ pub struct Campaign {
     pub points: Vec<Vec<String>>,
     /// Points, from 0, that there cannot be, with the reason.
     pub refused: Vec<(usize, String)>,
+    /// The campaign file that declares the points, where one does.
+    pub source: Option<Source>,
 }
 
 impl Campaign {
@@ -79,6 +102,27 @@ impl Campaign {
             overrides,
             columns,
             refused,
+            source: None,
+        }
+    }
+
+    /// What tells point `at` (from 0) apart, by column.
+    pub fn values(&self, at: usize) -> serde_json::Map<String, serde_json::Value> {
+        let values = self.columns.iter();
+        values.map(|column| (column.name.clone(), column.json(at))).collect()
+    }
+
+    /// The campaign with its first `count` points alone.
+    #[must_use]
+    pub fn first(&self, count: usize) -> Campaign {
+        Campaign {
+            kind: self.kind,
+            scenario: self.scenario.clone(),
+            overrides: self.overrides.clone(),
+            columns: self.columns.iter().map(|column| column.first(count)).collect(),
+            points: self.points.iter().take(count).cloned().collect(),
+            refused: self.refused.iter().filter(|(at, _)| *at < count).cloned().collect(),
+            source: self.source.clone(),
         }
     }
 }
@@ -107,6 +151,19 @@ impl Column {
             texts,
             numbers: None,
             whole: None,
+        }
+    }
+
+    fn first(&self, count: usize) -> Column {
+        fn some<T: Clone>(all: &[T], count: usize) -> Vec<T> {
+            all.iter().take(count).cloned().collect()
+        }
+        Column {
+            name: self.name.clone(),
+            unit: self.unit.clone(),
+            texts: some(&self.texts, count),
+            numbers: self.numbers.as_ref().map(|all| some(all, count)),
+            whole: self.whole.as_ref().map(|all| some(all, count)),
         }
     }
 
@@ -143,12 +200,26 @@ pub enum CampaignError {
     /// What shall be varied makes no sense.
     #[error(transparent)]
     Grid(#[from] GridError),
+    /// A number of points that there cannot be.
+    #[error("--points: {0}")]
+    Points(String),
     /// The folder belongs to something else.
     #[error("{}: {reason}", path.display())]
     Folder {
         /// The folder.
         path: PathBuf,
         /// Why it is not taken.
+        reason: String,
+    },
+    /// Folders of shards do not make a whole.
+    #[error("{0}")]
+    Merge(String),
+    /// The engine is not there, or does not do it.
+    #[error("--on {engine}: {reason}")]
+    Engine {
+        /// Which one.
+        engine: &'static str,
+        /// What is wrong, and the remedy.
         reason: String,
     },
     /// The figure is not there.
@@ -187,7 +258,10 @@ impl CampaignError {
     /// The exit code of the program: 2 when the user must change something, else 1.
     pub fn exit_code(&self) -> i32 {
         match self {
-            CampaignError::Io { .. } | CampaignError::Export(_) | CampaignError::Changed { .. } => 1,
+            CampaignError::Io { .. }
+            | CampaignError::Export(_)
+            | CampaignError::Changed { .. }
+            | CampaignError::Engine { .. } => 1,
             CampaignError::Run(failure) => failure.exit_code(),
             _ => 2,
         }

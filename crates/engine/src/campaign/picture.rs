@@ -1,5 +1,7 @@
 //! The picture of a campaign: where the criteria are met.
 
+use std::collections::BTreeMap;
+
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Map, MapCell, Shade};
 
 use super::figures::Number;
@@ -65,9 +67,12 @@ impl Place<'_> {
     }
 }
 
+/// With more places along one of its sides a picture shows none of them.
+const PLACES_MAX: usize = 2000;
+
 /// The picture: a chart over one varied key, a map over two. What else is varied, and the seed beside another key, is folded:
 /// a place is met when all of its points are, and shows the worst. Where hardly two points have a value in common, as those that were
-/// drawn, it is how far they stay from their limits. `None` when nothing is varied.
+/// drawn, and where a key has more than 2000 values, it is how far they stay from their limits. `None` when nothing is varied.
 pub fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     let varied: Vec<&Column> = picture
         .columns
@@ -79,12 +84,12 @@ pub fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     if shown.is_empty() {
         shown.extend(varied.first());
     }
+    let places: Vec<usize> = shown.iter().map(|column| distinct(&column.texts).len()).collect();
+    // Values that were drawn lie nowhere twice, and make no map.
+    let apart = places.len() == 2 && places[0] * places[1] > 4 * picture.results.len();
     match shown[..] {
+        [_, ..] if apart || places.iter().any(|count| *count > PLACES_MAX) => spread::draw(picture),
         [x] => Some(chart(picture, x)),
-        // Values that were drawn lie nowhere twice, and make no map.
-        [x, y] if distinct(&x.texts).len() * distinct(&y.texts).len() > 4 * picture.results.len() => {
-            spread::draw(picture)
-        }
         [x, y] => Some(over_two(picture, x, y)),
         _ => None,
     }
@@ -100,17 +105,22 @@ fn label(column: &Column) -> String {
 
 /// The points of each value of `column`, in the order in which the values come first.
 fn places<'a>(picture: &Picture<'a>, column: &'a Column) -> Vec<(&'a String, Place<'a>)> {
-    let mut places: Vec<(&String, Place<'_>)> = Vec::new();
-    for value in distinct(&column.texts) {
-        let mine = column
-            .texts
-            .iter()
-            .zip(picture.results)
-            .filter(|(text, _)| *text == value);
-        let results = mine.map(|(_, result)| result.as_ref()).collect();
-        places.push((value, Place { results }));
+    let values = distinct(&column.texts);
+    let mut places: Vec<(&String, Place<'_>)> = values.iter().map(|value| (*value, Place::default())).collect();
+    let numbers = numbered(&values);
+    for (text, result) in column.texts.iter().zip(picture.results) {
+        places[numbers[text]].1.results.push(result.as_ref());
     }
     places
+}
+
+/// The number of each value.
+fn numbered<'a>(values: &[&'a String]) -> BTreeMap<&'a String, usize> {
+    values
+        .iter()
+        .enumerate()
+        .map(|(number, value)| (*value, number))
+        .collect()
 }
 
 fn chart(picture: &Picture<'_>, column: &Column) -> Drawing {
@@ -222,10 +232,10 @@ fn chart(picture: &Picture<'_>, column: &Column) -> Drawing {
 fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
     let (across, down) = (in_order(x), in_order(y));
     let mut places = vec![Place::default(); across.len() * down.len()];
+    let (columns, rows) = (numbered(&across), numbered(&down));
     for (at, result) in picture.results.iter().enumerate() {
-        let column = across.iter().position(|value| **value == x.texts[at]).unwrap_or(0);
-        let row = down.iter().position(|value| **value == y.texts[at]).unwrap_or(0);
-        places[row * across.len() + column].results.push(result.as_ref());
+        let place = rows[&y.texts[at]] * across.len() + columns[&x.texts[at]];
+        places[place].results.push(result.as_ref());
     }
     let of = |result: &PointResult| figure_value(result, &picture.figure?.key);
     let worst: Vec<Option<f64>> = places.iter().map(|place| place.worst(picture.lowest(), of)).collect();

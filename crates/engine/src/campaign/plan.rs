@@ -54,6 +54,17 @@ impl Plan {
         }
     }
 
+    /// Whether more points leave those as they are that there were. A list has all of its points.
+    pub fn grows(&self) -> bool {
+        matches!(self, Plan::Declared(declared) if declared.grows())
+    }
+
+    /// The dispersions whose Sobol' indices can be told, in the order of their matrices.
+    pub fn factors(&self) -> Option<Vec<String>> {
+        let Plan::Declared(declared) = self else { return None };
+        Some(declared.factors()?.into_iter().map(str::to_owned).collect())
+    }
+
     /// Point number `k`, from 0.
     pub fn point(&self, k: usize) -> Point {
         match self {

@@ -130,7 +130,8 @@ pub fn run_point(
 }
 
 fn judged(catalogue: &Arc<Catalogue>, file: &Path, changes: &[String], keep: Option<&Path>, scratch: &Path) -> Result {
-    let refused = |error: &dyn std::fmt::Display| Result::without(Outcome::Refused, error.to_string());
+    let refused =
+        |error: &dyn std::fmt::Display| Result::without(Outcome::Refused, placeless(file, &error.to_string()));
     let scenario = match Scenario::read(catalogue, file, changes) {
         Ok(scenario) => scenario,
         Err(error) => return refused(&error),
@@ -161,6 +162,15 @@ fn judged(catalogue: &Arc<Catalogue>, file: &Path, changes: &[String], keep: Opt
         2 => refused(&failure),
         _ => Result::without(Outcome::Failed, failure.to_string()),
     })
+}
+
+/// A message about the scenario `file` that is the same wherever the file lies: a row does not depend on that.
+fn placeless(file: &Path, message: &str) -> String {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let folder = file.parent().unwrap_or(Path::new("")).display().to_string();
+    let message = message.replace(&file.display().to_string(), &name);
+    // Paths in it stand in quotes.
+    message.replace(&format!("`{folder}/"), "`")
 }
 
 /// A run to its end, with its summary in the folder if it has one.

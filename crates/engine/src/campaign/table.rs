@@ -48,9 +48,11 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
         });
     }
     columns.push(text("tape", &|result| result.tape.clone()));
+    // Its name alone: a table is the same wherever the scenario lies.
+    let file = campaign.scenario.file_name().unwrap_or_default();
     Sheet {
         columns,
-        about: vec![("escapement.scenario", campaign.scenario.display().to_string())],
+        about: vec![("escapement.scenario", file.to_string_lossy().into_owned())],
     }
 }
 

@@ -32,12 +32,15 @@ pub fn verdicts(results: &[Option<PointResult>]) -> String {
     format!("{} point{plural}: {}", results.len(), parts.join(", "))
 }
 
+/// The normal distribution has 95 % within so many standard deviations of its mean.
+pub const NORMAL_95: f64 = 1.959_963_984_540_054;
+
 /// The interval that holds a share with 95 % confidence when `good` of `all` draws were good (Wilson's).
 pub fn wilson(good: usize, all: usize) -> (f64, f64) {
     if all == 0 {
         return (0.0, 1.0);
     }
-    let (z, n) = (1.959_963_984_540_054_f64, all as f64);
+    let (z, n) = (NORMAL_95, all as f64);
     let share = good as f64 / n;
     let middle = share + z * z / (2.0 * n);
     let half = z * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();

@@ -6,10 +6,16 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use super::folder::{Folder, digest_of_scenario};
+use super::any_path::AnyPath;
+use super::folder::{Folder, Known};
+use super::identity::{Identity, digest_of_scenario};
+use super::keep::{Keep, kept};
 use super::point::{Outcome, Result as PointResult};
-use super::worker::{Answer, AnyPath, Task, Word, Worker};
-use super::{Campaign, CampaignError};
+use super::shard::Shard;
+use super::table::sheet;
+use super::until::Watch;
+use super::worker::{Answer, Task, Word, Worker};
+use super::{Campaign, CampaignError, Number};
 use crate::observer::{Event, Interrupt, Progress};
 use crate::scenario::Scenario;
 
@@ -20,8 +26,18 @@ pub struct Options {
     pub out: Option<PathBuf>,
     /// Processes that work side by side; one a core unless given.
     pub workers: Option<usize>,
-    /// Keep the run folder of every point.
-    pub keep: bool,
+    /// The points whose run folders are kept.
+    pub keep: Vec<Keep>,
+    /// The figure of merit by which points are the worst; the criteria unless given.
+    pub figure: Option<Number>,
+    /// Run a part of the points alone.
+    pub shard: Option<Shard>,
+    /// Which share of all points is run twice, in two shards.
+    pub audit: f64,
+    /// End as soon as this knows enough.
+    pub until: Option<Watch>,
+    /// Whether the same campaign with more points has the same folder, unless the user names one.
+    pub grows: bool,
     /// Receives what happens.
     pub progress: Progress,
     /// Asks for an end in order.
@@ -33,7 +49,9 @@ pub struct Options {
 pub struct Finished {
     /// Its folder.
     pub folder: Folder,
-    /// What became of each point; `None` for those that were not run.
+    /// What the folder is of.
+    pub identity: Identity,
+    /// What became of each point; `None` for those that were not run. Where enough was known these are the points up to there.
     pub results: Vec<Option<PointResult>>,
     /// How many were there from before.
     pub resumed: usize,
@@ -53,11 +71,36 @@ impl Finished {
             .count()
     }
 
-    /// Whether every point ran to its end.
+    /// Whether every point that the folder is for ran to its end.
     pub fn all_ran(&self) -> bool {
-        self.results
-            .iter()
-            .all(|result| result.as_ref().is_some_and(|result| result.outcome.ran()))
+        let ran = |result: &Option<PointResult>| result.as_ref().is_some_and(|result| result.outcome.ran());
+        let mut all = self.results.iter().enumerate();
+        all.all(|(at, result)| !self.identity.owns(at) || ran(result))
+    }
+
+    /// How many points the folder is for.
+    pub fn own(&self) -> usize {
+        (0..self.results.len()).filter(|at| self.identity.owns(*at)).count()
+    }
+
+    /// Runs those points again that are to be kept and are not, with their whole tapes.
+    ///
+    /// # Errors
+    /// As [`run`], and when a point has another tape than before.
+    pub fn keep(&mut self, campaign: &Campaign, scenario: &Scenario, options: &Options) -> Result<(), CampaignError> {
+        let there = |at: &usize| self.folder.run(at + 1).join("summary.json").is_file();
+        let wanted = kept(&options.keep, &self.results, options.figure.as_ref()).into_iter();
+        let open = wanted
+            .filter(|at| !there(at))
+            .map(|point| Errand {
+                point,
+                what: What::Again,
+            })
+            .collect();
+        let mut crew = Crew::new(campaign, scenario, &self.folder, &mut self.results, open);
+        let outcome = crew.run(options);
+        self.interrupted |= crew.stopped;
+        outcome
     }
 }
 
@@ -66,91 +109,263 @@ impl Finished {
 /// # Errors
 /// When the folder cannot be taken or written, or no process can be started. What was complete before stays in the journal.
 pub fn run(campaign: &Campaign, scenario: &Scenario, options: &Options) -> Result<Finished, CampaignError> {
-    let (mut folder, mut results) = Folder::open(campaign, scenario, options.out.as_deref())?;
+    let identity = Identity {
+        shard: options.shard,
+        audit: options.audit,
+        ..Identity::of(campaign, scenario)?
+    };
+    work(campaign, scenario, identity, options)
+}
+
+/// The same for a campaign that was read from a folder, which says what it must be.
+///
+/// # Errors
+/// As [`run`], and when the scenario or a program is not what it was.
+pub fn run_as(
+    known: &Identity,
+    campaign: &Campaign,
+    scenario: &Scenario,
+    options: &Options,
+) -> Result<Finished, CampaignError> {
+    let now = Identity::of(campaign, scenario)?;
+    let refuse = |reason: String| {
+        let path = campaign.scenario.clone();
+        Err(CampaignError::Folder { path, reason })
+    };
+    if (now.program, now.content) != (known.program, known.content) {
+        return refuse(format!(
+            "is not what the campaign was made of: {}; start a new campaign",
+            known.difference(&now)
+        ));
+    }
+    if let Some(own) = known.shard.filter(|own| options.shard != Some(*own)) {
+        return refuse(format!(
+            "the folder has the points of shard {own} alone: leave --shard out"
+        ));
+    }
+    let identity = Identity {
+        shard: options.shard,
+        audit: options.audit,
+        file: now.file,
+        source: now.source,
+        ..known.clone()
+    };
+    work(campaign, scenario, identity, options)
+}
+
+fn work(
+    campaign: &Campaign,
+    scenario: &Scenario,
+    identity: Identity,
+    options: &Options,
+) -> Result<Finished, CampaignError> {
+    let started = Instant::now();
+    let (mut folder, mut known) = Folder::open(campaign, &identity, options)?;
     for (point, reason) in &campaign.refused {
-        if results[*point].is_none() {
-            let result = PointResult::without(Outcome::Refused, reason.clone());
-            folder.note(campaign, point + 1, &result)?;
-            results[*point] = Some(result);
+        let result = PointResult::without(Outcome::Refused, reason.clone());
+        if identity.owns(*point) && known.results[*point].is_none() {
+            folder.note(campaign, point + 1, false, &result)?;
+            known.results[*point] = Some(result);
+        } else if identity.audits(*point) && known.audited.insert(*point) {
+            folder.note(campaign, point + 1, true, &result)?;
         }
     }
-    let interrupt = options.interrupt.clone();
-    let open: VecDeque<usize> = (0..results.len()).filter(|&at| results[at].is_none()).collect();
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let workers = options.workers.unwrap_or(cores).clamp(1, open.len().max(1));
-    let (sender, receiver) = channel();
-    let started = Instant::now();
-    let mut crew = Crew {
-        resumed: results.len() - open.len(),
-        campaign,
-        digest: digest_of_scenario(scenario).to_string(),
-        keep: options.keep,
-        folder,
-        results,
-        open,
-        seats: Vec::new(),
-        sender,
-    };
-    let progress = options.progress.clone();
-    let outcome = crew.work(workers, &receiver, &interrupt, &progress);
-    progress.report(Event::Over);
-    let interrupted = interrupt.asked();
-    // All are asked before any is waited for.
-    crew.seats.iter_mut().for_each(|seat| seat.worker.dismiss());
-    for number in 0..crew.seats.len() {
-        let scratch = crew.folder.scratch(number);
-        crew.seats[number].busy = None;
-        let _ = std::fs::remove_dir_all(scratch);
-    }
-    crew.seats.clear();
+    let open = open_points(&known, &identity);
+    folder.hold(options.workers(open.len()))?;
+    let resumed = known.results.iter().flatten().count();
+    let mut results = known.results;
+    let mut crew = Crew::new(campaign, scenario, &folder, &mut results, open);
+    crew.all = (0..campaign.points.len()).filter(|at| identity.owns(*at)).count();
+    (crew.resumed, crew.done) = (resumed, resumed);
+    crew.keep = options.keep.contains(&Keep::All);
+    crew.until = options.until.clone();
+    crew.draft = identity.shard.is_none().then(|| Draft::new(&folder));
+    let outcome = crew.run(options);
+    let (interrupted, enough) = (crew.stopped, crew.enough);
     outcome?;
-    Ok(Finished {
-        folder: crew.folder,
-        results: crew.results,
-        resumed: crew.resumed,
+    results.truncate(enough.unwrap_or(results.len()));
+    let mut finished = Finished {
+        folder,
+        identity,
+        results,
+        resumed,
         interrupted,
-        wall_s: started.elapsed().as_secs_f64(),
-    })
+        wall_s: 0.0,
+    };
+    if !interrupted {
+        finished.keep(campaign, scenario, options)?;
+    }
+    finished.wall_s = started.elapsed().as_secs_f64();
+    Ok(finished)
+}
+
+impl Options {
+    /// How many processes work on `open` points.
+    fn workers(&self, open: usize) -> usize {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        self.workers.unwrap_or(cores).clamp(1, open.max(1))
+    }
+}
+
+/// A point to be run.
+#[derive(Debug, Clone, Copy)]
+struct Errand {
+    /// From 0.
+    point: usize,
+    what: What,
+}
+
+/// What becomes of a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum What {
+    /// It is the point's.
+    Own,
+    /// It is compared with that of another shard.
+    Audit,
+    /// It is known, and the run folder is wanted.
+    Again,
+}
+
+/// The points that the folder is for and does not have: its own, then those of another shard.
+fn open_points(known: &Known, identity: &Identity) -> VecDeque<Errand> {
+    let all = 0..known.results.len();
+    let own = all
+        .clone()
+        .filter(|&at| identity.owns(at) && known.results[at].is_none());
+    let others = all
+        .filter(|at| identity.audits(*at))
+        .filter(|at| !known.audited.contains(at));
+    let errand = |what| move |point| Errand { point, what };
+    own.map(errand(What::Own))
+        .chain(others.map(errand(What::Audit)))
+        .collect()
 }
 
 /// A worker and the point that it has.
 struct Seat {
     worker: Worker,
-    busy: Option<usize>,
+    busy: Option<Errand>,
 }
 
 struct Crew<'a> {
     campaign: &'a Campaign,
     digest: String,
-    keep: bool,
-    folder: Folder,
-    results: Vec<Option<PointResult>>,
+    folder: &'a Folder,
+    results: &'a mut Vec<Option<PointResult>>,
+    /// Points that no worker has yet.
+    open: VecDeque<Errand>,
+    /// How many points were there, how many there are now, and how many there are to be.
     resumed: usize,
-    /// Points that nobody has yet.
-    open: VecDeque<usize>,
+    done: usize,
+    all: usize,
+    /// Whether run folders are kept on the way.
+    keep: bool,
+    until: Option<Watch>,
+    /// With how many points there are enough.
+    enough: Option<usize>,
+    /// Whether an end was asked for.
+    stopped: bool,
+    /// What is known so far, as a table; a part of a campaign has none.
+    draft: Option<Draft>,
     seats: Vec<Seat>,
-    sender: Sender<(usize, Word)>,
 }
 
-impl Crew<'_> {
-    fn work(
-        &mut self,
-        workers: usize,
-        words: &Receiver<(usize, Word)>,
-        interrupt: &Interrupt,
-        progress: &Progress,
-    ) -> Result<(), CampaignError> {
-        for number in 0..workers.min(self.open.len()) {
-            let worker = self.hire(number)?;
+/// The table that is there while a campaign goes on.
+struct Draft {
+    path: PathBuf,
+    written: Instant,
+    /// How long to wait for the next.
+    pause: Duration,
+}
+
+/// The table is not written anew more often than this.
+const DRAFTS_APART: Duration = Duration::from_secs(10);
+
+impl Draft {
+    fn new(folder: &Folder) -> Draft {
+        Draft {
+            path: folder.root().join("table.csv"),
+            written: Instant::now(),
+            pause: DRAFTS_APART,
+        }
+    }
+
+    /// Writes the table anew if that has not been done for a while. It takes a twentieth of the time at most.
+    fn renew(&mut self, campaign: &Campaign, results: &[Option<PointResult>]) -> Result<(), CampaignError> {
+        if self.written.elapsed() < self.pause {
+            return Ok(());
+        }
+        let started = Instant::now();
+        sheet(campaign, results).csv(&self.path)?;
+        self.written = Instant::now();
+        self.pause = DRAFTS_APART.max(20 * started.elapsed());
+        Ok(())
+    }
+}
+
+type Words = (Sender<(usize, Word)>, Receiver<(usize, Word)>);
+
+impl<'a> Crew<'a> {
+    fn new(
+        campaign: &'a Campaign,
+        scenario: &Scenario,
+        folder: &'a Folder,
+        results: &'a mut Vec<Option<PointResult>>,
+        open: VecDeque<Errand>,
+    ) -> Crew<'a> {
+        Crew {
+            campaign,
+            digest: digest_of_scenario(scenario).to_string(),
+            folder,
+            results,
+            resumed: 0,
+            done: 0,
+            all: open.len(),
+            open,
+            keep: false,
+            until: None,
+            enough: None,
+            stopped: false,
+            draft: None,
+            seats: Vec::new(),
+        }
+    }
+
+    /// Runs the open points until there are none, or enough, or an end is asked for.
+    fn run(&mut self, options: &Options) -> Result<(), CampaignError> {
+        let words = channel();
+        let outcome = self.work(options, &words);
+        options.progress.report(Event::Over);
+        self.stopped = options.interrupt.asked();
+        // All are asked before any is waited for.
+        self.seats.iter_mut().for_each(|seat| seat.worker.dismiss());
+        for number in 0..self.seats.len() {
+            let _ = std::fs::remove_dir_all(self.folder.scratch(number));
+        }
+        self.seats.clear();
+        outcome
+    }
+
+    fn work(&mut self, options: &Options, words: &Words) -> Result<(), CampaignError> {
+        self.look();
+        for number in 0..options.workers(self.open.len()).min(self.open.len()) {
+            if self.enough.is_some() {
+                return Ok(());
+            }
+            let worker = hire(number, &words.0)?;
             self.seats.push(Seat { worker, busy: None });
             self.order(number)?;
         }
-        while self.seats.iter().any(|seat| seat.busy.is_some()) {
-            if interrupt.asked() {
+        while self.enough.is_none() && self.seats.iter().any(|seat| seat.busy.is_some()) {
+            if options.interrupt.asked() {
                 return Ok(());
             }
-            progress.report(self.progress());
-            let (number, word) = match words.recv_timeout(Duration::from_millis(50)) {
+            options.progress.report(Event::Points {
+                done: self.done,
+                all: self.all,
+                resumed: self.resumed,
+            });
+            let (number, word) = match words.1.recv_timeout(Duration::from_millis(50)) {
                 Ok(word) => word,
                 Err(RecvTimeoutError::Timeout) => continue,
                 Err(RecvTimeoutError::Disconnected) => return Ok(()),
@@ -164,45 +379,67 @@ impl Crew<'_> {
                 Word::Gone => {
                     let reason = self.seats[number].worker.obituary();
                     self.note(number, PointResult::without(Outcome::Crashed, reason))?;
-                    self.seats[number].worker = self.hire(number)?;
+                    self.seats[number].worker = hire(number, &words.0)?;
                 }
             }
             self.order(number)?;
+            if let Some(draft) = &mut self.draft {
+                draft.renew(self.campaign, self.results)?;
+            }
         }
         Ok(())
     }
 
-    fn hire(&self, number: usize) -> Result<Worker, CampaignError> {
-        Worker::start(number, &self.sender).map_err(|source| CampaignError::Io {
-            path: Path::new("/proc/self/exe").to_owned(),
-            action: "start a worker",
-            source,
-        })
+    /// Whether enough is known.
+    fn look(&mut self) {
+        if let Some(watch) = &mut self.until {
+            self.enough = watch.look(self.results);
+        }
     }
 
     fn note(&mut self, number: usize, result: PointResult) -> Result<(), CampaignError> {
-        if let Some(point) = self.seats[number].busy.take() {
-            self.folder.note(self.campaign, point + 1, &result)?;
-            self.results[point] = Some(result);
+        let Some(Errand { point, what }) = self.seats[number].busy.take() else {
+            return Ok(());
+        };
+        self.done += 1;
+        match what {
+            What::Own => {
+                self.folder.note(self.campaign, point + 1, false, &result)?;
+                self.results[point] = Some(result);
+                self.look();
+            }
+            What::Audit => self.folder.note(self.campaign, point + 1, true, &result)?,
+            What::Again => {
+                let known = self.results[point].as_ref();
+                if known.is_some_and(|known| known.outcome.ran() && known.tape != result.tape) {
+                    return Err(CampaignError::Folder {
+                        path: self.folder.run(point + 1),
+                        reason: "has another tape than the same point had before: this machine cannot be relied upon"
+                            .into(),
+                    });
+                }
+            }
         }
         Ok(())
     }
 
     /// Gives worker `number` the next point, if there is one.
     fn order(&mut self, number: usize) -> Result<(), CampaignError> {
-        let Some(point) = self.open.pop_front() else {
+        let Some(errand) = self.open.pop_front() else {
             return Ok(());
         };
+        let (point, keep) = (errand.point, errand.what == What::Again);
+        let keep = keep || (self.keep && errand.what == What::Own);
         let task = Task {
             scenario: AnyPath(self.campaign.scenario.clone()),
             digest: self.digest.clone(),
             common: self.campaign.overrides.clone(),
             changes: self.campaign.points[point].clone(),
-            keep: self.keep.then(|| AnyPath(self.folder.run(point + 1))),
+            keep: keep.then(|| AnyPath(self.folder.run(point + 1))),
             scratch: AnyPath(self.folder.scratch(number)),
         };
         let seat = &mut self.seats[number];
-        seat.busy = Some(point);
+        seat.busy = Some(errand);
         match seat.worker.order(&task) {
             // It is gone, and its end is about to be heard.
             Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
@@ -213,12 +450,12 @@ impl Crew<'_> {
             }),
         }
     }
+}
 
-    fn progress(&self) -> Event<'static> {
-        Event::Points {
-            done: self.results.iter().flatten().count(),
-            all: self.results.len(),
-            resumed: self.resumed,
-        }
-    }
+fn hire(number: usize, words: &Sender<(usize, Word)>) -> Result<Worker, CampaignError> {
+    Worker::start(number, words).map_err(|source| CampaignError::Io {
+        path: Path::new("/proc/self/exe").to_owned(),
+        action: "start a worker",
+        source,
+    })
 }

@@ -1,16 +1,15 @@
 //! The processes that run the points: each takes one point at a time as a line of JSON and answers with one.
 
-use std::ffi::OsString;
 use std::io::{self, BufRead, BufReader, Write};
-use std::os::unix::ffi::{OsStrExt, OsStringExt};
-use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Stdio};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rustix::process::{Pid, Signal, kill_process};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 
+use super::any_path::AnyPath;
+use super::identity::digest_of_scenario;
 use super::point::{Result as PointResult, run_point};
 use crate::Catalogue;
 
@@ -29,23 +28,6 @@ pub struct Task {
     pub keep: Option<AnyPath>,
     /// Where a run folder may be made for a while.
     pub scratch: AnyPath,
-}
-
-/// A path on its way to a worker, as its bytes: not every path is text.
-#[derive(Debug)]
-pub struct AnyPath(pub PathBuf);
-
-impl Serialize for AnyPath {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.0.as_os_str().as_bytes().serialize(serializer)
-    }
-}
-
-impl<'de> Deserialize<'de> for AnyPath {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<AnyPath, D::Error> {
-        let bytes = Vec::deserialize(deserializer)?;
-        Ok(AnyPath(OsString::from_vec(bytes).into()))
-    }
 }
 
 /// A worker's answer.
@@ -85,7 +67,7 @@ pub fn serve(catalogue: &Arc<Catalogue>, tasks: impl BufRead, mut answers: impl 
 impl Task {
     fn is_current(&self, catalogue: &Arc<Catalogue>) -> bool {
         crate::scenario::Scenario::read(catalogue, &self.scenario.0, &self.common)
-            .is_ok_and(|scenario| super::folder::digest_of_scenario(&scenario).to_string() == self.digest)
+            .is_ok_and(|scenario| digest_of_scenario(&scenario).to_string() == self.digest)
     }
 }
 

@@ -8,7 +8,7 @@ use report::campaign::floats;
 use serde_json::{Value, json};
 
 use super::point::Result as PointResult;
-use super::{Campaign, Column, Figures, Plan, good_word, verdicts, wilson};
+use super::{Campaign, Column, Figures, good_word, verdicts, wilson};
 use figure::Sample;
 
 /// All intervals hold with this probability.
@@ -18,15 +18,12 @@ const CONFIDENCE: f64 = 0.95;
 const SHOWN_MAX: usize = 5000;
 
 /// The statistics of a campaign, for its page.
-pub fn analysis(title: &str, campaign: &Campaign, plan: &Plan, results: &[Option<PointResult>]) -> Value {
+pub fn analysis(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
     let inputs: Vec<&Column> = campaign.columns.iter().filter(|column| counts(column)).collect();
     let ranked: Vec<Option<figure::Ranked<'_>>> = inputs.iter().map(|column| figure::Ranked::of(column)).collect();
     let samples = figure::samples(results);
-    let blocks = match plan {
-        Plan::Declared(declared) => declared.factors(),
-        Plan::Listed { .. } => None,
-    };
-    let width = blocks.as_ref().map_or(0, |factors| factors.len() + 2);
+    let blocks = campaign.source.as_ref().and_then(|source| source.factors.as_ref());
+    let width = blocks.map_or(0, |factors| factors.len() + 2);
     let every = results.len().div_ceil(SHOWN_MAX).max(1);
     let shown: Vec<usize> = (0..results.len()).step_by(every).collect();
     let measures = samples.iter().map(|sample| sample.json(&ranked, width, &shown));

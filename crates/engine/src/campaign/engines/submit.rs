@@ -1,0 +1,326 @@
+//! A campaign on an engine: what is missing is given to it, and what is complete becomes one table.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Engine, Job, Order};
+use crate::Catalogue;
+use crate::campaign::bundle::{Bundle, bundle};
+use crate::campaign::folder::Folder;
+use crate::campaign::identity::{Identity, default_root, failed};
+use crate::campaign::shard::Shard;
+use crate::campaign::status::{State, parts};
+use crate::campaign::{Campaign, CampaignError, Options};
+use crate::scenario::Scenario;
+
+/// Where and how the shards run.
+#[derive(Debug, Clone)]
+pub struct Cluster {
+    /// The engine.
+    pub engine: Engine,
+    /// How many shards there are; as many as before unless given, or sixteen.
+    pub shards: Option<usize>,
+    /// What the user says to the engine.
+    pub args: Vec<String>,
+    /// Files and folders that the scenario needs and does not name.
+    pub include: Vec<PathBuf>,
+}
+
+/// What was done.
+#[derive(Debug)]
+pub enum Step {
+    /// Shards were given to the engine, or are with it.
+    Given {
+        /// The campaign's folder.
+        root: PathBuf,
+        /// The command line of each shard that was given.
+        lines: Vec<String>,
+        /// What the engine calls the jobs.
+        jobs: Vec<String>,
+        /// How many were with it already.
+        alive: usize,
+        /// What every machine must have.
+        left: Vec<String>,
+    },
+    /// All shards are complete: the folders to be merged.
+    Complete {
+        /// The campaign's folder.
+        root: PathBuf,
+        /// Those of the shards.
+        shards: Vec<PathBuf>,
+    },
+}
+
+/// `engine.json`: what the campaign's folder knows of an engine.
+#[derive(Debug, Serialize, Deserialize)]
+struct Given {
+    engine: Engine,
+    version: String,
+    /// How many shards there are.
+    of: usize,
+    args: Vec<String>,
+    /// Which share of the points is run twice.
+    audit: f64,
+    jobs: Vec<Job>,
+}
+
+impl Given {
+    fn read(root: &Path) -> Result<Option<Given>, CampaignError> {
+        let path = root.join("engine.json");
+        match std::fs::read(&path) {
+            Ok(text) => serde_json::from_slice(&text)
+                .map(Some)
+                .map_err(|error| failed(&path, "read the file")(error.into())),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(failed(&path, "read the file")(error)),
+        }
+    }
+
+    fn write(&self, root: &Path) -> Result<(), CampaignError> {
+        let path = root.join("engine.json");
+        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
+        tape::write_whole(&path, text).map_err(failed(&path, "write the file"))
+    }
+
+    /// How many shards the jobs have.
+    fn shards(&self) -> usize {
+        self.jobs.iter().map(|job| job.shards.len()).sum()
+    }
+
+    /// The shards that wait or run.
+    fn alive(&self) -> Result<BTreeSet<usize>, CampaignError> {
+        let mut alive = BTreeSet::new();
+        for job in &self.jobs {
+            alive.extend(self.engine.alive(job, &self.args)?);
+        }
+        Ok(alive)
+    }
+}
+
+/// What the campaign in `root` has to do with an engine; `None` where it has none.
+#[derive(Debug)]
+pub struct Waiting {
+    /// The engine.
+    pub engine: Engine,
+    /// How many shards there are.
+    pub of: usize,
+    /// Those that wait or run, or why the engine does not say.
+    pub alive: Result<BTreeSet<usize>, CampaignError>,
+}
+
+/// Asks the engine of the campaign in `root`.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub fn waiting(root: &Path) -> Result<Option<Waiting>, CampaignError> {
+    let given = Given::read(root)?;
+    Ok(given.map(|given| Waiting {
+        engine: given.engine,
+        of: given.of,
+        alive: given.alive(),
+    }))
+}
+
+/// A path between quotes that a shell takes as it is.
+fn quoted(path: &Path) -> String {
+    format!(
+        "'{}'",
+        String::from_utf8_lossy(path.as_os_str().as_bytes()).replace('\'', "'\\''")
+    )
+}
+
+/// Gives those shards of `campaign` to the engine that are missing and not with it.
+///
+/// # Errors
+/// When the folder belongs to something else, or the engine refuses. What it has taken by then is known to the next call.
+pub fn submit(
+    catalogue: &Arc<Catalogue>,
+    campaign: &Campaign,
+    scenario: &Scenario,
+    options: &Options,
+    cluster: &Cluster,
+) -> Result<Step, CampaignError> {
+    let version = cluster.engine.version()?;
+    let identity = Identity::of(campaign, scenario)?;
+    let root = match &options.out {
+        Some(out) => out.clone(),
+        None if options.grows => default_root(&identity, &identity.digest_of(campaign, 1)),
+        None => default_root(&identity, &identity.digest),
+    };
+    let root = std::path::absolute(&root).map_err(failed(&root, "find the folder"))?;
+    // Held to the end: two that give the same shards would run them twice.
+    let (folder, _) = Folder::take(&root, campaign, &identity)?;
+    let before = Given::read(&root)?;
+    let mut given = cluster.after(before, campaign.points.len(), options.audit, &root)?;
+    given.version = version;
+    let of = given.of;
+    let alive = given.alive()?;
+    // Jobs that have ended are not asked about again.
+    given
+        .jobs
+        .retain(|job| job.shards.iter().any(|shard| alive.contains(shard)));
+    let state = Shards::read(&root, &identity, of, given.audit)?;
+    if state.complete.len() == of {
+        drop(folder);
+        let shards = state.complete.into_values().collect();
+        return Ok(Step::Complete { root, shards });
+    }
+    let there =
+        |shard: &usize| alive.contains(shard) || state.running.contains(shard) || state.complete.contains_key(shard);
+    let missing: Vec<usize> = (1..=of).filter(|shard| !there(shard)).collect();
+    let with_engine = of - missing.len() - state.complete.len();
+    let bundle = match known(&root, &identity) {
+        Some(bundle) => bundle,
+        None if with_engine > 0 => {
+            let reason = "has shards that are with the engine or run: wait for their end before the campaign becomes another one";
+            return cluster.engine.refuse(format!("{} {reason}", root.display()));
+        }
+        None => bundle(&root.join("bundle"), catalogue, campaign, scenario, &cluster.include)?,
+    };
+    let script = script(&root, &bundle, of, given.audit, options)?;
+    let mut jobs = Vec::new();
+    for shards in missing.chunks(cluster.engine.at_once()?) {
+        let order = Order {
+            root: &root,
+            name: &identity.scenario,
+            script: script.clone(),
+            shards,
+            args: &given.args,
+        };
+        let job = cluster
+            .engine
+            .start(&order)
+            .map_err(|error| after_others(error, given.shards()))?;
+        jobs.push(job.id.clone());
+        given.jobs.push(job);
+        given.write(&root)?;
+    }
+    given.write(&root)?;
+    Ok(Step::Given {
+        lines: missing
+            .iter()
+            .map(|shard| format!("{} {shard}", quoted(&script)))
+            .collect(),
+        root,
+        jobs,
+        alive: with_engine,
+        left: bundle.left,
+    })
+}
+
+/// A refusal of an engine that has taken `count` shards before.
+fn after_others(error: CampaignError, count: usize) -> CampaignError {
+    match error {
+        CampaignError::Engine { engine, reason } if count > 0 => {
+            let reason = format!("{reason}; it has {count} shards already: the same command later gives it the others");
+            CampaignError::Engine { engine, reason }
+        }
+        error => error,
+    }
+}
+
+impl Cluster {
+    /// What is given to the engine in the folder `root` after `before`: what the user does not say is what it was.
+    fn after(&self, before: Option<Given>, points: usize, audit: f64, root: &Path) -> Result<Given, CampaignError> {
+        let of = self.shards.or(before.as_ref().map(|given| given.of));
+        let mut given = Given {
+            engine: self.engine,
+            version: String::new(),
+            of: of.unwrap_or(16).min(points.max(1)),
+            args: self.args.clone(),
+            audit,
+            jobs: Vec::new(),
+        };
+        let Some(before) = before else {
+            return Ok(given);
+        };
+        if (before.engine, before.of) != (given.engine, given.of) {
+            let (had, of) = (before.engine.word(), before.of);
+            return self.engine.refuse(format!(
+                "{} has {of} shards on {had}: go on with --on {had} --shards {of}, or name another folder with --out",
+                root.display(),
+            ));
+        }
+        given.jobs = before.jobs;
+        if audit == 0.0 {
+            given.audit = before.audit;
+        }
+        if given.args.is_empty() {
+            given.args = before.args;
+        }
+        Ok(given)
+    }
+}
+
+/// The bundle that is there, if it is this campaign's. It is left as it is: shards may run from it.
+fn known(root: &Path, identity: &Identity) -> Option<Bundle> {
+    let root = root.join("bundle");
+    let known = Identity::read(&root)
+        .ok()
+        .filter(|known| known.digest == identity.digest)?;
+    let program = std::fs::read_dir(root.join("bin")).ok()?.next()?.ok()?.path();
+    Some(Bundle {
+        root,
+        program,
+        identity: known,
+        left: Vec::new(),
+    })
+}
+
+/// Writes what runs shard K as `shard.sh K`.
+fn script(root: &Path, bundle: &Bundle, of: usize, audit: f64, options: &Options) -> Result<PathBuf, CampaignError> {
+    let audit = match audit {
+        0.0 => String::new(),
+        share => format!(" --audit {}%", 100.0 * share),
+    };
+    let text = format!(
+        "#!/bin/sh\n# Runs shard $1 of this campaign. Started again it goes on where it was.\n\
+         exec {} sweep run {} --shard \"$1/{of}\"{audit} --out {}/\"$1-of-{of}\" --workers {} --quiet\n",
+        quoted(&bundle.program),
+        quoted(&bundle.root),
+        quoted(&root.join("shards")),
+        options.workers.unwrap_or(1),
+    );
+    let path = root.join("shard.sh");
+    tape::write_whole(&path, text).map_err(failed(&path, "write the file"))?;
+    let mode = std::fs::Permissions::from_mode(0o755);
+    std::fs::set_permissions(&path, mode).map_err(failed(&path, "make the file executable"))?;
+    Ok(path)
+}
+
+/// What goes on in the folders of the shards.
+#[derive(Default)]
+struct Shards {
+    /// Those that are being run, whether the engine knows of it or not.
+    running: BTreeSet<usize>,
+    /// The folders of those that are complete.
+    complete: BTreeMap<usize, PathBuf>,
+}
+
+impl Shards {
+    fn read(root: &Path, identity: &Identity, of: usize, audit: f64) -> Result<Shards, CampaignError> {
+        let mut shards = Shards::default();
+        for part in parts(root)? {
+            let Some(Shard { number, .. }) = part.identity.shard.filter(|shard| shard.of == of) else {
+                continue;
+            };
+            // One that is of fewer points, or audits others, has more to do.
+            let whole = part.identity.digest == identity.digest && part.identity.audit == audit;
+            match part.state {
+                State::Complete if whole => {
+                    shards.complete.insert(number, part.root);
+                }
+                State::Running(_) => {
+                    shards.running.insert(number);
+                }
+                State::Complete | State::Stopped => {}
+            }
+        }
+        Ok(shards)
+    }
+}

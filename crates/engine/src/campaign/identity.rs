@@ -1,0 +1,455 @@
+//! What a campaign's folder is of: `campaign.json`, and the points in `points.jsonl`.
+
+use std::fs;
+use std::io::{self, BufRead, BufReader};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use tape::Digest;
+
+use super::any_path::AnyPath;
+use super::shard::Shard;
+use super::source::Source;
+use super::{Campaign, CampaignError, Column};
+use crate::scenario::{Named, Scenario, each_named};
+
+/// Which command makes a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// `sweep`
+    Sweep,
+    /// `faults`
+    Faults,
+}
+
+/// `campaign.json`: what the folder is of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Which command makes it.
+    pub kind: Kind,
+    /// The scenario's name.
+    pub scenario: String,
+    /// One line about the campaign, or the scenario's.
+    pub title: String,
+    /// The scenario file, from the root on; in a bundle relative to it.
+    pub file: AnyPath,
+    /// The campaign file that the points are drawn from, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<Source>,
+    /// Changes that all points share.
+    pub changes: Vec<String>,
+    /// What tells the points apart.
+    pub columns: Vec<Heading>,
+    /// How many points the campaign has, whatever the folder has of them.
+    pub points: usize,
+    /// Of the program with the scenario's own programs, of the scenario with its files, and of both with the points.
+    pub program: Digest,
+    /// See `program`.
+    pub content: Digest,
+    /// See `program`.
+    pub digest: Digest,
+    /// The version of the program.
+    pub version: String,
+    /// The part of the points that the folder is for, where it is not for all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<Shard>,
+    /// The share of the points that is run twice.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub audit: f64,
+}
+
+fn is_zero(share: &f64) -> bool {
+    *share == 0.0
+}
+
+/// The head of a column that tells points apart.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Heading {
+    name: String,
+    unit: String,
+    numbers: bool,
+    whole: bool,
+}
+
+/// A line of `points.jsonl`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// From 1.
+    pub point: usize,
+    /// Its changes.
+    pub changes: Vec<String>,
+    /// Its texts in the columns.
+    texts: Vec<String>,
+    /// Its numbers in those columns that have numbers; none where JSON has no such number.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    numbers: Vec<Option<f64>>,
+    /// Why there cannot be such a point.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    refused: Option<String>,
+}
+
+pub(super) fn failed(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> CampaignError + use<> {
+    let path = path.to_owned();
+    move |source| CampaignError::Io { path, action, source }
+}
+
+/// The digest of a scenario as it was read, with the contents of its files.
+pub fn digest_of_scenario(scenario: &Scenario) -> Digest {
+    blake3::hash(scenario.resolved().to_string().as_bytes()).into()
+}
+
+/// A digest of several parts.
+pub(super) struct Parts(blake3::Hasher);
+
+impl Parts {
+    pub(super) fn new(about: &str) -> Parts {
+        Parts(blake3::Hasher::new_derive_key(about))
+    }
+
+    pub(super) fn add(&mut self, bytes: &[u8]) {
+        self.0.update(&(bytes.len() as u64).to_le_bytes());
+        self.0.update(bytes);
+    }
+
+    pub(super) fn digest(&self) -> Digest {
+        self.0.finalize().into()
+    }
+}
+
+/// Results of two builds of the program must not stand in one table; nor those of a user's program before and after a change.
+fn digest_of_programs(scenario: &Scenario) -> Result<Digest, CampaignError> {
+    let mut parts = Parts::new("escapement campaign programs 1");
+    let own = Path::new("/proc/self/exe");
+    let others = scenario.programs().filter_map(|program| program.file());
+    for program in std::iter::once(own).chain(others) {
+        let bytes = fs::read(program).map_err(failed(program, "read the program"))?;
+        parts.add(blake3::hash(&bytes).as_bytes());
+    }
+    Ok(parts.digest())
+}
+
+/// The scenario wherever it lies: its programs count by what they contain.
+fn digest_of_content(scenario: &Scenario) -> Digest {
+    let mut table = scenario.resolved().clone();
+    table.remove("folder");
+    // What varies counts as the points.
+    table.remove("campaign");
+    each_named(&mut table, &mut |_, named| {
+        let Named::Run(run) = named else { return };
+        for key in ["exe", "library", "fmu"] {
+            if let Some(toml::Value::String(file)) = run.get_mut(key) {
+                let name = Path::new(&*file).file_name();
+                *file = name.map_or(String::new(), |name| name.to_string_lossy().into_owned());
+            }
+        }
+    });
+    blake3::hash(table.to_string().as_bytes()).into()
+}
+
+impl Identity {
+    /// What `campaign` is.
+    ///
+    /// # Errors
+    /// When a program cannot be read.
+    pub fn of(campaign: &Campaign, scenario: &Scenario) -> Result<Identity, CampaignError> {
+        let whole = |path: &Path| AnyPath(std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));
+        let source = campaign.source.as_ref().map(|source| Source {
+            file: whole(&source.file.0),
+            ..source.clone()
+        });
+        let own = source.as_ref().map_or("", |source| &source.title);
+        let mut identity = Identity {
+            kind: campaign.kind,
+            scenario: scenario.name.clone(),
+            title: if own.is_empty() { &scenario.title } else { own }.to_owned(),
+            file: whole(&campaign.scenario),
+            source,
+            changes: campaign.overrides.clone(),
+            columns: campaign.columns.iter().map(Heading::of).collect(),
+            points: campaign.points.len(),
+            program: digest_of_programs(scenario)?,
+            content: digest_of_content(scenario),
+            digest: Digest::of(b""),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            shard: None,
+            audit: 0.0,
+        };
+        identity.digest = identity.digest_of(campaign, campaign.points.len());
+        Ok(identity)
+    }
+
+    /// What the digest is of a campaign that has only the first `count` points.
+    pub(super) fn digest_of(&self, campaign: &Campaign, count: usize) -> Digest {
+        let mut parts = Parts::new("escapement campaign 2");
+        parts.add(self.program.as_bytes());
+        parts.add(self.content.as_bytes());
+        if let Some(source) = &self.source {
+            parts.add(source.digest.as_bytes());
+        }
+        for heading in &self.columns {
+            parts.add(heading.name.as_bytes());
+        }
+        for changes in campaign.points.iter().take(count) {
+            parts.add(changes.join("\n").as_bytes());
+        }
+        parts.digest()
+    }
+
+    /// Reads what the folder `root` is of.
+    ///
+    /// # Errors
+    /// When it is no campaign's.
+    pub fn read(root: &Path) -> Result<Identity, CampaignError> {
+        let path = root.join("campaign.json");
+        let refuse = |reason: String| CampaignError::Folder {
+            path: root.to_owned(),
+            reason,
+        };
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
+                return Err(refuse("is no campaign's folder: it has no campaign.json".into()));
+            }
+            Err(error) => return Err(failed(&path, "read the file")(error)),
+        };
+        serde_json::from_str(&text).map_err(|error| {
+            refuse(format!(
+                "campaign.json cannot be read ({error}): name a new folder with --out"
+            ))
+        })
+    }
+
+    /// Writes the points that belong to the folder `root` and what it is of.
+    pub(super) fn write(&self, root: &Path, campaign: &Campaign) -> Result<(), CampaignError> {
+        let path = root.join("points.jsonl");
+        let mut lines = Vec::new();
+        for at in 0..campaign.points.len() {
+            if self.owns(at) || self.audits(at) {
+                serde_json::to_writer(&mut lines, &campaign.row(at)).unwrap_or_default();
+                lines.push(b'\n');
+            }
+        }
+        tape::write_whole(&path, lines).map_err(failed(&path, "write the file"))?;
+        // The points first: a folder with this file has them.
+        let path = root.join("campaign.json");
+        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
+        tape::write_whole(&path, text).map_err(failed(&path, "write the file"))
+    }
+
+    /// Whether point `at` (from 0) belongs to the folder.
+    pub fn owns(&self, at: usize) -> bool {
+        self.shard.is_none_or(|shard| shard.owns(at))
+    }
+
+    /// Whether the folder is for a second run of point `at` (from 0), which belongs to another shard.
+    pub fn audits(&self, at: usize) -> bool {
+        self.shard.is_some_and(|shard| shard.audits(at, self.audit))
+    }
+
+    /// What the points are made of besides their number.
+    fn made_of(&self) -> (Digest, Digest, Option<Digest>) {
+        let source = self.source.as_ref().map(|source| source.digest);
+        (self.program, self.content, source)
+    }
+
+    /// In words: `200 points of `close`, digest 0123456789…`
+    pub(super) fn words(&self) -> String {
+        let digest = self.digest.to_string();
+        let shard = self.shard.map_or(String::new(), |shard| format!("shard {shard} of "));
+        format!(
+            "{shard}{} points of `{}`, digest {}…",
+            self.points,
+            self.scenario,
+            &digest[..10]
+        )
+    }
+
+    /// Whether the folder that is of this campaign may be that of `wanted`: the same, or one that has grown.
+    pub(super) fn may_become(&self, wanted: &Identity, campaign: &Campaign) -> Result<(), String> {
+        let another = |why: &str| {
+            Err(format!(
+                "is of another campaign ({}): {why}; name a new folder with --out",
+                self.words()
+            ))
+        };
+        if self.shard != wanted.shard {
+            let name = |shard: Option<_>| shard.map_or("all points".to_owned(), |shard| format!("shard {shard}"));
+            return Err(format!(
+                "is for {} of a campaign and not for {}: name a new folder with --out",
+                name(self.shard),
+                name(wanted.shard)
+            ));
+        }
+        if self.digest == wanted.digest {
+            return Ok(());
+        }
+        if self.points < wanted.points && self.digest == wanted.digest_of(campaign, self.points) {
+            return Ok(());
+        }
+        let same = self.made_of() == wanted.made_of();
+        if same && self.points < wanted.points && self.source.as_ref().is_some_and(|source| !source.grows) {
+            return Err(format!(
+                "has {} points of a Latin hypercube, and the number of points is part of every draw: it cannot become one of {}; name a new \
+                 folder with --out, or begin with the design random or sobol, which grow",
+                self.points, wanted.points
+            ));
+        }
+        if same && self.points > wanted.points {
+            return another(&format!(
+                "it has {} points and not {}, and a campaign grows but does not shrink",
+                self.points, wanted.points
+            ));
+        }
+        another(&self.difference(wanted))
+    }
+
+    /// What of `other` is not the same, where its digest is another.
+    pub(super) fn difference(&self, other: &Identity) -> String {
+        if self.program != other.program {
+            format!(
+                "the program or one of the scenario's own is another build ({} and {})",
+                self.version, other.version
+            )
+        } else if self.content != other.content {
+            "the scenario or a file of it is not the same".to_owned()
+        } else if self.made_of() != other.made_of() {
+            "the campaign file is not the same".to_owned()
+        } else {
+            format!("the points are not the same ({} and {})", self.points, other.points)
+        }
+    }
+}
+
+impl Heading {
+    fn of(column: &Column) -> Heading {
+        Heading {
+            name: column.name.clone(),
+            unit: column.unit.clone(),
+            numbers: column.numbers.is_some(),
+            whole: column.whole.is_some(),
+        }
+    }
+
+    fn column(&self, count: usize) -> Column {
+        Column {
+            name: self.name.clone(),
+            unit: self.unit.clone(),
+            texts: vec![String::new(); count],
+            numbers: self.numbers.then(|| vec![0.0; count]),
+            whole: self.whole.then(|| vec![0; count]),
+        }
+    }
+}
+
+impl Campaign {
+    /// What its folder keeps of point `at` (from 0).
+    fn row(&self, at: usize) -> Row {
+        Row {
+            point: at + 1,
+            changes: self.points[at].clone(),
+            texts: self.columns.iter().map(|column| column.texts[at].clone()).collect(),
+            numbers: self
+                .columns
+                .iter()
+                .filter_map(|column| Some(Some(column.numbers.as_ref()?[at]).filter(|number| number.is_finite())))
+                .collect(),
+            refused: self.refused_at(at).map(str::to_owned),
+        }
+    }
+
+    /// Why there cannot be point `at` (from 0), if that is so. The list is in order.
+    pub(super) fn refused_at(&self, at: usize) -> Option<&str> {
+        let found = self.refused.binary_search_by_key(&at, |(point, _)| *point).ok()?;
+        Some(&self.refused[found].1)
+    }
+
+    /// A campaign whose points are still to be filled in.
+    pub(super) fn blank(identity: &Identity) -> Campaign {
+        Campaign {
+            kind: identity.kind,
+            scenario: identity.file.0.clone(),
+            overrides: identity.changes.clone(),
+            columns: identity
+                .columns
+                .iter()
+                .map(|heading| heading.column(identity.points))
+                .collect(),
+            points: vec![Vec::new(); identity.points],
+            refused: Vec::new(),
+            source: identity.source.clone(),
+        }
+    }
+
+    /// Puts the points of the folder `root` in their places.
+    pub(super) fn fill(&mut self, root: &Path) -> Result<(), CampaignError> {
+        each_row(root, |row| {
+            let Some(at) = row.point.checked_sub(1).filter(|at| *at < self.points.len()) else {
+                return;
+            };
+            let mut numbers = row.numbers.into_iter();
+            for (column, text) in self.columns.iter_mut().zip(row.texts) {
+                if let Some(whole) = &mut column.whole {
+                    whole[at] = text.parse().unwrap_or_default();
+                }
+                if let Some((own, number)) = column.numbers.as_mut().and_then(|own| Some((own, numbers.next()?))) {
+                    let digits = || text.split(' ').next()?.parse().ok();
+                    own[at] = number.or_else(digits).unwrap_or(f64::NAN);
+                }
+                column.texts[at] = text;
+            }
+            self.points[at] = row.changes;
+            self.refused.extend(row.refused.map(|reason| (at, reason)));
+        })?;
+        self.refused.sort();
+        self.refused.dedup();
+        Ok(())
+    }
+
+    /// The campaign whose folder is `root`, with the points that the folder is for; and what the folder is of.
+    ///
+    /// # Errors
+    /// When it is no campaign's folder.
+    pub fn of_folder(root: &Path) -> Result<(Campaign, Identity), CampaignError> {
+        let identity = Identity::read(root)?;
+        let mut campaign = Campaign::blank(&identity);
+        // In a bundle the scenario lies beside; elsewhere the path is a whole one.
+        campaign.scenario = root.join(&campaign.scenario);
+        if let Some(source) = &mut campaign.source {
+            source.file = AnyPath(root.join(&source.file.0));
+        }
+        campaign.fill(root)?;
+        Ok((campaign, identity))
+    }
+}
+
+fn each_row(root: &Path, mut take: impl FnMut(Row)) -> Result<(), CampaignError> {
+    let path = root.join("points.jsonl");
+    let file = fs::File::open(&path).map_err(failed(&path, "read the file"))?;
+    for line in BufReader::new(file).split(b'\n') {
+        let line = line.map_err(failed(&path, "read the file"))?;
+        let row = serde_json::from_slice(&line).map_err(|error| failed(&path, "read the file")(error.into()))?;
+        take(row);
+    }
+    Ok(())
+}
+
+/// The folder of a campaign unless the user names one.
+pub(super) fn default_root(identity: &Identity, digest: &Digest) -> PathBuf {
+    let letters = identity.scenario.chars().map(|letter| {
+        if letter.is_ascii_alphanumeric() || letter == '_' {
+            letter
+        } else {
+            '-'
+        }
+    });
+    let parent = match identity.kind {
+        Kind::Sweep => "sweeps",
+        Kind::Faults => "faults",
+    };
+    let shard = identity
+        .shard
+        .map_or(String::new(), |shard| format!(".{}-of-{}", shard.number, shard.of));
+    let name: String = letters.collect();
+    Path::new(parent).join(format!("{name}-{}{shard}", &digest.to_string()[..10]))
+}

@@ -1,0 +1,158 @@
+//! The journal of a campaign's folder: a line for each result, as it comes.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::CampaignError;
+use super::identity::failed;
+use super::point::Result as PointResult;
+
+/// Values of a point by the names of their columns.
+pub type Values = serde_json::Map<String, serde_json::Value>;
+
+/// A line of the journal.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Entry {
+    /// From 1.
+    pub point: usize,
+    /// What tells the point apart, by column.
+    #[serde(default)]
+    pub values: Values,
+    /// The machine that ran it.
+    #[serde(default)]
+    pub node: String,
+    /// Whether the point belongs to another shard and was run to compare the two.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub audit: bool,
+    /// What became of it.
+    #[serde(flatten)]
+    pub result: PointResult,
+}
+
+/// What this machine is called: by the engine that started the program, where it says so.
+pub fn node() -> String {
+    std::env::var("SLURMD_NODENAME")
+        .unwrap_or_else(|_| rustix::system::uname().nodename().to_string_lossy().into_owned())
+}
+
+/// The journal's name in a campaign's folder.
+pub(super) fn path(root: &Path) -> PathBuf {
+    root.join("results.jsonl")
+}
+
+/// The journal of a folder, to be gone on with.
+#[derive(Debug)]
+pub(super) struct Journal {
+    path: PathBuf,
+    file: File,
+    node: String,
+}
+
+impl Journal {
+    /// Opens the journal of the folder `root` behind its last whole line; `take` gets each entry that is there.
+    pub(super) fn open(root: &Path, take: impl FnMut(Entry)) -> Result<Journal, CampaignError> {
+        let path = path(root);
+        let good = each(&path, take)?;
+        let file = OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(&path)
+            .map_err(failed(&path, "open the file"))?;
+        file.set_len(good).map_err(failed(&path, "shorten the file"))?;
+        Ok(Journal {
+            path,
+            file,
+            node: node(),
+        })
+    }
+
+    /// Adds a result of this machine for the point with these values: it is on the disk's way when this returns.
+    pub(super) fn add(
+        &self,
+        point: usize,
+        values: Values,
+        audit: bool,
+        result: &PointResult,
+    ) -> Result<(), CampaignError> {
+        self.put(&Entry {
+            point,
+            values,
+            node: self.node.clone(),
+            audit,
+            result: result.clone(),
+        })
+    }
+
+    /// Adds a line.
+    pub(super) fn put(&self, entry: &Entry) -> Result<(), CampaignError> {
+        let line = serde_json::to_string(entry).unwrap_or_default() + "\n";
+        (&self.file)
+            .write_all(line.as_bytes())
+            .map_err(failed(&self.path, "write the file"))
+    }
+}
+
+/// Gives the entries of the journal at `path` up to the last whole line; the length up to there, bytes. No file is an empty journal.
+pub(super) fn each(path: &Path, mut take: impl FnMut(Entry)) -> Result<u64, CampaignError> {
+    let file = match fs::File::open(path) {
+        Ok(file) => file,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(0),
+        Err(error) => return Err(failed(path, "read the file")(error)),
+    };
+    let (mut reader, mut line, mut good) = (BufReader::with_capacity(1 << 16, file), Vec::new(), 0);
+    loop {
+        line.clear();
+        let length = reader
+            .read_until(b'\n', &mut line)
+            .map_err(failed(path, "read the file"))?;
+        let entry = line.ends_with(b"\n").then(|| serde_json::from_slice(&line).ok());
+        let Some(entry) = entry.flatten() else {
+            return Ok(good);
+        };
+        good += length as u64;
+        take(entry);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::Outcome;
+
+    #[test]
+    fn torn_journal_gives_its_whole_lines_and_goes_on_behind_them() {
+        let root = std::env::temp_dir().join(format!("campaign-journal-{}", std::process::id()));
+        fs::create_dir_all(&root).unwrap();
+        let line = |point, audit| {
+            let entry = Entry {
+                point,
+                values: Values::new(),
+                node: "a".into(),
+                audit,
+                result: PointResult::without(Outcome::Failed, "why"),
+            };
+            serde_json::to_string(&entry).unwrap() + "\n"
+        };
+        let whole = line(2, false) + &line(9, true);
+        fs::write(path(&root), format!("{whole}{}", &line(3, false)[..20])).unwrap();
+        let mut read = Vec::new();
+        let journal = Journal::open(&root, |entry| read.push((entry.point, entry.audit))).unwrap();
+        assert_eq!(read, [(2, false), (9, true)]);
+        journal
+            .add(3, Values::new(), false, &PointResult::without(Outcome::Refused, ""))
+            .unwrap();
+        read.clear();
+        let mut node = String::new();
+        each(&path(&root), |entry| {
+            read.push((entry.point, entry.audit));
+            node = entry.node;
+        })
+        .unwrap();
+        assert_eq!(read, [(2, false), (9, true), (3, false)]);
+        assert!(!node.is_empty() && node != "a", "{node}");
+        fs::remove_dir_all(&root).unwrap();
+    }
+}

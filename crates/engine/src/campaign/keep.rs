@@ -1,0 +1,191 @@
+//! Which points' run folders are kept.
+
+use std::collections::BTreeSet;
+use std::str::FromStr;
+
+use super::figures::{Figures, Number};
+use super::point::{Outcome, Result as PointResult};
+use crate::assessment::Criterion;
+
+/// Some of the points of a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Keep {
+    /// All of them.
+    All,
+    /// Those that did not run to their ends.
+    Failed,
+    /// Those that did not, and those that do not meet every criterion.
+    NotMet,
+    /// So many of those that ran: the worst ones.
+    Worst(usize),
+}
+
+impl FromStr for Keep {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Keep, String> {
+        let worst = |text: &str| text.strip_prefix("worst:")?.parse().ok().filter(|count| *count > 0);
+        match (text, worst(text)) {
+            ("all", _) => Ok(Keep::All),
+            ("failed", _) => Ok(Keep::Failed),
+            ("not-met", _) => Ok(Keep::NotMet),
+            (_, Some(count)) => Ok(Keep::Worst(count)),
+            _ => Err(format!(
+                "`{text}` names no points: write all, failed, not-met or worst:10"
+            )),
+        }
+    }
+}
+
+/// The points (from 0) that `keep` names. The worst are those with the greatest `figure`, or the least where only that has a limit; without
+/// one, those that come closest to a limit or go furthest beyond it.
+pub(super) fn kept(keep: &[Keep], results: &[Option<PointResult>], figure: Option<&Number>) -> BTreeSet<usize> {
+    let mut points = BTreeSet::new();
+    for keep in keep {
+        let all = results.iter().enumerate();
+        let all = all.filter_map(|(at, result)| Some((at, result.as_ref()?)));
+        let some = |wanted: fn(Outcome) -> bool| all.clone().filter(move |(_, result)| wanted(result.outcome));
+        // A point that was refused has nothing to keep.
+        match keep {
+            Keep::All => points.extend(some(|outcome| outcome != Outcome::Refused).map(|(at, _)| at)),
+            Keep::Failed => points.extend(some(failed).map(|(at, _)| at)),
+            Keep::NotMet => {
+                points.extend(some(|outcome| failed(outcome) || outcome == Outcome::NotMet).map(|(at, _)| at));
+            }
+            Keep::Worst(count) => {
+                let ran = some(Outcome::ran)
+                    .filter_map(|(at, result)| Some((badness(result.figures.as_ref()?, figure)?, at)));
+                let mut ran: Vec<(f64, usize)> = ran.collect();
+                ran.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+                points.extend(ran.iter().take(*count).map(|(_, at)| *at));
+            }
+        }
+    }
+    points
+}
+
+fn failed(outcome: Outcome) -> bool {
+    matches!(outcome, Outcome::Failed | Outcome::Crashed)
+}
+
+/// How bad a point is: more is worse, and what was not measured is worst. `None` where there is nothing to tell by.
+fn badness(figures: &Figures, figure: Option<&Number>) -> Option<f64> {
+    let value = |number: &Number| figures.value(&number.key).unwrap_or(f64::INFINITY);
+    let Some(figure) = figure else {
+        let judged = figures.criteria.iter().map(used).reduce(f64::max);
+        return judged.or_else(|| figures.numbers().next().as_ref().map(value));
+    };
+    let own = figures.criteria.iter().find(|criterion| criterion.name == figure.name);
+    let lowest = own.is_some_and(|criterion| criterion.limit.is_none() && criterion.at_least.is_some());
+    match figures.value(&figure.key) {
+        Some(value) if lowest => Some(-value),
+        Some(value) => Some(value),
+        None => Some(f64::INFINITY),
+    }
+}
+
+/// Which part of its limits a figure uses: 1 at the limit, more beyond it.
+fn used(criterion: &Criterion) -> f64 {
+    let Some(value) = criterion.value else {
+        return f64::INFINITY;
+    };
+    // A limit of zero has no parts: what is beyond it is all that counts.
+    let above = criterion.limit.map(|limit| {
+        if limit > 0.0 {
+            value / limit
+        } else {
+            1.0 + value - limit
+        }
+    });
+    let below = criterion.at_least.map(|least| {
+        if least > 0.0 && value > 0.0 {
+            least / value
+        } else {
+            1.0 + least - value
+        }
+    });
+    above.into_iter().chain(below).fold(f64::NEG_INFINITY, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(outcome: Outcome, value: Option<f64>, limit: Option<f64>, at_least: Option<f64>) -> Option<PointResult> {
+        let criterion = Criterion {
+            name: "miss".into(),
+            value,
+            limit,
+            at_least,
+            ..Criterion::default()
+        };
+        let number = Number {
+            key: "miss".into(),
+            name: "miss".into(),
+            unit: String::new(),
+            value,
+        };
+        Some(PointResult {
+            figures: Some(Figures::new(
+                vec![number],
+                if limit.or(at_least).is_some() {
+                    vec![criterion]
+                } else {
+                    Vec::new()
+                },
+            )),
+            ..PointResult::without(outcome, "")
+        })
+    }
+
+    fn of(keep: &str, results: &[Option<PointResult>]) -> Vec<usize> {
+        kept(&[keep.parse().unwrap()], results, None).into_iter().collect()
+    }
+
+    #[test]
+    fn worst_points_are_those_closest_to_their_limits() {
+        let most = |value| point(Outcome::Met, value, Some(2.0), None);
+        let results = [most(Some(1.0)), most(Some(3.0)), None, most(Some(1.5)), most(Some(1.5))];
+        assert_eq!(of("worst:1", &results), [1]);
+        assert_eq!(of("worst:2", &results), [1, 3], "of two alike the first");
+        let least = |value| point(Outcome::Met, value, None, Some(2.0));
+        assert_eq!(
+            of("worst:1", &[least(Some(5.0)), least(Some(2.5)), least(Some(9.0))]),
+            [1]
+        );
+        assert_eq!(
+            of("worst:1", &[most(Some(9.0)), most(None)]),
+            [1],
+            "not measured is worst"
+        );
+        let free = |value| point(Outcome::Complete, value, None, None);
+        assert_eq!(
+            of("worst:1", &[free(Some(-3.0)), free(Some(1.0))]),
+            [1],
+            "without a limit the greatest"
+        );
+    }
+
+    #[test]
+    fn failed_points_are_those_that_did_not_end() {
+        let outcomes = [
+            Outcome::Met,
+            Outcome::NotMet,
+            Outcome::Refused,
+            Outcome::Failed,
+            Outcome::Crashed,
+        ];
+        let results = outcomes.map(|outcome| point(outcome, Some(1.0), Some(1.0), None));
+        assert_eq!(of("failed", &results), [3, 4]);
+        assert_eq!(of("not-met", &results), [1, 3, 4]);
+        assert_eq!(of("all", &results), [0, 1, 3, 4]);
+    }
+
+    #[test]
+    fn other_words_are_refused() {
+        for text in ["worst", "worst:0", "worst:x", "best:3", ""] {
+            let error = text.parse::<Keep>().unwrap_err();
+            assert!(error.contains("worst:10"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! The folders of a campaign's shards become the folder of the whole.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::folder::{Folder, holder};
+use super::identity::Identity;
+use super::journal::{self, Entry};
+use super::point::Result as PointResult;
+use super::work::Finished;
+use super::{Campaign, CampaignError};
+
+/// So many points are named where some are missing.
+const NAMED: usize = 5;
+
+fn refuse<T>(reason: impl Into<String>) -> Result<T, CampaignError> {
+    Err(CampaignError::Merge(reason.into()))
+}
+
+/// Makes the folder `out` of the folders `shards`: the campaign with all results, as one machine would have made it.
+///
+/// # Errors
+/// When the folders are not of one campaign, when a point is in two of them or in none, when one is being worked in, and when a point that was
+/// run twice has two results.
+pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), CampaignError> {
+    let started = Instant::now();
+    let mut folders: Vec<(&PathBuf, Identity)> = Vec::new();
+    for root in shards {
+        folders.push((root, Identity::read(root)?));
+    }
+    let [(first, identity), others @ ..] = &folders[..] else {
+        return refuse("no shard is named: give the folders of all shards");
+    };
+    for (root, other) in others {
+        if other.digest != identity.digest {
+            return refuse(format!(
+                "{} and {} are not of one campaign: {}; run one of them again",
+                first.display(),
+                root.display(),
+                identity.difference(other)
+            ));
+        }
+    }
+    if let Some((root, _)) = folders.iter().find(|(root, _)| holder(root).is_some()) {
+        return refuse(format!("{} is being worked in: wait for its end", root.display()));
+    }
+    let mut campaign = Campaign::blank(identity);
+    let mut whole = Whole {
+        results: vec![None; identity.points],
+        from: vec![(0, String::new()); identity.points],
+        audits: BTreeMap::new(),
+    };
+    for (number, (root, identity)) in folders.iter().enumerate() {
+        whole.take(number, root, identity, &folders)?;
+        campaign.fill(root)?;
+    }
+    whole.no_gaps(&folders)?;
+    whole.no_differences(&folders)?;
+    let whole_identity = Identity {
+        shard: None,
+        audit: 0.0,
+        ..identity.clone()
+    };
+    let (folder, known) = Folder::take(out, &campaign, &whole_identity)?;
+    for (at, result) in whole.results.iter().enumerate() {
+        if known.results[at].is_none()
+            && let Some(result) = result
+        {
+            folder.adopt(&campaign, at + 1, &whole.from[at].1, result)?;
+        }
+    }
+    let finished = Finished {
+        folder,
+        identity: whole_identity,
+        resumed: 0,
+        results: whole.results,
+        interrupted: false,
+        wall_s: started.elapsed().as_secs_f64(),
+    };
+    Ok((campaign, finished))
+}
+
+/// What the shards have, put together.
+struct Whole {
+    results: Vec<Option<PointResult>>,
+    /// The folder by its number and the machine of each.
+    from: Vec<(usize, String)>,
+    /// Second runs by the point and the number of the folder.
+    audits: BTreeMap<(usize, usize), Entry>,
+}
+
+type Folders<'a> = [(&'a PathBuf, Identity)];
+
+impl Whole {
+    /// Takes the journal of folder number `number`.
+    fn take(
+        &mut self,
+        number: usize,
+        root: &Path,
+        identity: &Identity,
+        folders: &Folders,
+    ) -> Result<(), CampaignError> {
+        let (mut twice, points) = (None::<(usize, usize)>, self.results.len());
+        journal::each(&journal::path(root), |entry| {
+            let Some(at) = entry.point.checked_sub(1).filter(|at| *at < points) else {
+                return;
+            };
+            if entry.audit {
+                // A second run that was made again replaces the one before.
+                self.audits.insert((entry.point, number), entry);
+            } else if identity.owns(at) {
+                if self.results[at].is_some() && self.from[at].0 != number {
+                    let this = (entry.point, self.from[at].0);
+                    // The first by its number, whatever the order in which they came.
+                    twice = Some(twice.map_or(this, |known| known.min(this)));
+                }
+                self.results[at] = Some(entry.result);
+                self.from[at] = (number, entry.node);
+            }
+        })?;
+        match twice {
+            None => Ok(()),
+            Some((point, other)) => refuse(format!(
+                "point {point} is in {} and in {}: give each shard once",
+                folders[other].0.display(),
+                root.display()
+            )),
+        }
+    }
+
+    /// Whether every point has a result, and every second run that a shard was to make.
+    fn no_gaps(&self, folders: &Folders) -> Result<(), CampaignError> {
+        let missing = |at: &usize| self.results[*at].is_none();
+        let all: Vec<usize> = (0..self.results.len()).filter(missing).collect();
+        if !all.is_empty() {
+            let mut text = format!("{} of {} points are missing: ", all.len(), self.results.len());
+            let mut parts = Vec::new();
+            for (root, identity) in folders {
+                let own = all.iter().filter(|at| identity.owns(**at)).count();
+                if own > 0 {
+                    parts.push(format!(
+                        "{own} of {} (start it again, it goes on from there)",
+                        root.display()
+                    ));
+                }
+            }
+            let owned = |at: &&usize| folders.iter().any(|(_, identity)| identity.owns(**at));
+            let nowhere: Vec<&usize> = all.iter().filter(|at| !owned(at)).collect();
+            if !nowhere.is_empty() {
+                let named = nowhere.iter().take(NAMED).map(|at| (**at + 1).to_string());
+                let more = if nowhere.len() > NAMED { ", …" } else { "" };
+                let named: Vec<String> = named.collect();
+                parts.push(format!(
+                    "{} in no folder that was given, such as point {}{more} (give the folders of all shards)",
+                    nowhere.len(),
+                    named.join(", ")
+                ));
+            }
+            text += &parts.join("; ");
+            return refuse(text);
+        }
+        for (number, (root, identity)) in folders.iter().enumerate() {
+            let wanted = |at: &usize| identity.audits(*at);
+            let there = |at: &usize| self.audits.contains_key(&(at + 1, number));
+            if let Some(at) = (0..self.results.len()).filter(wanted).find(|at| !there(at)) {
+                return refuse(format!(
+                    "{} has not yet run point {} a second time: start it again, it goes on from there",
+                    root.display(),
+                    at + 1
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether second runs gave the same bits.
+    fn no_differences(&self, folders: &Folders) -> Result<(), CampaignError> {
+        let name = |(number, node): (usize, &str)| format!("{} on node `{node}`", folders[number].0.display());
+        let (mut differences, mut nodes) = (Vec::new(), BTreeMap::<String, usize>::new());
+        for ((_, number), entry) in &self.audits {
+            let at = entry.point - 1;
+            let Some(result) = self.results[at].as_ref().filter(|result| **result != entry.result) else {
+                continue;
+            };
+            let digest = |result: &PointResult| match &result.tape {
+                Some(tape) => format!("tape {}…", tape.get(..10).unwrap_or(tape)),
+                None => result.outcome.word().to_owned(),
+            };
+            let (number_of_first, node_of_first) = &self.from[at];
+            differences.push(format!(
+                "point {}: {} in {}, {} in {}",
+                entry.point,
+                digest(result),
+                name((*number_of_first, node_of_first)),
+                digest(&entry.result),
+                name((*number, &entry.node)),
+            ));
+            for node in std::collections::BTreeSet::from([node_of_first, &entry.node]) {
+                *nodes.entry(node.clone()).or_default() += 1;
+            }
+        }
+        if differences.is_empty() {
+            return Ok(());
+        }
+        let most = nodes.values().max().copied().unwrap_or(0);
+        let suspects: Vec<String> = nodes
+            .iter()
+            .filter(|(_, count)| **count == most)
+            .map(|(node, count)| format!("`{node}` ({count})"))
+            .collect();
+        let count = differences.len();
+        let more = if count > NAMED { "\n  …" } else { "" };
+        differences.truncate(NAMED);
+        refuse(format!(
+            "{count} of {} points that were run twice have other bits the second time; most often on node {}:\n  {}{more}\n\
+             run one of them a third time elsewhere (`run --point FOLDER:POINT`), and the shards of the node that is wrong again in new folders",
+            self.audits.len(),
+            suspects.join(" or "),
+            differences.join("\n  "),
+        ))
+    }
+}

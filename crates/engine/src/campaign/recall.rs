@@ -1,0 +1,109 @@
+//! A point of a campaign that is there, to be run again by itself.
+
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use super::identity::Identity;
+use super::journal;
+use super::point::Result as PointResult;
+use super::{Campaign, CampaignError};
+use crate::scenario::Scenario;
+
+/// A point of a campaign.
+#[derive(Debug)]
+pub struct Recalled {
+    /// The folder.
+    pub root: PathBuf,
+    /// From 1.
+    pub point: usize,
+    /// The scenario file.
+    pub file: PathBuf,
+    /// Its changes: those that all points share, then its own.
+    pub changes: Vec<String>,
+    /// What became of it, if it was run.
+    pub result: Option<PointResult>,
+    identity: Identity,
+    campaign: Campaign,
+}
+
+impl Recalled {
+    /// Reads the point that `place` names as `FOLDER:NUMBER`.
+    ///
+    /// # Errors
+    /// When the folder is no campaign's, or does not have the point.
+    pub fn read(place: &Path) -> Result<Recalled, CampaignError> {
+        let refuse = |path: &Path, reason: String| CampaignError::Folder {
+            path: path.to_owned(),
+            reason,
+        };
+        let bytes = place.as_os_str().as_bytes();
+        let colon = bytes.iter().rposition(|byte| *byte == b':');
+        let read = |colon: usize| -> Option<(&Path, usize)> {
+            let number = std::str::from_utf8(&bytes[colon + 1..]).ok()?.parse().ok()?;
+            Some((Path::new(OsStr::from_bytes(&bytes[..colon])), number))
+        };
+        let Some((root, point)) = colon.and_then(read) else {
+            let reason = "names no point: write FOLDER:NUMBER, such as sweeps/close-0123456789:137".into();
+            return Err(refuse(place, reason));
+        };
+        let (campaign, identity) = Campaign::of_folder(root)?;
+        let owned = |at: &usize| *at < identity.points && identity.owns(*at);
+        let Some(at) = point.checked_sub(1).filter(owned) else {
+            return Err(refuse(
+                root,
+                match identity.shard {
+                    Some(shard) => format!(
+                        "has no point {point}: it has those of shard {shard} of {}",
+                        identity.points
+                    ),
+                    None => format!("has no point {point}: it has 1 to {}", identity.points),
+                },
+            ));
+        };
+        if let Some(reason) = campaign.refused_at(at) {
+            return Err(refuse(root, format!("point {point} cannot be run: {reason}")));
+        }
+        let mut result = None;
+        journal::each(&journal::path(root), |entry| {
+            if entry.point == point && !entry.audit {
+                result = Some(entry.result);
+            }
+        })?;
+        Ok(Recalled {
+            root: root.to_owned(),
+            point,
+            file: campaign.scenario.clone(),
+            changes: [campaign.overrides.as_slice(), &campaign.points[at]].concat(),
+            result,
+            identity,
+            campaign,
+        })
+    }
+
+    /// The changes that all points share.
+    pub fn common(&self) -> &[String] {
+        &self.campaign.overrides
+    }
+
+    /// Why the point by itself has the tape `digest` and had another one in the campaign; `None` where it is the same, or did not run to its
+    /// end. `scenario` is that of the point without the changes that are its own.
+    pub fn difference(&self, scenario: &Scenario, digest: &str) -> Option<String> {
+        let result = self.result.as_ref().filter(|result| result.outcome.ran())?;
+        let before = result.tape.as_deref().filter(|before| *before != digest)?;
+        let now = Identity::of(&self.campaign, scenario).ok()?;
+        let same = (now.program, now.content) == (self.identity.program, self.identity.content);
+        let why = if same {
+            "nothing that it depends on has changed: one of the two machines cannot be relied upon".to_owned()
+        } else {
+            self.identity.difference(&now)
+        };
+        Some(format!(
+            "point {} of {} has another tape than in the campaign ({}… and {}…): {why}",
+            self.point,
+            self.root.display(),
+            digest.get(..10)?,
+            before.get(..10)?,
+        ))
+    }
+}

@@ -1,0 +1,199 @@
+//! When a campaign has enough points: as soon as a figure is known well enough.
+
+use std::str::FromStr;
+
+use super::point::Result as PointResult;
+use super::table::figure_of;
+use super::tell::{NORMAL_95, wilson};
+use super::{CampaignError, Number};
+
+/// The mean of fewer points than this has no interval that could be trusted.
+const MEAN_LEAST: usize = 30;
+
+/// A figure and the half width of its 95 % confidence interval at which a campaign ends.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Until {
+    /// The share of points that are met, or the mean of the figure of merit with this name.
+    what: Option<String>,
+    /// For the share in absolute terms, for a mean as a part of it.
+    width: f64,
+}
+
+impl FromStr for Until {
+    type Err = String;
+
+    /// Reads `met within 1 %` or `FIGURE within 2 %`.
+    fn from_str(text: &str) -> Result<Until, String> {
+        let wrong = || {
+            format!(
+                "`{text}` says no width: write `met within 1 %`, or `FIGURE within 2 %` for the mean of a figure of merit"
+            )
+        };
+        let (what, width) = text.rsplit_once(" within ").ok_or_else(wrong)?;
+        let (what, width) = (what.trim(), width.trim().strip_suffix('%').ok_or_else(wrong)?);
+        let width: f64 = width.trim().parse().map_err(|_| wrong())?;
+        if what.is_empty() || !(width > 0.0 && width < 100.0) {
+            return Err(wrong());
+        }
+        Ok(Until {
+            what: (what != "met").then(|| what.to_owned()),
+            width: width / 100.0,
+        })
+    }
+}
+
+impl Until {
+    /// Looks at the points of a campaign that has the figures of merit `known`.
+    ///
+    /// # Errors
+    /// When there is no such figure.
+    pub fn watch(&self, known: &[Number]) -> Result<Watch, CampaignError> {
+        let figure = match &self.what {
+            Some(name) => Some(figure_of(name, known)?),
+            None => None,
+        };
+        Ok(Watch {
+            figure: figure.map(|figure| figure.key),
+            width: self.width,
+            seen: 0,
+            enough: false,
+            ran: 0,
+            good: 0,
+            mean: 0.0,
+            squares: 0.0,
+        })
+    }
+}
+
+/// Looks at the points in their order, whatever the order in which they end: where a campaign ends depends on nothing else.
+#[derive(Debug, Clone)]
+pub struct Watch {
+    figure: Option<String>,
+    width: f64,
+    /// So many points from the first on were looked at.
+    seen: usize,
+    enough: bool,
+    /// Those that ran (and have the figure), and how many of them are good.
+    ran: usize,
+    good: usize,
+    /// Mean and sum of squared distances from it (Welford's).
+    mean: f64,
+    squares: f64,
+}
+
+impl Watch {
+    /// Looks at the points that have come; with how many of them from the first on the campaign ends, if it does.
+    pub(super) fn look(&mut self, results: &[Option<PointResult>]) -> Option<usize> {
+        while !self.enough
+            && let Some(Some(result)) = results.get(self.seen)
+        {
+            self.seen += 1;
+            self.add(result);
+        }
+        self.enough.then_some(self.seen)
+    }
+
+    fn add(&mut self, result: &PointResult) {
+        if !result.outcome.ran() {
+            return;
+        }
+        let Some(key) = &self.figure else {
+            self.ran += 1;
+            self.good += usize::from(result.outcome.good());
+            let (low, high) = wilson(self.good, self.ran);
+            self.enough = (high - low) / 2.0 <= self.width;
+            return;
+        };
+        let Some(value) = result.figures.as_ref().and_then(|figures| figures.value(key)) else {
+            return;
+        };
+        self.ran += 1;
+        let (n, before) = (self.ran as f64, value - self.mean);
+        self.mean += before / n;
+        self.squares += before * (value - self.mean);
+        let half = NORMAL_95 * (self.squares / (n - 1.0).max(1.0) / n).sqrt();
+        self.enough = self.ran >= MEAN_LEAST && half <= self.width * self.mean.abs();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::{Figures, Outcome};
+
+    fn of(met: bool, value: f64) -> PointResult {
+        let number = Number {
+            key: "miss_mm".into(),
+            name: "miss".into(),
+            unit: "mm".into(),
+            value: Some(value),
+        };
+        PointResult {
+            figures: Some(Figures::new(vec![number], Vec::new())),
+            ..PointResult::without(if met { Outcome::Met } else { Outcome::NotMet }, "")
+        }
+    }
+
+    fn end(until: &str, results: &[Option<PointResult>]) -> Option<usize> {
+        let known: Vec<Number> = results[0]
+            .as_ref()
+            .unwrap()
+            .figures
+            .as_ref()
+            .unwrap()
+            .numbers()
+            .collect();
+        until.parse::<Until>().unwrap().watch(&known).unwrap().look(results)
+    }
+
+    #[test]
+    fn share_is_known_when_its_interval_is_narrow() {
+        let results: Vec<_> = (0..2000).map(|at| Some(of(at % 2 == 0, 0.0))).collect();
+        // The interval of one half has the half width z / (2 sqrt(n + z²)): 0.05 at n = 381, 0.02 at n = 2398.
+        assert_eq!(end("met within 5 %", &results), Some(381));
+        assert_eq!(end("met within 2 %", &results), None);
+    }
+
+    #[test]
+    fn mean_is_known_when_its_interval_is_a_small_part_of_it() {
+        let results: Vec<_> = (0..2000)
+            .map(|at| Some(of(true, if at % 2 == 0 { 9.0 } else { 11.0 })))
+            .collect();
+        // Half width 1.96 / sqrt(n) of the mean 10: 1 % of it at n = 385.
+        let at = end("miss within 1 %", &results).unwrap();
+        assert!((384..=386).contains(&at), "{at}");
+        assert_eq!(end("miss within 90 %", &results), Some(MEAN_LEAST));
+    }
+
+    #[test]
+    fn end_depends_on_the_order_of_the_points_alone() {
+        let all: Vec<_> = (0..600).map(|at| Some(of(at % 2 == 0, 0.0))).collect();
+        let known: Vec<Number> = all[0].as_ref().unwrap().figures.as_ref().unwrap().numbers().collect();
+        let mut watch = "met within 5 %".parse::<Until>().unwrap().watch(&known).unwrap();
+        let mut some = vec![None; 600];
+        // The last first: nothing is known of the points before them.
+        for at in (100..600).rev() {
+            some[at] = all[at].clone();
+            assert_eq!(watch.look(&some), None);
+        }
+        some[..100].clone_from_slice(&all[..100]);
+        assert_eq!(watch.look(&some), Some(381));
+    }
+
+    #[test]
+    fn words_without_a_width_are_refused() {
+        for text in [
+            "met",
+            "met within",
+            "met within 1",
+            "within 1 %",
+            "met within 0 %",
+            "met within x %",
+        ] {
+            let error = text.parse::<Until>().unwrap_err();
+            assert!(error.contains("`met within 1 %`"), "{error}");
+        }
+        let until: Until = "beauty within 1 %".parse().unwrap();
+        assert!(until.watch(&[]).unwrap_err().to_string().contains("`beauty`"));
+    }
+}

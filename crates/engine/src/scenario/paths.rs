@@ -1,0 +1,42 @@
+//! Where a scenario names files: programs, and files whose contents take the places of their names.
+
+use toml::{Table, Value};
+
+/// A place in a scenario that names files.
+pub enum Named<'a> {
+    /// `{ file = "…" }`: the file's content stands for it.
+    File(&'a mut String),
+    /// The table of a program.
+    Run(&'a mut Table),
+}
+
+/// Gives `visit` the key and the content of every place in the scenario `table` that names files.
+pub fn each_named(table: &mut Table, visit: &mut dyn FnMut(&str, Named<'_>)) {
+    for section in ["participants", "assessment", "faults"] {
+        if let Some(value) = table.get_mut(section) {
+            each_in(section, value, visit);
+        }
+    }
+}
+
+/// The same for the value at `key`.
+pub fn each_in(key: &str, value: &mut Value, visit: &mut dyn FnMut(&str, Named<'_>)) {
+    let last = key.rsplit('.').next().unwrap_or_default();
+    match value {
+        Value::Table(table) if ["run", "substitute"].contains(&last) => visit(key, Named::Run(table)),
+        Value::Table(table) => {
+            if let (1, Some(Value::String(file))) = (table.len(), table.get_mut("file")) {
+                return visit(key, Named::File(file));
+            }
+            for (name, below) in table.iter_mut() {
+                each_in(&format!("{key}.{name}"), below, visit);
+            }
+        }
+        Value::Array(values) => {
+            for (at, below) in values.iter_mut().enumerate() {
+                each_in(&format!("{key}.{}", at + 1), below, visit);
+            }
+        }
+        _ => {}
+    }
+}

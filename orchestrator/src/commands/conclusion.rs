@@ -1,0 +1,243 @@
+//! What a campaign leaves: table, pictures and page in its folder, and words.
+
+use std::path::PathBuf;
+
+use engine::assessment::Criterion;
+use engine::campaign::{self, Campaign, CampaignError, Finished, Number, Picture};
+
+use super::shards::print_part;
+use super::sweep::CampaignArgs;
+
+/// Writes table, pictures and page of a campaign and reports; a part of it gets none, because its table would have gaps.
+pub fn conclude(
+    campaign: &Campaign,
+    finished: &Finished,
+    figures: &[Number],
+    figure: Option<&Number>,
+    how: &CampaignArgs,
+) -> Result<i32, CampaignError> {
+    let identity = &finished.identity;
+    let some = campaign.first(finished.results.len());
+    let enough = some.points.len() < campaign.points.len();
+    let campaign = if enough { &some } else { campaign };
+    let title = if identity.title.is_empty() {
+        &identity.scenario
+    } else {
+        &identity.title
+    };
+    if let Some(shard) = identity.shard {
+        print_part(title, shard, campaign, finished, how);
+        return Ok(code(finished));
+    }
+    let shown = figure.cloned().or_else(|| default_figure(figures));
+    let limited = |criterion: &Criterion| criterion.limit.is_some_and(|limit| limit > 0.0);
+    let judged = finished
+        .results
+        .iter()
+        .flatten()
+        .filter_map(|result| result.figures.as_ref());
+    let judged = judged.flat_map(|figures| &figures.criteria).any(limited);
+    let varied = campaign.columns.iter().filter(|column| column.name != "seed").count();
+    let picture = Picture {
+        title,
+        columns: &campaign.columns,
+        results: &finished.results,
+        // over one key all criteria are shown, unless there are none or the user asks for one figure
+        figure: if varied > 1 || !judged { shown.as_ref() } else { figure },
+    };
+    let mut files = write(campaign, finished, Some(&picture))?;
+    let page = campaign::analysis(title, campaign, &finished.results);
+    let page = report::campaign::page(title, &page);
+    files.push(finished.folder.write("report.html", page)?);
+    if how.json {
+        println!("{}", json(campaign, finished, &files));
+    } else if !how.quiet {
+        print(&identity.title, campaign, finished, shown.as_ref(), &files);
+    }
+    Ok(code(finished))
+}
+
+/// The exit code: whether all points ran.
+pub fn code(finished: &Finished) -> i32 {
+    if finished.interrupted {
+        eprintln!(
+            "interrupted: {} of {} points are complete; the same command goes on from there",
+            finished.results.iter().flatten().count(),
+            finished.own()
+        );
+    }
+    i32::from(!finished.all_ran())
+}
+
+/// What is shown unless the user says: the first thing that the run is judged by.
+pub fn default_figure(figures: &[Number]) -> Option<Number> {
+    figures.first().cloned()
+}
+
+/// Writes table and picture; gives the files.
+pub fn write(
+    campaign: &Campaign,
+    finished: &Finished,
+    picture: Option<&Picture<'_>>,
+) -> Result<Vec<PathBuf>, CampaignError> {
+    let sheet = campaign::sheet(campaign, &finished.results);
+    let root = finished.folder.root();
+    let mut files = vec![root.join("table.csv"), root.join("table.parquet")];
+    sheet.csv(&files[0])?;
+    sheet.parquet(&files[1])?;
+    if let Some(drawing) = picture.and_then(campaign::draw) {
+        files.push(finished.folder.write("figure.svg", report::figures::svg(&drawing))?);
+        if let Some(png) = report::figures::png(&drawing, 2.5) {
+            files.push(finished.folder.write("figure.png", png)?);
+        }
+    } else {
+        // One of fewer points would look like the picture of all.
+        for name in ["figure.svg", "figure.png"] {
+            let _ = std::fs::remove_file(root.join(name));
+        }
+    }
+    Ok(files)
+}
+
+/// The campaign as JSON: counts, files, and every row.
+pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serde_json::Value {
+    let rows = finished.results.iter().enumerate().map(|(at, result)| {
+        let figures = result.as_ref().and_then(|result| result.figures.as_ref());
+        let figures = figures.map(|figures| {
+            figures
+                .numbers()
+                .map(|number| (number.key, number.value))
+                .collect::<std::collections::BTreeMap<_, _>>()
+        });
+        serde_json::json!({
+            "point": at + 1,
+            "values": campaign.values(at),
+            "outcome": result.as_ref().map(|result| result.outcome.word()),
+            "reason": result.as_ref().and_then(|result| result.reason.clone()),
+            "figures": figures,
+            "tape_digest": result.as_ref().and_then(|result| result.tape.clone()),
+        })
+    });
+    let count = |outcome| finished.count(outcome);
+    // JSON is text; a path need not be.
+    let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+    serde_json::json!({
+        "folder": finished.folder.root().display().to_string(),
+        "files": files,
+        "points": finished.results.len(),
+        "met": count(campaign::Outcome::Met),
+        "not_met": count(campaign::Outcome::NotMet),
+        "complete": count(campaign::Outcome::Complete),
+        "refused": count(campaign::Outcome::Refused),
+        "failed": count(campaign::Outcome::Failed),
+        "crashed": count(campaign::Outcome::Crashed),
+        "interrupted": finished.interrupted,
+        "rows": rows.collect::<Vec<_>>(),
+    })
+}
+
+/// The points that did not run to their ends, with their reasons.
+fn print_wrong(campaign: &Campaign, finished: &Finished) {
+    // More are not read.
+    const LISTED: usize = 50;
+    let wrong = |result: &Option<_>| {
+        result
+            .as_ref()
+            .is_some_and(|result: &campaign::PointResult| !result.outcome.ran())
+    };
+    let wrong: Vec<usize> = (0..finished.results.len())
+        .filter(|at| wrong(&finished.results[*at]))
+        .collect();
+    for at in wrong.iter().take(LISTED) {
+        if let Some(result) = &finished.results[*at] {
+            let values: Vec<&str> = campaign
+                .columns
+                .iter()
+                .map(|column| column.texts[*at].as_str())
+                .collect();
+            let reason = result.reason.as_deref().unwrap_or_default();
+            println!("  {} at {}: {reason}", result.outcome.word(), values.join(", "));
+        }
+    }
+    if wrong.len() > LISTED {
+        println!("  and {} more: the table has them all", wrong.len() - LISTED);
+    }
+}
+
+fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&Number>, files: &[PathBuf]) {
+    if !title.is_empty() {
+        println!("{title}");
+    }
+    if finished.results.len() < finished.identity.points {
+        println!(
+            "enough is known after {} of {} points",
+            finished.results.len(),
+            finished.identity.points
+        );
+    }
+    println!("{}", campaign::verdicts(&finished.results));
+    if campaign.columns.iter().any(|column| column.name == "seed") {
+        let ran = finished
+            .results
+            .iter()
+            .flatten()
+            .filter(|result| result.outcome.ran())
+            .count();
+        let good = finished
+            .results
+            .iter()
+            .flatten()
+            .filter(|result| result.outcome.good())
+            .count();
+        let (low, high) = campaign::wilson(good, ran);
+        println!(
+            "  {} {good} of {ran}: a share of {:.1} % to {:.1} % with 95 % confidence",
+            campaign::good_word(&finished.results),
+            100.0 * low,
+            100.0 * high
+        );
+    }
+    if let Some(figure) = figure {
+        let values = finished
+            .results
+            .iter()
+            .flatten()
+            .filter_map(|result| campaign::figure_value(result, &figure.key));
+        if let Some([least, median, most, greatest]) = campaign::quantiles(values) {
+            let [least, median, most, greatest] = [least, median, most, greatest].map(campaign::short);
+            println!(
+                "  {}: {least} to {greatest}{}, median {median}, 95 % up to {most}",
+                figure.words(),
+                engine::assessment::behind(&figure.unit)
+            );
+        }
+    }
+    if let [column] = &campaign.columns[..]
+        && column.name != "seed"
+    {
+        println!(
+            "  {} at {}: {}",
+            campaign::good_word(&finished.results),
+            column.name,
+            campaign::stretches(column, &finished.results)
+        );
+    }
+    if let Some(map) = campaign::map(&campaign.columns, &finished.results) {
+        println!("{map}");
+    }
+    print_wrong(campaign, finished);
+    told(finished, files);
+}
+
+/// Time and files.
+pub fn told(finished: &Finished, files: &[PathBuf]) {
+    let before = if finished.resumed > 0 {
+        format!(" ({} were there)", finished.resumed)
+    } else {
+        String::new()
+    };
+    println!("{:.1} s{before}", finished.wall_s);
+    for file in files {
+        println!("{}", file.display());
+    }
+}

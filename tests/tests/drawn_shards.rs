@@ -1,0 +1,322 @@
+//! Campaign files in shards, in bundles, point by point and growing: what is drawn is the same wherever and whenever it is run.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use escapement_tests::program::{Folder, Said, built_as_shipped, finish, orchestrate, orchestrator, root, text};
+use escapement_tests::world::springs;
+
+/// Two masses: a Sobol' sequence, masses from a file, and a formula that has no value at some points.
+const SPRINGS: &str = r#"
+title = "Masses of a list"
+scenario = "../springs.toml"
+points = 16
+design = "sobol"
+
+[vary.mass]
+key = "participants.right.parameters.mass"
+distribution = "column"
+file = "../values/masses.csv"
+column = "mass"
+
+[vary.late]
+key = "connections.to-right.delay"
+distribution = "uniform"
+from = "0 ms"
+to = "40 ms"
+round = "0.1 ms"
+
+[vary.push]
+key = "faults.push.value"
+distribution = "normal"
+mean = "1 mm"
+deviation = "0.3 mm"
+
+[vary.part]
+distribution = "discrete"
+values = [0, 1, 2, 4, 8]
+
+[vary.ratio]
+distribution = "formula"
+formula = "1 / part"
+"#;
+
+/// Writes that campaign with everything that belongs to it; gives its file.
+fn drawn(folder: &Folder, campaign: &str) -> PathBuf {
+    springs(folder);
+    for name in ["campaigns", "values"] {
+        std::fs::create_dir_all(folder.path().join(name)).unwrap();
+    }
+    folder.write("values/masses.csv", "mass [kg],name\n0.8,a\n1.0,b\n1.3,c\n");
+    folder.write("campaigns/drawn.toml", campaign)
+}
+
+fn begin(program: &Path, arguments: &[&str]) -> Child {
+    Command::new(program)
+        .args(arguments)
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program can be started")
+}
+
+fn call(program: &Path, arguments: &[&str]) -> Said {
+    finish(begin(program, arguments))
+}
+
+/// Table, pictures, page, and the journal in the order of its points.
+fn files(folder: &Path) -> Vec<Vec<u8>> {
+    let names = ["table.csv", "table.parquet", "figure.svg", "figure.png", "report.html"];
+    let read = |name: &str| std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let mut files: Vec<Vec<u8>> = names.map(read).to_vec();
+    let journal = String::from_utf8(read("results.jsonl")).unwrap();
+    let number = |line: &&str| serde_json::from_str::<serde_json::Value>(line).unwrap()["point"].as_u64();
+    let mut lines: Vec<&str> = journal.lines().collect();
+    lines.sort_by_key(number);
+    files.push(lines.join("\n").into_bytes());
+    files
+}
+
+fn same(a: &Path, b: &Path) {
+    for (number, (a, b)) in files(a).iter().zip(files(b)).enumerate() {
+        assert!(*a == b, "file {number} differs");
+    }
+}
+
+/// Kills the child as soon as the journal in `folder` has a line.
+fn kill_on_the_way(mut child: Child, folder: &Path) {
+    let begun = Instant::now();
+    while std::fs::metadata(folder.join("results.jsonl")).map_or(0, |about| about.len()) == 0 {
+        assert!(begun.elapsed().as_secs() < 120, "it never begins");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    finish(child);
+}
+
+#[test]
+fn drawn_shards_are_what_one_machine_makes() {
+    let folder = Folder::new("drawn-shards");
+    let springs = drawn(&folder, SPRINGS);
+    let captures = root().join("scenarios/dispersed-captures.toml");
+    let captures = [text(&captures), "--points", "12", "--duration", "300 ms"];
+    for (number, (campaign, code)) in [(&[text(&springs)][..], 1), (&captures[..], 0)].into_iter().enumerate() {
+        let out = |name: &str| folder.path().join(format!("{name}-{number}"));
+        let sweep = |name: &str, more: &[&str]| {
+            let place = out(name);
+            let own = ["--quiet", "--workers", "1", "--out", text(&place)];
+            begin(orchestrator(), &[&["sweep"], campaign, &own[..], more].concat())
+        };
+        let said = finish(sweep("one", &[]));
+        assert_eq!(said.code, Some(code), "{said:?}");
+        let shards = ["1/3", "2/3", "3/3"].map(|shard| (shard, out(&shard.replace('/', "-of-"))));
+        for (shard, place) in &shards {
+            let name = shard.replace('/', "-of-");
+            let child = sweep(&name, &["--shard", shard, "--audit", "30%"]);
+            if *shard == "2/3" {
+                kill_on_the_way(child, place);
+                // What is missing is run with nothing but the folder to say what it is.
+                let said = orchestrate(&["sweep", "run", text(place), "--quiet"]);
+                assert!(matches!(said.code, Some(0 | 1)), "{said:?}");
+            } else {
+                let said = finish(child);
+                assert!(matches!(said.code, Some(0 | 1)), "{said:?}");
+            }
+        }
+        let whole = out("whole");
+        let mut merge = vec!["sweep", "merge", text(&whole), "--quiet"];
+        merge.extend(shards.iter().map(|(_, place)| text(place)));
+        let said = orchestrate(&merge);
+        assert_eq!(said.code, Some(code), "{said:?}");
+        same(&whole, &out("one"));
+        // It is the campaign of the file: nothing of it is run again.
+        let said = finish(sweep("whole", &[]));
+        assert_eq!(said.code, Some(code), "{said:?}");
+        same(&whole, &out("one"));
+    }
+}
+
+#[test]
+fn bundle_has_the_campaign_file_and_its_values() {
+    built_as_shipped();
+    let folder = Folder::new("drawn-bundle");
+    let out = |name: &str| folder.path().join(name);
+    let file = drawn(&folder, SPRINGS);
+    let sweep = |file: &Path, name: &str, more: &[&str]| {
+        let place = out(name);
+        orchestrate(&[&["sweep", text(file), "--quiet", "--out", text(&place)], more].concat())
+    };
+    sweep(&file, "one", &[]);
+    sweep(&file, "more", &["--points", "20"]);
+    let said = orchestrate(&["sweep", text(&file), "--bundle", text(&out("made"))]);
+    assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{said:?}");
+    std::fs::rename(out("made"), out("moved")).unwrap();
+    for gone in ["campaigns", "values"] {
+        std::fs::remove_dir_all(out(gone)).unwrap();
+    }
+    std::fs::remove_file(out("springs.toml")).unwrap();
+    let program = out("moved/bin/escapement");
+    let mut merge = vec!["sweep".to_owned(), "merge".into(), text(&out("whole")).into()];
+    for number in ["1", "2"] {
+        let shard = format!("{number}/2");
+        let (bundle, place) = (out("moved"), out(&format!("shard-{number}")));
+        let arguments = [
+            "sweep",
+            "run",
+            text(&bundle),
+            "--shard",
+            &shard,
+            "--quiet",
+            "--out",
+            text(&place),
+        ];
+        let said = call(&program, &arguments);
+        assert!(
+            matches!(said.code, Some(0 | 1)) && !said.err.contains("error"),
+            "{said:?}"
+        );
+        merge.push(text(&place).to_owned());
+    }
+    let merge: Vec<&str> = merge.iter().map(String::as_str).collect();
+    let said = call(&program, &merge);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    same(&out("whole"), &out("one"));
+    // The file in the bundle makes the same points, and more of them.
+    let inside = out("moved/tree/campaigns/drawn.toml");
+    let place = out("whole");
+    let arguments = [
+        "sweep",
+        text(&inside),
+        "--points",
+        "20",
+        "--quiet",
+        "--out",
+        text(&place),
+    ];
+    let said = call(&program, &arguments);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    same(&out("whole"), &out("more"));
+}
+
+#[test]
+fn drawn_campaign_grows_where_its_draws_stay() {
+    let folder = Folder::new("drawn-grows");
+    let out = |name: &str| folder.path().join(name);
+    let sweep = |file: &Path, name: &str, more: &[&str]| {
+        let place = out(name);
+        orchestrate(
+            &[
+                &["sweep", text(file), "--quiet", "--workers", "1", "--out", text(&place)],
+                more,
+            ]
+            .concat(),
+        )
+    };
+    let lines = |name: &str| std::fs::read_to_string(out(name).join("results.jsonl")).unwrap();
+    for (design, runs) in [("sobol", 1), ("random", 1), ("saltelli", 5)] {
+        let file = drawn(&folder, &SPRINGS.replace("\"sobol\"", &format!("\"{design}\"")));
+        let (grown, at_once) = (format!("{design}-grown"), format!("{design}-at-once"));
+        sweep(&file, &grown, &["--points", "6"]);
+        let before = lines(&grown);
+        assert_eq!(before.lines().count(), 6 * runs);
+        // As the file says.
+        sweep(&file, &grown, &[]);
+        let after = lines(&grown);
+        assert_eq!(after.lines().count(), 16 * runs, "nothing was run twice");
+        assert!(after.starts_with(&before), "what was there stays");
+        sweep(&file, &at_once, &[]);
+        same(&out(&grown), &out(&at_once));
+        let said = sweep(&file, &grown, &["--points", "6"]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(
+            said.err
+                .contains(&format!("has {} points and not {}", 16 * runs, 6 * runs)),
+            "{said:?}"
+        );
+        let file = drawn(&folder, &SPRINGS.replace("0.3 mm", "0.4 mm"));
+        let said = sweep(&file, &grown, &["--points", "20"]);
+        assert!(said.err.contains("the campaign file is not the same"), "{said:?}");
+    }
+    let refused = |file: &Path, name: &str, more: &[&str], parts: &[&str]| {
+        let said = sweep(file, name, more);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert_eq!(said.err.matches("error:").count(), 1, "{said:?}");
+        for part in parts {
+            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        }
+    };
+    let file = drawn(&folder, &SPRINGS.replace("\"sobol\"", "\"latin-hypercube\""));
+    sweep(&file, "hypercube", &["--points", "4"]);
+    let parts = [
+        "4 points of a Latin hypercube",
+        "cannot become one of 16",
+        "random or sobol",
+    ];
+    refused(&file, "hypercube", &[], &parts);
+    let grid = "scenario = \"../springs.toml\"\nseeds = \"same\"\n\n[vary.late]\nkey = \"connections.to-right.delay\"\n\
+                distribution = \"discrete\"\nvalues = [\"0 ms\", \"10 ms\"]\ndesign = \"grid\"\n";
+    let file = drawn(&folder, grid);
+    refused(
+        &file,
+        "grid",
+        &["--points", "4"],
+        &["points", "all dispersions are on the grid"],
+    );
+    assert!(!out("grid").exists(), "nothing is written");
+    let scenario = out("springs.toml");
+    refused(
+        &scenario,
+        "none",
+        &["--points", "4"],
+        &["--points", "no campaign file", "--seeds"],
+    );
+}
+
+#[test]
+fn drawn_point_runs_alone_is_kept_and_counts_until_enough_is_known() {
+    let folder = Folder::new("drawn-point-again");
+    let out = |name: &str| folder.path().join(name);
+    let file = drawn(&folder, SPRINGS);
+    let sweep = |name: &str, more: &[&str]| {
+        let place = out(name);
+        orchestrate(&[&["sweep", text(&file), "--out", text(&place)], more].concat())
+    };
+    let said = sweep("swept", &["--json", "--keep", "worst:2"]);
+    let rows = said.json()["rows"].as_array().unwrap().clone();
+    assert_eq!(std::fs::read_dir(out("swept/runs")).unwrap().count(), 2);
+    let there = |refused: bool| {
+        rows.iter()
+            .find(|row| (row["outcome"] == "refused") == refused)
+            .unwrap()
+    };
+    let point = |row: &serde_json::Value| format!("{}:{}", out("swept").display(), row["point"]);
+    let run = out("run");
+    let said = orchestrate(&[
+        "run",
+        "--point",
+        &point(there(false)),
+        "--in-process",
+        "--json",
+        "--out",
+        text(&run),
+    ]);
+    assert_eq!(said.json()["tape_digest"], there(false)["tape_digest"], "{said:?}");
+    // What cannot be drawn is no run, and least of all that of the scenario as it stands.
+    let said = orchestrate(&["run", "--point", &point(there(true)), "--out", text(&out("no"))]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err.contains("cannot be run") && said.err.contains("vary.ratio"),
+        "{said:?}"
+    );
+    let until = ["--until", "met within 40 %", "--quiet", "--workers"];
+    sweep("until-1", &[&until[..], &["1"]].concat());
+    sweep("until-3", &[&until[..], &["3"]].concat());
+    let table = |name: &str| std::fs::read_to_string(out(name).join("table.csv")).unwrap();
+    assert_eq!(table("until-1"), table("until-3"));
+    let count = table("until-1").lines().count();
+    assert!(count > 2 && count < 17, "{count}");
+    assert!(table("swept").starts_with(&table("until-1")), "the first points of all");
+}

@@ -1,0 +1,364 @@
+//! Shards of a campaign: together they are what one machine makes, whatever happens to them.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use escapement_tests::program::{Folder, Said, built, finish, orchestrate, orchestrator, root, text};
+use testing::random::SplitMix;
+
+const CLOSE: [&str; 7] = [
+    "sweep",
+    "scenarios/close.toml",
+    "--duration",
+    "500 ms",
+    "--vary",
+    "connections.measured.delay=0ms..30ms:10ms",
+    "--vary",
+];
+const PERIODS: &str = "participants.controller.period=10ms,20ms";
+
+/// The capture over delays and periods.
+fn close(more: &[&str]) -> Vec<String> {
+    strings(&[&CLOSE[..], &[PERIODS, "--quiet"], more].concat())
+}
+
+/// The lander, which is in a program of its own, over delays.
+fn lander(more: &[&str]) -> Vec<String> {
+    let own = [
+        "sweep",
+        "examples/lander/lander.toml",
+        "--vary",
+        "connections.motion.delay=0ms..400ms:40ms",
+        "--quiet",
+    ];
+    strings(&[&own[..], more].concat())
+}
+
+fn strings(words: &[&str]) -> Vec<String> {
+    words.iter().map(|word| (*word).to_owned()).collect()
+}
+
+fn call(program: &Path, arguments: &[String]) -> Said {
+    let child = Command::new(program)
+        .args(arguments)
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn();
+    finish(child.expect("the program can be started"))
+}
+
+/// Two systems that share nothing, with their programs.
+fn systems() -> [(PathBuf, fn(&[&str]) -> Vec<String>); 2] {
+    [(orchestrator().to_owned(), close), (built().join("lander"), lander)]
+}
+
+/// Table and pictures.
+fn files(folder: &Path) -> Vec<Vec<u8>> {
+    ["table.csv", "table.parquet", "figure.svg", "figure.png"]
+        .iter()
+        .map(|name| std::fs::read(folder.join(name)).unwrap_or_else(|error| panic!("{name}: {error}")))
+        .collect()
+}
+
+/// The points in a folder's journal, in their order.
+fn journal(folder: &Path) -> Vec<u64> {
+    let text = std::fs::read_to_string(folder.join("results.jsonl")).unwrap_or_default();
+    let lines = text
+        .lines()
+        .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let mut points: Vec<u64> = lines
+        .filter(|line| line.get("audit").is_none())
+        .filter_map(|line| line["point"].as_u64())
+        .collect();
+    points.sort_unstable();
+    points
+}
+
+#[test]
+fn merged_shards_are_what_one_machine_makes() {
+    for (number, (program, sweep)) in systems().iter().enumerate() {
+        let folder = Folder::new("shards");
+        let out = |name: &str| folder.path().join(name);
+        let said = call(program, &sweep(&["--out", text(&out("one"))]));
+        assert_eq!(said.code, Some(0), "{said:?}");
+        // Parts of other sizes are a whole too.
+        let shards = ["1/2", "2/4", "4/4"];
+        let mut merge = strings(&["sweep", "merge", text(&out("whole")), "--quiet"]);
+        for (at, shard) in shards.iter().enumerate() {
+            let place = out(&format!("shard-{at}"));
+            let said = call(program, &sweep(&["--out", text(&place), "--shard", shard]));
+            assert_eq!(said.code, Some(0), "{said:?}");
+            merge.push(text(&place).to_owned());
+        }
+        let said = call(program, &merge);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(files(&out("whole")), files(&out("one")), "system {number}");
+        // What was merged is a campaign like any other: nothing of it is run again.
+        let said = call(program, &sweep(&["--out", text(&out("whole"))]));
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(journal(&out("whole")), journal(&out("one")));
+    }
+}
+
+#[test]
+fn merge_refuses_what_is_no_whole() {
+    let folder = Folder::new("no-whole");
+    let out = |name: &str| folder.path().join(name);
+    let shard = |name: &str, shard: &str, more: &[&str]| {
+        let said = call(
+            &built().join("lander"),
+            &lander(&[&["--out", text(&out(name)), "--shard", shard], more].concat()),
+        );
+        assert_eq!(said.code, Some(0), "{said:?}");
+    };
+    shard("a", "1/3", &[]);
+    shard("b", "2/3", &[]);
+    shard("half", "1/2", &[]);
+    shard("other", "2/3", &["--duration", "30 s"]);
+    shard("more", "2/3", &["--vary", "seed=1,2"]);
+    let close = orchestrate(&[
+        "sweep",
+        "scenarios/close.toml",
+        "--duration",
+        "100 ms",
+        "--vary",
+        "seed=1..11",
+        "--shard",
+        "3/3",
+        "--quiet",
+        "--out",
+        text(&out("close")),
+    ]);
+    assert!(close.code == Some(0), "{close:?}");
+    let refused = |shards: &[&str], parts: &[&str]| {
+        let places: Vec<PathBuf> = shards.iter().map(|name| out(name)).collect();
+        let mut arguments = strings(&["sweep", "merge", text(&out("whole"))]);
+        arguments.extend(places.iter().map(|place| text(place).to_owned()));
+        let said = call(&built().join("lander"), &arguments);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert_eq!(said.err.matches("error:").count(), 1, "{}", said.err);
+        for part in parts {
+            assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+        }
+        assert!(!out("whole").exists(), "nothing is written");
+    };
+    refused(
+        &["a", "b"],
+        &["3 of 11 points are missing", "such as point 3, 6, 9", "all shards"],
+    );
+    refused(
+        &["a", "half"],
+        &["point 1 is in", "a and in", "half", "each shard once"],
+    );
+    refused(&["a", "b", "a"], &["point 1 is in"]);
+    refused(
+        &["a", "other"],
+        &["not of one campaign", "the scenario or a file of it is not the same"],
+    );
+    refused(
+        &["a", "more"],
+        &["not of one campaign", "the points are not the same (11 and 22)"],
+    );
+    refused(&["a", "close"], &["not of one campaign", "another build"]);
+    refused(&["a", "nowhere"], &["nowhere", "no campaign.json"]);
+    // A shard that was stopped on the way.
+    let text_of = std::fs::read_to_string(out("b").join("results.jsonl")).unwrap();
+    let first: String = text_of.split_inclusive('\n').take(1).collect();
+    std::fs::write(out("b").join("results.jsonl"), first + "{\"point\": 5, \"outc").unwrap();
+    shard("c", "3/3", &[]);
+    refused(
+        &["a", "b", "c"],
+        &["3 of 11 points are missing", "3 of", "start it again"],
+    );
+}
+
+/// Every shard is killed at random instants until it is complete.
+#[test]
+fn killed_shards_lose_nothing_and_count_nothing_twice() {
+    let mut random = SplitMix(19);
+    for (program, sweep) in &systems() {
+        let folder = Folder::new("killed-shards");
+        let out = |name: &str| folder.path().join(name);
+        let said = call(program, &sweep(&["--out", text(&out("one"))]));
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let mut merge = strings(&["sweep", "merge", text(&out("whole")), "--quiet"]);
+        let mut kills = 0;
+        for number in 1..=2 {
+            let place = out(&format!("shard-{number}"));
+            let arguments = sweep(&[
+                "--out",
+                text(&place),
+                "--shard",
+                &format!("{number}/2"),
+                "--workers",
+                "2",
+            ]);
+            loop {
+                let mut child = Command::new(program)
+                    .args(&arguments)
+                    .current_dir(root())
+                    .stdin(Stdio::null())
+                    .stdout(Stdio::piped())
+                    .stderr(Stdio::piped())
+                    .spawn()
+                    .expect("the program can be started");
+                // At first mostly before anything is there, then later and later.
+                std::thread::sleep(Duration::from_micros(random.bits() % (20_000 * (1 + kills % 40))));
+                if kills < 60 * number && child.try_wait().unwrap().is_none() {
+                    child.kill().unwrap();
+                    kills += 1;
+                }
+                let said = finish(child);
+                match said.code {
+                    None => {}
+                    Some(0) => break,
+                    code => panic!("{code:?}: {said:?}"),
+                }
+            }
+            merge.push(text(&place).to_owned());
+        }
+        assert!(kills > 10, "{kills} are too few to say anything");
+        let said = call(program, &merge);
+        assert_eq!(said.code, Some(0), "{said:?}");
+        assert_eq!(files(&out("whole")), files(&out("one")));
+        let mut both = [journal(&out("shard-1")), journal(&out("shard-2"))].concat();
+        both.sort_unstable();
+        assert_eq!(both, journal(&out("one")), "each point once");
+    }
+}
+
+#[test]
+fn status_says_how_far_each_shard_is() {
+    let folder = Folder::new("status");
+    let out = |name: &str| folder.path().join(name);
+    let said = call(
+        &built().join("lander"),
+        &lander(&["--out", text(&out("1-of-2")), "--shard", "1/2"]),
+    );
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let said = call(
+        &built().join("lander"),
+        &lander(&["--out", text(&out("2-of-2")), "--shard", "2/2"]),
+    );
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let journal = out("2-of-2/results.jsonl");
+    let lines = std::fs::read_to_string(&journal).unwrap();
+    let some: String = lines.split_inclusive('\n').take(2).collect();
+    std::fs::write(&journal, some).unwrap();
+    let status = |more: &[&str]| orchestrate(&[&["sweep", "status", text(folder.path())], more].concat());
+    let said = status(&[]);
+    assert_eq!(said.code, Some(1), "points are missing: {said:?}");
+    for part in [
+        "shard 1/2  6 of 6 points",
+        "complete",
+        "shard 2/2  2 of 5 points",
+        "stopped",
+        "sweep run",
+    ] {
+        assert!(said.out.contains(part), "`{part}` is not in: {}", said.out);
+    }
+    // What it says is what finishes the shard.
+    let said = call(
+        &built().join("lander"),
+        &strings(&["sweep", "run", text(&out("2-of-2")), "--quiet"]),
+    );
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let json = status(&["--json"]);
+    assert_eq!((json.code, json.json()["complete"].as_bool()), (Some(0), Some(true)));
+    let parts = json.json()["parts"].as_array().unwrap().clone();
+    assert_eq!(parts.len(), 2);
+    assert_eq!(
+        (parts[1]["done"].as_u64(), parts[1]["points"].as_u64()),
+        (Some(5), Some(5))
+    );
+    assert_ne!(parts[1]["nodes"][0].as_str().unwrap_or_default(), "");
+    // A campaign of one machine, and one that is being worked in.
+    let one = out("one");
+    let arguments = [
+        "sweep",
+        "scenarios/close.toml",
+        "--vary",
+        "seed=1..1000",
+        "--workers",
+        "1",
+        "--quiet",
+        "--out",
+        text(&one),
+    ];
+    let mut child = escapement_tests::program::start(&arguments);
+    let running = || orchestrate(&["sweep", "status", text(&one), "--json"]);
+    let part = loop {
+        let said = running();
+        if said.code == Some(1) && said.json()["parts"][0]["done"].as_u64() > Some(0) {
+            break said.json()["parts"][0].clone();
+        }
+    };
+    assert_eq!(
+        (part["state"].as_str(), part["running"].as_u64()),
+        (Some("running"), Some(1)),
+        "{part}"
+    );
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert_eq!(running().json()["parts"][0]["state"], "stopped");
+    let said = orchestrate(&["sweep", "status", text(&root().join("docs"))]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("no campaign.json"), "{said:?}");
+}
+
+#[test]
+fn audit_names_the_node_whose_bits_differ() {
+    let folder = Folder::new("audit");
+    let out = |name: &str| folder.path().join(name);
+    let program = built().join("lander");
+    for shard in ["1/3", "2/3", "3/3"] {
+        let place = out(&shard.replace('/', "-of-"));
+        let said = call(
+            &program,
+            &lander(&["--out", text(&place), "--shard", shard, "--audit", "50%"]),
+        );
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
+    let merge = || {
+        let mut arguments = strings(&["sweep", "merge", text(&out("whole")), "--quiet"]);
+        arguments.extend(["1-of-3", "2-of-3", "3-of-3"].map(|name| text(&out(name)).to_owned()));
+        call(&program, &arguments)
+    };
+    assert_eq!(merge().code, Some(0));
+    // The second shard ran on a machine that computes something else.
+    let journal = out("2-of-3/results.jsonl");
+    let honest = std::fs::read_to_string(&journal).unwrap();
+    assert!(honest.matches("\"audit\":true").count() > 0, "{honest}");
+    let broken: Vec<String> = honest
+        .lines()
+        .map(|line| {
+            let mut entry: serde_json::Value = serde_json::from_str(line).unwrap();
+            entry["node"] = "broken".into();
+            entry["tape"] = "0000".into();
+            entry.to_string() + "\n"
+        })
+        .collect();
+    std::fs::write(&journal, broken.concat()).unwrap();
+    std::fs::remove_dir_all(out("whole")).unwrap();
+    let said = merge();
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("most often on node `broken`"), "{said:?}");
+    assert!(
+        said.err.contains("2-of-3 on node `broken`") && said.err.contains("run --point"),
+        "{said:?}"
+    );
+    // A second run that is missing is a gap.
+    let first: String = honest
+        .split_inclusive('\n')
+        .filter(|line| !line.contains("\"audit\":true"))
+        .collect();
+    std::fs::write(&journal, first).unwrap();
+    let said = merge();
+    assert!(said.err.contains("has not yet run point 1 a second time"), "{said:?}");
+    let said = call(&program, &lander(&["--audit", "1%"]));
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(said.err.contains("--shard"), "{said:?}");
+}
