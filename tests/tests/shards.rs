@@ -50,8 +50,11 @@ fn call(program: &Path, arguments: &[String]) -> Said {
     finish(child.expect("the program can be started"))
 }
 
+/// What a campaign of a system is called with.
+type Sweep = fn(&[&str]) -> Vec<String>;
+
 /// Two systems that share nothing, with their programs.
-fn systems() -> [(PathBuf, fn(&[&str]) -> Vec<String>); 2] {
+fn systems() -> [(PathBuf, Sweep); 2] {
     [(orchestrator().to_owned(), close), (built().join("lander"), lander)]
 }
 
