@@ -192,7 +192,7 @@ mod tests {
         let number = |key: &str, value| Number::of_key(key.to_owned(), value);
         let figures = |value| {
             let numbers = vec![
-                number("miss_mm", value),
+                number("miss_m", value),
                 number("late_s", None),
                 number("list[1]", Some(-0.0)),
             ];
@@ -203,11 +203,11 @@ mod tests {
         let back: Figures = serde_json::from_str(&text).unwrap();
         assert_eq!(back, one);
         assert_ne!(back, figures(Some(0.2)));
-        assert_eq!((back.value("miss_mm"), back.value("late_s")), (Some(0.1), None));
+        assert_eq!((back.value("miss_m"), back.value("late_s")), (Some(0.1), None));
         assert!(Arc::ptr_eq(&back.names, &one.names), "the names are there once");
         assert_eq!(
             back.numbers().map(|number| number.unit).collect::<Vec<_>>(),
-            ["mm", "s", ""]
+            ["m", "s", ""]
         );
     }
 }
