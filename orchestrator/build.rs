@@ -20,6 +20,20 @@ fn main() {
     let commit = from_git(root, &sources).or_else(|| from_archive(&own.join("commit.txt")));
     let commit = commit.map(|commit| format!(" ({commit})")).unwrap_or_default();
     println!("cargo::rustc-env=ESCAPEMENT_COMMIT={commit}");
+    if links_with_lld() {
+        // Functions that came out alike become one: the same reading of a table for many types, above all.
+        println!("cargo::rustc-link-arg-bins=-Wl,--icf=all");
+    }
+}
+
+/// Whether Rust's own lld links the program, as it does on this target unless somebody says otherwise. Other linkers may not know its options.
+fn links_with_lld() -> bool {
+    let is = |name: &str, value: &str| std::env::var(name).is_ok_and(|said| said == value);
+    let flags = std::env::var("CARGO_ENCODED_RUSTFLAGS").unwrap_or_default();
+    let own = ["linker", "fuse-ld", "link-self-contained"];
+    is("TARGET", "x86_64-unknown-linux-gnu")
+        && std::env::var_os("RUSTC_LINKER").is_none()
+        && !own.iter().any(|word| flags.contains(word))
 }
 
 /// What the program is made of: the sources of all packages that it may link.
