@@ -115,7 +115,7 @@ unsafe fn with(pointer: *mut Run, work: impl FnOnce(&mut Run) -> Result<(), Stri
 /// The same with a run that is under way.
 ///
 /// # Safety
-/// As for [`with`].
+/// `pointer` is null, or a run that was not freed.
 unsafe fn under_way(pointer: *mut Run, work: impl FnOnce(&mut run::Run) -> Result<(), String>) -> i32 {
     let work = |own: &mut Run| {
         let run = own.run.as_mut();
@@ -202,7 +202,7 @@ unsafe fn chosen(options: *const Options) -> Result<(run::Options, Vec<String>),
 /// `escapement_run_error`.
 ///
 /// # Safety
-/// As for [`with`].
+/// `pointer` is null, or a run that was not freed.
 pub unsafe fn error(pointer: *const Run) -> *const c_char {
     // SAFETY: as the caller says.
     unsafe { pointer.as_ref() }.map_or(c"there is no run (NULL)".as_ptr(), |own| own.error.as_ptr())
@@ -211,7 +211,7 @@ pub unsafe fn error(pointer: *const Run) -> *const c_char {
 /// `escapement_run_now`.
 ///
 /// # Safety
-/// As for [`with`].
+/// `pointer` is null, or a run that was not freed.
 pub unsafe fn now(pointer: *const Run) -> f64 {
     // SAFETY: as the caller says.
     let run = unsafe { pointer.as_ref() }.and_then(|own| own.run.as_ref());
@@ -221,7 +221,7 @@ pub unsafe fn now(pointer: *const Run) -> f64 {
 /// `escapement_run_is_over`.
 ///
 /// # Safety
-/// As for [`with`].
+/// `pointer` is null, or a run that was not freed.
 pub unsafe fn is_over(pointer: *const Run) -> u32 {
     // SAFETY: as the caller says.
     let run = unsafe { pointer.as_ref() }.and_then(|own| own.run.as_ref());
@@ -231,7 +231,7 @@ pub unsafe fn is_over(pointer: *const Run) -> u32 {
 /// `escapement_run_to`.
 ///
 /// # Safety
-/// As for [`with`].
+/// `pointer` is null, or a run that was not freed.
 pub unsafe fn to(pointer: *mut Run, time: f64) -> i32 {
     // SAFETY: as the caller says.
     unsafe { under_way(pointer, |run| run.run_to(exact(time)?).map_err(words)) }
@@ -240,7 +240,7 @@ pub unsafe fn to(pointer: *mut Run, time: f64) -> i32 {
 /// `escapement_run_step`.
 ///
 /// # Safety
-/// As for [`with`].
+/// `pointer` is null, or a run that was not freed.
 pub unsafe fn step(pointer: *mut Run) -> i32 {
     // SAFETY: as the caller says.
     unsafe { under_way(pointer, |run| run.step().map_err(words)) }
