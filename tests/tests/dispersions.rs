@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use escapement_tests::program::{Folder, finish, orchestrate, start, text};
+use escapement_tests::program::{Folder, finish, orchestrate, root, start, text};
 use escapement_tests::world::springs;
 
 const CAMPAIGN: &str = r#"
@@ -271,4 +271,14 @@ fn scenario_with_a_campaign_of_its_own_runs_alone_and_as_campaign() {
     );
     let said = orchestrate(&["sweep", text(&wrong), "--out", text(&out)]);
     assert!(said.err.contains("campaign.vary.mass.distribution"), "{said:?}");
+}
+
+#[test]
+fn campaign_file_is_no_scenario() {
+    for command in ["check", "run"] {
+        let said = orchestrate(&[command, text(&root().join("campaigns/dispersed-captures.toml"))]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        let expected = "dispersed-captures.toml:5: scenario: this is a campaign file: run it with `sweep`";
+        assert!(said.err.contains(expected), "{said:?}");
+    }
 }

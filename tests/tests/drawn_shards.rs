@@ -101,7 +101,7 @@ fn kill_on_the_way(mut child: Child, folder: &Path) {
 fn drawn_shards_are_what_one_machine_makes() {
     let folder = Folder::new("drawn-shards");
     let springs = drawn(&folder, SPRINGS);
-    let captures = root().join("scenarios/dispersed-captures.toml");
+    let captures = root().join("campaigns/dispersed-captures.toml");
     let captures = [text(&captures), "--points", "12", "--duration", "300 ms"];
     for (number, (campaign, code)) in [(&[text(&springs)][..], 1), (&captures[..], 0)].into_iter().enumerate() {
         let out = |name: &str| folder.path().join(format!("{name}-{number}"));

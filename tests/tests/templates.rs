@@ -107,7 +107,7 @@ fn the_capture_runs_from_its_own_folder() {
     let outside = Outside::new();
     follow(&outside, "capture", "a capture");
     let project = outside.0.join("a capture");
-    for folder in ["scenarios", "models", "gains"] {
+    for folder in ["scenarios", "campaigns", "models", "gains"] {
         assert_eq!(
             files(&project.join(folder)),
             files(&root().join(folder)),

@@ -94,6 +94,7 @@ pub const STOCK: [Template; 3] = [
 fn capture(_: &Project<'_>) -> Result<Vec<File>, String> {
     let mut files = vec![File::new("README.md", include_str!("capture.md"))];
     files.extend(stock_files!(
+        "campaigns/dispersed-captures.toml"
         "gains/flight.toml"
         "gains/p-diagonal.spec.toml"
         "gains/p-diagonal.toml"

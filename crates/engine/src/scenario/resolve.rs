@@ -91,6 +91,7 @@ impl Scenario {
     }
 
     fn of(file: &Path, source: Source) -> Result<Scenario, ScenarioError> {
+        refuse_campaign(&source)?;
         let top: Top =
             typed(&source, "", Value::Table(source.table.clone())).map_err(|mistake| source.error(vec![mistake]))?;
         let mut mistakes = Vec::new();
@@ -347,3 +348,12 @@ fn open_input(names: &Names, text: &str) -> Result<(usize, String), String> {
 
 /// The key of the folder that relative paths are relative to.
 pub(super) const FOLDER: &str = "folder";
+
+/// The two kinds of file are easily taken for each other.
+fn refuse_campaign(source: &Source) -> Result<(), ScenarioError> {
+    if source.table.contains_key("scenario") && !source.table.contains_key("participants") {
+        let reason = "this is a campaign file: run it with `sweep`, or give the scenario that it names";
+        return Err(source.error(vec![source.mistake("scenario", reason)]));
+    }
+    Ok(())
+}
