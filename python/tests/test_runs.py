@@ -320,7 +320,10 @@ if __name__ == "__main__":
 def test_ctrl_c_ends_a_run_in_order(here, tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(examples=str(EXAMPLES), scenario=str(SPRING), here=here))
-    process = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    # Who starts tests in the background may have them ignore this signal, and a process inherits that.
+    heard = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen([sys.executable, script], **pipes, text=True, cwd=tmp_path, preexec_fn=heard)
     assert process.stdout.readline() == "begun\n"
     # Until there are samples.
     tape = tmp_path / "long" / "tape" / "left.motion.bin"
