@@ -54,7 +54,7 @@ impl Course {
         self.recorder().newest
     }
 
-    /// Tells whoever steers the run how far it is, whether everybody rests at the horizon, and how it keeps its pace.
+    /// Tells what steers the run how far it is, whether all participants rest at the horizon, and how it keeps its pace.
     pub(super) fn tell(&mut self, newest: Ticks, resting: bool) {
         self.guide.tell(newest, resting);
         if let Some(steering) = &self.options.steering

@@ -87,7 +87,7 @@ pub(super) struct Member {
     at_rest: Option<Ticks>,
     /// The next activation, once it has come to rest on the order to do so.
     pub(super) recalled: Option<u64>,
-    /// What it did when, and how many spans are missing behind each batch; until somebody takes them.
+    /// What it did when, and how many spans are missing behind each batch; until they are taken.
     pub(super) spans: Vec<(u64, Vec<Span>)>,
 }
 

@@ -19,7 +19,7 @@ enum Term {
 /// A number in SI units with its dimension.
 pub type Sized = (f64, Dimension);
 
-/// Deeper than anybody writes.
+/// Deeper than a file needs.
 const DEPTH_MAX: usize = 64;
 
 impl Formula {

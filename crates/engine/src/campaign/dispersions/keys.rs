@@ -221,7 +221,7 @@ impl<'a> Keys<'a> {
         step
     }
 
-    /// Everything that is wrong, with the keys that nobody asked for.
+    /// Everything that is wrong, with the keys that are not known.
     pub(super) fn finish(mut self) -> Vec<(String, String)> {
         let known: Vec<&str> = self.used.iter().map(String::as_str).collect();
         let known = known.join(", ");

@@ -57,7 +57,7 @@ pub const DESIGNS: [(&str, Design); 5] = [
     ("saltelli", Design::Saltelli),
 ];
 
-/// More values than anybody puts on one axis of a grid.
+/// More values than one axis of a grid has.
 const LEVELS_MAX: usize = 10_000;
 
 /// Reads `[vary.NAME]`.
