@@ -5,7 +5,7 @@
 //! workspace's `x86-64-v3` baseline) an operation is one instruction; elsewhere it is a loop over four with the same
 //! bits, only slower.
 
-use super::Real;
+use super::{Real, trig};
 use core::ops::{Add, Mul, Neg, Sub};
 
 /// Four `f64` lanes.
@@ -28,14 +28,14 @@ impl F64x4 {
 
     /// The lanes the quadrant `n` (in the low bits of `shifted`, see `trig`) assigns to sine and cosine.
     #[inline(always)]
-    pub(super) fn quadrant(shifted: Self, s: Self, c: Self) -> (Self, Self) {
+    fn quadrant(shifted: Self, s: Self, c: Self) -> (Self, Self) {
         let (s, c) = imp::quadrant(shifted.0, s.0, c.0);
         (Self(s), Self(c))
     }
 
     /// Whether every lane is at most `limit` in magnitude or not a number.
     #[inline(always)]
-    pub(super) fn none_beyond(self, limit: f64) -> bool {
+    fn none_beyond(self, limit: f64) -> bool {
         imp::none_beyond(self.0, limit)
     }
 }
@@ -90,8 +90,19 @@ impl Real for F64x4 {
 
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        super::trig::sin_cos_lanes(self)
+        if !self.none_beyond(trig::LIMIT) {
+            return one_by_one(self);
+        }
+        let (s, c, shifted) = trig::reduced(self);
+        F64x4::quadrant(shifted, s, c)
     }
+}
+
+#[cold]
+#[inline(never)]
+fn one_by_one(x: F64x4) -> (F64x4, F64x4) {
+    let each = x.to_array().map(trig::sin_cos);
+    (F64x4::new(each.map(|e| e.0)), F64x4::new(each.map(|e| e.1)))
 }
 
 #[cfg(all(target_arch = "x86_64", target_feature = "avx2", target_feature = "fma"))]

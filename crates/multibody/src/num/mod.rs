@@ -4,6 +4,7 @@
 //! by IEEE 754, and nothing else is used. No function of the C library is called, so no result depends on the
 //! processor a process happens to run on.
 
+mod double;
 mod lanes;
 mod list;
 mod real;

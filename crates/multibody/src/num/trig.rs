@@ -5,10 +5,10 @@
 //! truncation is far below rounding, and the result is within one unit in the last place of the `libm` crate's. Angles beyond
 //! ±1.6e6 rad, which no joint of ours turns through, take the slower exact reduction of the `libm` crate.
 
-use super::{F64x4, Real};
+use super::Real;
 
 /// Largest |x| for which `k·π/2` is subtracted exactly: k stays below 2²⁰.
-const LIMIT: f64 = 1.6e6;
+pub(super) const LIMIT: f64 = 1.6e6;
 const TWO_OVER_PI: f64 = core::f64::consts::FRAC_2_PI;
 /// π/2 rounded to double, and the rest of it rounded to double.
 const HALF_PI: f64 = core::f64::consts::FRAC_PI_2;
@@ -39,7 +39,7 @@ const COS: [f64; 7] = [
 
 /// The reduced sine and cosine and the shifted quadrant of |x| ≤ [`LIMIT`].
 #[inline(always)]
-fn reduced<T: Real>(x: T) -> (T, T, T) {
+pub(super) fn reduced<T: Real>(x: T) -> (T, T, T) {
     let shifted = x.mul_add(T::of(TWO_OVER_PI), T::of(SHIFT));
     let minus_k = T::of(SHIFT) - shifted;
     let r1 = minus_k.mul_add(T::of(HALF_PI), x); // exact: both are multiples of 2^-53 and nearly cancel
@@ -85,24 +85,9 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     quadrant(shifted, s, c)
 }
 
-#[inline(always)]
-pub(super) fn sin_cos_lanes(x: F64x4) -> (F64x4, F64x4) {
-    if !x.none_beyond(LIMIT) {
-        return one_by_one(x);
-    }
-    let (s, c, shifted) = reduced(x);
-    F64x4::quadrant(shifted, s, c)
-}
-
-#[cold]
-#[inline(never)]
-fn one_by_one(x: F64x4) -> (F64x4, F64x4) {
-    let each = x.to_array().map(sin_cos);
-    (F64x4::new(each.map(|e| e.0)), F64x4::new(each.map(|e| e.1)))
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::F64x4;
     use super::*;
 
     /// Distance in units in the last place of `b`.
