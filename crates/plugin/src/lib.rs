@@ -16,6 +16,7 @@ mod export;
 mod foreign;
 mod guarded;
 mod library;
+mod load_error;
 mod parameters;
 mod seat;
 pub mod table;
@@ -27,11 +28,9 @@ pub use elf::look;
 #[doc(hidden)]
 pub use export::__private;
 pub use foreign::Foreign;
-pub use library::{Library, LoadError};
-pub use parameters::{Found, Parameters};
-
-/// In place of a parameter's key in a refusal: it is the table or the library itself that cannot be used.
-pub const NO_PARTICIPANT: &str = "(participant)";
+pub use library::Library;
+pub use load_error::LoadError;
+pub use parameters::{Found, NO_PARTICIPANT, Parameters};
 
 /// The `main` of a program whose participant is `table`: takes its place in the run that the environment names, and returns when it
 /// is done. A table that cannot be used is refused with the participant's name by whoever started the program.

@@ -7,6 +7,9 @@ use lockstep::participant::ParameterError;
 use lockstep::units;
 use toml::{Table, Value};
 
+/// In place of a parameter's key in a refusal: it is the table or the library itself that cannot be used.
+pub const NO_PARTICIPANT: &str = "(participant)";
+
 /// The parameters of a participant, and which of them were asked for.
 #[derive(Debug)]
 pub struct Parameters {
