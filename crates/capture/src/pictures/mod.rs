@@ -11,8 +11,8 @@ use report::view::{Computed, Figure, Formula, Signal, View};
 use tape::StreamSpec;
 use toml::{Table, Value};
 
-use momenta::{Momenta, Share};
-use table::{FIGURES, FigureSpec};
+use momenta::Momenta;
+use table::{FIGURES, FigureSpec, Share};
 
 /// What people look for first in the summary of a capture.
 const HEADLINE: [&str; 9] = [

@@ -6,19 +6,8 @@ use multibody::nalgebra::Vector3;
 use multibody::{BodyInfo, Description, DynState, DynTree, Quaternion, UrdfOptions};
 use serde::Deserialize;
 
-use super::table::{ARM_ANGLES, Names, SLOSH_ANGLES};
+use super::table::{ARM_ANGLES, Names, SLOSH_ANGLES, Share};
 use tape::StreamSpec;
-
-/// Which figure of the bodies' momenta.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Share {
-    /// Linear momentum along a world axis, kg m/s.
-    Linear(usize),
-    /// Angular momentum along a world axis about the common centre of mass, of the motion relative to it, N m s.
-    Angular(usize),
-    /// Where the common centre of mass is, world axes, m.
-    Centre,
-}
 
 /// What is needed of the target's parameters.
 #[derive(Deserialize)]

@@ -4,8 +4,6 @@
 //! curve whose fields nobody publishes is left out, and a figure without curves too. So the table serves the stock
 //! participants, their variants, and anybody's own participant that uses the same names.
 
-use super::momenta::Share;
-
 /// The names of the field with the arm's joint angles, rad.
 pub(super) const ARM_ANGLES: Names = &["q"];
 /// The names of the field with the slosh pendulum's joint angles, rad.
@@ -60,6 +58,17 @@ pub(super) enum Formula {
     RotationVector(Names),
     /// Of each body, of the wheels and of all together.
     Bodies(Share),
+}
+
+/// Which figure of the bodies' momenta.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Share {
+    /// Linear momentum along a world axis, kg m/s.
+    Linear(usize),
+    /// Angular momentum along a world axis about the common centre of mass, of the motion relative to it, N m s.
+    Angular(usize),
+    /// Where the common centre of mass is, world axes, m.
+    Centre,
 }
 
 use Formula::{Angle, AttitudeIn, Bodies, Distance, Each, Norm, Part, PositionIn, RotationVector};
