@@ -6,8 +6,9 @@
 
 pub(crate) mod player;
 mod reduce;
+mod request;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use lockstep::participant::Interface;
@@ -17,11 +18,12 @@ use tape::folder::RunFolder;
 use tape::{ReadError, Reader, Selection, Source};
 use toml::Value;
 
-use crate::Catalogue;
 use crate::run::{Ending, Options, Run, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioError};
 use crate::scope::{Scope, ScopeError};
 use reduce::{Cast, reduce};
+
+pub use request::Request;
 
 /// Why there is no replay, or no comparison.
 #[derive(Debug, thiserror::Error)]
@@ -55,24 +57,6 @@ impl ReplayError {
             _ => 2,
         }
     }
-}
-
-/// What is replayed.
-pub struct Request<'a> {
-    /// What builtin participants are made of.
-    pub catalogue: &'a Arc<Catalogue>,
-    /// The folder of the recorded run.
-    pub folder: &'a Path,
-    /// Who is replayed.
-    pub participant: &'a str,
-    /// Changes of the plan, each `key.path=value`.
-    pub overrides: &'a [String],
-    /// A program in the participant's place, with its arguments.
-    pub program: Option<(&'a Path, &'a [String])>,
-    /// Replay no further than this.
-    pub to: Option<Rational>,
-    /// Also when the tape is not what was sealed.
-    pub unverified: bool,
 }
 
 /// What a replay found.

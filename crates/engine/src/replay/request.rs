@@ -1,0 +1,26 @@
+//! What is to be replayed.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use lockstep::time::Rational;
+
+use crate::Catalogue;
+
+/// What is replayed.
+pub struct Request<'a> {
+    /// What builtin participants are made of.
+    pub catalogue: &'a Arc<Catalogue>,
+    /// The folder of the recorded run.
+    pub folder: &'a Path,
+    /// Who is replayed.
+    pub participant: &'a str,
+    /// Changes of the plan, each `key.path=value`.
+    pub overrides: &'a [String],
+    /// A program in the participant's place, with its arguments.
+    pub program: Option<(&'a Path, &'a [String])>,
+    /// Replay no further than this.
+    pub to: Option<Rational>,
+    /// Also when the tape is not what was sealed.
+    pub unverified: bool,
+}
