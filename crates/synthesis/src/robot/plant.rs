@@ -12,7 +12,7 @@
 //! of velocity, force and disturbance. Channel "tracking" leads from r̂ to (z₁, z₂), channel "load" from d̂ to z₃.
 
 use super::body::{Body, Robot, RobotError};
-use super::spec::{GainStructure, ModelSpec, Spec};
+use super::spec::{GainStructure, LoadSpec, ModelSpec, Spec};
 use crate::delay::pade;
 use crate::interconnect::{append, series};
 use crate::linalg::{self, Matrix, diagonal};
@@ -76,6 +76,17 @@ pub fn tracking_weights(spec: &Spec) -> Result<StateSpace, RobotError> {
     })
 }
 
+/// The load weights W_L, one per channel.
+fn load_weights(spec: &Spec, load: &LoadSpec, n: usize) -> Result<StateSpace, RobotError> {
+    bank(n, |i| {
+        let omega = load.ratio * spec.weights.cutoff_rad_s[i];
+        Ok(StateSpace::transfer_function(
+            &[1.0, omega],
+            &[1.0, omega * load.floor],
+        )?)
+    })
+}
+
 /// The generalised plant of one situation: inputs [r̂; d̂; u], outputs [z₁; z₂; z₃ (with a load weight); e; ∫e (with an
 /// integral part)].
 ///
@@ -96,14 +107,7 @@ pub fn generalised_plant(spec: &Spec, body: &Body, model: &ModelSpec, order: usi
     let ones = vec![1.0; n];
     let ws = tracking_weights(spec)?.scaled(&ones, &v_inv);
     let wl = match &spec.weights.load {
-        Some(load) => bank(n, |i| {
-            let omega = load.ratio * spec.weights.cutoff_rad_s[i];
-            Ok(StateSpace::transfer_function(
-                &[1.0, omega],
-                &[1.0, omega * load.floor],
-            )?)
-        })?
-        .scaled(&ones, &v_inv),
+        Some(load) => load_weights(spec, load, n)?.scaled(&ones, &v_inv),
         None => StateSpace {
             a: Matrix::zeros(0, 0),
             b: Matrix::zeros(0, n),

@@ -17,6 +17,18 @@ struct Cut {
 }
 
 impl Cut {
+    /// Pieces that were seen at x.
+    fn of(pieces: Vec<Piece>, x: &[f64]) -> Vec<Cut> {
+        pieces
+            .into_iter()
+            .map(|p| Cut {
+                value: p.value,
+                gradient: p.gradient,
+                at: x.to_vec(),
+            })
+            .collect()
+    }
+
     /// Its linearisation at x, moved below the value there when curvature has put it above.
     fn at(&self, x: &[f64], value: f64) -> f64 {
         let d: Vec<f64> = x.iter().zip(&self.at).map(|(a, b)| a - b).collect();
@@ -35,17 +47,7 @@ pub(crate) fn finish<E>(
     mut f: impl FnMut(&[f64]) -> Pieces<E>,
     mut watch: impl FnMut(&[f64], f64) -> bool,
 ) -> Result<f64, E> {
-    let cuts_of = |pieces: Vec<Piece>, x: &[f64]| -> Vec<Cut> {
-        pieces
-            .into_iter()
-            .map(|p| Cut {
-                value: p.value,
-                gradient: p.gradient,
-                at: x.to_vec(),
-            })
-            .collect()
-    };
-    let mut cuts = cuts_of(pieces, x);
+    let mut cuts = Cut::of(pieces, x);
     let most = 3 * x.len() / 2 + 40;
     // A metric that is flat across a kink keeps the search from ever leaving it, so it gets a little of every direction.
     let floor = 0.02 * (0..x.len()).map(|i| metric[i][i]).fold(0.0, f64::max);
@@ -81,7 +83,7 @@ pub(crate) fn finish<E>(
         let (trial_value, trial_pieces) = f(&trial)?;
         let achieved = value - trial_value;
         let at = if trial_value.is_finite() {
-            cuts_of(trial_pieces, &trial)
+            Cut::of(trial_pieces, &trial)
         } else {
             Vec::new()
         };
@@ -99,20 +101,24 @@ pub(crate) fn finish<E>(
         } else {
             t *= 0.7;
         }
-        // Pieces that carry no weight and lie far below go first, the oldest first.
         if cuts.len() + at.len() > most {
-            let mut keep: Vec<bool> = lambda.iter().map(|l| *l > 1e-6).collect();
-            let mut room = most.saturating_sub(at.len() + keep.iter().filter(|k| **k).count());
-            for i in (0..cuts.len()).rev() {
-                if !keep[i] && room > 0 {
-                    keep[i] = true;
-                    room -= 1;
-                }
-            }
-            let mut flags = keep.into_iter();
-            cuts.retain(|_| flags.next().unwrap_or(false));
+            thin_out(&mut cuts, &lambda, most.saturating_sub(at.len()));
         }
         cuts.extend(at);
     }
     Ok(value)
+}
+
+/// Leaves at most `most` of the cuts, and all that carry weight. Of those that carry none the oldest go first.
+fn thin_out(cuts: &mut Vec<Cut>, weights: &[f64], most: usize) {
+    let mut keep: Vec<bool> = weights.iter().map(|l| *l > 1e-6).collect();
+    let mut room = most.saturating_sub(keep.iter().filter(|k| **k).count());
+    for i in (0..cuts.len()).rev() {
+        if !keep[i] && room > 0 {
+            keep[i] = true;
+            room -= 1;
+        }
+    }
+    let mut flags = keep.into_iter();
+    cuts.retain(|_| flags.next().unwrap_or(false));
 }

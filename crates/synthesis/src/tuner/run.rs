@@ -6,7 +6,7 @@ use super::certificate::{Certificate, certify};
 use super::objective::{Objective, Value};
 use super::options::{Flow, Options, Progress};
 use super::problem::{Checked, Problem, TuneError};
-use super::search::{REPORTED, Search};
+use super::search::{Outcome, REPORTED, Search};
 use super::state_feedback;
 use super::verdict::Verdict;
 use crate::linalg::{LinalgError, Matrix};
@@ -100,27 +100,12 @@ pub fn tune(
         Some(search.run(from))
     });
     let stopped = stop.load(Ordering::Relaxed);
-    let mut gammas = Vec::new();
-    let mut best: Option<super::search::Outcome> = None;
-    let mut evaluations = 0;
-    for outcome in outcomes {
-        // A start that was never begun (after a stop) or whose iteration broke down counts as not stabilised.
-        let Some(Ok(outcome)) = outcome else {
-            gammas.push(f64::INFINITY);
-            continue;
-        };
-        gammas.push(outcome.value.gamma);
-        evaluations += outcome.evaluations;
-        let better = best.as_ref().is_none_or(|b| {
-            let (own, other) = (&outcome.value, &b.value);
-            own.gamma < other.gamma
-                || (own.gamma.is_infinite() && other.gamma.is_infinite() && own.abscissa < other.abscissa)
-        });
-        if better {
-            best = Some(outcome);
-        }
-    }
-    let Some(best) = best else {
+    // A start that was never begun (after a stop) or whose iteration broke down counts as not stabilised.
+    let outcomes: Vec<Option<Outcome>> = outcomes.into_iter().map(|outcome| outcome?.ok()).collect();
+    let gamma = |outcome: &Option<Outcome>| outcome.as_ref().map_or(f64::INFINITY, |outcome| outcome.value.gamma);
+    let gammas = outcomes.iter().map(gamma).collect();
+    let evaluations = outcomes.iter().flatten().map(|outcome| outcome.evaluations).sum();
+    let Some(best) = best_of(outcomes) else {
         return Err(LinalgError::NoConvergence {
             what: "eigenvalue",
             size: checked.models[0].plant.states(),
@@ -128,15 +113,7 @@ pub fn tune(
         .into());
     };
     if best.value.gamma.is_infinite() {
-        return Err(if stopped {
-            TuneError::Stopped(best.value.abscissa)
-        } else {
-            TuneError::NotStabilised {
-                starts,
-                abscissa: best.value.abscissa,
-                parameters: best.x,
-            }
-        });
+        return Err(not_stabilised(best, starts, stopped));
     }
     let mut objective = Objective::new(&checked, 1e-7, options.threads);
     let certificate = if options.certify {
@@ -158,6 +135,28 @@ pub fn tune(
         stopped,
         evaluations,
     })
+}
+
+/// The start with the least norm; of several that are not stabilised the one that is nearest to it.
+fn best_of(outcomes: Vec<Option<Outcome>>) -> Option<Outcome> {
+    outcomes.into_iter().flatten().reduce(|best, outcome| {
+        let (own, other) = (&outcome.value, &best.value);
+        let better = own.gamma < other.gamma
+            || (own.gamma.is_infinite() && other.gamma.is_infinite() && own.abscissa < other.abscissa);
+        if better { outcome } else { best }
+    })
+}
+
+/// Why there is no result when the best of all starts is not stabilised.
+fn not_stabilised(best: Outcome, starts: usize, stopped: bool) -> TuneError {
+    if stopped {
+        return TuneError::Stopped(best.value.abscissa);
+    }
+    TuneError::NotStabilised {
+        starts,
+        abscissa: best.value.abscissa,
+        parameters: best.x,
+    }
 }
 
 /// The channel norms at the start values of the gains.

@@ -65,15 +65,6 @@ impl Search<'_> {
         else {
             return Ok(()); // Not stabilised, beyond the region, or nothing to minimise.
         };
-        let priced = |gamma: f64, gradient: &[f64], (price, slope): &(f64, Vec<f64>)| -> (f64, Vec<f64>) {
-            // A norm of zero cannot be lowered: its logarithm is cut off and its gradient empty.
-            let factor = if gamma > 0.0 { 1.0 / gamma } else { 0.0 };
-            let own = |(i, s): (usize, &f64)| s + factor * gradient.get(i).copied().unwrap_or(0.0);
-            (
-                gamma.max(f64::MIN_POSITIVE).ln() + price,
-                slope.iter().enumerate().map(own).collect(),
-            )
-        };
         let (mut best, mut gradient) = priced(first.gamma, &gradient, &price);
         let limits = Limits {
             iterations: options.iterations,
@@ -81,19 +72,7 @@ impl Search<'_> {
             window: 20,
         };
         let go = Cell::new(true);
-        let watch = |phase| {
-            let go = &go;
-            move |_: &[f64], value: f64| {
-                let value = value.exp();
-                go.set((self.report)(Progress {
-                    start: self.index,
-                    phase,
-                    value,
-                    best: value,
-                }));
-                go.get()
-            }
-        };
+        let watch = |phase| self.reports(phase, &go);
         let mut metric = None;
         for _ in 0..options.rounds.max(1) {
             let before = best;
@@ -139,6 +118,20 @@ impl Search<'_> {
             (best, gradient) = priced(value.gamma, &fresh, &price);
         }
         Ok(())
+    }
+
+    /// Reports the logarithm of a norm after each step of a phase, and keeps in `go` whether the search goes on.
+    fn reports<'b>(&'b self, phase: Phase, go: &'b Cell<bool>) -> impl FnMut(&[f64], f64) -> bool + 'b {
+        move |_: &[f64], value: f64| {
+            let value = value.exp();
+            go.set((self.report)(Progress {
+                start: self.index,
+                phase,
+                value,
+                best: value,
+            }));
+            go.get()
+        }
     }
 
     /// Descends on the spectral abscissa until it is negative by a little, in a few descents (a fresh metric gets BFGS over
@@ -190,4 +183,15 @@ impl Search<'_> {
         }
         Ok(abscissa)
     }
+}
+
+/// The logarithm of a norm with the price for growing gains, and its gradient.
+fn priced(gamma: f64, gradient: &[f64], (price, slope): &(f64, Vec<f64>)) -> (f64, Vec<f64>) {
+    // A norm of zero cannot be lowered: its logarithm is cut off and its gradient empty.
+    let factor = if gamma > 0.0 { 1.0 / gamma } else { 0.0 };
+    let own = |(i, s): (usize, &f64)| s + factor * gradient.get(i).copied().unwrap_or(0.0);
+    (
+        gamma.max(f64::MIN_POSITIVE).ln() + price,
+        slope.iter().enumerate().map(own).collect(),
+    )
 }
