@@ -13,5 +13,6 @@ pub mod campaign;
 pub mod export;
 pub mod figures;
 pub mod geometry;
+mod markup;
 pub mod page;
 pub mod view;

@@ -50,6 +50,16 @@ pub(crate) fn decades(lo: f64, hi: f64) -> Vec<(f64, String)> {
         .collect()
 }
 
+/// Least and greatest finite value; (0, 1) when there is none.
+pub(crate) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (lo, hi) = values
+        .filter(|value| value.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), value| {
+            (lo.min(value), hi.max(value))
+        });
+    if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

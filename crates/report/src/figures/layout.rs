@@ -1,25 +1,10 @@
 //! A figure as lines and texts.
 
-use super::axis::ticks;
-use super::{Anchor, Drawing, Item, Rgb};
+use super::axis::{extent, ticks};
+use super::colors::{COLORS, GRID, INK, LIMIT, SOFT};
+use super::drawing::{Anchor, Drawing};
 use crate::page::Series;
 use crate::view::{Axis, Drawn, best};
-
-pub(super) const INK: Rgb = [23, 32, 43];
-pub(super) const SOFT: Rgb = [91, 103, 117];
-pub(super) const GRID: Rgb = [226, 230, 235];
-pub(super) const LIMIT: Rgb = [194, 47, 47];
-/// Distinct also for most colour-blind readers, in print and on screen.
-pub(super) const COLORS: [Rgb; 8] = [
-    [11, 102, 179],
-    [212, 84, 26],
-    [20, 135, 90],
-    [168, 73, 156],
-    [184, 135, 0],
-    [47, 163, 199],
-    [106, 90, 205],
-    [122, 106, 92],
-];
 
 const PANEL: [f32; 2] = [480.0, 260.0];
 const LEFT: f32 = 62.0;
@@ -177,16 +162,6 @@ fn stairs(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     out
 }
 
-/// Least and greatest finite value; (0, 1) when there is none.
-pub(super) fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let (lo, hi) = values
-        .filter(|value| value.is_finite())
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), value| {
-            (lo.min(value), hi.max(value))
-        });
-    if lo <= hi { (lo, hi) } else { (0.0, 1.0) }
-}
-
 /// Where a panel lies on the paper and what it shows.
 struct Frame {
     left: f32,
@@ -208,34 +183,6 @@ impl Frame {
 }
 
 impl Drawing {
-    pub(super) fn text(&mut self, at: [f32; 2], text: &str, size: f32, color: Rgb, anchor: Anchor) {
-        self.items.push(Item::Text {
-            at,
-            text: text.to_owned(),
-            size,
-            color,
-            anchor,
-            upright: false,
-        });
-    }
-
-    pub(super) fn line(
-        &mut self,
-        points: Vec<[f32; 2]>,
-        color: Rgb,
-        width: f32,
-        dash: Option<[f32; 2]>,
-        clip: Option<[f32; 4]>,
-    ) {
-        self.items.push(Item::Line {
-            points,
-            color,
-            width,
-            dash,
-            clip,
-        });
-    }
-
     fn axes(&mut self, frame: &Frame, below: &str) {
         for (value, label) in ticks(frame.x.0, frame.x.1, 6) {
             let x = frame.x(value);

@@ -4,7 +4,8 @@
 use tiny_skia::{Color, FillRule, Mask, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, Transform};
 use ttf_parser::{Face, OutlineBuilder};
 
-use super::{Anchor, Drawing, Item, Rgb};
+use super::colors::Rgb;
+use super::drawing::{Anchor, Drawing, Item};
 
 const FONT: &[u8] = include_bytes!("font/DejaVuSans-subset.ttf");
 

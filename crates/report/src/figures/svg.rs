@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use super::{Anchor, Drawing, Item};
-use crate::page::escape;
+use super::drawing::{Anchor, Drawing, Item};
+use crate::markup::escape;
 
 /// The picture as an SVG file.
 pub fn svg(drawing: &Drawing) -> String {
@@ -32,15 +32,7 @@ pub fn svg(drawing: &Drawing) -> String {
                 dash,
                 clip,
             } => {
-                let mut path = String::new();
-                let mut up = true;
-                for [x, y] in points {
-                    if x.is_finite() && y.is_finite() {
-                        // Hundredths of a point are finer than any printer.
-                        let _ = write!(path, "{}{x:.2} {y:.2}", if up { 'M' } else { 'L' });
-                    }
-                    up = !(x.is_finite() && y.is_finite());
-                }
+                let path = path_of(points);
                 let dash = dash.map_or(String::new(), |[on, off]| format!(" stroke-dasharray=\"{on} {off}\""));
                 let mut clipped = String::new();
                 if let Some([left, top, right, bottom]) = clip {
@@ -86,4 +78,18 @@ pub fn svg(drawing: &Drawing) -> String {
         }
     }
     out + "</svg>\n"
+}
+
+/// The data of a path through `points`, with a gap at each that is not finite.
+fn path_of(points: &[[f32; 2]]) -> String {
+    let mut path = String::new();
+    let mut up = true;
+    for [x, y] in points {
+        if x.is_finite() && y.is_finite() {
+            // Hundredths of a point are finer than any printer.
+            let _ = write!(path, "{}{x:.2} {y:.2}", if up { 'M' } else { 'L' });
+        }
+        up = !(x.is_finite() && y.is_finite());
+    }
+    path
 }

@@ -6,6 +6,7 @@ use super::motion::Motion;
 use super::series::Series;
 use super::summary::{Row, outcome};
 use super::{Run, merged};
+use crate::markup::escape;
 
 const TEMPLATE: &str = include_str!("assets/page.html");
 /// How pages look.
@@ -68,21 +69,6 @@ pub(crate) fn filled(template: &str, title: &str, styles: &[&str], data: &str, s
         rest = after;
     }
     page + rest
-}
-
-/// Text for HTML.
-pub(crate) fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out += "&amp;",
-            '<' => out += "&lt;",
-            '>' => out += "&gt;",
-            '"' => out += "&quot;",
-            c => out.push(c),
-        }
-    }
-    out
 }
 
 fn run(run: &Run) -> Value {

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::Value;
 
-pub(crate) use document::{STYLE, TICKS, TOOLS, base64, escape, filled};
+pub(crate) use document::{STYLE, TICKS, TOOLS, base64, filled};
 pub use live::Live;
 pub(crate) use series::Series;
 pub use summary::split_unit;
