@@ -3,7 +3,7 @@
 //! `fuzz/` feeds them with libFuzzer; the test below feeds them what is kept in `fuzz/corpus`. A function may refuse its bytes
 //! as it likes. It must not panic, hang or allocate without bound, and what it accepts must hold what is checked here.
 
-use crate::program::catalogue;
+use crate::catalogue::catalogue;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

@@ -8,7 +8,9 @@ mod processor;
 #[macro_use]
 mod output;
 
+mod arguments;
 mod bench;
+mod catalogue;
 mod cli;
 mod commands;
 #[cfg(feature = "capture")]

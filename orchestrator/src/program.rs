@@ -1,7 +1,6 @@
 //! A program: the whole command line over a catalogue.
 
 use std::process::ExitCode;
-use std::sync::{Arc, OnceLock};
 
 use clap::FromArgMatches;
 use engine::Catalogue;
@@ -9,15 +8,7 @@ use lockstep::participant::{ParameterError, Participant, Setup};
 
 use crate::cli::{self, Cli, Command};
 use crate::templates::Template;
-use crate::{bench, commands, limits, version};
-
-/// The catalogue of the program that runs.
-static CATALOGUE: OnceLock<Arc<Catalogue>> = OnceLock::new();
-
-/// What the program that runs contains; nothing when no program runs, as in a test.
-pub(crate) fn catalogue() -> &'static Arc<Catalogue> {
-    CATALOGUE.get_or_init(|| Arc::new(Catalogue::new(version::ESCAPEMENT)))
-}
+use crate::{bench, catalogue, commands, limits, version};
 
 /// A program with the whole command line, and with participants and assessments of its own inside.
 ///
@@ -119,8 +110,7 @@ impl Program {
             Err(error) => error.exit(),
         };
         let catalogue = self.catalogue.with_version(version);
-        let known = CATALOGUE.set(Arc::new(bench::register(catalogue)));
-        assert!(known.is_ok(), "a process is one program");
+        catalogue::set(bench::register(catalogue));
         execute(&cli.command, line, self.templates)
     }
 }
@@ -161,9 +151,11 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         Command::Man(args) => commands::man::run(args, line),
         Command::Fmu(args) => commands::fmu::run(args),
         Command::Doctor(args) => commands::doctor::run(args),
-        Command::CampaignWorker => engine::campaign::serve(catalogue(), std::io::stdin().lock(), std::io::stdout())
-            .map(|()| 0)
-            .map_err(Into::into),
+        Command::CampaignWorker => {
+            engine::campaign::serve(catalogue::catalogue(), std::io::stdin().lock(), std::io::stdout())
+                .map(|()| 0)
+                .map_err(Into::into)
+        }
         Command::Participant(_) => Ok(0),
     };
     match result {

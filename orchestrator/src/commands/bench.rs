@@ -1,13 +1,30 @@
 //! `escapement bench`: what lockstep costs on this machine.
 
-use crate::program::catalogue;
-use std::path::Path;
+use crate::catalogue::catalogue;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
 
 use crate::bench::{self, Figures};
-use crate::cli::BenchArgs;
 use engine::run::{Options, Outcome, Wait, run as run_scenario};
 use engine::scenario::Scenario;
 use engine::scope::Scope;
+
+/// Arguments of `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Measure this scenario too, such as scenarios/close.toml
+    pub scenario: Option<PathBuf>,
+    /// How often each is measured
+    #[arg(long, default_value_t = 11)]
+    pub rounds: usize,
+    /// The largest ring
+    #[arg(long, default_value_t = 64)]
+    pub participants: usize,
+    /// How many participants are killed to see how soon that is known
+    #[arg(long, default_value_t = 100)]
+    pub deaths: usize,
+}
 
 /// Measures and prints ratios.
 pub fn run(args: &BenchArgs) -> anyhow::Result<i32> {

@@ -1,12 +1,28 @@
 //! `escapement check SCENARIO`: everything but the run.
 
+use clap::Args;
 use serde_json::{Value, json};
 
-use crate::cli::CheckArgs;
-use crate::program::catalogue;
+use crate::arguments::{ScenarioArgs, StartArgs};
+use crate::catalogue::catalogue;
 use engine::run::{Known, Options, Placement, RunFailure, faults, room};
 use engine::scenario::{Program, Scenario};
 use lockstep::link::Hold;
+use lockstep::plan::Link;
+
+/// Arguments of `check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// The scenario
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
+    /// Which programs to ask
+    #[command(flatten)]
+    pub start: StartArgs,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// Plans and says what would run.
 pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
@@ -97,60 +113,10 @@ fn describe(scenario: &Scenario, known: &Known) {
         plan.timebase.tick(),
         plan.seed
     );
-    let mut order: Vec<usize> = (0..plan.participants.len()).collect();
-    if unknown.is_empty() {
-        order.sort_by_key(|&number| plan.participants[number].rank);
-        println!("participants, in the order of activations at one instant:");
-    } else {
-        println!("participants, by name; the order of activations at one instant is unknown:");
-    }
-    for number in order {
-        let own = &plan.participants[number];
-        let program = program(&scenario.participants[number].program);
-        let kind = match &known.interfaces[number] {
-            Some(interface) => format!("{:?}", interface.kind),
-            None => "of unknown kind,".to_owned(),
-        };
-        println!(
-            "  {:<16} {kind} every {} from {}, {} activations ({program})",
-            own.name, own.period, own.offset, own.activations
-        );
-    }
-    if !unknown.is_empty() {
-        println!(
-            "not asked: {}. Kind and ports are unknown, and so is whether they fit, whether all inputs are fed, and whether there \
-             is an algebraic loop: --start asks",
-            unknown.join(", ")
-        );
-    }
+    describe_participants(scenario, known, &unknown);
     println!("connections:");
     for link in &plan.links {
-        let mut timing = format!("delay {}", link.timing.delay);
-        if link.timing.jitter.is_positive() {
-            timing += &format!(", jitter up to {}", link.timing.jitter);
-        }
-        if link.timing.drop > 0.0 {
-            timing += &format!(", drops {} %", 100.0 * link.timing.drop);
-        }
-        if link.timing.hold == Hold::Linear {
-            timing += ", interpolated";
-        }
-        println!(
-            "  {:<24} {} -> {} ({timing}, room for {} samples)",
-            link.name,
-            plan.output_name(link.from),
-            plan.input_name(link.to),
-            link.capacity
-        );
-        let taken = &plan.participants[link.to.0].interface.inputs[link.to.1].descriptor;
-        let certain = [link.from.0, link.to.0]
-            .iter()
-            .all(|&end| known.interfaces[end].is_some());
-        match &link.conversion {
-            Some(conversion) if certain => (conversion.words(taken).iter()).for_each(|words| println!("    {words}")),
-            Some(_) => println!("    between fields of ports that are not known"),
-            None => {}
-        }
+        describe_link(known, link);
     }
     if scenario.guards().next().is_some() {
         println!("guards:");
@@ -179,5 +145,65 @@ fn describe(scenario: &Scenario, known: &Known) {
                 "the same"
             },
         );
+    }
+}
+
+fn describe_participants(scenario: &Scenario, known: &Known, unknown: &[&str]) {
+    let plan = &known.plan;
+    let mut order: Vec<usize> = (0..plan.participants.len()).collect();
+    if unknown.is_empty() {
+        order.sort_by_key(|&number| plan.participants[number].rank);
+        println!("participants, in the order of activations at one instant:");
+    } else {
+        println!("participants, by name; the order of activations at one instant is unknown:");
+    }
+    for number in order {
+        let own = &plan.participants[number];
+        let program = program(&scenario.participants[number].program);
+        let kind = match &known.interfaces[number] {
+            Some(interface) => format!("{:?}", interface.kind),
+            None => "of unknown kind,".to_owned(),
+        };
+        println!(
+            "  {:<16} {kind} every {} from {}, {} activations ({program})",
+            own.name, own.period, own.offset, own.activations
+        );
+    }
+    if !unknown.is_empty() {
+        println!(
+            "not asked: {}. Kind and ports are unknown, and so is whether they fit, whether all inputs are fed, and whether there \
+             is an algebraic loop: --start asks",
+            unknown.join(", ")
+        );
+    }
+}
+
+fn describe_link(known: &Known, link: &Link) {
+    let plan = &known.plan;
+    let mut timing = format!("delay {}", link.timing.delay);
+    if link.timing.jitter.is_positive() {
+        timing += &format!(", jitter up to {}", link.timing.jitter);
+    }
+    if link.timing.drop > 0.0 {
+        timing += &format!(", drops {} %", 100.0 * link.timing.drop);
+    }
+    if link.timing.hold == Hold::Linear {
+        timing += ", interpolated";
+    }
+    println!(
+        "  {:<24} {} -> {} ({timing}, room for {} samples)",
+        link.name,
+        plan.output_name(link.from),
+        plan.input_name(link.to),
+        link.capacity
+    );
+    let taken = &plan.participants[link.to.0].interface.inputs[link.to.1].descriptor;
+    let certain = [link.from.0, link.to.0]
+        .iter()
+        .all(|&end| known.interfaces[end].is_some());
+    match &link.conversion {
+        Some(conversion) if certain => (conversion.words(taken).iter()).for_each(|words| println!("    {words}")),
+        Some(_) => println!("    between fields of ports that are not known"),
+        None => {}
     }
 }

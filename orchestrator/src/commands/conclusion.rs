@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use engine::assessment::Criterion;
-use engine::campaign::{self, Campaign, CampaignError, Finished, Number, Picture};
+use engine::campaign::{self, Campaign, CampaignError, Finished, Number, Picture, Shard};
 
-use super::shards::print_part;
-use super::sweep::CampaignArgs;
+use super::points::CampaignArgs;
 
 /// Writes table, pictures and page of a campaign and reports; a part of it gets none, because its table would have gaps.
 pub fn conclude(
@@ -55,6 +54,13 @@ pub fn conclude(
         print(&identity.title, campaign, finished, shown.as_ref(), &files);
     }
     Ok(code(finished))
+}
+
+/// The figures of merit that the points have.
+pub fn figures(finished: &Finished) -> Vec<Number> {
+    let mut all = finished.results.iter().flatten();
+    let first = all.find_map(|result| result.figures.as_ref());
+    first.map_or(Vec::new(), |figures| figures.ordered())
 }
 
 /// The exit code: whether all points ran.
@@ -227,6 +233,23 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
     }
     print_wrong(campaign, finished);
     told(finished, files);
+}
+
+/// What became of a part of a campaign.
+fn print_part(title: &str, shard: Shard, campaign: &Campaign, finished: &Finished, how: &CampaignArgs) {
+    if how.json {
+        println!("{}", json(campaign, finished, &[]));
+    } else if !how.quiet {
+        println!("{title}, shard {shard}");
+        let own = finished
+            .results
+            .iter()
+            .enumerate()
+            .filter(|(at, _)| finished.identity.owns(*at));
+        let own: Vec<_> = own.map(|(_, result)| result.clone()).collect();
+        println!("{}", campaign::verdicts(&own));
+        told(finished, &[finished.folder.root().to_owned()]);
+    }
 }
 
 /// Time and files.

@@ -1,9 +1,20 @@
 //! `escapement doctor`: this machine, and what dead runs left behind.
 
+use clap::Args;
 use serde_json::json;
 
-use crate::cli::DoctorArgs;
 use engine::scope;
+
+/// Arguments of `doctor`.
+#[derive(Debug, Args)]
+pub struct DoctorArgs {
+    /// Remove what dead runs left behind
+    #[arg(long)]
+    pub remove: bool,
+    /// Print the findings as JSON
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// Looks, says, and removes if asked to.
 pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {

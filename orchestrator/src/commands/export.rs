@@ -12,7 +12,7 @@ use tape::folder::RunFolder;
 use tape::{Choice, Excerpt};
 
 use super::trust::{Trust, told};
-use crate::cli::instant;
+use crate::arguments::instant;
 use crate::line::Busy;
 use engine::scenario::in_path;
 

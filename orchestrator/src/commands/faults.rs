@@ -1,14 +1,14 @@
 //! `escapement faults SCENARIO`
 
-use crate::program::catalogue;
+use crate::catalogue::catalogue;
 use std::path::PathBuf;
 
 use clap::Args;
 use lockstep::time::Rational;
 
 use super::conclusion::{code, json, told, write};
-use super::sweep::{CampaignArgs, known_figures};
-use crate::cli::{self, ScenarioArgs};
+use super::points::{CampaignArgs, known_figures};
+use crate::arguments::{ScenarioArgs, instant};
 use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
 use engine::run::RunFailure;
 use engine::scenario::Scenario;
@@ -30,7 +30,7 @@ pub struct FaultsArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "informed"])]
     pub cases: Option<PathBuf>,
     /// Let every failure begin at this time as well as at the start, such as 12s (may be given more than once)
-    #[arg(long, value_name = "TIME", value_parser = cli::instant)]
+    #[arg(long, value_name = "TIME", value_parser = instant)]
     pub at: Vec<Rational>,
     /// Run wheel and joint failures once more with a control law that knows of them: thruster couples help the wheels, a joint
     /// that has failed gets no weight

@@ -1,14 +1,39 @@
 //! `escapement graph SCENARIO`: a drawing of who tells whom what, how often and how late.
 
-use crate::program::catalogue;
+use crate::catalogue::catalogue;
+use clap::Args;
 use lockstep::fault::Place;
 use lockstep::participant::Kind;
 use lockstep::plan::{Link, Plan};
 
-use crate::cli::{GraphArgs, GraphFormat};
+use crate::arguments::{ScenarioArgs, StartArgs};
 use engine::run::faults::notices;
 use engine::run::{Known, RunFailure};
 use engine::scenario::Scenario;
+
+/// Arguments of `graph`.
+#[derive(Debug, Args)]
+pub struct GraphArgs {
+    /// The scenario
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
+    /// Which programs to ask
+    #[command(flatten)]
+    pub start: StartArgs,
+    /// The language of the drawing
+    #[arg(long, value_enum, default_value_t)]
+    pub format: GraphFormat,
+}
+
+/// A drawing's language.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum GraphFormat {
+    /// Mermaid, for Markdown pages
+    #[default]
+    Mermaid,
+    /// DOT, for Graphviz
+    Dot,
+}
 
 /// Prints the drawing.
 pub fn run(args: &GraphArgs) -> anyhow::Result<i32> {

@@ -12,8 +12,8 @@ use tape::{Reader, Source};
 use toml::{Table, Value};
 
 use super::trust::{Trust, told};
+use crate::catalogue::catalogue;
 use crate::output;
-use crate::program::catalogue;
 
 /// Exit code: a criterion is not met.
 const NOT_MET: i32 = 3;

@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod check;
+mod cluster;
 pub mod compare;
 pub mod completions;
 mod conclusion;
@@ -10,6 +11,8 @@ pub mod export;
 pub mod faults;
 pub mod fmu;
 pub mod fmu_export;
+#[cfg(feature = "capture")]
+mod gains;
 pub mod graph;
 pub mod man;
 #[cfg(feature = "capture")]
@@ -19,6 +22,7 @@ pub mod measure;
 pub mod model;
 pub mod new;
 pub mod participant;
+mod points;
 pub mod replay;
 pub mod report;
 pub mod resume;

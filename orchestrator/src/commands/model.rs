@@ -10,12 +10,23 @@
 //! last link's when there is none.
 
 use anyhow::{Context, Result, bail};
+use clap::Args;
 use multibody::nalgebra::Vector3;
 use multibody::{Description, DynState, DynTree, FrameId, Quaternion, UrdfOptions};
 use serde_json::{Map, Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use crate::cli::ModelArgs;
+/// Arguments of `model`.
+#[derive(Debug, Args)]
+pub struct ModelArgs {
+    /// The model, a URDF file
+    pub model: PathBuf,
+    /// States in JSON; without them the tree is printed
+    pub states: Option<PathBuf>,
+    /// Go on with links that no distribution of mass has; they are warned of
+    #[arg(long)]
+    pub allow_unphysical: bool,
+}
 
 /// Prints the tree of a URDF file or, with states, evaluates it at those states and prints JSON.
 pub fn run(args: &ModelArgs) -> Result<()> {

@@ -1,9 +1,28 @@
 //! `escapement participant NAME`: a participant that this program contains, or one of a library, in a process of its own.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
-use crate::cli::ParticipantArgs;
-use crate::program::catalogue;
+use clap::Args;
+
+use crate::catalogue::catalogue;
+
+/// Arguments of `participant`.
+#[derive(Debug, Args)]
+pub struct ParticipantArgs {
+    /// Which one; of a library with one participant it may be left out
+    #[arg(required_unless_present_any = ["library", "fmu"])]
+    pub name: Option<String>,
+    /// A plug-in that contains it
+    #[arg(long, value_name = "FILE")]
+    pub library: Option<PathBuf>,
+    /// An FMU in its place
+    #[arg(long, value_name = "FILE")]
+    pub fmu: Option<PathBuf>,
+    /// The keys beside the FMU, as TOML
+    #[arg(long, default_value = "", requires = "fmu")]
+    pub options: String,
+}
 
 /// Takes its place in the run that the environment names.
 pub fn run(args: &ParticipantArgs) -> ExitCode {

@@ -9,9 +9,9 @@ use serde_json::json;
 
 use super::compare::{DIFFERENT, print};
 use super::trust::{Trust, told};
-use crate::cli::{self, CommonArgs};
+use crate::arguments::{CommonArgs, instant, span};
+use crate::catalogue::catalogue;
 use crate::output;
-use crate::program::catalogue;
 use crate::{signals, terminal};
 use engine::replay::{Found, Replay, ReplayError, Request};
 use engine::run::{Ending, Options, Wait};
@@ -38,10 +38,10 @@ pub struct ReplayArgs {
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     pub set: Vec<String>,
     /// Replay only what happens before this simulated time
-    #[arg(long, value_name = "TIME", value_parser = cli::span)]
+    #[arg(long, value_name = "TIME", value_parser = span)]
     pub to: Option<Rational>,
     /// Come to rest before the first step, or at this simulated time, say the process number, and wait for Enter
-    #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true, value_parser = cli::instant)]
+    #[arg(long, value_name = "TIME", num_args = 0..=1, default_missing_value = "0 s", require_equals = true, value_parser = instant)]
     pub wait_for_debugger: Option<Rational>,
     /// What every run takes
     #[command(flatten)]

@@ -9,8 +9,8 @@ use clap::Args;
 use report::page::{Report, Request};
 
 use super::trust::{Trust, told};
+use crate::catalogue::catalogue;
 use crate::line::Busy;
-use crate::program::catalogue;
 
 /// Exit code: a folder is not a run, or a file of it cannot be read.
 const UNREADABLE: i32 = 2;

@@ -1,14 +1,38 @@
 //! `escapement resume RUN`
 
-use crate::program::catalogue;
+use crate::catalogue::catalogue;
+use std::path::PathBuf;
+
+use clap::Args;
+use lockstep::time::Rational;
 use tape::Reader;
 use tape::folder::RunFolder;
 
 use super::run::{execute, options};
-use crate::cli::ResumeArgs;
+use crate::arguments::{HowArgs, instant, span};
 use engine::run::checkpoint::Checkpoint;
 use engine::run::{Origin, RunFailure, branch, check};
 use engine::scenario::Scenario;
+
+/// Arguments of `resume`.
+#[derive(Debug, Args)]
+pub struct ResumeArgs {
+    /// The folder of the run to go on from
+    pub run: PathBuf,
+    /// Go on from the newest checkpoint at or before this simulated time, and make the changes at this time; from the newest of all when
+    /// not given
+    #[arg(long, value_name = "TIME", value_parser = instant)]
+    pub from: Option<Rational>,
+    /// Change a key of the scenario from here on, to ask what if (may be given more than once)
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// How long to simulate in all, in place of what the run had
+    #[arg(long, value_parser = span)]
+    pub duration: Option<Rational>,
+    /// How to run it
+    #[command(flatten)]
+    pub how: HowArgs,
+}
 
 /// Goes on with a run in a folder of its own; the other one stays as it is.
 pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {

@@ -1,21 +1,43 @@
 //! `escapement run SCENARIO`
 
-use crate::program::catalogue;
+use crate::catalogue::catalogue;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use clap::Args;
 use serde_json::json;
 use tape::folder::RunFolder;
 
-use crate::cli::{HowArgs, RunArgs};
+use crate::arguments::{HowArgs, ScenarioArgs};
 use crate::{signals, terminal};
 use engine::campaign::Recalled;
 use engine::live::{self, Server, Steering};
 use engine::run::{Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, factor, run as run_scenario};
 use engine::scenario::Scenario;
 use engine::shadow::{Account, Shadow};
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// The scenario
+    #[command(flatten)]
+    pub scenario: ScenarioArgs,
+    /// Run this point of a campaign by itself, whole tape and all, in place of a scenario: the same digest
+    #[arg(long, value_name = "FOLDER:NUMBER", conflicts_with_all = ["scenario", "shadow"])]
+    pub point: Option<PathBuf>,
+    /// Feed a second program what a participant is fed, and say where it would have said something else: a file, or
+    /// builtin:NAME (may be given more than once)
+    #[arg(long, value_name = "PARTICIPANT=PROGRAM")]
+    pub shadow: Vec<String>,
+    /// Change a parameter of the shadows, such as law=\"reference\" (may be given more than once)
+    #[arg(long, value_name = "KEY.PATH=VALUE", requires = "shadow")]
+    pub shadow_set: Vec<String>,
+    /// How to run it
+    #[command(flatten)]
+    pub how: HowArgs,
+}
 
 /// Runs and reports.
 pub fn run(args: &RunArgs) -> anyhow::Result<i32> {

@@ -4,14 +4,13 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
-use engine::campaign::{
-    self, Campaign, CampaignError, Cluster, Engine, Finished, Keep, Number, Options, Part, Shard, State, Step,
-};
+use engine::campaign::{self, Campaign, CampaignError, Options, Part, State};
 use engine::scenario::Scenario;
 
-use super::conclusion::{self, conclude, told};
-use super::sweep::{self, CampaignArgs, SweepArgs};
-use crate::program::catalogue;
+use super::conclusion::{conclude, figures};
+use super::points::{CampaignArgs, PartArgs};
+use super::sweep::{self, SweepArgs};
+use crate::catalogue::catalogue;
 
 /// A campaign, or something to be done with one that is there.
 #[derive(Debug)]
@@ -68,166 +67,6 @@ impl FromArgMatches for SweepCommand {
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
         *self = SweepCommand::from_arg_matches(matches)?;
         Ok(())
-    }
-}
-
-/// Which part of the points.
-#[derive(Debug, Args)]
-pub struct PartArgs {
-    /// Run every N-th point alone, from point K on, into a folder of its own; `sweep merge` makes one campaign of all N
-    #[arg(long, value_name = "K/N")]
-    pub shard: Option<Shard>,
-    /// Run this share of the points a second time in the shard after their own, such as 1%: `sweep merge` then names nodes whose bits differ
-    #[arg(long, value_name = "SHARE", value_parser = share)]
-    pub audit: Option<f64>,
-}
-
-/// A share of the points, for an option.
-fn share(text: &str) -> Result<f64, String> {
-    let wrong = || format!("`{text}` is no share: write one above 0 % and up to 100 %, such as 1%");
-    let percent: f64 = text
-        .trim()
-        .strip_suffix('%')
-        .and_then(|number| number.trim().parse().ok())
-        .ok_or_else(wrong)?;
-    (percent > 0.0 && percent <= 100.0)
-        .then_some(percent / 100.0)
-        .ok_or_else(wrong)
-}
-
-/// On which machines.
-#[derive(Debug, Args)]
-pub struct ClusterArgs {
-    /// Let an engine run the shards on other machines: shell prints a command line for each, slurm and hyperqueue get jobs. The same command
-    /// again gives what is missing once more, and makes the table when all are complete
-    #[arg(long, value_name = "ENGINE", conflicts_with_all = ["shard", "keep", "until", "json"])]
-    pub on: Option<Engine>,
-    /// How many shards; as many as before when not given, or 16
-    #[arg(long, value_name = "COUNT", requires = "on", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub shards: Option<u32>,
-    /// Options for the engine, such as '--partition=long --time=2:00:00' (may be given more than once)
-    #[arg(long, value_name = "OPTIONS", requires = "on", allow_hyphen_values = true)]
-    pub engine_args: Vec<String>,
-    /// Write the campaign with everything that it needs to this new folder, and run nothing: `sweep run` runs it wherever it is copied to
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["on", "shard"])]
-    pub bundle: Option<PathBuf>,
-    /// Take this file or folder into the bundle too (may be given more than once)
-    #[arg(long, value_name = "PATH")]
-    pub include: Vec<PathBuf>,
-}
-
-impl ClusterArgs {
-    /// Does what was asked for; `None` when the campaign is to be run here.
-    ///
-    /// # Errors
-    /// What the engine or the file system refuses.
-    pub fn act(
-        &self,
-        campaign: &Campaign,
-        scenario: &Scenario,
-        options: &Options,
-        figure: Option<&Number>,
-        how: &CampaignArgs,
-    ) -> Result<Option<i32>, CampaignError> {
-        if let Some(folder) = &self.bundle {
-            let made = campaign::bundle(folder, catalogue(), campaign, scenario, &self.include)?;
-            warn(&made.left);
-            if !how.quiet {
-                println!("{} points", made.identity.points);
-                println!("{}", made.root.display());
-            }
-            return Ok(Some(0));
-        }
-        let Some(engine) = self.on else {
-            if options.audit > 0.0 && options.shard.is_none() {
-                let reason = "--audit: a point is run twice in two shards; say which with --shard, or where with --on";
-                return Err(CampaignError::Merge(reason.into()));
-            }
-            return Ok(None);
-        };
-        let cluster = Cluster {
-            engine,
-            shards: self.shards.map(|count| count as usize),
-            args: self.engine_args.iter().flat_map(|text| words(text)).collect(),
-            include: self.include.clone(),
-        };
-        let step = campaign::submit(catalogue(), campaign, scenario, options, &cluster)?;
-        if let Step::Complete { root, shards } = &step {
-            let (campaign, finished) = campaign::merge(root, shards)?;
-            return conclude(&campaign, &finished, &figures(&finished), figure, how).map(Some);
-        }
-        given(engine, &step, how)?;
-        Ok(Some(0))
-    }
-}
-
-/// What was given to an engine.
-fn given(engine: Engine, step: &Step, how: &CampaignArgs) -> Result<(), CampaignError> {
-    let Step::Given {
-        root,
-        lines,
-        jobs,
-        alive,
-        left,
-    } = step
-    else {
-        return Ok(());
-    };
-    warn(left);
-    if engine == Engine::Shell {
-        lines.iter().for_each(|line| println!("{line}"));
-        return Ok(());
-    }
-    if !how.quiet {
-        println!(
-            "{}: {} shards given in jobs {}, {alive} waiting or running",
-            engine.version()?,
-            lines.len(),
-            jobs.join(", ")
-        );
-        println!("how far it is: sweep status {}", root.display());
-    }
-    Ok(())
-}
-
-fn warn(left: &[String]) {
-    left.iter().for_each(|what| eprintln!("warning: {what}"));
-}
-
-/// The words of `text`; quotes hold together what has blanks.
-fn words(text: &str) -> Vec<String> {
-    let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
-    for letter in text.chars() {
-        match quote {
-            Some(mark) if letter == mark => quote = None,
-            None if letter == '"' || letter == '\'' => {
-                quote = Some(letter);
-                word.get_or_insert_default();
-            }
-            None if letter.is_whitespace() => words.extend(word.take()),
-            _ => word.get_or_insert_default().push(letter),
-        }
-    }
-    words.extend(word);
-    words
-}
-
-impl PartArgs {
-    /// `options` for that part.
-    ///
-    /// # Errors
-    /// When something is wanted that only the whole campaign knows.
-    pub fn options(&self, options: Options) -> Result<Options, CampaignError> {
-        if self.shard.is_some() && options.keep.iter().any(|keep| matches!(keep, Keep::Worst(_))) {
-            return Err(CampaignError::Merge(
-                "--keep worst: a shard does not know which points are the worst; give it to `sweep merge`".into(),
-            ));
-        }
-        Ok(Options {
-            shard: self.shard,
-            audit: self.audit.unwrap_or(0.0),
-            ..options
-        })
     }
 }
 
@@ -301,13 +140,6 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
     conclude(&campaign, &finished, &figures(&finished), None, &args.campaign)
 }
 
-/// The figures of merit that the points have.
-fn figures(finished: &Finished) -> Vec<Number> {
-    let mut all = finished.results.iter().flatten();
-    let first = all.find_map(|result| result.figures.as_ref());
-    first.map_or(Vec::new(), |figures| figures.ordered())
-}
-
 fn merge(args: &MergeArgs) -> Result<i32, CampaignError> {
     let (campaign, mut finished) = campaign::merge(&args.whole, &args.shards)?;
     let known = figures(&finished);
@@ -324,23 +156,6 @@ fn merge(args: &MergeArgs) -> Result<i32, CampaignError> {
         finished.keep(&campaign, &scenario, &options)?;
     }
     conclude(&campaign, &finished, &known, figure.as_ref(), &args.campaign)
-}
-
-/// What became of a part of a campaign.
-pub fn print_part(title: &str, shard: Shard, campaign: &Campaign, finished: &Finished, how: &CampaignArgs) {
-    if how.json {
-        println!("{}", conclusion::json(campaign, finished, &[]));
-    } else if !how.quiet {
-        println!("{title}, shard {shard}");
-        let own = finished
-            .results
-            .iter()
-            .enumerate()
-            .filter(|(at, _)| finished.identity.owns(*at));
-        let own: Vec<_> = own.map(|(_, result)| result.clone()).collect();
-        println!("{}", campaign::verdicts(&own));
-        told(finished, &[finished.folder.root().to_owned()]);
-    }
 }
 
 fn status(args: &StatusArgs) -> Result<i32, CampaignError> {

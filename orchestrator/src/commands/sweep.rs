@@ -1,18 +1,13 @@
 //! `escapement sweep SCENARIO --vary KEY=VALUES`
 
-use crate::program::catalogue;
-use crate::{signals, terminal};
-use std::path::PathBuf;
-
 use clap::Args;
 
+use super::cluster::ClusterArgs;
 use super::conclusion::conclude;
-use super::shards::{ClusterArgs, PartArgs};
-use crate::cli::ScenarioArgs;
-use engine::campaign::{
-    self, Axis, Campaign, CampaignError, CampaignFile, GridError, Keep, Kind, Number, Options, Plan, Until,
-};
-use engine::run::check;
+use super::points::{CampaignArgs, PartArgs, known_figures};
+use crate::arguments::ScenarioArgs;
+use crate::catalogue::catalogue;
+use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
 use engine::scenario::Scenario;
 
 /// Run a scenario over a grid of values or over what a campaign file draws, and make one table, a picture and a report.
@@ -57,40 +52,6 @@ pub struct SweepArgs {
     /// Everything about how the points are run
     #[command(flatten)]
     pub campaign: CampaignArgs,
-}
-
-/// What all campaigns take.
-#[derive(Debug, Args)]
-pub struct CampaignArgs {
-    /// The folder for table, picture and journal; one that is named after the scenario and the points when not given
-    #[arg(long, value_name = "FOLDER")]
-    pub out: Option<PathBuf>,
-    /// Processes that work side by side; one a core when not given
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
-    pub workers: Option<u16>,
-    /// Keep run folders, tape and all: of all points, of those that failed, of those that are not met, or of the worst ten (worst:10)
-    #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "all")]
-    pub keep: Vec<Keep>,
-    /// Print the result as JSON
-    #[arg(long)]
-    pub json: bool,
-    /// No progress line and no summary
-    #[arg(long)]
-    pub quiet: bool,
-}
-
-impl CampaignArgs {
-    /// For the campaign.
-    pub fn options(&self) -> Options {
-        Options {
-            out: self.out.clone(),
-            workers: self.workers.map(usize::from),
-            keep: self.keep.clone(),
-            progress: terminal::progress(self.quiet),
-            interrupt: signals::interrupt(),
-            ..Options::default()
-        }
-    }
 }
 
 /// Runs the grid and reports.
@@ -202,26 +163,4 @@ fn listed(args: &SweepArgs, scenario: &Scenario, overrides: &[String]) -> Result
     }
     let (columns, points) = campaign::grid(&axes)?;
     Ok(Plan::Listed { columns, points })
-}
-
-/// Checks the first point with everything but launch, and says which figures of merit there are. Where it is refused, up to `tries`
-/// points are tried for one that is not.
-///
-/// # Errors
-/// What is wrong with the first one.
-pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Vec<Number>, CampaignError> {
-    let mut first = None;
-    for point in campaign.points.iter().take(tries) {
-        let changes = [campaign.overrides.as_slice(), point].concat();
-        let scenario = Scenario::read(catalogue(), &campaign.scenario, &changes).map_err(CampaignError::from);
-        let known = scenario.and_then(|scenario| {
-            let known = check(&scenario)?;
-            Ok(campaign::figures_of(&scenario, &known.plan))
-        });
-        match known {
-            Ok(known) => return Ok(known),
-            Err(error) => first = first.or(Some(error)),
-        }
-    }
-    first.map_or(Ok(Vec::new()), Err)
 }

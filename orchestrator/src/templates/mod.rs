@@ -1,51 +1,10 @@
 //! Templates of `escapement new`. Their files are part of the program: nothing is read from the sources that it was built from.
 
+mod project;
 #[cfg(feature = "capture")]
 mod rust;
 
-/// A project that can be written.
-pub struct Template {
-    /// Its name.
-    pub name: &'static str,
-    /// What it is, in a line.
-    pub about: &'static str,
-    /// Whether it has to be built, against Escapement's own sources.
-    pub builds: bool,
-    /// The files.
-    pub files: fn(&Project<'_>) -> Result<Vec<File>, String>,
-    /// What to do in its folder, each a line for a shell.
-    pub next: &'static [&'static str],
-}
-
-/// What is known of a project before it is written.
-#[cfg_attr(
-    not(feature = "capture"),
-    expect(dead_code, reason = "only templates of the stock program look at it")
-)]
-pub struct Project<'a> {
-    /// The name of its folder.
-    pub name: String,
-    /// Where Escapement's sources are, where the user says so.
-    pub escapement: Option<&'a str>,
-}
-
-/// A file of a project.
-pub struct File {
-    /// Where, from the folder of the project.
-    pub path: String,
-    /// Its content.
-    pub text: String,
-}
-
-#[cfg(feature = "capture")]
-impl File {
-    fn new(path: &str, text: impl Into<String>) -> File {
-        File {
-            path: path.to_owned(),
-            text: text.into(),
-        }
-    }
-}
+pub use project::{File, Project, Template};
 
 #[cfg(feature = "capture")]
 /// Files of the project's own tree, under the same paths.

@@ -7,9 +7,11 @@ use synthesis::linalg::to_rows;
 use synthesis::matrices::PlantMatrices;
 use synthesis::robot::export;
 use synthesis::state_space::ModelError;
-use synthesis::tuner::{Options, Problem, Verdict, tune};
+use synthesis::tuner::{Options, Problem, Tuned, Verdict, tune};
 
-use super::{NOT_MET, REFUSED, Reporter, TuneArgs, failure, progress_line, write};
+use super::arguments::{NOT_MET, REFUSED, TuneArgs, failure};
+use super::progress::progress_line;
+use crate::commands::gains::{Reporter, write};
 
 /// Reads the matrices; an error starts with the line of the key that it is about.
 fn read(text: &str) -> Result<Problem, String> {
@@ -65,7 +67,6 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
             return Ok(failure(&error));
         }
     };
-    let k = to_rows(&tuned.controllers[0]);
     if let Some(path) = &args.export_problem {
         let exported = export(
             &problem,
@@ -84,7 +85,7 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
         "peak_rad_s": if peak.is_finite() { peak } else { f64::MAX },
         "spectral_abscissa": tuned.evaluation.abscissa,
         "certificate": { "length": tuned.certificate.length, "radius": tuned.certificate.radius, "gradients": tuned.certificate.gradients },
-        "K": k,
+        "K": to_rows(&tuned.controllers[0]),
         "attained": tuned.verdict == Verdict::Attained,
         "verdict": tuned.verdict.to_string(),
         "starts": starts,
@@ -93,7 +94,6 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
     if let Some(path) = &args.out {
         write(path, &serde_json::to_string_pretty(&result)?)?;
     }
-    let mut out = crate::output::stdout();
     let code = if tuned.verdict == Verdict::Attained {
         0
     } else {
@@ -101,9 +101,16 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
         NOT_MET
     };
     if args.json {
-        writeln!(out, "{}", serde_json::to_string_pretty(&result)?)?;
-        return Ok(code);
+        writeln!(crate::output::stdout(), "{}", serde_json::to_string_pretty(&result)?)?;
+    } else {
+        print(&tuned, peak, &starts)?;
     }
+    Ok(code)
+}
+
+/// The result for people.
+fn print(tuned: &Tuned, peak: f64, starts: &[String]) -> anyhow::Result<()> {
+    let mut out = crate::output::stdout();
     writeln!(
         out,
         "gamma              {:.8} at {peak:.6} rad/s",
@@ -121,9 +128,9 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
         starts.join(" "),
         if tuned.stopped { " (stopped)" } else { "" }
     )?;
-    for row in &k {
+    for row in to_rows(&tuned.controllers[0]) {
         let row: Vec<String> = row.iter().map(|x| format!("{x:14.8}")).collect();
         writeln!(out, "K                  {}", row.join(" "))?;
     }
-    Ok(code)
+    Ok(())
 }

@@ -2,10 +2,10 @@
 
 use std::io::Write;
 
-use synthesis::robot::{GainsFile, Spec, ValidationEntry};
+use synthesis::robot::{GainsFile, Spec};
 
-use super::super::margins::{print_flown, print_margins, print_sampled};
-use super::TuneArgs;
+use super::arguments::TuneArgs;
+use crate::commands::gains::{print_flown, print_margins, print_sampled, print_validation};
 
 /// Prints the file as the user asked for it.
 pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64) -> anyhow::Result<()> {
@@ -83,23 +83,4 @@ pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64
     print_flown(&mut out, &file.flown)?;
     print_margins(&mut out, &file.margins)?;
     print_validation(&mut out, spec, file.validation.as_ref())
-}
-
-/// The histogram of the validation set.
-pub(in crate::commands) fn print_validation(
-    out: &mut impl Write,
-    spec: &Spec,
-    validation: Option<&ValidationEntry>,
-) -> anyhow::Result<()> {
-    let Some(v) = validation else { return Ok(()) };
-    let limit = spec.validation.gamma;
-    writeln!(
-        out,
-        "\nvalidation: {} situations, {} unstable, {} above {limit}, worst gamma {:.3}",
-        v.samples, v.unstable, v.above, v.worst_gamma
-    )?;
-    for (edge, count) in &v.histogram {
-        writeln!(out, "  from {edge:5.2} {count:4} {}", "#".repeat(*count))?;
-    }
-    Ok(())
 }

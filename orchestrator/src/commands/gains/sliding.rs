@@ -12,11 +12,7 @@ use capture::provenance::plant_digest;
 ///
 /// # Errors
 /// A file that is missing, is no file of gains, or has gains that cannot be K_S of this robot.
-pub(in crate::commands) fn sliding_gain(
-    specification: &Path,
-    spec: &Spec,
-    urdf: &str,
-) -> anyhow::Result<Option<GainTable>> {
+pub fn sliding_gain(specification: &Path, spec: &Spec, urdf: &str) -> anyhow::Result<Option<GainTable>> {
     let Some(named) = &spec.gains.ks else {
         return Ok(None);
     };
@@ -40,7 +36,7 @@ pub(in crate::commands) fn sliding_gain(
 }
 
 /// Puts K_S beside the tuned gains; gives whether that changed what stood there.
-pub(in crate::commands) fn take_sliding_gain(file: &mut GainsFile, spec: &Spec, proportional: &GainTable) -> bool {
+pub fn take_sliding_gain(file: &mut GainsFile, spec: &Spec, proportional: &GainTable) -> bool {
     let before = (file.gains.ks.clone(), file.gains.ks_matrix.clone());
     // It was tried when the file was read.
     let _ = file.gains.take_sliding_gain(proportional);

@@ -8,7 +8,7 @@ use synthesis::robot::{ModelSpec, Spec};
 use tape::folder::RunFolder;
 use tape::{Reader, Source, split_record};
 
-use crate::program::catalogue;
+use crate::catalogue::catalogue;
 use capture::flight::{find, record};
 
 /// The field of the plant's truth that has the joint angles.
@@ -21,7 +21,7 @@ const DIGITS: f64 = 100.0;
 ///
 /// # Errors
 /// Names a model that is not there.
-pub(super) fn override_with(spec: &mut Spec, places: &[String]) -> anyhow::Result<()> {
+pub fn override_with(spec: &mut Spec, places: &[String]) -> anyhow::Result<()> {
     for place in places {
         let names: Vec<String> = spec.models.iter().map(|model| model.name.clone()).collect();
         let (name, at) = match place.split_once('=') {
@@ -49,7 +49,7 @@ pub(super) fn override_with(spec: &mut Spec, places: &[String]) -> anyhow::Resul
 ///
 /// # Errors
 /// A situation with both or neither, a run that is missing or too short.
-pub(in crate::commands) fn look_up(specification: &Path, spec: &mut Spec) -> anyhow::Result<()> {
+pub fn look_up(specification: &Path, spec: &mut Spec) -> anyhow::Result<()> {
     spec.models
         .iter_mut()
         .try_for_each(|model| look_up_one(specification, model))
@@ -72,7 +72,7 @@ fn look_up_one(specification: &Path, model: &mut ModelSpec) -> anyhow::Result<()
 ///
 /// # Errors
 /// As [`look_up`].
-pub(in crate::commands) fn recall(specification: &Path, spec: &mut Spec, recorded: &[ModelSpec]) -> anyhow::Result<()> {
+pub fn recall(specification: &Path, spec: &mut Spec, recorded: &[ModelSpec]) -> anyhow::Result<()> {
     for model in &mut spec.models {
         let same = |then: &&ModelSpec| then.name == model.name && then.at == model.at;
         let (Some(at), Some(then)) = (&model.at, recorded.iter().find(same)) else {

@@ -1,0 +1,245 @@
+//! Arguments that several commands take.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use lockstep::time::{Rational, TimeError};
+
+use engine::run::{self, Known, Overrun, RunFailure, Wait};
+use engine::scenario::{Program, Scenario};
+
+/// A scenario with changes.
+#[derive(Debug, Args)]
+pub struct ScenarioArgs {
+    /// The scenario file
+    pub scenario: PathBuf,
+    /// Change a key of the scenario, such as connections.measured.delay=10ms (may be given more than once)
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Another program in a participant's place from the start: a file, or builtin:NAME (may be given more than once)
+    #[arg(long, value_name = "PARTICIPANT=PROGRAM", value_parser = substitute)]
+    pub substitute: Vec<String>,
+    /// Add a fault, such as at=12s,until=14s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg (may be given
+    /// more than once; docs/scenarios.md has the keys)
+    #[arg(long = "fault", value_name = "KEY=VALUE,…")]
+    pub fault: Vec<String>,
+    /// The seed of every random stream, in place of the scenario's
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// How long to simulate, in place of the scenario's, such as 5s
+    #[arg(long, value_parser = span)]
+    pub duration: Option<Rational>,
+}
+
+/// `--wait` by the names of the strategies.
+fn wait() -> impl TypedValueParser<Value = Wait> {
+    PossibleValuesParser::new(Wait::ALL.map(|(name, _)| name)).map(|text| {
+        let found = Wait::ALL.iter().find(|(name, _)| *name == text);
+        found.map(|(_, wait)| *wait).unwrap_or_default()
+    })
+}
+
+/// `--overrun` by its words.
+fn overrun() -> impl TypedValueParser<Value = Overrun> {
+    PossibleValuesParser::new(Overrun::ALL.map(|(name, _)| name)).map(|text| {
+        let found = Overrun::ALL.iter().find(|(name, _)| *name == text);
+        found.map(|(_, overrun)| *overrun).unwrap_or_default()
+    })
+}
+
+/// `--substitute` as an override.
+fn substitute(text: &str) -> Result<String, String> {
+    let (participant, run) = engine::shadow::in_place(text, "--substitute")?;
+    Ok(format!("participants.{participant}.run={run}"))
+}
+
+/// An instant of a run, for an option.
+pub fn instant(text: &str) -> Result<Rational, String> {
+    let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
+    if time.is_negative() {
+        return Err(format!(
+            "{time} lies before the start; write 0 s or a later time, such as 5s"
+        ));
+    }
+    Ok(time)
+}
+
+/// A stretch of time, for an option.
+pub fn span(text: &str) -> Result<Rational, String> {
+    let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
+    if !time.is_positive() {
+        return Err(format!("{time} is not above zero; write a time such as 5s"));
+    }
+    Ok(time)
+}
+
+/// Slower or faster is not meant: a run would stand still, or its clock would have no effect.
+const PACES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+
+/// A multiple of the wall clock's pace, for an option.
+fn pace(text: &str) -> Result<f64, String> {
+    let factor: f64 = text.trim().parse().map_err(|_| format!("`{text}` is not a number"))?;
+    if !PACES.contains(&factor) {
+        return Err(format!(
+            "{factor} is not a pace; write a factor from {} to {}, such as 2",
+            PACES.start(),
+            PACES.end()
+        ));
+    }
+    Ok(factor)
+}
+
+impl CommonArgs {
+    /// `--start-within` as far as a duration goes.
+    pub fn start_within(&self) -> Option<Duration> {
+        let time = self.start_within?;
+        Some(Duration::try_from_secs_f64(time.seconds()).unwrap_or(Duration::ZERO))
+    }
+
+    /// Refuses to replace the run in `source`, from which this one is made.
+    ///
+    /// # Errors
+    /// Names the folder and the remedy.
+    pub fn spares(&self, source: &Path) -> Result<(), String> {
+        let real = |path: &Path| std::fs::canonicalize(path).ok();
+        let out = self.out.as_deref().filter(|_| self.force).and_then(real);
+        match (out, real(source)) {
+            (Some(out), Some(source)) if source.starts_with(&out) => Err(format!(
+                "--out {}: it has the run that is read, which --force would take away; name another folder",
+                out.display()
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl ScenarioArgs {
+    /// All changes in the form that [`engine::scenario::Scenario::read`] takes.
+    pub fn overrides(&self) -> Vec<String> {
+        let mut all = self.substitute.clone();
+        all.extend_from_slice(&self.set);
+        all.extend(self.fault.iter().map(|fault| format!("faults+={fault}")));
+        all.extend(self.seed.map(|seed| format!("seed={seed}")));
+        all.extend(self.duration.map(|duration| format!("duration={duration}")));
+        all
+    }
+}
+
+/// How to run a scenario, whatever it is.
+#[derive(Debug, Args)]
+pub struct HowArgs {
+    /// All participants in this process, in one loop: the same tape to the last bit
+    #[arg(long)]
+    pub in_process: bool,
+    /// What every run takes
+    #[command(flatten)]
+    pub common: CommonArgs,
+    /// Keep pace with the wall clock, or with a multiple of it
+    #[arg(long, value_name = "FACTOR", num_args = 0..=1, default_missing_value = "1", require_equals = true, value_parser = pace)]
+    pub real_time: Option<f64>,
+    /// With --real-time: what becomes of the run when a step is complete only after the next one was due: it is counted, or the run ends
+    #[arg(long, value_name = "WHAT", default_value = "report", value_parser = overrun(), requires = "real_time")]
+    pub overrun: Overrun,
+    /// Write what every participant did when (steps, waits, cores) as a trace that Perfetto opens; no more than a million spans
+    #[arg(long, value_name = "FILE")]
+    pub trace: Option<PathBuf>,
+    /// Come to rest at this simulated time and wait for Enter (may be given more than once)
+    #[arg(long, value_name = "TIME", value_parser = instant)]
+    pub pause_at: Vec<Rational>,
+    /// Show the run on a page while it goes on, with pause, step and resume; the address is printed. Takes a port, else any
+    /// that is free
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", require_equals = true)]
+    pub live: Option<u16>,
+    /// Keep serving the page after the end of the run, until Ctrl-C (implies --live)
+    #[arg(long)]
+    pub live_stay: bool,
+    /// Keep the state of the run in a file this often (simulated time), for `resume`
+    #[arg(long, value_name = "TIME", value_parser = span)]
+    pub checkpoint_every: Option<Rational>,
+    /// Keep the state of the run in a file at this simulated time (may be given more than once)
+    #[arg(long, value_name = "TIME", value_parser = instant)]
+    pub checkpoint_at: Vec<Rational>,
+    /// How participants wait for each other; the result does not depend on it. Spinning is granted where each has a core
+    #[arg(long, default_value = "auto", value_parser = wait())]
+    pub wait: Wait,
+    /// Leave the choice of cores to the operating system
+    #[arg(long)]
+    pub no_placement: bool,
+}
+
+/// What `run`, `resume` and `replay` have in common.
+#[derive(Debug, Args)]
+pub struct CommonArgs {
+    /// The run folder; a new one under runs/ when not given, and none for a replay
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// Replace the run in the run folder, if there is one: only ever a run, once the new one has begun
+    #[arg(long, requires = "out")]
+    pub force: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// No progress line, and no result but the exit code
+    #[arg(long)]
+    pub quiet: bool,
+    /// Give up when nothing has moved for this long, without the time in which the orchestrator itself was stopped; not used
+    /// while a replay waits for a debugger
+    #[arg(long, value_name = "TIME", default_value = "60 s", value_parser = span)]
+    pub patience: Rational,
+    /// How long each program may take to enter the run and to answer a request, in place of what the scenario says (20 s
+    /// where it says nothing)
+    #[arg(long, value_name = "TIME", value_parser = span)]
+    pub start_within: Option<Rational>,
+}
+
+/// Whether programs are started to be asked for their ports.
+#[derive(Debug, Args)]
+pub struct StartArgs {
+    /// Start participants that are programs of their own, to ask for their ports: what is not asked is unknown
+    #[arg(
+        long,
+        value_enum,
+        value_name = "WHEN",
+        num_args = 0..=1,
+        require_equals = true,
+        default_value = "auto",
+        default_missing_value = "always"
+    )]
+    pub start: Start,
+}
+
+/// When programs are started to be asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Start {
+    /// Up to sixteen of them: that is done in a moment.
+    Auto,
+    /// However many there are.
+    Always,
+    /// None.
+    Never,
+}
+
+impl StartArgs {
+    /// What is known of `scenario` without a run of it.
+    ///
+    /// # Errors
+    /// What a run of it would be refused for.
+    pub fn check(&self, scenario: &Scenario) -> Result<Known, RunFailure> {
+        const CHEAP: usize = 16;
+        let asked = |program: &&Program| !matches!(program, Program::Builtin(_) | Program::Fmu { .. });
+        let programs = scenario.programs().filter(asked).count();
+        match self.start {
+            Start::Auto if programs > CHEAP => Ok(run::check(scenario)?),
+            Start::Never => Ok(run::check(scenario)?),
+            Start::Auto | Start::Always => {
+                let options = run::Options {
+                    interrupt: crate::signals::interrupt(),
+                    ..run::Options::default()
+                };
+                run::check_with_programs(scenario, &options)
+            }
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! A campaign for other machines: given to an engine, or written with everything that it needs.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use engine::campaign::{self, Campaign, CampaignError, Cluster, Engine, Number, Options, Step};
+use engine::scenario::Scenario;
+
+use super::conclusion::{conclude, figures};
+use super::points::CampaignArgs;
+use crate::catalogue::catalogue;
+
+/// On which machines.
+#[derive(Debug, Args)]
+pub struct ClusterArgs {
+    /// Let an engine run the shards on other machines: shell prints a command line for each, slurm and hyperqueue get jobs. The same command
+    /// again gives what is missing once more, and makes the table when all are complete
+    #[arg(long, value_name = "ENGINE", conflicts_with_all = ["shard", "keep", "until", "json"])]
+    pub on: Option<Engine>,
+    /// How many shards; as many as before when not given, or 16
+    #[arg(long, value_name = "COUNT", requires = "on", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub shards: Option<u32>,
+    /// Options for the engine, such as '--partition=long --time=2:00:00' (may be given more than once)
+    #[arg(long, value_name = "OPTIONS", requires = "on", allow_hyphen_values = true)]
+    pub engine_args: Vec<String>,
+    /// Write the campaign with everything that it needs to this new folder, and run nothing: `sweep run` runs it wherever it is copied to
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["on", "shard"])]
+    pub bundle: Option<PathBuf>,
+    /// Take this file or folder into the bundle too (may be given more than once)
+    #[arg(long, value_name = "PATH")]
+    pub include: Vec<PathBuf>,
+}
+
+impl ClusterArgs {
+    /// Does what was asked for; `None` when the campaign is to be run here.
+    ///
+    /// # Errors
+    /// What the engine or the file system refuses.
+    pub fn act(
+        &self,
+        campaign: &Campaign,
+        scenario: &Scenario,
+        options: &Options,
+        figure: Option<&Number>,
+        how: &CampaignArgs,
+    ) -> Result<Option<i32>, CampaignError> {
+        if let Some(folder) = &self.bundle {
+            let made = campaign::bundle(folder, catalogue(), campaign, scenario, &self.include)?;
+            warn(&made.left);
+            if !how.quiet {
+                println!("{} points", made.identity.points);
+                println!("{}", made.root.display());
+            }
+            return Ok(Some(0));
+        }
+        let Some(engine) = self.on else {
+            if options.audit > 0.0 && options.shard.is_none() {
+                let reason = "--audit: a point is run twice in two shards; say which with --shard, or where with --on";
+                return Err(CampaignError::Merge(reason.into()));
+            }
+            return Ok(None);
+        };
+        let cluster = Cluster {
+            engine,
+            shards: self.shards.map(|count| count as usize),
+            args: self.engine_args.iter().flat_map(|text| words(text)).collect(),
+            include: self.include.clone(),
+        };
+        let step = campaign::submit(catalogue(), campaign, scenario, options, &cluster)?;
+        if let Step::Complete { root, shards } = &step {
+            let (campaign, finished) = campaign::merge(root, shards)?;
+            return conclude(&campaign, &finished, &figures(&finished), figure, how).map(Some);
+        }
+        given(engine, &step, how)?;
+        Ok(Some(0))
+    }
+}
+
+/// What was given to an engine.
+fn given(engine: Engine, step: &Step, how: &CampaignArgs) -> Result<(), CampaignError> {
+    let Step::Given {
+        root,
+        lines,
+        jobs,
+        alive,
+        left,
+    } = step
+    else {
+        return Ok(());
+    };
+    warn(left);
+    if engine == Engine::Shell {
+        lines.iter().for_each(|line| println!("{line}"));
+        return Ok(());
+    }
+    if !how.quiet {
+        println!(
+            "{}: {} shards given in jobs {}, {alive} waiting or running",
+            engine.version()?,
+            lines.len(),
+            jobs.join(", ")
+        );
+        println!("how far it is: sweep status {}", root.display());
+    }
+    Ok(())
+}
+
+fn warn(left: &[String]) {
+    left.iter().for_each(|what| eprintln!("warning: {what}"));
+}
+
+/// The words of `text`; quotes hold together what has blanks.
+fn words(text: &str) -> Vec<String> {
+    let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
+    for letter in text.chars() {
+        match quote {
+            Some(mark) if letter == mark => quote = None,
+            None if letter == '"' || letter == '\'' => {
+                quote = Some(letter);
+                word.get_or_insert_default();
+            }
+            None if letter.is_whitespace() => words.extend(word.take()),
+            _ => word.get_or_insert_default().push(letter),
+        }
+    }
+    words.extend(word);
+    words
+}

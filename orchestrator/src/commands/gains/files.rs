@@ -1,0 +1,33 @@
+//! The files of gains: a specification with the robot that it names, and what is written.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use capture::flight::find;
+use synthesis::robot::{Robot, Spec};
+
+use crate::commands::model;
+
+/// Reads a specification and the robot it names. The description's path is taken from the working directory, from the
+/// folder of the specification, or from the folder above it, whichever has it.
+pub fn load(path: &Path, text: &str, allow_unphysical: bool) -> anyhow::Result<(Spec, Robot, String)> {
+    let spec: Spec = toml::from_str(text)?;
+    let Some(found) = find(path, &spec.robot.urdf) else {
+        bail!(
+            "robot.urdf = {:?}: no such file here, beside the specification, or above it",
+            spec.robot.urdf
+        )
+    };
+    let urdf = std::fs::read_to_string(&found).with_context(|| found.display().to_string())?;
+    let robot = Robot::from_description(model::read(&found, allow_unphysical)?, &spec.robot)?;
+    spec.check(robot.channels())?;
+    Ok((spec, robot, urdf))
+}
+
+/// Writes a file and the folders that it stands in.
+pub fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    }
+    std::fs::write(path, text).with_context(|| path.display().to_string())
+}

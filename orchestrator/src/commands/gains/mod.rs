@@ -1,0 +1,22 @@
+//! What `tune` and `margins` share: the files of gains, what is computed of them, tables and plots.
+
+mod entries;
+mod files;
+mod lookup;
+mod plots;
+mod reporter;
+mod sliding;
+mod tables;
+
+pub use entries::{channel_entries, contradictions, optima, sampled_entries, stated_margins, validation_entry};
+pub use files::{load, write};
+pub use lookup::{look_up, override_with, recall};
+pub use plots::plots;
+pub use reporter::Reporter;
+pub use sliding::{sliding_gain, take_sliding_gain};
+pub use tables::{print_flown, print_margins, print_sampled, print_validation};
+
+/// How many threads to use.
+pub fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}

@@ -1,0 +1,141 @@
+//! Plots of gains over frequency.
+
+use synthesis::interconnect::lft_lower;
+use synthesis::linalg::{from_rows, singular_values, to_rows};
+use synthesis::mu::{MarginOptions, margin, upper_bound};
+use synthesis::norm::gain_at;
+use synthesis::plot::{Curve, figure};
+use synthesis::robot::{Gains, Robot, Spec, multiplicative_loop, tracking_weights};
+use synthesis::state_space::StateSpace;
+use synthesis::tuner::Problem;
+
+/// Plots of the first model as names and texts of SVG files: singular values of the channels, sensitivity against its weight, mu bounds.
+///
+/// # Errors
+/// A frequency at which a system cannot be evaluated.
+pub fn plots(
+    spec: &Spec,
+    robot: &Robot,
+    problem: &Problem,
+    gains: &Gains,
+    with_mu: bool,
+) -> anyhow::Result<Vec<(String, String)>> {
+    let closed = closed_loop(spec, robot, problem, gains)?;
+    let x_name = "frequency, rad/s";
+    let mut all = vec![
+        (
+            "channels.svg".to_string(),
+            figure(
+                "Weighted channels: largest singular value",
+                x_name,
+                "gain",
+                &channels(problem, &closed)?,
+            ),
+        ),
+        (
+            "sensitivity.svg".to_string(),
+            figure(
+                "Sensitivity against its bounds",
+                x_name,
+                "|S|",
+                &sensitivity(spec, robot, &closed)?,
+            ),
+        ),
+    ];
+    if with_mu {
+        all.push((
+            "mu.svg".to_string(),
+            figure(
+                "mu for multiplicative errors at the actuators",
+                x_name,
+                "mu",
+                &mu(spec, robot, gains)?,
+            ),
+        ));
+    }
+    Ok(all)
+}
+
+/// The generalised plant of the first model with its controller.
+fn closed_loop(spec: &Spec, robot: &Robot, problem: &Problem, gains: &Gains) -> anyhow::Result<StateSpace> {
+    let mass = robot.body(&spec.models[0])?.mass;
+    let kp = to_rows(&gains.proportional(&mass)?);
+    let rows: Vec<Vec<f64>> = (0..robot.channels())
+        .map(|i| {
+            let mut row = kp[i].clone();
+            row.extend((0..gains.ki.len()).map(|j| if i == j { gains.ki[i] } else { 0.0 }));
+            row
+        })
+        .collect();
+    let controller = StateSpace::gain(from_rows(&rows)?);
+    Ok(lft_lower(&problem.models[0].plant, &controller)?)
+}
+
+/// A curve over six decades of frequency.
+fn curve(name: &str, dashed: bool, f: &dyn Fn(f64) -> anyhow::Result<f64>) -> anyhow::Result<Curve> {
+    let grid = (0..160).map(|i| 10f64.powf(-3.0 + 6.0 * f64::from(i) / 159.0));
+    Ok(Curve {
+        name: name.into(),
+        points: grid.map(|w| Ok((w, f(w)?))).collect::<anyhow::Result<Vec<_>>>()?,
+        dashed,
+    })
+}
+
+/// The largest singular value of each channel.
+fn channels(problem: &Problem, closed: &StateSpace) -> anyhow::Result<Vec<Curve>> {
+    let mut curves = Vec::new();
+    for c in &problem.models[0].channels {
+        let part = closed.select(c.outputs.clone(), c.inputs.clone());
+        curves.push(curve(&c.name, false, &|w| Ok(gain_at(&part, w)?))?);
+    }
+    curves.push(curve("one: weights met", true, &|_| Ok(1.0))?);
+    Ok(curves)
+}
+
+/// The sensitivity of one channel of each kind, with its bound.
+fn sensitivity(spec: &Spec, robot: &Robot, closed: &StateSpace) -> anyhow::Result<Vec<Curve>> {
+    let n = robot.channels();
+    // z₁ is the weighted sensitivity: undoing the weight per channel gives the sensitivity in units of the error sizes.
+    let weighted = closed.select(0..n, 0..n);
+    let weights = tracking_weights(spec)?;
+    let mut curves = Vec::new();
+    for (i, name) in [(0, "rotation x"), (3, "translation x"), (6, "first joint")] {
+        let own = weighted.select(i..i + 1, i..i + 1);
+        let weight = weights.select(i..i + 1, i..i + 1);
+        curves.push(curve(name, false, &|w| Ok(gain_at(&own, w)? / gain_at(&weight, w)?))?);
+        curves.push(curve(&format!("{name}: bound"), true, &|w| {
+            Ok(1.0 / gain_at(&weight, w)?)
+        })?);
+    }
+    Ok(curves)
+}
+
+/// Mu of the multiplicative errors: both bounds, the largest singular value, and what holds for all frequencies.
+fn mu(spec: &Spec, robot: &Robot, gains: &Gains) -> anyhow::Result<Vec<Curve>> {
+    let (system, structure) = multiplicative_loop(spec, robot, &spec.models[0], gains)?;
+    let found = margin(&system, &structure, &MarginOptions::default())?;
+    let upper = found.curve.iter().copied().filter(|p| p.0.is_finite()).collect();
+    let unstructured = curve("largest singular value", true, &|w| {
+        Ok(singular_values(&system.at(w))?[0])
+    })?;
+    let guaranteed = curve("guaranteed for all frequencies", true, &|_| Ok(1.0 / found.guaranteed))?;
+    let mut curves = vec![
+        Curve {
+            name: "mu, upper bound".into(),
+            points: upper,
+            dashed: false,
+        },
+        unstructured,
+        guaranteed,
+    ];
+    if let Some(p) = &found.perturbation {
+        let at = upper_bound(&system.at(p.omega), &structure, 1e-4)?.value;
+        let points = vec![(p.omega, 1.0 / p.size), (p.omega, at.max(1.0 / p.size))];
+        curves.push(Curve {
+            name: "mu, lower bound (perturbation found)".into(),
+            points,
+            dashed: false,
+        });
+    }
+    Ok(curves)
+}

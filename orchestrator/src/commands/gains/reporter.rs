@@ -1,0 +1,51 @@
+//! How far the work on gains is, on standard error.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use synthesis::tuner::Flow;
+
+use crate::line::Line;
+
+/// Says on standard error how far the work is, and passes on a request for its end.
+pub struct Reporter<'a> {
+    stop: &'a AtomicBool,
+    line: Mutex<Line>,
+    started: Instant,
+}
+
+impl<'a> Reporter<'a> {
+    pub fn new(stop: &'a AtomicBool) -> Reporter<'a> {
+        Reporter {
+            stop,
+            line: Mutex::new(Line::new(false)),
+            started: Instant::now(),
+        }
+    }
+
+    fn line(&self) -> MutexGuard<'_, Line> {
+        self.line.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Says what `text` says, if it is time.
+    pub fn say(&self, text: impl FnOnce() -> String) -> Flow {
+        self.line()
+            .show(|| format!("{}, {:.0} s so far", text(), self.started.elapsed().as_secs_f64()));
+        if self.stop.load(Ordering::Relaxed) {
+            Flow::Stop
+        } else {
+            Flow::Continue
+        }
+    }
+
+    /// Whether to stop before `what` number `done` of `all`, which is said.
+    pub fn next(&self, what: &str, done: usize, all: usize) -> bool {
+        self.say(|| format!("{what} {} of {all}", done + 1)) == Flow::Stop
+    }
+
+    /// The work that was reported is over.
+    pub fn over(&self) {
+        self.line().clear();
+    }
+}

@@ -1,0 +1,110 @@
+//! How the points of a campaign are run, which all campaigns are asked, and what their figures are.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use engine::campaign::{self, Campaign, CampaignError, Keep, Number, Options, Shard};
+use engine::run::check;
+use engine::scenario::Scenario;
+
+use crate::catalogue::catalogue;
+use crate::{signals, terminal};
+
+/// What all campaigns take.
+#[derive(Debug, Args)]
+pub struct CampaignArgs {
+    /// The folder for table, picture and journal; one that is named after the scenario and the points when not given
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// Processes that work side by side; one a core when not given
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub workers: Option<u16>,
+    /// Keep run folders, tape and all: of all points, of those that failed, of those that are not met, or of the worst ten (worst:10)
+    #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "all")]
+    pub keep: Vec<Keep>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// No progress line and no summary
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+impl CampaignArgs {
+    /// For the campaign.
+    pub fn options(&self) -> Options {
+        Options {
+            out: self.out.clone(),
+            workers: self.workers.map(usize::from),
+            keep: self.keep.clone(),
+            progress: terminal::progress(self.quiet),
+            interrupt: signals::interrupt(),
+            ..Options::default()
+        }
+    }
+}
+
+/// Which part of the points.
+#[derive(Debug, Args)]
+pub struct PartArgs {
+    /// Run every N-th point alone, from point K on, into a folder of its own; `sweep merge` makes one campaign of all N
+    #[arg(long, value_name = "K/N")]
+    pub shard: Option<Shard>,
+    /// Run this share of the points a second time in the shard after their own, such as 1%: `sweep merge` then names nodes whose bits differ
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub audit: Option<f64>,
+}
+
+/// A share of the points, for an option.
+fn share(text: &str) -> Result<f64, String> {
+    let wrong = || format!("`{text}` is no share: write one above 0 % and up to 100 %, such as 1%");
+    let percent: f64 = text
+        .trim()
+        .strip_suffix('%')
+        .and_then(|number| number.trim().parse().ok())
+        .ok_or_else(wrong)?;
+    (percent > 0.0 && percent <= 100.0)
+        .then_some(percent / 100.0)
+        .ok_or_else(wrong)
+}
+
+impl PartArgs {
+    /// `options` for that part.
+    ///
+    /// # Errors
+    /// When something is wanted that only the whole campaign knows.
+    pub fn options(&self, options: Options) -> Result<Options, CampaignError> {
+        if self.shard.is_some() && options.keep.iter().any(|keep| matches!(keep, Keep::Worst(_))) {
+            return Err(CampaignError::Merge(
+                "--keep worst: a shard does not know which points are the worst; give it to `sweep merge`".into(),
+            ));
+        }
+        Ok(Options {
+            shard: self.shard,
+            audit: self.audit.unwrap_or(0.0),
+            ..options
+        })
+    }
+}
+
+/// Checks the first point with everything but launch, and says which figures of merit there are. Where it is refused, up to `tries`
+/// points are tried for one that is not.
+///
+/// # Errors
+/// What is wrong with the first one.
+pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Vec<Number>, CampaignError> {
+    let mut first = None;
+    for point in campaign.points.iter().take(tries) {
+        let changes = [campaign.overrides.as_slice(), point].concat();
+        let scenario = Scenario::read(catalogue(), &campaign.scenario, &changes).map_err(CampaignError::from);
+        let known = scenario.and_then(|scenario| {
+            let known = check(&scenario)?;
+            Ok(campaign::figures_of(&scenario, &known.plan))
+        });
+        match known {
+            Ok(known) => return Ok(known),
+            Err(error) => first = first.or(Some(error)),
+        }
+    }
+    first.map_or(Ok(Vec::new()), Err)
+}

@@ -1,0 +1,13 @@
+//! A step of the search in words.
+
+use synthesis::tuner::{Phase, Progress};
+
+/// Which start, what it does, and how far it is.
+pub fn progress_line(p: Progress, starts: usize) -> String {
+    let (start, value) = (p.start + 1, p.value);
+    match p.phase {
+        Phase::Stabilise => format!("start {start} of {starts}: stabilising, spectral abscissa {value:.4e}"),
+        Phase::Descend => format!("start {start} of {starts}: descending, gamma {value:.5}"),
+        Phase::Finish => format!("start {start} of {starts}: finishing, gamma {value:.5}"),
+    }
+}

@@ -1,0 +1,95 @@
+//! Tuning of the gains of a robot's velocity loop.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
+
+use synthesis::robot::{Step, ValidateError, design, export};
+
+use super::arguments::{NOT_MET, REFUSED, TuneArgs, failure};
+use super::print::print;
+use super::progress::progress_line;
+use super::verify::verify;
+use crate::commands::gains::{Reporter, load, look_up, override_with, sliding_gain, take_sliding_gain, threads, write};
+use capture::provenance::{digest, plant_digest};
+
+/// Tunes, verifies, writes; gives the exit code.
+pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<i32> {
+    let loaded = load(&args.spec, text, args.allow_unphysical).and_then(|(mut spec, robot, urdf)| {
+        override_with(&mut spec, &args.at)?;
+        look_up(&args.spec, &mut spec)?;
+        let proportional = sliding_gain(&args.spec, &spec, &urdf)?;
+        anyhow::Ok((spec, robot, urdf, proportional))
+    });
+    let (mut spec, robot, urdf, proportional) = match loaded {
+        Ok(loaded) => loaded,
+        Err(error) => {
+            eprintln!("error: {}: {error:#}", args.spec.display());
+            return Ok(REFUSED);
+        }
+    };
+    spec.search.starts = args.starts.unwrap_or(spec.search.starts);
+    spec.search.seed = args.seed.unwrap_or(spec.search.seed);
+    let reporter = Reporter::new(stop);
+    let clock = Instant::now();
+    let design = match design(&spec, &robot, threads(), &|step| {
+        reporter.say(|| match step {
+            Step::Tune(p) => progress_line(p, spec.search.starts),
+            Step::Validate(done) => format!("validating: {done} of {}", spec.validation.samples),
+            Step::Adversary(gamma) => format!("the adversary adds a situation with gamma {gamma:.3}"),
+        })
+    }) {
+        Ok(design) => design,
+        Err(error) => {
+            reporter.over();
+            eprintln!("error: {}: {error}", args.spec.display());
+            return Ok(match &error {
+                ValidateError::Tune(error) => failure(error),
+                ValidateError::Robot(_) => REFUSED,
+            });
+        }
+    };
+    reporter.over();
+    let tuning = clock.elapsed().as_secs_f64();
+    if let Some(path) = &args.export_problem {
+        let d = &design;
+        let exported = export(
+            &d.problem,
+            &d.tuned.gains,
+            &d.tuned.controllers,
+            &d.tuned.evaluation,
+            Some(&d.tuned.certificate),
+        );
+        write(path, &serde_json::to_string(&exported)?)?;
+    }
+    let (mut file, mut complaints) = verify(args, &spec, &robot, &design, &reporter)?;
+    file.provenance.specification = args.spec.display().to_string();
+    file.provenance.specification_digest = digest(text);
+    file.provenance.plant_digest = plant_digest(&urdf).unwrap_or_default();
+    if let Some(proportional) = &proportional {
+        take_sliding_gain(&mut file, &spec, proportional);
+    }
+    if design.tuned.stopped {
+        complaints.push("the search was stopped before it was done".into());
+    }
+    let path = args.out.clone().unwrap_or_else(|| gains_path(&args.spec));
+    write(&path, &toml::to_string(&file)?)?;
+    print(args, &spec, &file, tuning)?;
+    for complaint in &complaints {
+        eprintln!("not met: {complaint}");
+    }
+    eprintln!("gains written to {}", path.display());
+    Ok(if complaints.is_empty() { 0 } else { NOT_MET })
+}
+
+/// `x.spec.toml` becomes `x.toml`; anything else gets `.gains.toml`, so that a specification is never overwritten.
+fn gains_path(spec: &Path) -> PathBuf {
+    let name = spec
+        .file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    match name.strip_suffix(".spec.toml") {
+        Some(stem) => spec.with_file_name(format!("{stem}.toml")),
+        None => spec.with_extension("gains.toml"),
+    }
+}
