@@ -6,8 +6,8 @@ use lockstep::units::{Dimension, unit_factor};
 use sampling::design::{Coordinate, DIMENSIONS};
 
 use super::POINTS_MAX;
+use super::cell::{Cell, Head, Point};
 use super::dispersions::{Design, Dispersion, Drawn, Draws, Formula, Quantity, Sized};
-use super::plan::{Cell, Head, Point};
 
 /// Dispersions with their designs.
 #[derive(Debug)]

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use tape::Digest;
 use toml::{Table, Value};
 
+use super::Kind;
 use super::any_path::AnyPath;
 use super::declared::{Declared, dimension_of};
 use super::dispersions::{Context, DESIGNS, Design, Dispersion, Quantity, Sized, at_key, dispersion};
-use super::identity::Kind;
 use super::plan::Plan;
 use super::source::Source;
 use super::{Campaign, CampaignError};

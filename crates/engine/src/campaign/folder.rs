@@ -11,8 +11,8 @@ use tape::folder::private;
 
 use super::identity::{Identity, default_root, failed};
 use super::journal::{self, Journal};
+use super::options::Options;
 use super::point::Result as PointResult;
-use super::work::Options;
 use super::{Campaign, CampaignError, Outcome};
 
 /// Who works in a folder: the content of its file `lock`.

@@ -10,18 +10,8 @@ use tape::Digest;
 use super::any_path::AnyPath;
 use super::shard::Shard;
 use super::source::Source;
-use super::{Campaign, CampaignError, Column};
+use super::{Campaign, CampaignError, Column, Kind};
 use crate::scenario::{Named, Scenario, each_named};
-
-/// Which command makes a campaign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Kind {
-    /// `sweep`
-    Sweep,
-    /// `faults`
-    Faults,
-}
 
 /// `campaign.json`: what the folder is of.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -10,39 +10,14 @@ use super::any_path::AnyPath;
 use super::folder::{Folder, Known};
 use super::identity::{Identity, digest_of_scenario};
 use super::keep::{Keep, kept};
+use super::options::Options;
 use super::point::{Outcome, Result as PointResult};
-use super::shard::Shard;
 use super::table::sheet;
 use super::until::Watch;
 use super::worker::{Answer, Task, Word, Worker};
-use super::{Campaign, CampaignError, Number};
-use crate::observer::{Event, Interrupt, Progress};
+use super::{Campaign, CampaignError};
+use crate::observer::Event;
 use crate::scenario::Scenario;
-
-/// What the command line says about a campaign besides its points.
-#[derive(Clone, Default)]
-pub struct Options {
-    /// The campaign's folder; one named after the scenario and the points unless given.
-    pub out: Option<PathBuf>,
-    /// Processes that work side by side; one a core unless given.
-    pub workers: Option<usize>,
-    /// The points whose run folders are kept.
-    pub keep: Vec<Keep>,
-    /// The figure of merit by which points are the worst; the criteria unless given.
-    pub figure: Option<Number>,
-    /// Run a part of the points alone.
-    pub shard: Option<Shard>,
-    /// Which share of all points is run twice, in two shards.
-    pub audit: f64,
-    /// End as soon as this knows enough.
-    pub until: Option<Watch>,
-    /// Whether the same campaign with more points has the same folder, unless the user names one.
-    pub grows: bool,
-    /// Receives what happens.
-    pub progress: Progress,
-    /// Asks for an end in order.
-    pub interrupt: Interrupt,
-}
 
 /// A campaign that has ended, or was stopped.
 #[derive(Debug)]

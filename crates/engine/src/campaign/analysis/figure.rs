@@ -5,7 +5,9 @@ use serde_json::{Value, json};
 
 use super::super::point::Result as PointResult;
 use super::super::{Column, Figures, wilson};
-use super::CONFIDENCE;
+
+/// All intervals hold with this probability.
+pub(super) const CONFIDENCE: f64 = 0.95;
 
 /// The parts of a sample whose percentiles are told.
 const PARTS: [f64; 6] = [0.01, 0.05, 0.5, 0.9, 0.95, 0.99];

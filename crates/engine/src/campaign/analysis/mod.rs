@@ -11,9 +11,6 @@ use super::point::Result as PointResult;
 use super::{Campaign, Column, Figures, good_word, verdicts, wilson};
 use figure::Sample;
 
-/// All intervals hold with this probability.
-const CONFIDENCE: f64 = 0.95;
-
 /// More points than this are thinned out in pictures; the numbers are of all of them.
 const SHOWN_MAX: usize = 5000;
 

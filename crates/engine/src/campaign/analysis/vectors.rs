@@ -4,8 +4,7 @@ use report::campaign::floats;
 use sampling::statistics::percentile;
 use serde_json::{Value, json};
 
-use super::CONFIDENCE;
-use super::figure::Sample;
+use super::figure::{CONFIDENCE, Sample};
 
 /// Each vector of two or three numbers with its circular (or spherical) error probable: the median distance.
 pub(super) fn vectors(samples: &[Sample], shown: &[usize]) -> Vec<Value> {

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use lockstep::units::{convert, unit_in};
+use sampling::distribution::Impossible;
 use toml::{Table, Value};
 
 use super::quantity::{Step, number};
@@ -230,4 +231,9 @@ impl<'a> Keys<'a> {
         }
         self.wrong
     }
+}
+
+/// A distribution that could be made; else what was wrong is a mistake at its key.
+pub(super) fn possible<T>(keys: &mut Keys<'_>, made: Result<T, Impossible>) -> Option<T> {
+    made.map_err(|error| keys.refuse(error.parameter, error.reason)).ok()
 }

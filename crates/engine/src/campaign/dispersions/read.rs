@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use lockstep::units::unit_factor;
-use sampling::distribution::{Impossible, Scalar, Weights, moments_are_physical};
+use sampling::distribution::{Scalar, Weights, moments_are_physical};
 use toml::{Table, Value};
 
 use super::column;
 use super::draws::plain;
-use super::keys::Keys;
+use super::keys::{Keys, possible};
 use super::quantity::{Quantity, Step, at_key};
 use super::vectors::{attitude, correlated, direction, inertia};
 use super::{Design, Dispersion, Draws, Formula, Mode, Sized, Target};
@@ -182,10 +182,6 @@ fn targets(keys: &mut Keys<'_>) -> Vec<Target> {
         }
     }
     targets
-}
-
-pub(super) fn possible<T>(keys: &mut Keys<'_>, made: Result<T, Impossible>) -> Option<T> {
-    made.map_err(|error| keys.refuse(error.parameter, error.reason)).ok()
 }
 
 fn scalar(keys: &mut Keys<'_>, kind: &str) -> Option<Draws> {

@@ -2,9 +2,8 @@
 
 use sampling::distribution::{Correlated, Inertia};
 
-use super::keys::Keys;
+use super::keys::{Keys, possible};
 use super::quantity::{Quantity, number};
-use super::read::possible;
 use super::{Draws, Frame, Mode};
 
 pub(super) fn correlated(keys: &mut Keys<'_>, mode: Mode) -> Option<Draws> {

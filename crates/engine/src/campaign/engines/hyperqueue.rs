@@ -6,7 +6,8 @@ use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
 
-use super::{Engine, Job, Order, last_words};
+use super::engine::{Engine, last_words};
+use super::job::{Job, Order};
 use crate::campaign::CampaignError;
 use crate::campaign::identity::failed;
 

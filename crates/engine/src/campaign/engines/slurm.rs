@@ -3,7 +3,8 @@
 use std::collections::BTreeSet;
 use std::process::Command;
 
-use super::{Engine, Job, Order, last_words};
+use super::engine::{Engine, last_words};
+use super::job::{Job, Order};
 use crate::campaign::CampaignError;
 use crate::campaign::identity::failed;
 

@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Engine, Job, Order};
+use super::engine::Engine;
+use super::job::{Job, Order};
 use crate::Catalogue;
 use crate::campaign::bundle::{Bundle, bundle};
 use crate::campaign::folder::Folder;

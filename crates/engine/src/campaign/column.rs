@@ -1,0 +1,65 @@
+//! A column of a campaign's table.
+
+/// More points than anybody waits for, and more rows than are meant to be read.
+pub const POINTS_MAX: usize = 100_000;
+
+/// A column that tells points apart.
+#[derive(Debug, Clone)]
+pub struct Column {
+    /// Its name.
+    pub name: String,
+    /// The unit of its numbers; empty where it has none.
+    pub unit: String,
+    /// The value of each point as text.
+    pub texts: Vec<String>,
+    /// The same as numbers, where all of them are numbers of that unit.
+    pub numbers: Option<Vec<f64>>,
+    /// The same where all of them are whole numbers without a unit, such as seeds, which a double cannot always hold.
+    pub whole: Option<Vec<i64>>,
+}
+
+impl Column {
+    /// A column of words.
+    pub fn of_texts(name: &str, texts: Vec<String>) -> Column {
+        Column {
+            name: name.to_owned(),
+            unit: String::new(),
+            texts,
+            numbers: None,
+            whole: None,
+        }
+    }
+
+    pub(super) fn first(&self, count: usize) -> Column {
+        fn some<T: Clone>(all: &[T], count: usize) -> Vec<T> {
+            all.iter().take(count).cloned().collect()
+        }
+        Column {
+            name: self.name.clone(),
+            unit: self.unit.clone(),
+            texts: some(&self.texts, count),
+            numbers: self.numbers.as_ref().map(|all| some(all, count)),
+            whole: self.whole.as_ref().map(|all| some(all, count)),
+        }
+    }
+
+    /// Whether all are whole numbers, of which some are too large for 64 bits with a sign.
+    pub(super) fn beyond_whole(&self) -> bool {
+        let digits = |text: &String| {
+            text.strip_prefix('-')
+                .unwrap_or(text)
+                .bytes()
+                .all(|letter| letter.is_ascii_digit())
+        };
+        self.whole.is_none() && self.numbers.is_some() && self.unit.is_empty() && self.texts.iter().all(digits)
+    }
+
+    /// The value of a point as JSON: a number where it is one that a reader gets exactly.
+    pub fn json(&self, point: usize) -> serde_json::Value {
+        match (&self.whole, &self.numbers) {
+            (Some(whole), _) => serde_json::json!(whole[point]),
+            (None, Some(numbers)) if !self.beyond_whole() => serde_json::json!(numbers[point]),
+            (None, _) => serde_json::json!(self.texts[point]),
+        }
+    }
+}

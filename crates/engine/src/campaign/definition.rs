@@ -1,0 +1,81 @@
+//! What a campaign is: its scenario, its points, and what tells them apart.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::column::Column;
+use super::plan::Plan;
+use super::source::Source;
+
+/// Which command makes a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// `sweep`
+    Sweep,
+    /// `faults`
+    Faults,
+}
+
+/// Many runs of one scenario.
+#[derive(Debug)]
+pub struct Campaign {
+    /// Which command makes it.
+    pub kind: Kind,
+    /// The scenario file.
+    pub scenario: PathBuf,
+    /// Changes that all points share.
+    pub overrides: Vec<String>,
+    /// What tells the points apart, as columns of the table.
+    pub columns: Vec<Column>,
+    /// The changes of each point.
+    pub points: Vec<Vec<String>>,
+    /// Points, from 0, that there cannot be, with the reason.
+    pub refused: Vec<(usize, String)>,
+    /// The campaign file that declares the points, where one does.
+    pub source: Option<Source>,
+}
+
+impl Campaign {
+    /// All points of a plan.
+    pub fn of_plan(kind: Kind, scenario: PathBuf, overrides: Vec<String>, plan: &Plan) -> Campaign {
+        let (columns, settings) = plan.unrolled();
+        let mut refused = Vec::new();
+        let points = settings.into_iter().enumerate().map(|(k, settings)| {
+            settings.unwrap_or_else(|reason| {
+                refused.push((k, reason));
+                Vec::new()
+            })
+        });
+        Campaign {
+            points: points.collect(),
+            kind,
+            scenario,
+            overrides,
+            columns,
+            refused,
+            source: None,
+        }
+    }
+
+    /// What tells point `at` (from 0) apart, by column.
+    pub fn values(&self, at: usize) -> serde_json::Map<String, serde_json::Value> {
+        let values = self.columns.iter();
+        values.map(|column| (column.name.clone(), column.json(at))).collect()
+    }
+
+    /// The campaign with its first `count` points alone.
+    #[must_use]
+    pub fn first(&self, count: usize) -> Campaign {
+        Campaign {
+            kind: self.kind,
+            scenario: self.scenario.clone(),
+            overrides: self.overrides.clone(),
+            columns: self.columns.iter().map(|column| column.first(count)).collect(),
+            points: self.points.iter().take(count).cloned().collect(),
+            refused: self.refused.iter().filter(|(at, _)| *at < count).cloned().collect(),
+            source: self.source.clone(),
+        }
+    }
+}

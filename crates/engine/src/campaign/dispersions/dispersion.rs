@@ -1,0 +1,113 @@
+//! One dispersion.
+
+use super::draws::Draws;
+use super::quantity::{Quantity, Step};
+
+/// A key of the scenario, or one element of what stands there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Target {
+    /// The dotted key.
+    pub key: String,
+    /// The element, from 0.
+    pub element: Option<usize>,
+}
+
+/// How a draw becomes the value of a key.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
+    /// It is the value.
+    Absolute,
+    /// It is added to the scenario's own value.
+    Offset,
+    /// The scenario's own value grows by this part.
+    Relative,
+    /// The scenario's own value is multiplied by it.
+    Factor,
+}
+
+/// What a dispersion draws with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Design {
+    /// Independent draws.
+    Random,
+    /// A Latin hypercube.
+    LatinHypercube,
+    /// A scrambled Sobol' sequence.
+    Sobol,
+    /// Every value with every value of the others that are on the grid.
+    Grid,
+    /// The matrices A, B and AB from which Sobol' indices are estimated.
+    Saltelli,
+}
+
+/// One `[vary.NAME]`.
+#[derive(Debug, Clone)]
+pub struct Dispersion {
+    /// Its name: that of its draws and of its columns.
+    pub name: String,
+    /// The keys that it gives a value. None where it only stands in formulas.
+    pub targets: Vec<Target>,
+    /// Where its values come from.
+    pub draws: Draws,
+    /// What becomes of a draw.
+    pub mode: Mode,
+    /// The unit of the draws; empty where they have none.
+    pub unit: String,
+    /// The unit of the values that its keys get.
+    pub made: String,
+    /// What values are rounded to.
+    pub step: Option<Step>,
+    /// Drawn once for all points.
+    pub once: bool,
+    /// Its own design, where the campaign's is not meant.
+    pub design: Option<Design>,
+    /// How many values it takes on a grid, where those are not a list.
+    pub levels: Option<usize>,
+}
+
+impl Dispersion {
+    /// The value of a target whose value is `own` before. What is absolute needs none.
+    pub fn applied(&self, own: Option<&Quantity>, element: Option<usize>, draw: &[f64]) -> Quantity {
+        let (Some(own), true) = (
+            own,
+            self.mode != Mode::Absolute || element.is_some() || self.draws.turns(),
+        ) else {
+            let mut made = Quantity::new(draw.to_vec(), &self.unit, self.draws.listed());
+            self.rounded(&mut made, None);
+            return made;
+        };
+        let mut made = own.clone();
+        if let Some(turned) = self.draws.turned(own, draw) {
+            made.numbers = turned;
+            made.decimals = vec![None; made.numbers.len()];
+        } else {
+            let single = element.map_or(0..made.numbers.len(), |at| at..at + 1);
+            for (number, at) in single.enumerate() {
+                // One draw for all numbers of a list, or one for each.
+                let x = draw[number.min(draw.len() - 1)];
+                let value = &mut made.numbers[at];
+                *value = match self.mode {
+                    Mode::Absolute => x,
+                    Mode::Offset => *value + x,
+                    Mode::Relative => *value * (1.0 + x),
+                    Mode::Factor => *value * x,
+                };
+                made.decimals[at] = None;
+            }
+        }
+        self.rounded(&mut made, element);
+        made
+    }
+
+    /// Whether what was at a key before is gone.
+    pub fn replaces(&self) -> bool {
+        self.mode == Mode::Absolute && !self.draws.turns()
+    }
+
+    fn rounded(&self, quantity: &mut Quantity, element: Option<usize>) {
+        if let Some(step) = &self.step {
+            let all = element.map_or(0..quantity.numbers.len(), |at| at..at + 1);
+            all.for_each(|at| quantity.round(at, step));
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! Which engines there are.
+
+use std::process::{Command, Output};
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::campaign::CampaignError;
+
+/// An engine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Engine {
+    /// One command line a shard, for whatever runs command lines.
+    Shell,
+    /// `sbatch --array`
+    Slurm,
+    /// The Python package `hyperqueue`.
+    Hyperqueue,
+}
+
+impl FromStr for Engine {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Engine, String> {
+        match text {
+            "shell" => Ok(Engine::Shell),
+            "slurm" => Ok(Engine::Slurm),
+            "hyperqueue" => Ok(Engine::Hyperqueue),
+            _ => Err(format!(
+                "there is no engine `{text}`; there is shell, slurm and hyperqueue"
+            )),
+        }
+    }
+}
+
+impl Engine {
+    /// The name as `--on` takes it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Engine::Shell => "shell",
+            Engine::Slurm => "slurm",
+            Engine::Hyperqueue => "hyperqueue",
+        }
+    }
+
+    pub(super) fn refuse<T>(self, reason: impl std::fmt::Display) -> Result<T, CampaignError> {
+        Err(CampaignError::Engine {
+            engine: self.word(),
+            reason: reason.to_string(),
+        })
+    }
+
+    /// Runs a command of the engine to its end.
+    pub(super) fn call(self, command: &mut Command, remedy: &str) -> Result<Output, CampaignError> {
+        command.output().or_else(|error| {
+            let program = command.get_program().to_string_lossy().into_owned();
+            self.refuse(format!("`{program}` cannot be started ({error}): {remedy}"))
+        })
+    }
+}
+
+/// The last words of a command.
+pub(super) fn last_words(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr);
+    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    lines.next_back().unwrap_or("it says nothing").to_owned()
+}

@@ -1,0 +1,167 @@
+//! The picture over one varied key: curves.
+
+use report::figures::{Band, Chart, Curve, Drawing, Limit};
+
+use super::figures::Figures;
+use super::picture::{Picture, Place, label, numbered};
+use super::point::Result as PointResult;
+use super::tell::distinct;
+use super::{Column, figure_value, short};
+
+/// The places of a picture along its only axis.
+struct Axis<'a> {
+    places: Vec<(&'a String, Place<'a>)>,
+    /// Where each place stands.
+    xs: Vec<f64>,
+    lowest: bool,
+}
+
+/// A figure of merit, or each criterion as a part of its limit.
+pub(super) fn over_one(picture: &Picture<'_>, column: &Column) -> Drawing {
+    let axis = Axis::of(picture, column);
+    let (y_label, curves, limits) = axis.figure(picture).unwrap_or_else(|| axis.criteria(picture));
+    let values = || {
+        curves
+            .iter()
+            .flat_map(|curve| &curve.points)
+            .map(|point| point[1])
+            .filter(|y| *y > 0.0)
+    };
+    let spread = values().fold(0.0, f64::max) / values().fold(f64::INFINITY, f64::min);
+    Chart {
+        title: format!("{}: green where {}", picture.title, picture.word()),
+        x_label: label(column),
+        y_label,
+        x_names: if column.numbers.is_some() {
+            Vec::new()
+        } else {
+            axis.places.iter().map(|(value, _)| (*value).clone()).collect()
+        },
+        logarithmic: spread > 30.0,
+        bands: axis.bands(),
+        curves,
+        limits,
+    }
+    .drawing()
+}
+
+/// The points of each value of `column`, in the order in which the values come first.
+fn places<'a>(picture: &Picture<'a>, column: &'a Column) -> Vec<(&'a String, Place<'a>)> {
+    let values = distinct(&column.texts);
+    let mut places: Vec<(&String, Place<'_>)> = values.iter().map(|value| (*value, Place::default())).collect();
+    let numbers = numbered(&values);
+    for (text, result) in column.texts.iter().zip(picture.results) {
+        places[numbers[text]].1.results.push(result.as_ref());
+    }
+    places
+}
+
+/// What stands beside the vertical axis, curves and limits.
+type Shown = (String, Vec<Curve>, Vec<Limit>);
+
+impl<'a> Axis<'a> {
+    fn of(picture: &Picture<'a>, column: &'a Column) -> Axis<'a> {
+        let mut places = places(picture, column);
+        let position = |value: &String| {
+            let at = column.texts.iter().position(|text| text == value)?;
+            column.numbers.as_ref().map(|numbers| numbers[at])
+        };
+        if column.numbers.is_some() {
+            places.sort_by(|a, b| f64::total_cmp(&position(a.0).unwrap_or(0.0), &position(b.0).unwrap_or(0.0)));
+        }
+        let xs = places
+            .iter()
+            .enumerate()
+            .map(|(at, (value, _))| position(value).unwrap_or(at as f64))
+            .collect();
+        Axis {
+            places,
+            xs,
+            lowest: picture.lowest(),
+        }
+    }
+
+    /// From the middle between two places to the next one.
+    fn bands(&self) -> Vec<Band> {
+        let xs = &self.xs;
+        let middle = |at: usize, other: usize| (xs[at] + xs[other]) / 2.0;
+        let bands = self.places.iter().enumerate().map(|(at, (_, place))| Band {
+            from: if at == 0 { xs[0] } else { middle(at, at - 1) },
+            to: if at + 1 == xs.len() { xs[at] } else { middle(at, at + 1) },
+            shade: place.shade(),
+        });
+        bands.collect()
+    }
+
+    /// The worst value of each place.
+    fn curve(&self, name: &str, of: &dyn Fn(&PointResult) -> Option<f64>) -> Curve {
+        Curve {
+            name: name.to_owned(),
+            points: self
+                .xs
+                .iter()
+                .zip(&self.places)
+                .map(|(x, (_, place))| [*x, place.worst(self.lowest, of).unwrap_or(f64::NAN)])
+                .collect(),
+        }
+    }
+
+    /// The figure of merit that is asked for, with its limits.
+    fn figure(&self, picture: &Picture<'_>) -> Option<Shown> {
+        let figure = picture.figure?;
+        let y_label = if figure.unit.is_empty() {
+            figure.words()
+        } else {
+            format!("{} [{}]", figure.words(), figure.unit)
+        };
+        let curves = vec![self.curve("", &|result| figure_value(result, &figure.key))];
+        // a criterion may count in other units than the figure
+        let mut limits = Vec::new();
+        let first = first_figures(picture);
+        let criteria = first.map_or(&[][..], |figures| &figures.criteria);
+        if let Some(criterion) = criteria.iter().find(|criterion| criterion.name == figure.name)
+            && let (Some(value), Some(own)) = (criterion.value, first.and_then(|first| first.value(&figure.key)))
+            && value != 0.0
+        {
+            limits.extend(
+                criterion
+                    .limit
+                    .into_iter()
+                    .chain(criterion.at_least)
+                    .map(|limit| Limit {
+                        value: limit * own / value,
+                        name: format!("limit {} {}", short(limit), criterion.unit),
+                    }),
+            );
+        }
+        Some((y_label, curves, limits))
+    }
+
+    /// Every criterion with an upper limit, as a part of it.
+    fn criteria(&self, picture: &Picture<'_>) -> Shown {
+        let limits = vec![Limit {
+            value: 1.0,
+            name: "limit".into(),
+        }];
+        let mut curves = Vec::new();
+        for criterion in first_figures(picture).map_or(&[][..], |figures| &figures.criteria) {
+            let Some(limit) = criterion.limit.filter(|limit| *limit > 0.0) else {
+                continue;
+            };
+            let name = criterion.name.replace('_', " ");
+            let name = format!("{name} (limit {} {})", short(limit), criterion.unit);
+            curves.push(self.curve(&name, &|result| {
+                let judged = &result.figures.as_ref()?.criteria;
+                let own = judged.iter().find(|own| own.name == criterion.name)?;
+                Some(own.value? / own.limit?)
+            }));
+        }
+        ("part of the limit".to_owned(), curves, limits)
+    }
+}
+
+/// The figures of the first point that has any.
+fn first_figures<'a>(picture: &Picture<'a>) -> Option<&'a Figures> {
+    let mut all = picture.results.iter().flatten();
+    all.find_map(|result| result.figures.as_ref())
+}

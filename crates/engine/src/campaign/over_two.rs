@@ -1,0 +1,109 @@
+//! The picture over two varied keys: a map.
+
+use report::figures::{Drawing, Map, MapCell, Shade};
+
+use super::picture::{Picture, Place, label, numbered};
+use super::point::Result as PointResult;
+use super::tell::distinct;
+use super::{Column, figure_value, short};
+
+/// Each place in the colour of what became of its points.
+pub(super) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
+    let (across, down) = (in_order(x), in_order(y));
+    let mut places = vec![Place::default(); across.len() * down.len()];
+    let (columns, rows) = (numbered(&across), numbered(&down));
+    for (at, result) in picture.results.iter().enumerate() {
+        let place = rows[&y.texts[at]] * across.len() + columns[&x.texts[at]];
+        places[place].results.push(result.as_ref());
+    }
+    let of = |result: &PointResult| figure_value(result, &picture.figure?.key);
+    let worst: Vec<Option<f64>> = places.iter().map(|place| place.worst(picture.lowest(), of)).collect();
+    let good = |at: &usize| matches!(places[*at].shade(), Shade::Good(_));
+    let values: Vec<f64> = (0..places.len())
+        .filter(good)
+        .filter_map(|at| worst[at])
+        .filter(|v| *v > 0.0)
+        .collect();
+    let (low, high) = (
+        values.iter().copied().fold(f64::INFINITY, f64::min),
+        values.iter().copied().fold(0.0, f64::max),
+    );
+    let part = |value: f64| {
+        if high > low && value > 0.0 {
+            ((value / low).ln() / (high / low).ln()) as f32
+        } else {
+            0.0
+        }
+    };
+    let folded = places.iter().any(|place| place.results.len() > 1);
+    let cells = places.iter().zip(&worst).map(|(place, worst)| MapCell {
+        shade: match place.shade() {
+            Shade::Good(_) => Shade::Good(worst.map_or(0.0, part)),
+            other => other,
+        },
+        text: match (place.shade(), worst) {
+            (Shade::Unknown, _) => String::new(),
+            (Shade::Broken, _) => "!".to_owned(),
+            _ if folded => {
+                let good = place.results.iter().flatten().filter(|result| result.outcome.good());
+                format!("{}/{}", good.count(), place.results.len())
+            }
+            (_, Some(worst)) => short(*worst),
+            (_, None) => String::new(),
+        },
+    });
+    let (mut legend, word) = (Vec::new(), picture.word());
+    let shown = picture.figure.map(|figure| (figure.words(), figure.unit.as_str()));
+    match &shown {
+        Some((name, unit)) if !values.is_empty() => {
+            legend.push((Some(Shade::Good(0.0)), format!("{word}, {name} {} {unit}", short(low))));
+            legend.push((Some(Shade::Good(1.0)), format!("{word}, {name} {} {unit}", short(high))));
+        }
+        _ => legend.push((Some(Shade::Good(0.0)), word.to_owned())),
+    }
+    if places.iter().any(|place| place.shade() == Shade::Bad) {
+        legend.push((Some(Shade::Bad), "ran, not met".to_owned()));
+    }
+    if places.iter().any(|place| place.shade() == Shade::Broken) {
+        legend.push((Some(Shade::Broken), "did not run to its end".to_owned()));
+    }
+    match &shown {
+        _ if folded => legend.push((None, format!("numbers: how many of the points of a place are {word}"))),
+        Some((name, unit)) => legend.push((
+            None,
+            format!("numbers: {name} [{}]", if unit.is_empty() { "1" } else { unit }),
+        )),
+        None => {}
+    }
+    Map {
+        title: picture.title.to_owned(),
+        x_label: label(x),
+        y_label: label(y),
+        columns: across.iter().map(|value| bare(x, value)).collect(),
+        rows: down.iter().map(|value| bare(y, value)).collect(),
+        cells: cells.collect(),
+        legend,
+    }
+    .drawing()
+}
+
+/// The values of a column: numbers by size, texts as they come.
+fn in_order(column: &Column) -> Vec<&String> {
+    let mut values: Vec<(usize, &String)> = distinct(&column.texts)
+        .into_iter()
+        .map(|value| (column.texts.iter().position(|text| text == value).unwrap_or(0), value))
+        .collect();
+    if let Some(numbers) = &column.numbers {
+        values.sort_by(|a, b| f64::total_cmp(&numbers[a.0], &numbers[b.0]));
+    }
+    values.into_iter().map(|(_, value)| value).collect()
+}
+
+/// The value without its unit, which the axis has.
+fn bare(column: &Column, value: &str) -> String {
+    if column.unit.is_empty() {
+        value.to_owned()
+    } else {
+        value.strip_suffix(&column.unit).unwrap_or(value).trim().to_owned()
+    }
+}
