@@ -70,80 +70,16 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
     let mut own = own.clone();
     let cast = Cast::beside(subject, &participants);
     if let Some((exe, args)) = request.program {
-        let text = |path: &Path| {
-            let text = path.to_str().map(str::to_owned);
-            text.ok_or_else(|| format!("`{}` is not UTF-8: name a program that is", path.display()))
-        };
-        // What is given on the command line is relative to where the command is given.
-        let here = std::env::current_dir().map_err(|error| format!("there is no current folder: {error}"))?;
-        table.insert("folder".into(), Value::String(text(&here)?));
-        let mut run = Table::new();
-        let exe = text(exe)?;
-        run.insert(Program::key_of(&exe).into(), Value::String(exe));
-        run.insert(
-            "args".into(),
-            Value::Array(args.iter().cloned().map(Value::String).collect()),
-        );
-        own.insert("run".into(), Value::Table(run));
+        substitute(table, &mut own, exe, args)?;
     }
     let mut kept = Table::new();
     kept.insert(subject.to_owned(), Value::Table(own));
-    let mut connections = Table::new();
-    let mut played: BTreeMap<String, (Vec<String>, Role)> = BTreeMap::new();
-    for (name, connection) in table.get("connections").and_then(Value::as_table).into_iter().flatten() {
-        let Value::Table(mut connection) = connection.clone() else {
-            continue;
-        };
-        let inputs: Vec<Value> = match connection.get("to") {
-            Some(Value::Array(all)) => all.clone(),
-            Some(one) => vec![one.clone()],
-            None => Vec::new(),
-        };
-        let into_own = |input: &Value| {
-            let port = input.as_str().and_then(|input| input.split_once('.'));
-            port.is_some_and(|(participant, _)| participant == subject)
-        };
-        let inputs: Vec<Value> = inputs.into_iter().filter(into_own).collect();
-        if inputs.is_empty() {
-            continue;
-        }
-        let from = connection.get("from").and_then(Value::as_str).unwrap_or_default();
-        let field = from.strip_prefix(port_of(from)).unwrap_or_default();
-        let Some((producer, port)) = port_of(from).split_once('.').map(|(a, b)| (a.to_owned(), b.to_owned())) else {
-            return Err(format!("connections.{name}.from: `{from}` is not a port"));
-        };
-        // Only a continuous participant has a sample before the run starts.
-        let first_sample = connection.get("initial").and_then(Value::as_str) == Some("first-sample");
-        let (ports, role) = played.entry(producer.clone()).or_insert((Vec::new(), Role::Sampled));
-        if first_sample {
-            *role = Role::Continuous;
-        }
-        if !ports.contains(&port) {
-            ports.push(port.clone());
-        }
-        connection.insert(
-            "from".into(),
-            Value::String(format!("{}.{port}{field}", cast.player(&producer))),
-        );
-        connection.insert("to".into(), Value::Array(inputs));
-        connections.insert(name.clone(), Value::Table(connection));
-    }
+    let (mut connections, played) = feeding(table, &cast)?;
     let mut stand = |name: String, producer: &str, ports: &[String], role: Role| -> Result<(), String> {
-        for port in ports {
-            let stream = reader.stream(&format!("{producer}.{port}"));
-            stream.map_err(|error| error.to_string())?;
-        }
         let original = participants.get(producer).and_then(Value::as_table);
-        let original = original.ok_or_else(|| missing(&format!("participants.{producer}")))?;
-        let mut run = Table::new();
-        run.insert("builtin".into(), Value::String(player::NAME.into()));
-        let mut entry = Table::new();
-        entry.insert("run".into(), Value::Table(run));
-        for key in ["period", "offset"] {
-            entry.extend(original.get(key).map(|value| (key.to_owned(), value.clone())));
-        }
-        let parameters = player::parameters(reader.dir(), producer, ports, role);
-        entry.insert("parameters".into(), Value::Table(parameters));
+        let entry = player_of(reader, producer, ports, role, || {
+            original.ok_or_else(|| missing(&format!("participants.{producer}")))
+        })?;
         kept.insert(name, Value::Table(entry));
         Ok(())
     };
@@ -171,6 +107,99 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
     table.remove("report");
     table.remove("record");
     Ok(cast)
+}
+
+/// Puts a program that was given on the command line into the participant's place.
+fn substitute(table: &mut Table, own: &mut Table, exe: &Path, args: &[String]) -> Result<(), String> {
+    let text = |path: &Path| {
+        let text = path.to_str().map(str::to_owned);
+        text.ok_or_else(|| format!("`{}` is not UTF-8: name a program that is", path.display()))
+    };
+    // What is given on the command line is relative to where the command is given.
+    let here = std::env::current_dir().map_err(|error| format!("there is no current folder: {error}"))?;
+    table.insert("folder".into(), Value::String(text(&here)?));
+    let mut run = Table::new();
+    let exe = text(exe)?;
+    run.insert(Program::key_of(&exe).into(), Value::String(exe));
+    run.insert(
+        "args".into(),
+        Value::Array(args.iter().cloned().map(Value::String).collect()),
+    );
+    own.insert("run".into(), Value::Table(run));
+    Ok(())
+}
+
+/// Who is to be played: ports and role of each producer.
+type Played = BTreeMap<String, (Vec<String>, Role)>;
+
+/// The connections into the participant, which come from players now.
+fn feeding(table: &Table, cast: &Cast) -> Result<(Table, Played), String> {
+    let mut connections = Table::new();
+    let mut played = Played::new();
+    for (name, connection) in table.get("connections").and_then(Value::as_table).into_iter().flatten() {
+        let Value::Table(mut connection) = connection.clone() else {
+            continue;
+        };
+        let inputs: Vec<Value> = match connection.get("to") {
+            Some(Value::Array(all)) => all.clone(),
+            Some(one) => vec![one.clone()],
+            None => Vec::new(),
+        };
+        let into_own = |input: &Value| {
+            let port = input.as_str().and_then(|input| input.split_once('.'));
+            port.is_some_and(|(participant, _)| participant == cast.subject)
+        };
+        let inputs: Vec<Value> = inputs.into_iter().filter(into_own).collect();
+        if inputs.is_empty() {
+            continue;
+        }
+        let from = connection.get("from").and_then(Value::as_str).unwrap_or_default();
+        let field = from.strip_prefix(port_of(from)).unwrap_or_default();
+        let Some((producer, port)) = port_of(from).split_once('.').map(|(a, b)| (a.to_owned(), b.to_owned())) else {
+            return Err(format!("connections.{name}.from: `{from}` is not a port"));
+        };
+        // Only a continuous participant has a sample before the run starts.
+        let first_sample = connection.get("initial").and_then(Value::as_str) == Some("first-sample");
+        let (ports, role) = played.entry(producer.clone()).or_insert((Vec::new(), Role::Sampled));
+        if first_sample {
+            *role = Role::Continuous;
+        }
+        if !ports.contains(&port) {
+            ports.push(port.clone());
+        }
+        connection.insert(
+            "from".into(),
+            Value::String(format!("{}.{port}{field}", cast.player(&producer))),
+        );
+        connection.insert("to".into(), Value::Array(inputs));
+        connections.insert(name.clone(), Value::Table(connection));
+    }
+    Ok((connections, played))
+}
+
+/// The entry of a player of `ports` of `producer`, whose entry in the plan is `original`.
+fn player_of<'a>(
+    reader: &Reader,
+    producer: &str,
+    ports: &[String],
+    role: Role,
+    original: impl FnOnce() -> Result<&'a Table, String>,
+) -> Result<Table, String> {
+    for port in ports {
+        let stream = reader.stream(&format!("{producer}.{port}"));
+        stream.map_err(|error| error.to_string())?;
+    }
+    let original = original()?;
+    let mut run = Table::new();
+    run.insert("builtin".into(), Value::String(player::NAME.into()));
+    let mut entry = Table::new();
+    entry.insert("run".into(), Value::Table(run));
+    for key in ["period", "offset"] {
+        entry.extend(original.get(key).map(|value| (key.to_owned(), value.clone())));
+    }
+    let parameters = player::parameters(reader.dir(), producer, ports, role);
+    entry.insert("parameters".into(), Value::Table(parameters));
+    Ok(entry)
 }
 
 /// Leaves of a plan's faults those that disturb what the participant sees, under the names that their draws go by, and what was
