@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 
+use engine::Catalogue;
 use engine::run::{self, Known, Options};
 use engine::scenario::{self, Program};
 use lockstep::participant::{Factory, Interface, Kind};
@@ -18,6 +19,7 @@ use crate::{errors, values};
 /// A scenario that was read and understood.
 #[pyclass(frozen, module = "escapement._native")]
 pub(crate) struct Scenario {
+    catalogue: Arc<Catalogue>,
     pub(crate) scenario: scenario::Scenario,
     pub(crate) raised: Raised,
 }
@@ -80,7 +82,11 @@ impl Scenario {
             Some(text) => scenario::Scenario::read_text_with(&catalogue, &file, text, &overrides),
         };
         let scenario = scenario.map_err(|error| errors::scenario(py, &error))?;
-        Ok(Scenario { scenario, raised })
+        Ok(Scenario {
+            catalogue,
+            scenario,
+            raised,
+        })
     }
 
     #[getter]
@@ -140,7 +146,7 @@ impl Scenario {
 
     /// What is not wrong, but cannot have been meant.
     fn warnings(&self) -> Vec<String> {
-        self.scenario.catalogue().warnings(&self.scenario)
+        self.catalogue.warnings(&self.scenario)
     }
 
     /// Everything but the run: ports and links. With `here` every participant is made in this process, else each program of its own

@@ -1,6 +1,6 @@
 //! The catalogue: the participants and the assessments that a program contains.
 
-use std::collections::BTreeMap;
+use std::ops::Deref;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -8,16 +8,13 @@ use lockstep::participant::{Factory, ParameterError, Participant, Setup};
 use lockstep::time::Rational;
 use report::view::{View, Views};
 use tape::StreamSpec;
-use toml::{Table, Value};
+use toml::Table;
 
 use crate::assessment::Assessment;
+use crate::builtins::{Builtins, HasBuiltins};
 use crate::campaign::{Cases, CasesError};
 use crate::replay::player;
 use crate::scenario::{Program, Scenario};
-
-/// Makes an assessment from the table `assessment` of a scenario and the streams of the run.
-pub type AssessmentFactory =
-    Arc<dyn Fn(&Table, &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync>;
 
 /// What is to be said of a scenario before it runs, as warnings: nothing of it keeps the scenario from running.
 type Remarks = Arc<dyn Fn(&Scenario) -> Vec<String> + Send + Sync>;
@@ -34,9 +31,6 @@ pub struct Finding {
     /// What of it is to be said before a run.
     pub warnings: Vec<String>,
 }
-
-/// Makes in this process what a scenario names as a program of its own.
-type Within = Arc<dyn Fn(&Program) -> Option<Factory> + Send + Sync>;
 
 type Findings = Arc<dyn Fn(&Scenario) -> Vec<Finding> + Send + Sync>;
 
@@ -55,33 +49,48 @@ type Failures = Arc<dyn Fn(&Scenario, &Path, &[Rational], bool) -> Result<Cases,
 /// ```
 #[derive(Clone)]
 pub struct Catalogue {
-    version: String,
-    participants: BTreeMap<String, Factory>,
-    /// Participants that the program itself names in scenarios that it makes; an error message does not offer them.
-    internal: BTreeMap<String, Factory>,
-    assessments: BTreeMap<String, AssessmentFactory>,
+    builtins: Arc<Builtins>,
     remarks: Vec<Remarks>,
     findings: Vec<Findings>,
     failures: Option<Failures>,
     views: Vec<Views>,
-    within: Option<Within>,
+}
+
+impl Deref for Catalogue {
+    type Target = Builtins;
+
+    fn deref(&self) -> &Builtins {
+        &self.builtins
+    }
+}
+
+impl HasBuiltins for Catalogue {
+    fn builtins(&self) -> &Arc<Builtins> {
+        &self.builtins
+    }
+}
+
+impl HasBuiltins for Arc<Catalogue> {
+    fn builtins(&self) -> &Arc<Builtins> {
+        &self.builtins
+    }
 }
 
 impl Catalogue {
     /// A catalogue without entries of a program that calls itself `version`, such as `lander 1.0`.
     pub fn new(version: impl Into<String>) -> Catalogue {
         let catalogue = Catalogue {
-            version: version.into(),
-            participants: BTreeMap::new(),
-            internal: BTreeMap::new(),
-            assessments: BTreeMap::new(),
+            builtins: Arc::new(Builtins::new(version.into())),
             remarks: Vec::new(),
             findings: Vec::new(),
             failures: None,
             views: Vec::new(),
-            within: None,
         };
         catalogue.internal(player::NAME, player::factory)
+    }
+
+    fn own(&mut self) -> &mut Builtins {
+        Arc::make_mut(&mut self.builtins)
     }
 
     /// With a participant that scenarios name as `run = { builtin = "NAME" }`.
@@ -91,7 +100,7 @@ impl Catalogue {
         name: &str,
         make: impl Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync + 'static,
     ) -> Catalogue {
-        self.participants.insert(name.to_owned(), Arc::new(make));
+        self.own().add_participant(name, Arc::new(make));
         self
     }
 
@@ -102,7 +111,7 @@ impl Catalogue {
         name: &str,
         make: impl Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync + 'static,
     ) -> Catalogue {
-        self.internal.insert(name.to_owned(), Arc::new(make));
+        self.own().add_internal(name, Arc::new(make));
         self
     }
 
@@ -113,7 +122,7 @@ impl Catalogue {
         kind: &str,
         make: impl Fn(&Table, &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync + 'static,
     ) -> Catalogue {
-        self.assessments.insert(kind.to_owned(), Arc::new(make));
+        self.own().add_assessment(kind, Arc::new(make));
         self
     }
 
@@ -154,14 +163,14 @@ impl Catalogue {
     /// loop then takes it. An interpreter with the engine as a module has one for the models in its language.
     #[must_use]
     pub fn within(mut self, find: impl Fn(&Program) -> Option<Factory> + Send + Sync + 'static) -> Catalogue {
-        self.within = Some(Arc::new(find));
+        self.own().set_within(Arc::new(find));
         self
     }
 
     /// With another version.
     #[must_use]
     pub fn with_version(mut self, version: &str) -> Catalogue {
-        self.version = version.to_owned();
+        self.own().set_version(version);
         self
     }
 
@@ -206,69 +215,5 @@ impl Catalogue {
     /// The views that reports of this program have.
     pub fn views(&self) -> &[Views] {
         &self.views
-    }
-
-    /// What the program calls itself.
-    pub fn version(&self) -> &str {
-        &self.version
-    }
-
-    /// The participants that a scenario may name, in the order of their names.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.participants.keys().map(String::as_str)
-    }
-
-    /// How the participant called `name` is made.
-    pub fn factory(&self, name: &str) -> Option<&Factory> {
-        self.participants.get(name).or_else(|| self.internal.get(name))
-    }
-
-    /// How the participant of `program` is made in this process where none of its code is loaded by that: nothing for libraries
-    /// and for programs of their own.
-    pub fn factory_of(&self, program: &Program) -> Option<Factory> {
-        match program {
-            Program::Builtin(name) => self.factory(name).cloned(),
-            Program::Fmu { file, options } => {
-                let (file, options) = (file.clone(), options.clone());
-                Some(Arc::new(move |setup: &Setup| {
-                    fmu::participant(&file, &options, setup, false)
-                }))
-            }
-            Program::Library { .. } | Program::External { .. } => None,
-        }
-    }
-
-    /// How the participant of a program of its own is made in this process, where that is possible.
-    pub fn factory_within(&self, program: &Program) -> Option<Factory> {
-        self.within.as_ref().filter(|_| program.is_external())?(program)
-    }
-
-    /// The assessment that the table `assessment` of a scenario describes.
-    ///
-    /// # Errors
-    /// Names the key that is refused, or the stream that is missing.
-    pub fn assess(&self, table: &Table, streams: &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> {
-        let known = || {
-            let kinds: Vec<String> = self.assessments.keys().map(|kind| format!("`{kind}`")).collect();
-            if kinds.is_empty() {
-                "this program has no assessments: remove the table".to_owned()
-            } else {
-                format!("there is {}", kinds.join(", "))
-            }
-        };
-        match table.get("kind") {
-            Some(Value::String(kind)) => match self.assessments.get(kind) {
-                Some(make) => make(table, streams),
-                None => Err(ParameterError::new(
-                    "kind",
-                    format!("there is no assessment `{kind}`; {}", known()),
-                )),
-            },
-            Some(other) => Err(ParameterError::new(
-                "kind",
-                format!("{other} is not a name; {}", known()),
-            )),
-            None => Err(ParameterError::new("kind", format!("missing; {}", known()))),
-        }
     }
 }

@@ -13,6 +13,7 @@
 //! and an [`Interrupt`] asks for an end in order.
 
 pub mod assessment;
+mod builtins;
 pub mod campaign;
 mod catalogue;
 pub mod live;
@@ -25,7 +26,8 @@ pub mod scope;
 pub mod shadow;
 mod text;
 
-pub use catalogue::{AssessmentFactory, Catalogue, Finding};
+pub use builtins::{AssessmentFactory, Builtins, HasBuiltins};
+pub use catalogue::{Catalogue, Finding};
 pub use report::view;
 
 pub use observer::{Answer, Event, Interrupt, Observer, Progress, Silent};

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use lockstep::plan::Plan;
 use lockstep::time::{Rational, Ticks};
 
-use super::Options;
+use super::options::Options;
 use super::outcome::RunFailure;
 use crate::scenario::Scenario;
 

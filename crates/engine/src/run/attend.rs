@@ -7,9 +7,9 @@ use super::agenda::Business;
 use super::checkpoint::Checkpoint;
 use super::course::Course;
 use super::executor::{Executor, Seat};
+use super::fallen::Fallen;
 use super::outcome::{Ending, RunFailure};
 use super::prepare;
-use super::survive::Fallen;
 use crate::scenario::State;
 
 /// Does what the agenda has for `now`, at which all participants rest. `Some` when the run is over; the error is a failure that

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use lockstep::time::Rational;
 
 use super::handle::Run;
+use super::options::{Options, Origin};
 use super::outcome::{Ending, RunFailure};
-use super::{Options, Origin};
 use crate::scenario::Scenario;
 
 /// A run that was let on unchanged to where a branch begins. What it recorded is there until this is dropped.

@@ -15,6 +15,9 @@ use super::awake::Patience;
 use super::log::Log;
 use crate::scenario::{Entry, Program};
 
+/// How long participants may take to leave after they were told to.
+pub(super) const GRACE: Duration = Duration::from_millis(500);
+
 /// A participant's process.
 pub struct Participant {
     /// Its name in the scenario.

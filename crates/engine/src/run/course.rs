@@ -6,10 +6,10 @@ use lockstep::plan::{Cut, Plan, Position};
 use lockstep::time::{Rational, Ticks};
 use tape::folder::RunFolder;
 
-use super::Options;
 use super::checkpoint::Checkpoint;
 use super::horizon::Guide;
 use super::inputs::Inputs;
+use super::options::Options;
 use super::outcome::{Ending, RunFailure};
 use super::recording::Recorder;
 use super::times::Times;

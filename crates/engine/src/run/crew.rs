@@ -8,19 +8,21 @@ use lockstep::plan::{Plan, Position};
 use lockstep::span::{Detail, Span};
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;
-use lockstep::transport::iceoryx::{
-    Bell, ControlClient, Domain, DomainError, RecordReceiver, Recorded, Sleeping, StatusReader, StatusService,
-    WakeService,
-};
+use lockstep::transport::iceoryx::{Domain, Recorded, Sleeping};
 
 use super::awake::{Awake, Patience};
+use super::checkpoint::CANNOT_SAVE;
 use super::child::Participant;
 use super::explain;
+use super::life::life;
+use super::log::{flood, words};
 use super::monitor::Monitor;
+use super::options::Options;
 use super::outcome::RunFailure;
 use super::placement::Placement;
+use super::ports::Ports;
 use super::recording::Recorder;
-use super::{Options, room};
+use super::room;
 use crate::scenario::{Entry, Scenario};
 use crate::text::quoted;
 
@@ -34,33 +36,6 @@ pub(super) fn start_within(entry: &Entry, options: &Options) -> Duration {
         .map(|time| Duration::try_from_secs_f64(time.seconds()));
     let own = own.map(|own| own.unwrap_or(Duration::MAX));
     options.start_within.or(own).unwrap_or(START_WITHIN)
-}
-
-/// The orchestrator's ends of what belongs to one participant in one place in shared memory. They are there before anybody
-/// who opens them.
-pub(super) struct Ports {
-    status: StatusReader,
-    bell: Bell,
-    record: RecordReceiver,
-    control: ControlClient,
-    _services: (StatusService, WakeService),
-}
-
-impl Ports {
-    /// Makes the services of the participant `name`, one of `count`.
-    pub(super) fn create(domain: &Domain, name: &str, count: usize) -> Result<Ports, DomainError> {
-        let services = (
-            StatusService::create(domain, name, count + 1)?,
-            WakeService::create(domain, name, count + 1)?,
-        );
-        Ok(Ports {
-            control: ControlClient::create(domain, name)?,
-            record: RecordReceiver::create(domain, name)?,
-            status: StatusReader::open(domain, name)?,
-            bell: services.1.bell(domain)?,
-            _services: services,
-        })
-    }
 }
 
 /// The content of one batch of a record.
@@ -125,8 +100,8 @@ impl Member {
     pub(super) fn process_failure(&mut self, plan: &Plan, number: usize) -> Option<String> {
         match self.process.ended() {
             Some(status) if self.timing.is_some() && status.success() => None,
-            Some(status) => Some(explain::death(plan, number, self, status)),
-            None if self.process.floods() => Some(explain::flood()),
+            Some(status) => Some(explain::death(plan, number, &self.process, self.status(), status)),
+            None if self.process.floods() => Some(flood()),
             None => None,
         }
     }
@@ -268,9 +243,9 @@ fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, what: 
             "{} {when}{}{}",
             Participant::ending(status),
             room::of_bus_error(status),
-            explain::words(process.log())
+            words(process.log())
         ),
-        (None, _) if process.floods() => format!("{} {when}", explain::flood()),
+        (None, _) if process.floods() => format!("{} {when}", flood()),
         (None, Some(failure)) => return failure,
         (None, None) => {
             let pid = process.pid();
@@ -278,8 +253,8 @@ fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, what: 
                 "did not {what} within {} s {when} (pid {pid}, {}); a program that needs longer is given it by `start-within` in the \
                  scenario or --start-within{}",
                 within.as_secs_f64(),
-                explain::life(pid).words(),
-                explain::words(process.log())
+                life(pid).words(),
+                words(process.log())
             )
         }
     };
@@ -446,7 +421,7 @@ pub(super) fn send_to(member: &mut Member, address: &str, monitor: &Monitor) -> 
 pub(super) fn save(member: &mut Member, monitor: &Monitor) -> Result<Vec<u8>, RunFailure> {
     match member.ask(&Request::Save, monitor)? {
         Reply::State(Some(state)) => Ok(state),
-        Reply::State(None) => Err(member.odd(super::CANNOT_SAVE)),
+        Reply::State(None) => Err(member.odd(CANNOT_SAVE)),
         Reply::Refused { reason, .. } => Err(member.odd(format!("cannot save its state: {reason}"))),
         other => Err(member.odd(format!("answered the request for its state with {other:?}"))),
     }

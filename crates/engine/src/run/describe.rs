@@ -5,14 +5,14 @@ use std::time::Instant;
 use lockstep::control::Request;
 use lockstep::participant::Interface;
 
-use super::Options;
 use super::awake::Awake;
+use super::options::Options;
 
+use super::child::GRACE;
 use super::crew::{self, Member};
 use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::place::Place;
-use super::processes::GRACE;
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
 
@@ -30,7 +30,7 @@ fn ask_for_ports(
     options: &Options,
     monitor: &Monitor,
 ) -> Result<Interface, RunFailure> {
-    if let Some(factory) = scenario.catalogue().factory_of(&entry.program) {
+    if let Some(factory) = scenario.builtins().factory_of(&entry.program) {
         let made = factory(&entry.setup);
         let made = made.map_err(|error| scenario.refusal(entry, &error.key, &error.reason))?;
         return Ok(made.interface());

@@ -12,7 +12,7 @@ use super::handle::{Over, Run};
 use super::inputs::{self, Inputs};
 use super::newest::{Sample, no_field};
 use super::outcome::{Ending, RunFailure};
-use super::recording::streams;
+use super::streams::streams;
 use super::{attend, checkpoint, prepare};
 use crate::assessment::Figures;
 use crate::scenario::payload;

@@ -7,8 +7,8 @@ use lockstep::plan::Cut;
 use lockstep::time::Ticks;
 
 use super::course::Course;
+use super::fallen::Fallen;
 use super::outcome::{Ending, RunFailure};
-use super::survive::Fallen;
 use crate::scenario::Entry;
 
 /// How far one turn came.

@@ -1,35 +1,16 @@
-//! Who owes what to whom, in words.
+//! What a participant does, and how it died, in words.
 
 use std::process::ExitStatus;
 
 use lockstep::plan::Plan;
-use lockstep::time::Ticks;
 use lockstep::transport::iceoryx::{Activity, Status};
 
 use super::child::Participant;
-use super::crew::Member;
-use super::log::{LOG_MAX, Log};
-use super::outcome::ORCHESTRATOR;
+use super::log::words;
 use super::room;
-use crate::text::quoted;
-
-/// The last lines of a log, ready to be put behind a message.
-pub(super) fn words(log: &Log) -> String {
-    let lines = log.last_lines();
-    if lines.is_empty() {
-        "; it wrote nothing".into()
-    } else {
-        format!("; its last lines:\n  | {}", quoted(&lines.join("\n")))
-    }
-}
-
-/// The reason of a failure by a full log.
-pub(super) fn flood() -> String {
-    format!("wrote more than {} MiB to its standard error", LOG_MAX >> 20)
-}
 
 /// What participant number `number` does.
-fn doing(plan: &Plan, number: usize, status: Status) -> String {
+pub(super) fn doing(plan: &Plan, number: usize, status: Status) -> String {
     match status.activity {
         Activity::Starting => "getting ready".into(),
         Activity::Computing => format!("computing activation {}", status.next),
@@ -53,185 +34,22 @@ fn doing(plan: &Plan, number: usize, status: Status) -> String {
     }
 }
 
-fn instant(plan: &Plan, number: usize, status: Status) -> f64 {
+/// The next activation, s.
+pub(super) fn instant(plan: &Plan, number: usize, status: Status) -> f64 {
     plan.timebase
         .seconds(plan.participants[number].sample_time.instant(status.next))
 }
 
-/// A participant's process ended before it was done.
-pub(super) fn death(plan: &Plan, number: usize, member: &Member, status: ExitStatus) -> String {
-    let last = member.status();
+/// A participant's process, which said `last` where it was, ended before it was done.
+pub(super) fn death(plan: &Plan, number: usize, process: &Participant, last: Status, status: ExitStatus) -> String {
     format!(
         "process {} {}{} at t = {} s (activation {}) while {}{}",
-        member.process.pid(),
+        process.pid(),
         Participant::ending(status),
         room::of_bus_error(status),
         instant(plan, number, last),
         last.next,
         doing(plan, number, last),
-        words(member.process.log())
+        words(process.log())
     )
-}
-
-/// Why the run stands still because of a participant: the lower, the more certain.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Blame {
-    /// The kernel says that it is stopped, and there is something for it to do.
-    StoppedWithWork,
-    /// It computes, has not started, or rests though it may go on.
-    Working,
-    /// The kernel says that it is stopped; what it was about to do does not show.
-    Stopped,
-    /// It waits for something that has come.
-    Blind,
-}
-
-/// Nothing moves: the participant to blame, and what each participant does. `recorded` is how many samples of a stream are on the tape.
-pub(super) fn standstill(
-    plan: &Plan,
-    crew: &[Member],
-    horizon: Ticks,
-    seconds: f64,
-    recorded: impl Fn(usize) -> u64,
-) -> (String, String) {
-    let mut lines = Vec::new();
-    let statuses: Vec<Status> = crew.iter().map(Member::status).collect();
-    let mut blamed = Vec::new();
-    for (number, (member, &status)) in crew.iter().zip(&statuses).enumerate() {
-        let pid = member.process.pid();
-        lines.push(format!(
-            "  {} (pid {pid}) at t = {} s: {}",
-            member.process.name,
-            instant(plan, number, status),
-            doing(plan, number, status)
-        ));
-        if member.timing.is_some() {
-            continue;
-        }
-        let own = &plan.participants[number];
-        let may = status.next < own.activations && own.sample_time.instant(status.next) < horizon;
-        let working = match status.activity {
-            Activity::Computing | Activity::Starting | Activity::Finished => true,
-            Activity::Rest => may || !member.rests_at(horizon),
-            _ => false,
-        };
-        let blind = match status.activity {
-            Activity::Input { .. } => awaited(plan, number, status).is_some_and(|(from, output, index)| {
-                let stream = plan.participants[from].first_stream as usize + output;
-                // A producer that waits for room elsewhere has recorded more than it has sent.
-                let sent = !matches!(statuses[from].activity, Activity::Room { .. });
-                sent && recorded(stream) > index
-            }),
-            // The recorder has taken everything, else something would move.
-            Activity::Recorder => true,
-            _ => false,
-        };
-        let blame = match (life(pid), working, blind) {
-            (Life::Stopped, true, _) | (Life::Stopped, _, true) => Blame::StoppedWithWork,
-            (_, true, _) => Blame::Working,
-            (Life::Stopped, ..) => Blame::Stopped,
-            (_, _, true) => Blame::Blind,
-            _ => continue,
-        };
-        blamed.push((blame, number));
-    }
-    let (name, debt) = match blamed.into_iter().min() {
-        Some((_, number)) => {
-            let pid = crew[number].process.pid();
-            let (name, does) = (
-                crew[number].process.name.clone(),
-                state(pid, &statuses[number], seconds),
-            );
-            let debt = format!(
-                "{name} (pid {pid}, {does}) {}",
-                owes(plan, number, &statuses, &recorded)
-            );
-            (name, debt)
-        }
-        None => (ORCHESTRATOR.to_owned(), "no participant owes anything".to_owned()),
-    };
-    let text = format!(
-        "nothing has moved for {seconds:.1} s: {debt}; recorder idle\n{}",
-        lines.join("\n")
-    );
-    (name, text)
-}
-
-/// The producer, its output and the index of the sample for which participant number `number` waits.
-fn awaited(plan: &Plan, number: usize, status: Status) -> Option<(usize, usize, u64)> {
-    let Activity::Input { input, index } = status.activity else {
-        return None;
-    };
-    let link = plan.links_into(number).nth(input as usize)?;
-    let (from, output) = plan.links[link].from;
-    Some((from, output, index))
-}
-
-/// What the kernel says of a process.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Life {
-    Alive,
-    InKernel,
-    Stopped,
-    Ended,
-}
-
-impl Life {
-    pub(super) fn words(self) -> &'static str {
-        match self {
-            Life::Alive => "alive",
-            Life::InKernel => "alive, in the kernel",
-            Life::Stopped => "stopped by a signal or a debugger",
-            Life::Ended => "ended",
-        }
-    }
-}
-
-/// What the kernel says of the process `pid`.
-pub(super) fn life(pid: u32) -> Life {
-    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-    // The state is the first letter behind the name, which stands in parentheses and may hold anything.
-    match stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next()) {
-        Some('T' | 't') => Life::Stopped,
-        Some('D') => Life::InKernel,
-        Some('Z') | None => Life::Ended,
-        Some(_) => Life::Alive,
-    }
-}
-
-/// `alive, computing for 4.1 s`: what the kernel and the participant itself say.
-fn state(pid: u32, status: &Status, seconds: f64) -> String {
-    let work = match status.activity {
-        Activity::Starting => "getting ready",
-        Activity::Computing => "computing",
-        Activity::Rest => "not seeing that it may go on",
-        Activity::Finished => "done, but without a word of it,",
-        Activity::Input { .. } | Activity::Room { .. } | Activity::Recorder => "waiting",
-    };
-    format!("{}, {work} for {seconds:.1} s", life(pid).words())
-}
-
-/// `has not published push #200; plant waits for it at t = 2 s`
-fn owes(plan: &Plan, culprit: usize, statuses: &[Status], recorded: impl Fn(usize) -> u64) -> String {
-    if let Some((from, output, index)) = awaited(plan, culprit, statuses[culprit]) {
-        let name = plan.output_name((from, output));
-        let stream = plan.participants[from].first_stream as usize + output;
-        return match recorded(stream) > index {
-            true => format!("has not taken sample #{index} of {name}, which is on the tape"),
-            false => format!("has not gone on with activation {}", statuses[culprit].next),
-        };
-    }
-    let waiting = statuses.iter().enumerate().find_map(|(number, &status)| {
-        let (from, output, index) = awaited(plan, number, status)?;
-        (from == culprit).then_some((number, output, index))
-    });
-    match waiting {
-        Some((number, output, index)) => format!(
-            "has not published {} #{index}; {} waits for it at t = {} s",
-            plan.participants[culprit].interface.outputs[output].name,
-            plan.participants[number].name,
-            instant(plan, number, statuses[number])
-        ),
-        None => format!("has not completed activation {}", statuses[culprit].next),
-    }
 }

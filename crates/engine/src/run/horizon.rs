@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use lockstep::plan::Plan;
 use lockstep::time::Ticks;
 
-use super::Options;
 use super::agenda::{Agenda, Business};
+use super::options::Options;
 use super::pace::{Due, Pace};
 use crate::live::Steering;
 use crate::scenario::Scenario;

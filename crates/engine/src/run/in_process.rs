@@ -9,15 +9,16 @@ use lockstep::plan::{Cut, Plan, Position};
 use lockstep::stepper::settle;
 use lockstep::time::Ticks;
 
+use super::checkpoint::CANNOT_SAVE;
 use super::course::Course;
 use super::executor::{Account, Executor, Seat, Turn};
-use super::outcome::{Ending, ORCHESTRATOR, RunFailure};
+use super::fallen::Fallen;
+use super::options::Options;
+use super::outcome::{Ending, RunFailure};
 use super::prepare::Made;
 use super::recording::{Direct, Recorder};
-use super::survive::Fallen;
-use super::{CANNOT_SAVE, Options};
 use crate::observer::Event as Report;
-use crate::scenario::{Entry, Program, Scenario};
+use crate::scenario::{Entry, ORCHESTRATOR, Program, Scenario};
 
 /// Activations between two looks at the clock and the signals.
 const GLANCE: i64 = 512;
@@ -43,7 +44,7 @@ pub(super) fn seated(
 ) -> Result<Vec<Box<dyn Participant>>, RunFailure> {
     // What cannot run here is refused now, not at its time.
     let elsewhere =
-        |entry: &&Entry| entry.program.is_external() && scenario.catalogue().factory_within(&entry.program).is_none();
+        |entry: &&Entry| entry.program.is_external() && scenario.builtins().factory_within(&entry.program).is_none();
     if let Some(entry) = entries.iter().find(elsewhere) {
         return Err(outside(entry));
     }

@@ -2,8 +2,8 @@
 
 use lockstep::time::Rational;
 
-use super::Options;
 use super::agenda::CHECKPOINTS_MAX;
+use super::options::Options;
 use super::outcome::RunFailure;
 
 /// Refuses instants at which the run of `duration` does not come to rest, before anything starts.

@@ -5,22 +5,8 @@ use lockstep::span::{Doing, Span};
 use lockstep::time::Ticks;
 
 use super::horizon::Guide;
+use super::options::Overrun;
 use super::punctuality::{Lateness, Punctuality};
-
-/// What becomes of a run that keeps pace with the wall clock when a step is complete only after the next one was due.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Overrun {
-    /// It is counted, and reported.
-    #[default]
-    Report,
-    /// The run ends.
-    Stop,
-}
-
-impl Overrun {
-    /// Both with their names.
-    pub const ALL: [(&'static str, Overrun); 2] = [("report", Overrun::Report), ("stop", Overrun::Stop)];
-}
 
 /// Looks at steps while they come.
 pub(super) struct Watchman {

@@ -11,6 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
+use crate::text::quoted;
+
 /// A participant that writes more than this to its standard error is stopped.
 pub const LOG_MAX: u64 = 64 << 20;
 /// The longest wait for the end of a log: a process that the participant has started may keep the pipe open for ever.
@@ -113,6 +115,21 @@ impl Flow {
             }
         }
     }
+}
+
+/// The last lines of a log, ready to be put behind a message.
+pub(super) fn words(log: &Log) -> String {
+    let lines = log.last_lines();
+    if lines.is_empty() {
+        "; it wrote nothing".into()
+    } else {
+        format!("; its last lines:\n  | {}", quoted(&lines.join("\n")))
+    }
+}
+
+/// The reason of a failure by a full log.
+pub(super) fn flood() -> String {
+    format!("wrote more than {} MiB to its standard error", LOG_MAX >> 20)
 }
 
 #[cfg(test)]

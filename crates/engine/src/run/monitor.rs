@@ -7,8 +7,7 @@ use std::process::ExitStatus;
 use rustix::process::{WaitId, WaitIdOptions, waitid};
 
 use super::child::Participant;
-use super::explain;
-use super::log::Log;
+use super::log::{Log, flood, words};
 use super::outcome::RunFailure;
 use super::room;
 use crate::observer::Interrupt;
@@ -71,9 +70,9 @@ impl Monitor {
                     one.log.settle();
                     let ending = Participant::ending(status);
                     let memory = room::of_bus_error(status);
-                    format!("{ending} before the run began{memory}{}", explain::words(&one.log))
+                    format!("{ending} before the run began{memory}{}", words(&one.log))
                 }
-                (None, true) => explain::flood(),
+                (None, true) => flood(),
                 (None, false) => return None,
             };
             let participant = one.name.clone();

@@ -13,7 +13,7 @@ use tape::{AppendError, CreateError, Digest, ReadError};
 use super::checkpoint::CheckpointError;
 use super::punctuality::Punctuality;
 use super::traced::Traced;
-use crate::scenario::ScenarioError;
+use crate::scenario::{ORCHESTRATOR, ScenarioError};
 use crate::scope::ScopeError;
 
 /// Why a run cannot be started, or cannot be recorded.
@@ -116,9 +116,6 @@ impl RunFailure {
         }
     }
 }
-
-/// Who failed when no participant did.
-pub const ORCHESTRATOR: &str = "orchestrator";
 
 /// How a run that was recorded ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

@@ -4,8 +4,8 @@
 use lockstep::plan::Plan;
 use lockstep::transport::iceoryx::{Address, ClockWriter, Domain, LinkService};
 
-use super::crew::Ports;
 use super::outcome::RunFailure;
+use super::ports::Ports;
 use super::{bus, room};
 
 /// A place in shared memory. Services go before the domain.

@@ -4,7 +4,7 @@
 use lockstep::control::Waiting;
 use lockstep::plan::{self, Plan, place, place_apart};
 
-use super::{Options, Wait};
+use super::options::{Options, Wait};
 
 /// The cores of the participants of a run, and how they wait.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -39,7 +39,7 @@ impl<S: Source> Played<S> {
     /// As [`Played::open`].
     pub fn of(reader: S, plan: &Plan, place: &str) -> Result<Played<S>, RunFailure> {
         let mut streams = Vec::new();
-        for spec in super::recording::streams(plan) {
+        for spec in super::streams::streams(plan) {
             let number = reader.stream(&spec.name())?;
             let played = &reader.streams()[number];
             let difference = if played.descriptor != spec.descriptor {

@@ -19,11 +19,12 @@ use super::guard::Watch;
 use super::inputs::Inputs;
 use super::lanes::Lanes;
 use super::monitor::Monitor;
+use super::options::{Options, Origin};
 use super::outcome::RunFailure;
 use super::played::Played;
-use super::recording::{Recorder, streams};
+use super::recording::Recorder;
 use super::store::{Record, Store};
-use super::{Options, Origin};
+use super::streams::streams;
 use crate::assessment::Assessment;
 use crate::live::Steering;
 use crate::observer::{Answer, Event as Report, Interrupt, Progress};
@@ -60,7 +61,7 @@ pub(super) fn checked(scenario: &Scenario, made: Made) -> Result<(Known, Made), 
         .collect();
     for substitution in &scenario.substitutions {
         let entry = &substitution.entry;
-        let Some(factory) = scenario.catalogue().factory_of(&entry.program) else {
+        let Some(factory) = scenario.builtins().factory_of(&entry.program) else {
             continue;
         };
         let substitute = factory(&entry.setup).map_err(|error| scenario.refusal(entry, &error.key, &error.reason))?;
@@ -183,7 +184,7 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, Ru
         command: std::env::args_os()
             .map(|word| word.to_string_lossy().into_owned())
             .collect(),
-        version: scenario.catalogue().version(),
+        version: scenario.builtins().version(),
         iceoryx2: lockstep::transport::iceoryx::VERSION,
         host: Host::here(),
         files: scenario.files().iter().map(|file| file.display().to_string()).collect(),

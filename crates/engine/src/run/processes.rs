@@ -7,22 +7,21 @@ use lockstep::time::Ticks;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::awake::Patience;
+use super::child::GRACE;
 use super::course::Course;
 use super::crew::{self, Member, Taken};
 use super::executor::{Account, Executor, Seat, Turn};
-use super::explain;
+use super::fallen::{Fallen, Restarts};
 use super::monitor::Monitor;
-use super::outcome::{Ending, ORCHESTRATOR, RunFailure};
+use super::outcome::{Ending, RunFailure};
 use super::place::Place;
 use super::slices::Slices;
-use super::survive::{Fallen, Restarts};
+use super::standstill::standstill;
 use super::{bus, room};
 use crate::observer::Event as Report;
-use crate::scenario::OnFailure;
+use crate::scenario::{ORCHESTRATOR, OnFailure};
 use crate::scope::Scope;
 
-/// How long participants may take to leave after they were told to.
-pub(super) const GRACE: Duration = Duration::from_millis(500);
 /// The orchestrator's nap when there is nothing to do.
 const NAP: Timespec = Timespec {
     tv_sec: 0,
@@ -202,7 +201,7 @@ impl Processes {
         }
         let horizon = self.place.clock.horizon();
         let recorded = |stream| course.recorder().count(stream);
-        let (participant, reason) = explain::standstill(&course.plan, &self.crew, horizon, still, recorded);
+        let (participant, reason) = standstill(&course.plan, &self.crew, horizon, still, recorded);
         if over {
             return Err(Ending::Failed { participant, reason });
         }

@@ -7,7 +7,7 @@ use lockstep::participant::Payload;
 use lockstep::plan::{Cut, Plan, Position};
 use lockstep::time::{Rational, Ticks};
 use lockstep::transport::{Broken, Header, Recording};
-use tape::{AppendError, Digest, Event, EventKind, StreamSpec};
+use tape::{AppendError, Digest, Event, EventKind};
 
 use super::faults;
 use super::guard::Watch;
@@ -16,36 +16,8 @@ use super::newest::Newest;
 use super::outcome::{Ending, RunFailure};
 use super::played::{Played, difference};
 use super::store::{Store, no_samples};
+use super::streams::streams;
 use crate::assessment::{Assessment, Figures};
-
-/// The streams of a run, in the order of their numbers.
-pub fn streams(plan: &Plan) -> Vec<StreamSpec> {
-    let mut streams = Vec::new();
-    for participant in &plan.participants {
-        for output in &participant.interface.outputs {
-            let (name, descriptor) = (participant.name.clone(), output.descriptor.clone());
-            streams.push(StreamSpec::new(
-                name,
-                output.name.clone(),
-                descriptor,
-                participant.offset,
-                participant.period,
-            ));
-        }
-    }
-    for seen in &plan.seen {
-        let participant = &plan.participants[seen.participant];
-        let input = &participant.interface.inputs[seen.input];
-        streams.push(StreamSpec::seen(
-            participant.name.clone(),
-            &input.name,
-            input.descriptor.clone(),
-            participant.offset,
-            participant.period,
-        ));
-    }
-    streams
-}
 
 /// The number of samples of stream number `stream` when the next activation of its owner is `next`.
 pub(super) fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u64 {

@@ -15,16 +15,17 @@ use tape::{Event, EventKind};
 use super::awake::Awake;
 use super::crew::{self, Member};
 use super::describe;
+use super::fallen::{RESTARTS_MAX, Restarts};
 use super::monitor::Monitor;
+use super::options::Options;
 use super::outcome::RunFailure;
 use super::place::Place;
 use super::placement::Placement;
 use super::prepare::{self, Ready, Start};
 use super::processes::{Failures, Processes, Rounds};
 use super::recording::Recorder;
+use super::room;
 use super::store::Record;
-use super::survive::{RESTARTS_MAX, Restarts};
-use super::{Options, room};
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
 
@@ -35,6 +36,9 @@ struct Basis {
     recorder: Recorder,
     start: Start,
 }
+
+/// What an attempt has begun.
+type Begun = (Scope, Place, Placement, Vec<Member>);
 
 /// The arguments of every attempt.
 struct SetUp<'a> {
@@ -75,50 +79,7 @@ pub(super) fn set_up(
     loop {
         let attempt = all.attempt(&entries, &mut basis, &mut programs);
         let (participant, reason) = match (attempt, basis.take()) {
-            (Ok((scope, place, placement, crew)), Some(made)) => {
-                let Basis {
-                    plan,
-                    mut recorder,
-                    start,
-                    ..
-                } = made;
-                let time = plan.timebase.time(start.from).unwrap_or_default();
-                let words = |event: &Event| {
-                    format!(
-                        "participant `{}`: {}",
-                        event.participant.as_deref().unwrap_or_default(),
-                        event.text
-                    )
-                };
-                let recovered = events.iter().map(words).collect();
-                if let Some(denied) = &placement.denied {
-                    options.progress.say(denied);
-                }
-                for event in events {
-                    recorder.event(&Event { time, ..event })?;
-                }
-                let processes = Processes {
-                    crew,
-                    place,
-                    scope,
-                    monitor: Monitor::new(options.interrupt.clone()),
-                    programs,
-                    failures: Failures {
-                        restarts: vec![Restarts::default(); entries.len()],
-                        fallen: Vec::new(),
-                    },
-                    placement: placement.reason,
-                    rounds: Rounds::new(options.patience()),
-                };
-                let ready = Ready {
-                    entries,
-                    plan,
-                    recorder,
-                    start,
-                    recovered,
-                };
-                return Ok((ready, processes));
-            }
+            (Ok(begun), Some(made)) => return together(options, entries, made, begun, programs, events),
             (Err(RunFailure::Participant { participant, reason }), made) => {
                 basis = made;
                 (participant, reason)
@@ -144,6 +105,59 @@ pub(super) fn set_up(
         ));
         events.push(event);
     }
+}
+
+/// What an attempt that succeeded has begun, as the run goes on with it.
+fn together(
+    options: &Options,
+    entries: Vec<Entry>,
+    basis: Basis,
+    (scope, place, placement, crew): Begun,
+    programs: usize,
+    events: Vec<Event>,
+) -> Result<(Ready, Processes), RunFailure> {
+    let Basis {
+        plan,
+        mut recorder,
+        start,
+        ..
+    } = basis;
+    let time = plan.timebase.time(start.from).unwrap_or_default();
+    let words = |event: &Event| {
+        format!(
+            "participant `{}`: {}",
+            event.participant.as_deref().unwrap_or_default(),
+            event.text
+        )
+    };
+    let recovered = events.iter().map(words).collect();
+    if let Some(denied) = &placement.denied {
+        options.progress.say(denied);
+    }
+    for event in events {
+        recorder.event(&Event { time, ..event })?;
+    }
+    let processes = Processes {
+        crew,
+        place,
+        scope,
+        monitor: Monitor::new(options.interrupt.clone()),
+        programs,
+        failures: Failures {
+            restarts: vec![Restarts::default(); entries.len()],
+            fallen: Vec::new(),
+        },
+        placement: placement.reason,
+        rounds: Rounds::new(options.patience()),
+    };
+    let ready = Ready {
+        entries,
+        plan,
+        recorder,
+        start,
+        recovered,
+    };
+    Ok((ready, processes))
 }
 
 /// Applies the policy of a participant that has failed `count` times to its entry; returns the event, or nothing when the run ends.
@@ -175,12 +189,7 @@ fn apply_policy(entry: &mut Entry, count: u32, reason: &str) -> Option<Event> {
 
 impl SetUp<'_> {
     /// One attempt in a place of its own. After an error all processes of the attempt have ended.
-    fn attempt(
-        &self,
-        entries: &[Entry],
-        basis: &mut Option<Basis>,
-        programs: &mut usize,
-    ) -> Result<(Scope, Place, Placement, Vec<Member>), RunFailure> {
+    fn attempt(&self, entries: &[Entry], basis: &mut Option<Basis>, programs: &mut usize) -> Result<Begun, RunFailure> {
         let (scenario, options) = (self.scenario, self.options);
         let scope = Scope::create()?;
         let reserved = room::reserve(self.sketch, &scope.address().folder, scenario.moves())?;

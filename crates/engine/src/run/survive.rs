@@ -12,47 +12,11 @@ use super::course::Course;
 use super::crew::Taken;
 use super::executor::Seat;
 use super::explain;
+use super::fallen::{Fallen, RESTARTS_MAX, Restarts};
 use super::outcome::{Ending, RunFailure};
 use super::prepare;
 use super::processes::{BATCHES, Processes};
 use crate::scenario::OnFailure;
-
-/// How often somebody may fail without getting any further.
-pub(super) const RESTARTS_MAX: u32 = 5;
-
-/// A participant that failed.
-#[derive(Debug, Clone)]
-pub(super) struct Fallen {
-    /// Its number in the plan.
-    pub(super) number: usize,
-    /// Why, in words that follow its name.
-    pub(super) reason: String,
-}
-
-impl Fallen {
-    /// The participant whose failure `failure` is; the others are the run's own.
-    pub(super) fn of(course: &Course, failure: RunFailure) -> Result<Fallen, RunFailure> {
-        let (participant, reason) = match failure {
-            RunFailure::Participant { participant, reason } => (participant, reason),
-            other => return Err(other),
-        };
-        match course.plan.participant(&participant) {
-            Some(number) => Ok(Fallen { number, reason }),
-            None => Err(RunFailure::Participant { participant, reason }),
-        }
-    }
-
-    fn first_line(&self) -> &str {
-        self.reason.lines().next().unwrap_or_default()
-    }
-}
-
-/// How often a participant failed where.
-#[derive(Debug, Default, Clone, Copy)]
-pub(super) struct Restarts {
-    furthest: u64,
-    count: u32,
-}
 
 impl Processes {
     /// What the scenario says about the failure in `ending`: goes on, or gives the ending back. Who fails while the run is
@@ -201,9 +165,10 @@ impl Processes {
         }
         match ended {
             // Who ended after it came to rest is found missing when it is to move.
-            Some(status) if member.recalled.is_none() => {
-                Ok(Err(explain::death(&course.plan, number, &self.crew[number], status)))
-            }
+            Some(status) if member.recalled.is_none() => Ok(Err({
+                let member = &self.crew[number];
+                explain::death(&course.plan, number, &member.process, member.status(), status)
+            })),
             _ => Ok(Ok(member.recalled.is_some())),
         }
     }

@@ -9,15 +9,16 @@ use std::time::Instant;
 use lockstep::plan::Cut;
 
 use super::awake::Awake;
+use super::child::GRACE;
 use super::course::Course;
 use super::crew::{self, Member};
 use super::executor::Seat;
+use super::fallen::Fallen;
 use super::outcome::RunFailure;
 use super::place::Place;
 use super::placement::Placement;
-use super::processes::{GRACE, Processes};
+use super::processes::Processes;
 use super::room;
-use super::survive::Fallen;
 use crate::scenario::Entry;
 
 impl Processes {

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use lockstep::plan::Plan;
 use lockstep::span::{Detail, Doing, Span, core, now_ns};
 
-use super::Options;
 use super::horizon::Guide;
 use super::lateness::Watchman;
+use super::options::Options;
 use super::outcome::RunFailure;
 use super::punctuality::Punctuality;
 use super::trace::Trace;

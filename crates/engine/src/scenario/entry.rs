@@ -5,10 +5,11 @@ use lockstep::time::Rational;
 use toml::Table;
 
 use super::error::Mistake;
-use super::failure::{Named, OnFailure, OnFailureEntry};
-use super::program::{Program, program};
+use super::failure::OnFailure;
+use super::program::Program;
+use super::run_table::program;
 use super::source::Source;
-use super::types::{ParticipantEntry, RunEntry};
+use super::types::{Named, OnFailureEntry, ParticipantEntry, RunEntry};
 
 /// A program in a participant's place: the participant as the scenario has it, or what takes over from it in mid-run.
 #[derive(Debug, Clone)]

@@ -12,7 +12,6 @@ use super::error::{Mistake, ScenarioError};
 use super::faults::values;
 use super::names::{Names, unknown};
 use super::ports::{not_a_port, port};
-use super::resolve::Scenario;
 use super::source::{Source, typed};
 use crate::run::Watch;
 
@@ -29,7 +28,7 @@ struct GuardEntry {
 /// A guard that has been understood as far as that goes without the ports.
 #[derive(Debug, Clone)]
 pub(super) struct Guard {
-    name: String,
+    pub(super) name: String,
     /// Participant and output.
     port: (String, String),
     field: Option<String>,
@@ -138,38 +137,38 @@ impl Guard {
     }
 }
 
-impl Scenario {
-    /// The guards against the ports of `plan`; those of participants whose ports are not `certain` are left out.
-    ///
-    /// # Errors
-    /// Every guard that does not fit the ports.
-    pub fn watches(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<Vec<Watch>, ScenarioError> {
-        let (mut watches, mut mistakes) = (Vec::new(), Vec::new());
-        for guard in &self.guards {
-            match guard.watch(plan, &certain) {
-                Ok(watch) => watches.extend(watch),
-                Err(wrong) => mistakes.push(mistake(&self.source, &guard.name, wrong)),
-            }
+impl Guard {
+    /// What it watches, in words.
+    pub(super) fn words(&self) -> String {
+        let mut words = format!("{}.{}", self.port.0, self.port.1);
+        words.extend(self.field.iter().map(|field| format!(" {field}")));
+        match &self.range {
+            Some(Value::String(range)) => words += &format!(" within {range}"),
+            Some(range) => words += &format!(" within {range}"),
+            None => {}
         }
-        if mistakes.is_empty() {
-            Ok(watches)
-        } else {
-            Err(self.source.error(mistakes))
+        words.extend(self.frozen_for.map(|time| format!(", not frozen for {time}")));
+        words
+    }
+}
+
+/// `guards` against the ports of `plan`; those of participants whose ports are not `certain` are left out.
+pub(super) fn watches(
+    guards: &[Guard],
+    source: &Source,
+    plan: &Plan,
+    certain: impl Fn(usize) -> bool,
+) -> Result<Vec<Watch>, ScenarioError> {
+    let (mut watches, mut mistakes) = (Vec::new(), Vec::new());
+    for guard in guards {
+        match guard.watch(plan, &certain) {
+            Ok(watch) => watches.extend(watch),
+            Err(wrong) => mistakes.push(mistake(source, &guard.name, wrong)),
         }
     }
-
-    /// The guards in words, with their names.
-    pub fn guards(&self) -> impl Iterator<Item = (&str, String)> {
-        self.guards.iter().map(|guard| {
-            let mut words = format!("{}.{}", guard.port.0, guard.port.1);
-            words.extend(guard.field.iter().map(|field| format!(" {field}")));
-            match &guard.range {
-                Some(Value::String(range)) => words += &format!(" within {range}"),
-                Some(range) => words += &format!(" within {range}"),
-                None => {}
-            }
-            words.extend(guard.frozen_for.map(|time| format!(", not frozen for {time}")));
-            (guard.name.as_str(), words)
-        })
+    if mistakes.is_empty() {
+        Ok(watches)
+    } else {
+        Err(source.error(mistakes))
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use toml::de::{DeTable, DeValue};
 
-use super::source::fault_name;
+use super::names::fault_name;
 
 /// The keys of a text with their lines, as a tree. It is made once for all mistakes of a text.
 #[derive(Debug, Clone, Default)]

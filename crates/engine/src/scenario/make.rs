@@ -56,7 +56,7 @@ impl Scenario {
     fn participant_of(&self, entry: &Entry) -> Result<Made, Mistake> {
         let made = match &entry.program {
             Program::Builtin(_) | Program::Fmu { .. } => {
-                let factory = self.catalogue().factory_of(&entry.program);
+                let factory = self.builtins().factory_of(&entry.program);
                 factory.map(|factory| factory(&entry.setup))
             }
             Program::Library { file, participant } => {
@@ -65,7 +65,7 @@ impl Scenario {
                 Some(plugin::Foreign::make(table, &entry.setup))
             }
             Program::External { .. } => {
-                let factory = self.catalogue().factory_within(&entry.program);
+                let factory = self.builtins().factory_within(&entry.program);
                 factory.map(|factory| factory(&entry.setup))
             }
         };

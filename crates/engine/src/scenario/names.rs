@@ -1,6 +1,9 @@
-//! Names of a scenario's participants or connections, found without a search through all of them.
+//! Names: of a scenario's participants or connections, found without a search through all of them; of faults; the program's own.
 
 use std::collections::HashMap;
+
+/// The name that the program itself goes by where participants are named.
+pub const ORCHESTRATOR: &str = "orchestrator";
 
 /// Names with their numbers.
 #[derive(Debug, Clone, Default)]
@@ -49,4 +52,9 @@ pub(super) fn unknown<'a>(what: &str, name: &str, known: impl ExactSizeIterator<
         list += &format!(" and {} more", count - SHOWN_MAX);
     }
     format!("there is no {what} `{name}`; there is {list}")
+}
+
+/// What a fault is called: its own name, or its number in the list, from 1.
+pub fn fault_name(own: Option<&str>, position: usize) -> String {
+    own.map_or_else(|| format!("fault-{}", position + 1), str::to_owned)
 }

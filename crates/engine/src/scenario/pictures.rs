@@ -6,7 +6,6 @@ use toml::Table;
 
 use super::error::{Mistake, ScenarioError};
 use super::names::Names;
-use super::resolve::Scenario;
 use super::source::Source;
 
 /// Reads the table, as far as that goes without the ports of the participants.
@@ -35,19 +34,19 @@ fn mistakes(source: &Source, wrong: Vec<Misfit>) -> Vec<Mistake> {
     wrong.into_iter().map(mistake).collect()
 }
 
-impl Scenario {
-    /// Compares the table `[report]` with the ports of `plan`; what concerns participants whose ports are not `certain` is left out.
-    ///
-    /// # Errors
-    /// Every signal that nobody gives out, and every unit that does not fit.
-    pub fn check_pictures(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<(), ScenarioError> {
-        let streams = crate::run::streams(plan);
-        let known = |name: &str| plan.participant(name).is_some_and(&certain);
-        let wrong = mistakes(&self.source, self.pictures.misfits(&streams, known));
-        if wrong.is_empty() {
-            Ok(())
-        } else {
-            Err(self.source.error(wrong))
-        }
+/// Compares `pictures` with the ports of `plan`; what concerns participants whose ports are not `certain` is left out.
+pub(super) fn check(
+    pictures: &View,
+    source: &Source,
+    plan: &Plan,
+    certain: impl Fn(usize) -> bool,
+) -> Result<(), ScenarioError> {
+    let streams = crate::run::streams(plan);
+    let known = |name: &str| plan.participant(name).is_some_and(&certain);
+    let wrong = mistakes(source, pictures.misfits(&streams, known));
+    if wrong.is_empty() {
+        Ok(())
+    } else {
+        Err(source.error(wrong))
     }
 }

@@ -8,7 +8,6 @@ use toml::{Table, Value};
 
 use super::error::{Mistake, ScenarioError};
 use super::names::{Names, unknown};
-use super::resolve::Scenario;
 use super::source::{Source, typed};
 use crate::run::Kept;
 
@@ -169,71 +168,69 @@ pub(super) fn leaves_out(record: &Table, participant: &str, path: &str) -> bool 
     said.is_some_and(|said| *said != Value::Boolean(true))
 }
 
-impl Scenario {
-    /// Whether every sample is kept.
-    pub fn records_all(&self) -> bool {
-        self.record.iter().all(|wish| matches!(wish.part, Part::Whole))
+impl Wish {
+    /// Whether every sample of what it names is kept.
+    pub(super) fn is_whole(&self) -> bool {
+        matches!(self.part, Part::Whole)
     }
+}
 
-    /// What is kept of each of `streams`, those of `plan`; what concerns participants whose ports are not `certain` is left out.
-    ///
-    /// # Errors
-    /// Every stream that is not there, and every period that is no multiple of the stream's own.
-    pub fn kept(
-        &self,
-        plan: &Plan,
-        streams: &[StreamSpec],
-        certain: impl Fn(usize) -> bool,
-    ) -> Result<Vec<Kept>, ScenarioError> {
-        let (mut all, mut mistakes) = (vec![Kept::WHOLE; streams.len()], Vec::new());
-        let (general, single): (Vec<&Wish>, Vec<&Wish>) = self.record.iter().partition(|wish| wish.port.is_none());
-        for wish in general.into_iter().chain(single) {
-            if !plan.participant(&wish.participant).is_some_and(&certain) {
-                continue;
-            }
-            let own = streams
-                .iter()
-                .enumerate()
-                .filter(|(_, spec)| spec.participant == wish.participant);
-            let meant = own
-                .clone()
-                .filter(|(_, spec)| wish.port.as_ref().is_none_or(|port| *port == spec.port));
-            let meant: Vec<(usize, &StreamSpec)> = meant.collect();
-            if let (true, Some(port)) = (meant.is_empty(), &wish.port) {
-                let known: Vec<&String> = own.map(|(_, spec)| &spec.port).collect();
-                let reason = unknown("output", port, known.into_iter());
-                mistakes.push(self.source.mistake(&format!("record.{}", wish.key), reason));
-            }
-            for (number, spec) in meant {
-                let part = match &wish.part {
-                    Part::Whole => Ok(Kept::WHOLE),
-                    Part::Nothing => Ok(Kept::NOTHING),
-                    Part::Some(entry) => kept(spec, entry),
-                };
-                match part {
-                    Ok(part) => all[number] = part,
-                    Err((below, reason)) => {
-                        let dot = if below.is_empty() { "" } else { "." };
-                        let key = format!("record.{}{dot}{below}", wish.key);
-                        mistakes.push(self.source.mistake(&key, reason));
-                    }
+/// What is kept of each of `streams`, those of `plan`; what concerns participants whose ports are not `certain` is left out.
+pub(super) fn of_streams(
+    wishes: &[Wish],
+    source: &Source,
+    plan: &Plan,
+    streams: &[StreamSpec],
+    certain: impl Fn(usize) -> bool,
+) -> Result<Vec<Kept>, ScenarioError> {
+    let (mut all, mut mistakes) = (vec![Kept::WHOLE; streams.len()], Vec::new());
+    let (general, single): (Vec<&Wish>, Vec<&Wish>) = wishes.iter().partition(|wish| wish.port.is_none());
+    for wish in general.into_iter().chain(single) {
+        if !plan.participant(&wish.participant).is_some_and(&certain) {
+            continue;
+        }
+        let own = streams
+            .iter()
+            .enumerate()
+            .filter(|(_, spec)| spec.participant == wish.participant);
+        let meant = own
+            .clone()
+            .filter(|(_, spec)| wish.port.as_ref().is_none_or(|port| *port == spec.port));
+        let meant: Vec<(usize, &StreamSpec)> = meant.collect();
+        if let (true, Some(port)) = (meant.is_empty(), &wish.port) {
+            let known: Vec<&String> = own.map(|(_, spec)| &spec.port).collect();
+            let reason = unknown("output", port, known.into_iter());
+            mistakes.push(source.mistake(&format!("record.{}", wish.key), reason));
+        }
+        for (number, spec) in meant {
+            let part = match &wish.part {
+                Part::Whole => Ok(Kept::WHOLE),
+                Part::Nothing => Ok(Kept::NOTHING),
+                Part::Some(entry) => kept(spec, entry),
+            };
+            match part {
+                Ok(part) => all[number] = part,
+                Err((below, reason)) => {
+                    let dot = if below.is_empty() { "" } else { "." };
+                    let key = format!("record.{}{dot}{below}", wish.key);
+                    mistakes.push(source.mistake(&key, reason));
                 }
             }
         }
-        if mistakes.is_empty() {
-            Ok(all)
-        } else {
-            Err(self.source.error(mistakes))
-        }
     }
+    if mistakes.is_empty() {
+        Ok(all)
+    } else {
+        Err(source.error(mistakes))
+    }
+}
 
-    /// Refuses `what`, which a run cannot do that does not keep every sample.
-    pub(crate) fn needs_samples(&self, what: &str) -> ScenarioError {
-        let first = self.record.iter().find(|wish| !matches!(wish.part, Part::Whole));
-        let named = first.map(|wish| format!("record.{}", wish.key)).unwrap_or_default();
-        let reason = format!("leaves out samples that {what} needs; keep them, or do without");
-        self.source.error(vec![self.source.mistake(&named, reason)])
-    }
+/// That `what` needs samples of which `wishes` leave some out.
+pub(super) fn needed(wishes: &[Wish], source: &Source, what: &str) -> ScenarioError {
+    let first = wishes.iter().find(|wish| !wish.is_whole());
+    let named = first.map(|wish| format!("record.{}", wish.key)).unwrap_or_default();
+    let reason = format!("leaves out samples that {what} needs; keep them, or do without");
+    source.error(vec![source.mistake(&named, reason)])
 }
 
 #[cfg(test)]

@@ -17,15 +17,14 @@ use super::faults::{self, Faults, Substitution};
 use super::fields;
 use super::guards::{self, Guard};
 use super::measures::{self, DeclaredMeasure};
-use super::names::Names;
+use super::names::{Names, ORCHESTRATOR};
 use super::pictures;
 use super::ports::{End, not_a_port, port};
 use super::program::Program;
 use super::recorded::{self, Wish};
-use super::source::{Source, typed};
+use super::source::{FOLDER, Source, typed};
 use super::types::{ConnectionEntry, ParticipantEntry, Top};
-use crate::Catalogue;
-use crate::run::ORCHESTRATOR;
+use crate::builtins::{Builtins, HasBuiltins};
 
 /// A scenario that has been read and understood, as far as that goes without the participants.
 #[derive(Clone)]
@@ -59,35 +58,36 @@ pub struct Scenario {
 
 impl Scenario {
     /// Reads `file` and applies `overrides`, each `key.path=value` or `faults+=key=value,…`.
-    pub fn read(catalogue: &Arc<Catalogue>, file: &Path, overrides: &[String]) -> Result<Scenario, ScenarioError> {
+    pub fn read(catalogue: &impl HasBuiltins, file: &Path, overrides: &[String]) -> Result<Scenario, ScenarioError> {
         Scenario::read_with(catalogue, file, overrides, |_| {})
     }
 
     /// Reads `file`, applies `overrides`, and lets `change` make something else of the whole before it is understood.
     pub fn read_with(
-        catalogue: &Arc<Catalogue>,
+        catalogue: &impl HasBuiltins,
         file: &Path,
         overrides: &[String],
         change: impl FnOnce(&mut Table),
     ) -> Result<Scenario, ScenarioError> {
-        let mut source = Source::read(catalogue, file, overrides)?;
+        let mut source = Source::read(catalogue.builtins(), file, overrides)?;
         change(&mut source.table);
         Scenario::of(file, source)
     }
 
     /// What `file` would say if `text` stood in it.
-    pub fn read_text(catalogue: &Arc<Catalogue>, file: &Path, text: &str) -> Result<Scenario, ScenarioError> {
+    pub fn read_text(catalogue: &impl HasBuiltins, file: &Path, text: &str) -> Result<Scenario, ScenarioError> {
         Scenario::read_text_with(catalogue, file, text, &[])
     }
 
     /// The same with `overrides` applied.
     pub fn read_text_with(
-        catalogue: &Arc<Catalogue>,
+        catalogue: &impl HasBuiltins,
         file: &Path,
         text: &str,
         overrides: &[String],
     ) -> Result<Scenario, ScenarioError> {
-        Scenario::of(file, Source::of_text(catalogue, file, text.to_owned(), overrides)?)
+        let source = Source::of_text(catalogue.builtins(), file, text.to_owned(), overrides)?;
+        Scenario::of(file, source)
     }
 
     fn of(file: &Path, source: Source) -> Result<Scenario, ScenarioError> {
@@ -170,8 +170,8 @@ impl Scenario {
     }
 
     /// What its participants and its assessment are made of.
-    pub fn catalogue(&self) -> &Arc<Catalogue> {
-        &self.source.catalogue
+    pub fn builtins(&self) -> &Arc<Builtins> {
+        &self.source.builtins
     }
 
     /// The links between whole ports as `(PARTICIPANT.OUTPUT, PARTICIPANT.INPUT, timing)`, in the order of their names.
@@ -234,6 +234,33 @@ impl Scenario {
         own.chain(substitutes).chain(policies)
     }
 
+    /// Whether the run may have to move: for a substitution, or when a participant fails.
+    pub fn moves(&self) -> bool {
+        let mut policies = self.participants.iter().map(|entry| &entry.on_failure);
+        !self.substitutions.is_empty() || policies.any(|policy| *policy != OnFailure::Stop)
+    }
+
+    /// Whether anybody is to be restarted when it fails.
+    pub fn restarts(&self) -> bool {
+        let mut policies = self.participants.iter().map(|entry| &entry.on_failure);
+        policies.any(|policy| *policy == OnFailure::Restart)
+    }
+
+    /// The guards in words, with their names.
+    pub fn guards(&self) -> impl Iterator<Item = (&str, String)> {
+        self.guards.iter().map(|guard| (guard.name.as_str(), guard.words()))
+    }
+
+    /// Whether every sample is kept.
+    pub fn records_all(&self) -> bool {
+        self.record.iter().all(Wish::is_whole)
+    }
+
+    /// Refuses `what`, which a run cannot do that does not keep every sample.
+    pub(crate) fn needs_samples(&self, what: &str) -> ScenarioError {
+        recorded::needed(&self.record, &self.source, what)
+    }
+
     /// What is not wrong, but cannot have been meant.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
@@ -277,7 +304,7 @@ impl Scenario {
                 remark(&format!("{key}.at"), reason);
             }
         }
-        for (key, time) in self.late_measures() {
+        for (key, time) in self.measures.iter().filter_map(|measure| measure.late(end)) {
             remark(
                 &key,
                 format!("{time} is after the end at {end}: nothing is measured in this run"),
@@ -345,9 +372,6 @@ fn open_input(names: &Names, text: &str) -> Result<(usize, String), String> {
     let number = number.ok_or_else(|| names.unknown("participant", &participant))?;
     Ok((number, input))
 }
-
-/// The key of the folder that relative paths are relative to.
-pub(super) const FOLDER: &str = "folder";
 
 /// The two kinds of file are easily taken for each other.
 fn refuse_campaign(source: &Source) -> Result<(), ScenarioError> {

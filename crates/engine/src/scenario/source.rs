@@ -9,15 +9,19 @@ use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::error::{Mistake, ScenarioError};
-use super::faults;
+use super::faults::{append as append_fault, table as fault_table};
 use super::lines::Lines;
-use super::resolve::FOLDER;
-use crate::Catalogue;
+use super::names::fault_name;
+use super::value::{keep_decimal, value};
+use crate::builtins::Builtins;
+
+/// The key of the folder that relative paths are relative to.
+pub(super) const FOLDER: &str = "folder";
 
 /// A scenario as it was read, before anything is understood.
 #[derive(Clone)]
 pub(super) struct Source {
-    pub(super) catalogue: Arc<Catalogue>,
+    pub(super) builtins: Arc<Builtins>,
     file: PathBuf,
     text: String,
     /// The lines of its keys, once there is a mistake.
@@ -32,7 +36,7 @@ pub(super) struct Source {
 impl Source {
     /// Reads `file`, puts files in place of `{ file = "…" }`, and applies `overrides` of the form `key.path=value` or
     /// `faults+=entry`.
-    pub(super) fn read(catalogue: &Arc<Catalogue>, file: &Path, overrides: &[String]) -> Result<Source, ScenarioError> {
+    pub(super) fn read(builtins: &Arc<Builtins>, file: &Path, overrides: &[String]) -> Result<Source, ScenarioError> {
         let text = std::fs::read_to_string(file).map_err(|error| ScenarioError {
             file: file.to_owned(),
             mistakes: vec![Mistake {
@@ -41,12 +45,12 @@ impl Source {
                 reason: format!("cannot be read: {error}"),
             }],
         })?;
-        Source::of_text(catalogue, file, text, overrides)
+        Source::of_text(builtins, file, text, overrides)
     }
 
     /// What `file` would be if `text` stood in it.
     pub(super) fn of_text(
-        catalogue: &Arc<Catalogue>,
+        builtins: &Arc<Builtins>,
         file: &Path,
         text: String,
         overrides: &[String],
@@ -66,7 +70,7 @@ impl Source {
             )
         })?;
         let mut source = Source {
-            catalogue: catalogue.clone(),
+            builtins: builtins.clone(),
             file: file.to_owned(),
             text,
             table,
@@ -208,10 +212,10 @@ impl Source {
                 reason: format!("{reason} (given with --fault)"),
             }],
         };
-        let entry = faults::table(text).map_err(refuse)?;
+        let entry = fault_table(text).map_err(refuse)?;
         let position = self.table.get("faults").and_then(Value::as_array).map_or(0, Vec::len);
         let name = fault_name(entry.get("name").and_then(Value::as_str), position);
-        faults::append(&mut self.table, entry).map_err(refuse)?;
+        append_fault(&mut self.table, entry).map_err(refuse)?;
         self.overridden.insert(format!("faults.{name}"), "--fault");
         Ok(())
     }
@@ -255,11 +259,6 @@ pub(super) fn typed<T: DeserializeOwned>(source: &Source, key: &str, value: Valu
     })
 }
 
-/// What a fault is called: its own name, or its number in the list, from 1.
-pub fn fault_name(own: Option<&str>, position: usize) -> String {
-    own.map_or_else(|| format!("fault-{}", position + 1), str::to_owned)
-}
-
 /// An entry of a list of tables, by its name or its number, from 1.
 fn entry_of<'a>(list: &'a mut [Value], name: Option<&str>) -> Result<&'a mut Table, String> {
     let names: Vec<String> = list
@@ -277,36 +276,6 @@ fn entry_of<'a>(list: &'a mut [Value], name: Option<&str>) -> Result<&'a mut Tab
         let known = known.join(", ");
         format!("the list has no entry `{wanted}` with keys (given with --set); there is {known}, or a number from 1")
     })
-}
-
-/// What reads as TOML is taken as TOML; anything else is text, so that quotes need not survive the shell.
-pub fn value(text: &str) -> Value {
-    let read = format!("x = {text}").parse::<Table>().ok();
-    // More than one key: the text had a line of its own.
-    let one = read
-        .filter(|table| table.len() == 1)
-        .and_then(|mut table| table.remove("x"));
-    one.unwrap_or_else(|| Value::String(text.to_owned()))
-}
-
-/// On a command line 0.0 is written as 0: what was a decimal number `before`, or a list of them, stays one.
-fn keep_decimal(value: &mut Value, before: &Value) {
-    match (value, before) {
-        (value @ Value::Integer(_), Value::Float(_)) => {
-            if let Some(whole) = value
-                .as_integer()
-                .filter(|whole| (*whole as f64) as i128 == i128::from(*whole))
-            {
-                *value = Value::Float(whole as f64);
-            }
-        }
-        (Value::Array(values), Value::Array(before)) => {
-            if let Some(before) = before.first() {
-                values.iter_mut().for_each(|value| keep_decimal(value, before));
-            }
-        }
-        _ => {}
-    }
 }
 
 fn fill_in(

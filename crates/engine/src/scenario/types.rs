@@ -9,8 +9,6 @@ use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use toml::{Table, Value};
 
-use super::failure::OnFailureEntry;
-
 /// `[participants.NAME]`
 #[derive(Debug, Clone, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -25,6 +23,36 @@ pub(super) struct ParticipantEntry {
     pub(super) on_failure: OnFailureEntry,
     #[serde(default, rename = "start-within", skip_serializing_if = "Option::is_none")]
     pub(super) start_within: Option<Rational>,
+}
+
+/// `on-failure = "stop"`, `"restart-from-checkpoint"`, or `{ substitute = { … } }`
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(
+    untagged,
+    expecting = "write \"stop\", \"restart-from-checkpoint\" or { substitute = { exe = \"FILE\" } }"
+)]
+pub(super) enum OnFailureEntry {
+    Named(Named),
+    Substitute(Box<SubstituteEntry>),
+}
+
+#[derive(Debug, Clone, Copy, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Named {
+    Stop,
+    RestartFromCheckpoint,
+}
+
+#[derive(Debug, Clone, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SubstituteEntry {
+    pub(super) substitute: RunEntry,
+}
+
+impl Default for OnFailureEntry {
+    fn default() -> OnFailureEntry {
+        OnFailureEntry::Named(Named::Stop)
+    }
 }
 
 /// `run = { builtin = "plant" }`, `{ exe = "…", args = […] }`, `{ library = "…", participant = "…" }` or `{ fmu = "…", ports = { … } }`

@@ -104,7 +104,7 @@ pub(super) fn read(
     };
     let (mut mistakes, mut names) = (Vec::new(), HashSet::new());
     for (position, value) in entries.into_iter().enumerate() {
-        let name = super::source::fault_name(value.get("name").and_then(Value::as_str), position);
+        let name = super::names::fault_name(value.get("name").and_then(Value::as_str), position);
         let key = format!("faults.{name}");
         if !lockstep::name::is_name(&name, lockstep::name::NAME_MAX) {
             let reason = format!("`{name}` is not a name: use up to 64 letters, digits, `_` and `-`");

@@ -17,10 +17,7 @@ pub fn table(text: &str) -> Result<Table, String> {
         if key.is_empty() {
             return Err(format!("`{}` has no key", part.trim()));
         }
-        if entry
-            .insert(key.to_owned(), crate::scenario::source::value(value))
-            .is_some()
-        {
+        if entry.insert(key.to_owned(), crate::scenario::value(value)).is_some() {
             return Err(format!("`{key}` is given twice"));
         }
     }

@@ -6,25 +6,21 @@ mod refusal;
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use lockstep::time::Rational;
-use report::page::split_unit;
 use tape::StreamSpec;
 use toml::{Table, Value};
 
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::recorded::leaves_out;
-use crate::scenario::resolve::Scenario;
 use crate::scenario::source::{Source, typed};
 use chosen::Chosen;
 use entry::{MeasureEntry, ThroughWord};
 pub use refusal::Refusal;
 use refusal::{converted, refusal};
 
-use crate::Catalogue;
-use crate::assessment::Assessment;
-use crate::measures::{Definition, Measures, Through, Together};
+use crate::builtins::HasBuiltins;
+use crate::measures::{Definition, Through};
 
 /// A measure that has been understood as far as that goes without the streams.
 #[derive(Debug, Clone)]
@@ -128,6 +124,15 @@ impl DeclaredMeasure {
         paths.map(|path| path.split('.').next().unwrap_or_default())
     }
 
+    /// The key and the instant of a window that no sample can lie in when the run ends at `end`.
+    pub(in crate::scenario) fn late(&self, end: Rational) -> Option<(String, Rational)> {
+        let (key, time) = match (self.entry.from, self.entry.at) {
+            (Some(from), _) => ("from", from),
+            (_, at) => ("at", at?),
+        };
+        (time > end).then(|| (format!("measures.{}.{key}", self.name), time))
+    }
+
     fn key(&self, (key, reason): Refusal, source: &Source) -> Mistake {
         let dot = if key.is_empty() { "" } else { "." };
         source.mistake(&format!("measures.{}{dot}{key}", self.name), reason)
@@ -160,7 +165,8 @@ pub(in crate::scenario) fn read(
     }
 }
 
-fn definitions(
+/// The measures over `streams`; those that read a participant whose ports are not `certain` are left out.
+pub(in crate::scenario) fn definitions(
     source: &Source,
     declared: &[DeclaredMeasure],
     streams: &[StreamSpec],
@@ -188,11 +194,11 @@ fn definitions(
 /// # Errors
 /// Names the lines and keys that are wrong, or do not fit the streams.
 pub fn measures_of_file(
-    catalogue: &Arc<Catalogue>,
+    catalogue: &impl HasBuiltins,
     file: &Path,
     streams: &[StreamSpec],
 ) -> Result<Vec<Definition>, ScenarioError> {
-    let source = Source::read(catalogue, file, &[])?;
+    let source = Source::read(catalogue.builtins(), file, &[])?;
     let sections = match source.table.get("measures") {
         Some(Value::Table(sections)) if !sections.is_empty() => sections.clone(),
         _ => {
@@ -209,11 +215,11 @@ pub fn measures_of_file(
 /// # Errors
 /// As [`measures_of_file`], and where the tape does not have what the run measured.
 pub fn measures_of_plan(
-    catalogue: &Arc<Catalogue>,
+    catalogue: &impl HasBuiltins,
     file: &Path,
     streams: &[StreamSpec],
 ) -> Result<Vec<Definition>, ScenarioError> {
-    let source = Source::read(catalogue, file, &[])?;
+    let source = Source::read(catalogue.builtins(), file, &[])?;
     if let (Some(Value::Table(record)), Some(Value::Table(sections))) =
         (source.table.get("record"), source.table.get("measures"))
     {
@@ -238,68 +244,4 @@ pub fn measures_of_plan(
         }
     }
     measures_of_file(catalogue, file, streams)
-}
-
-impl Scenario {
-    /// The measures over `streams`; those of participants whose ports are not `certain` are left out.
-    ///
-    /// # Errors
-    /// Every measure that does not fit the streams.
-    pub fn measures(
-        &self,
-        streams: &[StreamSpec],
-        certain: impl Fn(&str) -> bool,
-    ) -> Result<Vec<Definition>, ScenarioError> {
-        let known = |name: &str| self.participants.iter().all(|entry| entry.setup.name != name) || certain(name);
-        definitions(&self.source, &self.measures, streams, known)
-    }
-
-    /// What the run is judged by: the table `assessment` and the measures; `None` where there is neither.
-    ///
-    /// # Errors
-    /// Names the key that is refused.
-    pub fn assess(&self, streams: &[StreamSpec]) -> Result<Option<Box<dyn Assessment>>, ScenarioError> {
-        let own = || {
-            let made = self
-                .assessment
-                .as_ref()
-                .map(|table| self.catalogue().assess(table, streams));
-            made.transpose()
-                .map_err(|error| self.assessment_refusal(&error.key, &error.reason))
-        };
-        if self.measures.is_empty() {
-            return own();
-        }
-        let definitions = self.measures(streams, |_| true)?;
-        if let Some(mut own) = own()? {
-            let figures = own.finish();
-            let named = |name: &str| {
-                figures
-                    .values
-                    .keys()
-                    .any(|key| key == name || split_unit(key).0 == name)
-            };
-            if let Some(double) = definitions.iter().find(|definition| named(&definition.name)) {
-                let reason = "the assessment has a figure of that name: choose another one";
-                let mistake = self.source.mistake(&format!("measures.{}", double.name), reason);
-                return Err(self.source.error(vec![mistake]));
-            }
-        }
-        let measures = Measures::new(definitions, streams).map_err(|(name, error)| {
-            let mistake = self.source.mistake(&format!("measures.{name}"), error.to_string());
-            self.source.error(vec![mistake])
-        })?;
-        Ok(Some(Box::new(Together::new(own()?, measures))))
-    }
-
-    /// Windows that no sample can lie in: key and instant.
-    pub(in crate::scenario) fn late_measures(&self) -> impl Iterator<Item = (String, Rational)> {
-        self.measures.iter().filter_map(|measure| {
-            let (key, time) = match (measure.entry.from, measure.entry.at) {
-                (Some(from), _) => ("from", from),
-                (_, at) => ("at", at?),
-            };
-            (time > self.duration).then(|| (format!("measures.{}.{key}", measure.name), time))
-        })
-    }
 }

@@ -1,0 +1,41 @@
+//! Participants that failed, and how often.
+
+use super::course::Course;
+use super::outcome::RunFailure;
+
+/// How often somebody may fail without getting any further.
+pub(super) const RESTARTS_MAX: u32 = 5;
+
+/// A participant that failed.
+#[derive(Debug, Clone)]
+pub(super) struct Fallen {
+    /// Its number in the plan.
+    pub(super) number: usize,
+    /// Why, in words that follow its name.
+    pub(super) reason: String,
+}
+
+impl Fallen {
+    /// The participant whose failure `failure` is; the others are the run's own.
+    pub(super) fn of(course: &Course, failure: RunFailure) -> Result<Fallen, RunFailure> {
+        let (participant, reason) = match failure {
+            RunFailure::Participant { participant, reason } => (participant, reason),
+            other => return Err(other),
+        };
+        match course.plan.participant(&participant) {
+            Some(number) => Ok(Fallen { number, reason }),
+            None => Err(RunFailure::Participant { participant, reason }),
+        }
+    }
+
+    pub(super) fn first_line(&self) -> &str {
+        self.reason.lines().next().unwrap_or_default()
+    }
+}
+
+/// How often a participant failed where.
+#[derive(Debug, Default, Clone, Copy)]
+pub(super) struct Restarts {
+    pub(super) furthest: u64,
+    pub(super) count: u32,
+}

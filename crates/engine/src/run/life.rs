@@ -1,0 +1,33 @@
+//! What the kernel says of a process.
+
+/// Whether a process lives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Life {
+    Alive,
+    InKernel,
+    Stopped,
+    Ended,
+}
+
+impl Life {
+    pub(super) fn words(self) -> &'static str {
+        match self {
+            Life::Alive => "alive",
+            Life::InKernel => "alive, in the kernel",
+            Life::Stopped => "stopped by a signal or a debugger",
+            Life::Ended => "ended",
+        }
+    }
+}
+
+/// What the kernel says of the process `pid`.
+pub(super) fn life(pid: u32) -> Life {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    // The state is the first letter behind the name, which stands in parentheses and may hold anything.
+    match stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next()) {
+        Some('T' | 't') => Life::Stopped,
+        Some('D') => Life::InKernel,
+        Some('Z') | None => Life::Ended,
+        Some(_) => Life::Alive,
+    }
+}

@@ -1,0 +1,32 @@
+//! The orchestrator's ends of what belongs to one participant.
+
+use lockstep::transport::iceoryx::{
+    Bell, ControlClient, Domain, DomainError, RecordReceiver, StatusReader, StatusService, WakeService,
+};
+
+/// The orchestrator's ends of what belongs to one participant in one place in shared memory. They are there before anybody
+/// who opens them.
+pub(super) struct Ports {
+    pub(super) status: StatusReader,
+    pub(super) bell: Bell,
+    pub(super) record: RecordReceiver,
+    pub(super) control: ControlClient,
+    _services: (StatusService, WakeService),
+}
+
+impl Ports {
+    /// Makes the services of the participant `name`, one of `count`.
+    pub(super) fn create(domain: &Domain, name: &str, count: usize) -> Result<Ports, DomainError> {
+        let services = (
+            StatusService::create(domain, name, count + 1)?,
+            WakeService::create(domain, name, count + 1)?,
+        );
+        Ok(Ports {
+            control: ControlClient::create(domain, name)?,
+            record: RecordReceiver::create(domain, name)?,
+            status: StatusReader::open(domain, name)?,
+            bell: services.1.bell(domain)?,
+            _services: services,
+        })
+    }
+}

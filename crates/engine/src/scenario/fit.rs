@@ -1,0 +1,94 @@
+//! A scenario against the ports and the streams of its plan.
+
+use lockstep::plan::Plan;
+use report::page::split_unit;
+use tape::StreamSpec;
+
+use super::error::ScenarioError;
+use super::resolve::Scenario;
+use super::{guards, measures, pictures, recorded};
+use crate::assessment::Assessment;
+use crate::measures::{Definition, Measures, Together};
+use crate::run::{Kept, Watch};
+
+impl Scenario {
+    /// The guards against the ports of `plan`; those of participants whose ports are not `certain` are left out.
+    ///
+    /// # Errors
+    /// Every guard that does not fit the ports.
+    pub fn watches(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<Vec<Watch>, ScenarioError> {
+        guards::watches(&self.guards, &self.source, plan, certain)
+    }
+
+    /// Compares the table `[report]` with the ports of `plan`; what concerns participants whose ports are not `certain` is left out.
+    ///
+    /// # Errors
+    /// Every signal that nobody gives out, and every unit that does not fit.
+    pub fn check_pictures(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<(), ScenarioError> {
+        pictures::check(&self.pictures, &self.source, plan, certain)
+    }
+
+    /// What is kept of each of `streams`, those of `plan`; what concerns participants whose ports are not `certain` is left out.
+    ///
+    /// # Errors
+    /// Every stream that is not there, and every period that is no multiple of the stream's own.
+    pub fn kept(
+        &self,
+        plan: &Plan,
+        streams: &[StreamSpec],
+        certain: impl Fn(usize) -> bool,
+    ) -> Result<Vec<Kept>, ScenarioError> {
+        recorded::of_streams(&self.record, &self.source, plan, streams, certain)
+    }
+
+    /// The measures over `streams`; those of participants whose ports are not `certain` are left out.
+    ///
+    /// # Errors
+    /// Every measure that does not fit the streams.
+    pub fn measures(
+        &self,
+        streams: &[StreamSpec],
+        certain: impl Fn(&str) -> bool,
+    ) -> Result<Vec<Definition>, ScenarioError> {
+        let known = |name: &str| self.participants.iter().all(|entry| entry.setup.name != name) || certain(name);
+        measures::definitions(&self.source, &self.measures, streams, known)
+    }
+
+    /// What the run is judged by: the table `assessment` and the measures; `None` where there is neither.
+    ///
+    /// # Errors
+    /// Names the key that is refused.
+    pub fn assess(&self, streams: &[StreamSpec]) -> Result<Option<Box<dyn Assessment>>, ScenarioError> {
+        let own = || {
+            let made = self
+                .assessment
+                .as_ref()
+                .map(|table| self.builtins().assess(table, streams));
+            made.transpose()
+                .map_err(|error| self.assessment_refusal(&error.key, &error.reason))
+        };
+        if self.measures.is_empty() {
+            return own();
+        }
+        let definitions = self.measures(streams, |_| true)?;
+        if let Some(mut own) = own()? {
+            let figures = own.finish();
+            let named = |name: &str| {
+                figures
+                    .values
+                    .keys()
+                    .any(|key| key == name || split_unit(key).0 == name)
+            };
+            if let Some(double) = definitions.iter().find(|definition| named(&definition.name)) {
+                let reason = "the assessment has a figure of that name: choose another one";
+                let mistake = self.source.mistake(&format!("measures.{}", double.name), reason);
+                return Err(self.source.error(vec![mistake]));
+            }
+        }
+        let measures = Measures::new(definitions, streams).map_err(|(name, error)| {
+            let mistake = self.source.mistake(&format!("measures.{name}"), error.to_string());
+            self.source.error(vec![mistake])
+        })?;
+        Ok(Some(Box::new(Together::new(own()?, measures))))
+    }
+}

@@ -1,0 +1,111 @@
+//! `run = { … }`: which program, found and looked at.
+
+use std::path::{Path, PathBuf};
+
+use super::error::Mistake;
+use super::program::{Program, in_path, runs};
+use super::source::Source;
+use super::types::RunEntry;
+
+/// Reads a `run` table, which stands at `key`.
+pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Program, Mistake> {
+    if let (None, None, None, Some(file)) = (&run.builtin, &run.exe, &run.library, &run.fmu) {
+        return fmu_program(source, key, file, &run);
+    }
+    if run.fmu.is_some() || !run.beside_fmu().is_empty() {
+        return Err(source.mistake(
+            key,
+            "`ports`, `messages`, `record`, `feedthrough` and `tolerance` belong to { fmu = \"FILE.fmu\" }, which stands without another program",
+        ));
+    }
+    let stray = |what: &str, remedy: &str| Err(source.mistake(key, format!("{what}: {remedy}")));
+    if run.library.is_none() && run.participant.is_some() {
+        return stray(
+            "`participant` chooses one of a library",
+            "leave it out, or name a `library`",
+        );
+    }
+    match (run.builtin, run.exe, run.library) {
+        (Some(builtin), None, None) => {
+            if source.builtins.factory(&builtin).is_none() {
+                let known: Vec<String> = source.builtins.names().map(|name| format!("`{name}`")).collect();
+                let reason = format!("there is no builtin `{builtin}`; there is {}", known.join(", "));
+                return Err(source.mistake(key, reason));
+            }
+            if !run.args.is_empty() {
+                return Err(source.mistake(key, "a builtin takes no args: use `parameters`"));
+            }
+            Ok(Program::Builtin(builtin))
+        }
+        (None, None, Some(file)) => {
+            if !run.args.is_empty() {
+                return stray("a library takes no args", "use `parameters`");
+            }
+            let path = source.folder().join(file);
+            plugin::look(&path).map_err(|wrong| {
+                source.mistake(
+                    key,
+                    format!("{wrong}; a relative path is one from the scenario's folder"),
+                )
+            })?;
+            let file = absolute(&path).map_err(|reason| source.mistake(key, reason))?;
+            let participant = run.participant;
+            Ok(Program::Library { file, participant })
+        }
+        (None, Some(exe), None) => {
+            let folder = source.folder();
+            let found = find(&folder, &exe).and_then(|exe| Ok((exe, absolute(&folder)?)));
+            let (exe, folder) = found.map_err(|reason| source.mistake(key, reason))?;
+            let args = run.args;
+            Ok(Program::External { exe, args, folder })
+        }
+        _ => Err(source.mistake(
+            key,
+            "write { builtin = \"NAME\" }, { exe = \"FILE\", args = […] }, { library = \"FILE.so\" } or { fmu = \"FILE.fmu\" }",
+        )),
+    }
+}
+
+/// An FMU is read here, so that a file that is none is refused with its line; nothing of it runs.
+fn fmu_program(source: &Source, key: &str, file: &str, run: &RunEntry) -> Result<Program, Mistake> {
+    if !run.args.is_empty() {
+        return Err(source.mistake(key, "an FMU takes no args: use `parameters`"));
+    }
+    let path = source.folder().join(file);
+    let options = run.beside_fmu();
+    fmu::check(&path, &options).map_err(|error| {
+        let below = if error.key.is_empty() { "fmu" } else { &error.key };
+        source.mistake(&format!("{key}.{below}"), error.reason)
+    })?;
+    let file = absolute(&path).map_err(|reason| source.mistake(key, reason))?;
+    let options = options.to_string();
+    Ok(Program::Fmu { file, options })
+}
+
+/// A program named with a slash is relative to the scenario; a bare name is looked for in PATH.
+fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
+    if exe.contains('/') {
+        let path = folder.join(exe);
+        return if runs(&path) {
+            absolute(&path)
+        } else {
+            Err(format!(
+                "`{}` is not an executable file; a relative path is one from the scenario's folder",
+                path.display()
+            ))
+        };
+    }
+    in_path(exe)
+        .and_then(|path| absolute(&path).ok())
+        .ok_or_else(|| format!("there is no program `{exe}` in PATH; name a file with its folder, such as \"./{exe}\""))
+}
+
+fn absolute(path: &Path) -> Result<PathBuf, String> {
+    // The folder of a file that is named without one is the empty path.
+    let path = if path.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        path
+    };
+    std::path::absolute(path).map_err(|error| format!("`{}`: {error}", path.display()))
+}
