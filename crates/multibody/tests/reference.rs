@@ -35,101 +35,120 @@ impl Drop for Worst {
 
 #[test]
 fn every_quantity_of_the_reference_states() {
-    let tree = Tree::<9, 15>::new(&servicer()).unwrap();
-    let frame = tree.frame("end_effector").unwrap();
+    let tree = Servicer::new(&servicer()).unwrap();
     let mut worst = Worst(Vec::new());
-    for Reference {
+    for one in load_reference() {
+        dynamics(&tree, &one, &mut worst);
+        end_effector(&tree, &one, &mut worst);
+        momenta(&tree, &one, &mut worst);
+    }
+}
+
+type Servicer = Tree<9, 15>;
+
+fn dynamics(tree: &Servicer, one: &Reference, worst: &mut Worst) {
+    let Reference {
         state,
         tau,
         mass,
         bias,
         acceleration,
+        ..
+    } = one;
+    let k = tree.kinematics(&state.q, &state.nu);
+    let (m, c) = tree.mass_and_coriolis(&k);
+    for i in 0..15 {
+        for l in 0..15 {
+            let scale = (mass[(i, i)] * mass[(l, l)]).sqrt();
+            worst.note("mass matrix", (m[(i, l)] - mass[(i, l)]).abs() / scale, 1e-13);
+        }
+    }
+    assert_eq!(m, tree.mass_matrix(&state.q));
+    let size = m_inv_norm(mass, bias);
+    let relative = |error: SVector<f64, 15>| {
+        if size > 0.0 {
+            m_inv_norm(mass, &error) / size
+        } else {
+            error.norm()
+        }
+    };
+    worst.note("bias", relative(tree.bias(&state.q, &state.nu) - bias), 1e-12);
+    worst.note("C nu", relative(c * state.nu - bias), 1e-12);
+    worst.note(
+        "one pass",
+        relative(tree.mass_coriolis_product(&state.q, &state.nu, &SVector::zeros(), &state.nu) - bias),
+        1e-12,
+    );
+    let acc = tree.aba(&state.q, &state.nu, tau);
+    worst.note(
+        "acceleration",
+        m_norm(mass, &(acc - acceleration)) / m_norm(mass, acceleration),
+        1e-11,
+    );
+    let back = tree.rnea(&state.q, &state.nu, &acc) - tree.passive_force(&state.q, &state.nu);
+    worst.note(
+        "rnea of acceleration",
+        m_inv_norm(mass, &(back - tau)) / m_inv_norm(mass, tau),
+        1e-11,
+    );
+}
+
+fn end_effector(tree: &Servicer, one: &Reference, worst: &mut Worst) {
+    let Reference {
+        state, p, r, j, j_rate, ..
+    } = one;
+    let frame = tree.frame("end_effector").unwrap();
+    let k = tree.kinematics(&state.q, &state.nu);
+    let at = tree.placement_in_world(state, frame);
+    worst.note("pose: position", (at.p - p).norm() / p.norm(), 1e-13);
+    worst.note("pose: rotation", (at.r - r).amax(), 1e-13);
+    worst.note("jacobian", (tree.jacobian(&k, frame) - j).amax() / j.amax(), 1e-13);
+    let scale = j_rate.amax().max(f64::MIN_POSITIVE);
+    worst.note(
+        "jacobian rate",
+        (tree.jacobian_rate(&k, frame) - j_rate).amax() / scale,
+        1e-12,
+    );
+}
+
+fn momenta(tree: &Servicer, one: &Reference, worst: &mut Worst) {
+    let Reference {
+        state,
+        mass,
         energy,
         linear,
         angular,
         com,
-        p,
-        r,
-        j,
-        j_rate,
-    } in load_reference()
-    {
-        let k = tree.kinematics(&state.q, &state.nu);
-        let (m, c) = tree.mass_and_coriolis(&k);
-        for i in 0..15 {
-            for l in 0..15 {
-                let scale = (mass[(i, i)] * mass[(l, l)]).sqrt();
-                worst.note("mass matrix", (m[(i, l)] - mass[(i, l)]).abs() / scale, 1e-13);
-            }
-        }
-        assert_eq!(m, tree.mass_matrix(&state.q));
-        let size = m_inv_norm(&mass, &bias);
-        let relative = |error: SVector<f64, 15>| {
-            if size > 0.0 {
-                m_inv_norm(&mass, &error) / size
-            } else {
-                error.norm()
-            }
-        };
-        worst.note("bias", relative(tree.bias(&state.q, &state.nu) - bias), 1e-12);
-        worst.note("C nu", relative(c * state.nu - bias), 1e-12);
-        worst.note(
-            "one pass",
-            relative(tree.mass_coriolis_product(&state.q, &state.nu, &SVector::zeros(), &state.nu) - bias),
-            1e-12,
-        );
-        let acc = tree.aba(&state.q, &state.nu, &tau);
-        worst.note(
-            "acceleration",
-            m_norm(&mass, &(acc - acceleration)) / m_norm(&mass, &acceleration),
-            1e-11,
-        );
-        let back = tree.rnea(&state.q, &state.nu, &acc) - tree.passive_force(&state.q, &state.nu);
-        worst.note(
-            "rnea of acceleration",
-            m_inv_norm(&mass, &(back - tau)) / m_inv_norm(&mass, &tau),
-            1e-11,
-        );
-
-        let at = tree.placement_in_world(&state, frame);
-        worst.note("pose: position", (at.p - p).norm() / p.norm(), 1e-13);
-        worst.note("pose: rotation", (at.r - r).amax(), 1e-13);
-        worst.note("jacobian", (tree.jacobian(&k, frame) - j).amax() / j.amax(), 1e-13);
-        let scale = j_rate.amax().max(f64::MIN_POSITIVE);
-        worst.note(
-            "jacobian rate",
-            (tree.jacobian_rate(&k, frame) - j_rate).amax() / scale,
-            1e-12,
-        );
-
-        let momentum = tree.momentum(&k);
-        let (l, h) = (
-            state.quat_nb.rotate(&momentum.linear_b),
-            state.quat_nb.rotate(&momentum.angular_b),
-        );
-        worst.note("linear momentum", (l - linear).norm() / linear.norm().max(1e-30), 1e-13);
-        worst.note(
-            "angular momentum",
-            (h - angular).norm() / angular.norm().max(1e-30),
-            1e-13,
-        );
-        worst.note(
-            "centre of mass",
-            (tree.com_in_world(&state) - com).norm() / com.norm(),
-            1e-13,
-        );
-        worst.note(
-            "kinetic energy",
-            (tree.kinetic_energy(&k) - energy).abs() / energy.max(1e-30),
-            1e-13,
-        );
-        let half: M15 = mass * 0.5;
-        worst.note(
-            "1/2 nu M nu",
-            ((state.nu.transpose() * half * state.nu)[0] - tree.kinetic_energy(&k)).abs() / energy.max(1e-30),
-            1e-13,
-        );
-    }
+        ..
+    } = one;
+    let k = tree.kinematics(&state.q, &state.nu);
+    let momentum = tree.momentum(&k);
+    let (l, h) = (
+        state.quat_nb.rotate(&momentum.linear_b),
+        state.quat_nb.rotate(&momentum.angular_b),
+    );
+    worst.note("linear momentum", (l - linear).norm() / linear.norm().max(1e-30), 1e-13);
+    worst.note(
+        "angular momentum",
+        (h - angular).norm() / angular.norm().max(1e-30),
+        1e-13,
+    );
+    worst.note(
+        "centre of mass",
+        (tree.com_in_world(state) - com).norm() / com.norm(),
+        1e-13,
+    );
+    worst.note(
+        "kinetic energy",
+        (tree.kinetic_energy(&k) - energy).abs() / energy.max(1e-30),
+        1e-13,
+    );
+    let half: M15 = *mass * 0.5;
+    worst.note(
+        "1/2 nu M nu",
+        ((state.nu.transpose() * half * state.nu)[0] - tree.kinetic_energy(&k)).abs() / energy.max(1e-30),
+        1e-13,
+    );
 }
 
 #[test]

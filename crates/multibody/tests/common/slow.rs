@@ -36,8 +36,8 @@ fn rotation(axis: &V, angle: f64) -> Matrix3<f64> {
     Matrix3::identity() * c + axis.cross_matrix() * s + axis * axis.transpose() * (1.0 - c)
 }
 
-pub(crate) fn evaluate(d: &Description, s: &DynState) -> Slow {
-    let dim = 6 + s.q.len();
+/// The base, which the state has.
+fn base(s: &DynState, dim: usize) -> Moving {
     let r = s.quat_nb.matrix();
     let b = |k: usize| V::new(s.nu[k], s.nu[k + 1], s.nu[k + 2]);
     let (omega, v) = (r * b(0), r * b(3));
@@ -47,7 +47,7 @@ pub(crate) fn evaluate(d: &Description, s: &DynState) -> Slow {
         columns[3 + k].1 = r.column(k).into();
     }
     // with ν̇ = 0 the base's body-axes velocity is constant: its world acceleration is ω × v
-    let base = Moving {
+    Moving {
         p: s.p_nb,
         r,
         omega,
@@ -55,12 +55,16 @@ pub(crate) fn evaluate(d: &Description, s: &DynState) -> Slow {
         alpha: V::zeros(),
         a: omega.cross(&v),
         columns,
-    };
+    }
+}
+
+/// How every link moves, from the base outwards.
+fn motion(d: &Description, s: &DynState, dim: usize) -> Vec<Option<Moving>> {
     let mut links: Vec<Option<Moving>> = vec![None; d.links.len()];
     let root = (0..d.links.len())
         .find(|&i| d.joints.iter().all(|j| j.child != i))
         .expect("a root");
-    links[root] = Some(base);
+    links[root] = Some(base(s, dim));
     let mut open: Vec<usize> = (0..d.joints.len()).collect();
     while let Some(at) = open.iter().position(|&j| links[d.joints[j].parent].is_some()) {
         let index = open.remove(at);
@@ -108,7 +112,12 @@ pub(crate) fn evaluate(d: &Description, s: &DynState) -> Slow {
             columns,
         });
     }
+    links
+}
 
+pub(crate) fn evaluate(d: &Description, s: &DynState) -> Slow {
+    let dim = 6 + s.q.len();
+    let links = motion(d, s, dim);
     let mut out = Slow {
         mass: vec![vec![0.0; dim]; dim],
         bias: vec![0.0; dim],

@@ -256,17 +256,7 @@ impl Reader {
             &READ,
             &["calibration", "safety_controller"],
         );
-        let kind = self.required(node, &owner, "type").and_then(|kind| match kind {
-            "fixed" => Some(JointKind::Fixed),
-            "revolute" => Some(JointKind::Revolute),
-            "continuous" => Some(JointKind::Continuous),
-            "prismatic" => Some(JointKind::Prismatic),
-            other => {
-                let (joint, kind) = (name.clone(), other.to_owned());
-                self.fault(node, UrdfFault::JointType { joint, kind });
-                None
-            }
-        });
+        let kind = self.kind(node, &name, &owner);
         let parent = self.end(node, &name, "parent", links);
         let child = self.end(node, &name, "child", links);
         let origin = self.origin(node, &owner);
@@ -277,12 +267,7 @@ impl Reader {
             }
             None => Some(Vector3::x()), // the format's default
         };
-        let limits = element(node, "limit").map(|limit| {
-            let more = ["acceleration", "deceleration", "jerk"]; // no range is enforced
-            let names = ["lower", "upper", "velocity", "effort"];
-            self.survey(limit, &owner, &[names.as_slice(), &more].concat(), &[], &[]);
-            names.map(|name| self.optional(limit, &owner, name, 0.0))
-        });
+        let limits = self.limits(node, &owner);
         let [damping, friction] = match element(node, "dynamics") {
             Some(dynamics) => {
                 self.survey(dynamics, &owner, &["damping", "friction"], &[], &[]);
@@ -310,15 +295,6 @@ impl Reader {
             Some(mimic) => self.mimic(mimic, &owner).map(Some),
             None => Some(None),
         };
-        let limits = match limits {
-            Some([lower, upper, velocity, effort]) => Some(Limits {
-                lower: lower?,
-                upper: upper?,
-                velocity: velocity?,
-                effort: effort?,
-            }),
-            None => None,
-        };
         Some(Joint {
             name,
             kind: kind?,
@@ -326,7 +302,7 @@ impl Reader {
             child: child?,
             origin: origin?,
             axis: unit(axis?),
-            limits,
+            limits: limits?,
             damping: damping?,
             friction: friction?,
             stiffness: 0.0,
@@ -334,6 +310,37 @@ impl Reader {
             motor_inertia: 0.0,
             mimic: mimic?,
         })
+    }
+
+    fn kind(&mut self, node: Node, name: &str, owner: &str) -> Option<JointKind> {
+        match self.required(node, owner, "type")? {
+            "fixed" => Some(JointKind::Fixed),
+            "revolute" => Some(JointKind::Revolute),
+            "continuous" => Some(JointKind::Continuous),
+            "prismatic" => Some(JointKind::Prismatic),
+            other => {
+                let (joint, kind) = (name.to_owned(), other.to_owned());
+                self.fault(node, UrdfFault::JointType { joint, kind });
+                None
+            }
+        }
+    }
+
+    /// The limits of a joint that has some; nothing when they are wrong.
+    fn limits(&mut self, node: Node, owner: &str) -> Option<Option<Limits>> {
+        let Some(limit) = element(node, "limit") else {
+            return Some(None);
+        };
+        let more = ["acceleration", "deceleration", "jerk"]; // no range is enforced
+        let names = ["lower", "upper", "velocity", "effort"];
+        self.survey(limit, owner, &[names.as_slice(), &more].concat(), &[], &[]);
+        let [lower, upper, velocity, effort] = names.map(|name| self.optional(limit, owner, name, 0.0));
+        Some(Some(Limits {
+            lower: lower?,
+            upper: upper?,
+            velocity: velocity?,
+            effort: effort?,
+        }))
     }
 
     fn end(&mut self, node: Node, joint: &str, role: &'static str, links: &[Link]) -> Option<usize> {
