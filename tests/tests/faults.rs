@@ -218,119 +218,126 @@ fn refused(fault: &str, parts: &[&str]) {
     }
 }
 
-#[test]
-fn what_cannot_be_is_refused_with_key_value_and_remedy() {
-    refused("at=1s", &["faults.fault-1", "exactly one of `input`", "none"]);
-    refused(
+/// Faults that cannot be, with parts of the refusal.
+const REFUSED: [(&str, &[&str]); 33] = [
+    ("at=1s", &["faults.fault-1", "exactly one of `input`", "none"]),
+    (
         "input=controller.measured,kind=stuck",
         &["faults.fault-1", "missing field `at`"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,output=plant.target",
         &["input and output"],
-    );
-    refused("at=1s,input=controller.measured", &["`kind` is missing"]);
-    refused(
+    ),
+    ("at=1s,input=controller.measured", &["`kind` is missing"]),
+    (
         "at=1s,input=controller.measured,kind=wobble",
         &["faults.fault-1.kind", "wobble", "bit-flip"],
-    );
-    refused(
+    ),
+    (
         "at=-1s,connection=measured,drop=0.1",
         &["faults.fault-1.at", "before the start"],
-    );
-    refused(
+    ),
+    (
         "at=2s,until=1s,connection=measured,drop=0.1",
         &["faults.fault-1.until", "not after"],
-    );
-    refused("name=x y,at=1s,connection=measured,drop=0.1", &["`x y` is not a name"]);
-    refused(
+    ),
+    ("name=x y,at=1s,connection=measured,drop=0.1", &["`x y` is not a name"]),
+    (
         "at=1s,connection=nothing,drop=0.1",
         &["faults.fault-1.connection", "`nothing`", "`measured`"],
-    );
-    refused("at=1s,connection=measured", &["drop = 0.3", "extra-delay"]);
-    refused(
+    ),
+    ("at=1s,connection=measured", &["drop = 0.3", "extra-delay"]),
+    (
         "at=1s,connection=measured,drop=1.5",
         &["faults.fault-1.drop", "1.5", "between 0 and 1"],
-    );
-    refused(
+    ),
+    (
         "at=1s,connection=measured,extra-delay=-1ms",
         &["extra-delay", "negative"],
-    );
-    refused(
+    ),
+    (
         "at=1s,connection=measured,drop=0.1,kind=stuck",
         &["faults.fault-1.kind", "does not belong"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=pilot.measured,kind=stuck",
         &["faults.fault-1.input", "`pilot`", "`guidance`"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.mesured,kind=stuck",
         &["no input `mesured`", "`measured`"],
-    );
-    refused("at=1s,output=plant,kind=stuck", &["PARTICIPANT.PORT"]);
-    refused(
+    ),
+    ("at=1s,output=plant,kind=stuck", &["PARTICIPANT.PORT"]),
+    (
         "at=1s,input=controller.measured,field=q[7],kind=stuck",
         &["faults.fault-1.field", "`q[7]`", "`q: f64[7] in rad`"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,field=q,kind=bias,value=0.2",
         &["`0.2` has no unit", "rad"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,field=q,kind=bias,value=2 mm",
         &["faults.fault-1.value", "dimension m"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,field=q,kind=ramp,value=2 deg",
         &["rad/s"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,field=q,kind=bias,value=[1, 2] deg",
         &["2 values", "7 elements"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,kind=bias,value=2 deg",
         &["`field` is missing"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,field=q,kind=noise,value=-1 deg",
         &["standard deviation"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,field=q,kind=bias",
         &["`value` is missing"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,kind=bit-flip,bit=64",
         &["bits 0", "63"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,kind=dropout,probability=2",
         &["not a probability"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,kind=stuck,probability=0.5",
         &["always there"],
-    );
-    refused(
+    ),
+    (
         "at=1s,input=controller.measured,knid=stuck",
         &["knid", "unknown field", "--fault"],
-    );
-    refused("at", &["KEY=VALUE"]);
-    refused(
+    ),
+    ("at", &["KEY=VALUE"]),
+    (
         "at=1s,substitute=pilot,run={builtin=\"controller\"}",
         &["`pilot`", "`controller`"],
-    );
-    refused("at=1s,substitute=controller", &["`run` is missing"]);
-    refused(
+    ),
+    ("at=1s,substitute=controller", &["`run` is missing"]),
+    (
         "at=1s,substitute=controller,run={builtin=\"pilot\"}",
         &["no builtin `pilot`"],
-    );
-    refused(
+    ),
+    (
         "at=1s,substitute=controller,run={builtin=\"controller\"},until=2s",
         &["until", "does not belong"],
-    );
+    ),
+];
+
+#[test]
+fn what_cannot_be_is_refused_with_key_value_and_remedy() {
+    for (fault, parts) in REFUSED {
+        refused(fault, parts);
+    }
 }
 
 /// In the file, every mistake has its line, and all are told at once.

@@ -204,14 +204,10 @@ fn a_run_in_one_process_is_steered_as_well_and_its_result_is_fetched() {
     assert!(matches!(run.end().code, Some(0 | 3)), "it stays until it is told to go");
 }
 
-#[test]
-fn nobody_else_can_see_or_steer_the_run() {
-    let folder = Folder::new("live-hostile");
-    let scenario = oscillator(&folder, "damper");
-    let out = folder.path().join("run");
-    let run = Watched::at_one_second(&scenario, &out);
+/// Requests of others than the page: what they try, and the status that they get.
+fn hostile() -> [(&'static str, String, u16); 10] {
     let resume = "Content-Type: application/json\nContent-Length: 16\n\n{\"do\": \"resume\"}";
-    for (what, request, status) in [
+    [
         (
             "rebinding",
             "GET {path} HTTP/1.1\nHost: evil.example\n\n".to_owned(),
@@ -257,7 +253,16 @@ fn nobody_else_can_see_or_steer_the_run() {
             415,
         ),
         ("garbage", "\u{1}\u{2}\u{3}\n\n".to_owned(), 400),
-    ] {
+    ]
+}
+
+#[test]
+fn nobody_else_can_see_or_steer_the_run() {
+    let folder = Folder::new("live-hostile");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    let run = Watched::at_one_second(&scenario, &out);
+    for (what, request, status) in hostile() {
         assert_eq!(run.ask(&request).0, status, "{what}");
     }
     let port: u16 = run.page.host.rsplit(':').next().unwrap().parse().unwrap();

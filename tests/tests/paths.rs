@@ -296,7 +296,12 @@ fn refused_run_leaves_nothing_and_force_replaces_a_run() {
     let said = orchestrate(&["run", text(&scenario), "--out", text(folder.path()), "--force"]);
     assert_eq!(said.code, Some(2), "{said:?}");
     assert!(scenario.exists(), "{said:?}");
-    // A run that fails keeps its folder, with what its programs said.
+}
+
+#[test]
+fn failed_run_keeps_its_folder_with_what_its_programs_said() {
+    let folder = Folder::new("died");
+    let scenario = oscillator(&folder, "damper");
     let died = folder.path().join("died");
     let exe = format!(
         "participants.damper.run={{ exe = \"{}\" }}",

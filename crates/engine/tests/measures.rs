@@ -3,9 +3,11 @@
 mod common;
 
 use common::{Dice, Sample, declared, fed, stream, time};
+use engine::assessment::Measured;
 use engine::scenario::DeclaredMeasure;
 use lockstep::random::Stream;
 use lockstep::time::Rational;
+use tape::StreamSpec;
 
 const CASES: u64 = 300;
 
@@ -130,11 +132,17 @@ fn paired<'a>(
         .collect()
 }
 
-#[test]
-fn figures_are_those_of_a_plain_computation_in_any_order_of_arrival() {
-    let (mut measured, mut absent) = (0, 0);
-    for case in 0..CASES {
-        let mut dice = Dice(Stream::new(16, &format!("measures {case}")), 0);
+/// Two streams, a window, and what of the streams lies in it.
+struct Case {
+    number: u64,
+    specs: [StreamSpec; 2],
+    streams: [Vec<Sample>; 2],
+    from: Rational,
+    to: Rational,
+}
+
+impl Case {
+    fn drawn(number: u64, dice: &mut Dice) -> Case {
         let mut period = || time(1, [1, 3, 7, 20, 100, 333][dice.below(6) as usize]);
         let periods = [period(), period()];
         let offsets = [dice.time(2), dice.time(2)];
@@ -145,12 +153,31 @@ fn figures_are_those_of_a_plain_computation_in_any_order_of_arrival() {
         let end = dice.time(8);
         let streams = specs.each_ref().map(|spec| dice.samples(spec, end));
         let (a, b) = (dice.time(8), dice.time(8));
-        let (from, to) = (a.min(b), a.max(b));
-        let window = format!("from = '{from}'\nto = '{to}'\n");
-        let pairs = paired(&streams[0], &streams[1], from, to);
-        let alone = streams[0].iter().filter(|one| one.at >= from && one.at <= to);
-        let alone: Vec<&Sample> = alone.collect();
-        let all: Vec<DeclaredMeasure> = SCALAR
+        Case {
+            number,
+            specs,
+            streams,
+            from: a.min(b),
+            to: a.max(b),
+        }
+    }
+
+    /// The samples of the first stream in the window.
+    fn alone(&self) -> Vec<&Sample> {
+        let inside = |one: &&Sample| one.at >= self.from && one.at <= self.to;
+        self.streams[0].iter().filter(inside).collect()
+    }
+
+    /// The same with those of the second one.
+    fn pairs(&self) -> Vec<(&Sample, &Sample)> {
+        paired(&self.streams[0], &self.streams[1], self.from, self.to)
+    }
+
+    /// Every scalar measure of one stream and of both, and six of other kinds.
+    fn declared(&self) -> Vec<DeclaredMeasure> {
+        let from = self.from;
+        let window = format!("from = '{from}'\nto = '{}'\n", self.to);
+        SCALAR
             .iter()
             .flat_map(|(text, _)| {
                 ["", "minus = 'far.out.x'\n"].map(|minus| format!("of = 'near.out.x'\n{minus}{window}{text}"))
@@ -165,14 +192,12 @@ fn figures_are_those_of_a_plain_computation_in_any_order_of_arrival() {
             ])
             .enumerate()
             .map(|(number, text)| declared(&format!("m{number}"), &text))
-            .collect();
-        let found = fed(&all, &specs, &streams, &mut dice);
-        assert_eq!(
-            found,
-            fed(&all, &specs, &streams, &mut dice),
-            "case {case}: another order of arrival"
-        );
+            .collect()
+    }
 
+    /// Compares the scalar measures with the plain computation; gives how many were measured, and how many were not.
+    fn compare_scalars(&self, found: &[Measured]) -> [usize; 2] {
+        let (case, alone, pairs) = (self.number, self.alone(), self.pairs());
         let stamps = |samples: &mut dyn Iterator<Item = &Sample>| samples.map(|one| one.stamp_s).collect::<Vec<f64>>();
         let t = [
             stamps(&mut alone.iter().copied()),
@@ -182,17 +207,24 @@ fn figures_are_those_of_a_plain_computation_in_any_order_of_arrival() {
             alone.iter().map(|one| one.x).collect(),
             pairs.iter().map(|(near, far)| near.x - far.x * 1e-3).collect(),
         ];
+        let mut counts = [0, 0];
         for (number, one) in found.iter().take(32).enumerate() {
             let (text, compute) = SCALAR[number / 2];
-            let expected = compute(&x[number % 2], &t[number % 2], specs[0].period.seconds());
+            let expected = compute(&x[number % 2], &t[number % 2], self.specs[0].period.seconds());
             let scale = x[number % 2].iter().fold(1.0, |sum, x| sum + x.abs());
             assert!(
                 close(one.value.as_f64(), expected, scale),
                 "case {case}, {text}: {one:?}, {expected:?}"
             );
             assert_eq!(one.reason.is_some(), expected.is_none(), "case {case}, {text}: {one:?}");
-            *if expected.is_some() { &mut measured } else { &mut absent } += 1;
+            counts[usize::from(expected.is_none())] += 1;
         }
+        counts
+    }
+
+    /// The same with the others.
+    fn compare_others(&self, found: &[Measured]) {
+        let (case, alone, pairs) = (self.number, self.alone(), self.pairs());
         let apart = |(near, far): &(&Sample, &Sample)| {
             (0..3)
                 .map(|i| (near.v[i] - far.v[i]) * (near.v[i] - far.v[i]))
@@ -221,9 +253,29 @@ fn figures_are_those_of_a_plain_computation_in_any_order_of_arrival() {
         let changes = (!alone.is_empty()).then_some(changes);
         assert_eq!(found[36].value.as_f64(), changes, "case {case}");
         // held for a period, and no longer
-        let newest = streams[0].iter().rev().find(|one| one.at <= from);
-        let held = newest.filter(|one| one.at.checked_add(specs[0].period).is_some_and(|until| from <= until));
+        let (from, period) = (self.from, self.specs[0].period);
+        let newest = self.streams[0].iter().rev().find(|one| one.at <= from);
+        let held = newest.filter(|one| one.at.checked_add(period).is_some_and(|until| from <= until));
         assert_eq!(found[37].value.as_f64(), held.map(|one| one.x), "case {case}");
+    }
+}
+
+#[test]
+fn figures_are_those_of_a_plain_computation_in_any_order_of_arrival() {
+    let (mut measured, mut absent) = (0, 0);
+    for number in 0..CASES {
+        let mut dice = Dice(Stream::new(16, &format!("measures {number}")), 0);
+        let case = Case::drawn(number, &mut dice);
+        let all = case.declared();
+        let found = fed(&all, &case.specs, &case.streams, &mut dice);
+        assert_eq!(
+            found,
+            fed(&all, &case.specs, &case.streams, &mut dice),
+            "case {number}: another order of arrival"
+        );
+        let [there, not] = case.compare_scalars(&found);
+        (measured, absent) = (measured + there, absent + not);
+        case.compare_others(&found);
     }
     assert!(
         measured > 3000 && absent > 300,

@@ -160,45 +160,46 @@ fn two_channels_meet_at_a_kink() {
     close(t.gains[0][(0, 0)], 10f64.sqrt() / 2.0, 1e-4);
 }
 
+/// M v̇ = −K v + d in coordinates of energy: performance is M^½ v, disturbance M^½ d, so that every mass matrix looks alike.
+fn of_mass(mass: [[f64; 2]; 2]) -> Model {
+    let m = from_rows(&[mass[0].to_vec(), mass[1].to_vec()]).unwrap();
+    let root = synthesis::linalg::sqrt_spd(&m).unwrap();
+    let inverse_root = synthesis::linalg::inverse(&root).unwrap();
+    let inverse = synthesis::linalg::inverse(&m).unwrap();
+    let b = synthesis::linalg::blocks(&[&[&inverse_root, &Matrix::zeros(2, 2), &(inverse * faer_minus())]]);
+    let c = synthesis::linalg::blocks(&[&[&root], &[&Matrix::zeros(2, 2)], &[&Matrix::identity(2, 2)]]);
+    let mut d = Matrix::zeros(6, 6);
+    for i in 0..2 {
+        for j in 0..2 {
+            d[(2 + i, 4 + j)] = 0.1 * inverse_root[(i, j)];
+            d[(4 + i, 2 + j)] = inverse_root[(i, j)];
+        }
+    }
+    Model {
+        name: format!("{mass:?}"),
+        plant: StateSpace::new(Matrix::zeros(2, 2), b, c, d).unwrap(),
+        controls: 2,
+        measurements: 2,
+        channels: vec![
+            Channel {
+                name: "load".into(),
+                outputs: 0..2,
+                inputs: 0..2,
+            },
+            Channel {
+                name: "noise".into(),
+                outputs: 2..4,
+                inputs: 2..4,
+            },
+        ],
+        transforms: vec![Some((root.clone(), root))],
+    }
+}
+
 /// Positive definite and transformed gains: with M v̇ = −K v + d and the scheduled form K = M^½ X M^½ one X serves several
 /// mass matrices, where a constant K cannot. The optimum of each block is known by symmetry: X is a multiple of I.
 #[test]
 fn a_scheduled_gain_serves_two_mass_matrices() {
-    let model = |mass: [[f64; 2]; 2]| {
-        let m = from_rows(&[mass[0].to_vec(), mass[1].to_vec()]).unwrap();
-        let root = synthesis::linalg::sqrt_spd(&m).unwrap();
-        let inverse_root = synthesis::linalg::inverse(&root).unwrap();
-        let inverse = synthesis::linalg::inverse(&m).unwrap();
-        // Coordinates of energy: performance is M^½ v, disturbance M^½ d, so that every mass matrix looks alike.
-        let b = synthesis::linalg::blocks(&[&[&inverse_root, &Matrix::zeros(2, 2), &(inverse * faer_minus())]]);
-        let c = synthesis::linalg::blocks(&[&[&root], &[&Matrix::zeros(2, 2)], &[&Matrix::identity(2, 2)]]);
-        let mut d = Matrix::zeros(6, 6);
-        for i in 0..2 {
-            for j in 0..2 {
-                d[(2 + i, 4 + j)] = 0.1 * inverse_root[(i, j)];
-                d[(4 + i, 2 + j)] = inverse_root[(i, j)];
-            }
-        }
-        Model {
-            name: format!("{mass:?}"),
-            plant: StateSpace::new(Matrix::zeros(2, 2), b, c, d).unwrap(),
-            controls: 2,
-            measurements: 2,
-            channels: vec![
-                Channel {
-                    name: "load".into(),
-                    outputs: 0..2,
-                    inputs: 0..2,
-                },
-                Channel {
-                    name: "noise".into(),
-                    outputs: 2..4,
-                    inputs: 2..4,
-                },
-            ],
-            transforms: vec![Some((root.clone(), root))],
-        }
-    };
     let start = from_rows(&[vec![1.0, 0.4], vec![0.4, 0.5]]).unwrap();
     let gain = GainBlock {
         name: "X".into(),
@@ -208,7 +209,7 @@ fn a_scheduled_gain_serves_two_mass_matrices() {
         start,
         unit: 1.0,
     };
-    let models = vec![model([[1.0, 0.2], [0.2, 1.0]]), model([[9.0, -1.0], [-1.0, 0.3]])];
+    let models = vec![of_mass([[1.0, 0.2], [0.2, 1.0]]), of_mass([[9.0, -1.0], [-1.0, 0.3]])];
     let mut problem = Problem {
         models,
         gains: vec![gain],

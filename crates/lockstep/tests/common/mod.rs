@@ -249,27 +249,9 @@ pub fn reference(world: &World, plan: &Plan) -> Tape {
         .iter()
         .map(|own| vec![Vec::new(); own.inputs.len()])
         .collect();
-    let mut todo: Vec<(Ticks, usize, u64)> = (0..plan.participants.len())
-        .flat_map(|number| (0..plan.participants[number].activations).map(move |k| (number, k)))
-        .map(|(number, k)| (plan.participants[number].sample_time.instant(k), number, k))
-        .collect();
-    todo.sort_unstable();
+    let mut todo = activations(plan);
     while !todo.is_empty() {
-        let now = todo[0].0;
-        let ready = todo.iter().position(|&(t, number, _)| {
-            // Whoever feeds it without delay and is also activated now must come first.
-            t == now
-                && !plan.links.iter().any(|link| {
-                    let feeds = link.to.0 == number
-                        && plan.participants[link.from.0].interface.kind == Kind::Sampled
-                        && link.visibility.delay_bounds().0 == 0;
-                    feeds
-                        && todo
-                            .iter()
-                            .any(|&(other_t, other, _)| other_t == now && other == link.from.0)
-                })
-        });
-        let (_, number, k) = todo.remove(ready.expect("the planner promised that there is no loop"));
+        let (now, number, k) = take_ready(plan, &mut todo);
         let own = &plan.participants[number];
         let (inputs, outputs) = &mut buffers[number];
         for (input, links) in own.inputs.iter().enumerate() {
@@ -311,6 +293,35 @@ pub fn reference(world: &World, plan: &Plan) -> Tape {
         record(&mut tape, number, index, outputs);
     }
     tape
+}
+
+/// Instant, participant and number of every activation, in the order of time.
+fn activations(plan: &Plan) -> Vec<(Ticks, usize, u64)> {
+    let mut all: Vec<(Ticks, usize, u64)> = (0..plan.participants.len())
+        .flat_map(|number| (0..plan.participants[number].activations).map(move |k| (number, k)))
+        .map(|(number, k)| (plan.participants[number].sample_time.instant(k), number, k))
+        .collect();
+    all.sort_unstable();
+    all
+}
+
+/// Takes one of the earliest activations that has everything that it needs.
+fn take_ready(plan: &Plan, todo: &mut Vec<(Ticks, usize, u64)>) -> (Ticks, usize, u64) {
+    let now = todo[0].0;
+    let ready = todo.iter().position(|&(t, number, _)| {
+        // Whoever feeds it without delay and is also activated now must come first.
+        t == now
+            && !plan.links.iter().any(|link| {
+                let feeds = link.to.0 == number
+                    && plan.participants[link.from.0].interface.kind == Kind::Sampled
+                    && link.visibility.delay_bounds().0 == 0;
+                feeds
+                    && todo
+                        .iter()
+                        .any(|&(other_t, other, _)| other_t == now && other == link.from.0)
+            })
+    });
+    todo.remove(ready.expect("the planner promised that there is no loop"))
 }
 
 /// What came over link number `link` for an activation at `now`: a sample, or what stands in for one.
