@@ -4,7 +4,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::columns::{Column, Number, TIME, columns, distinct, number};
-use super::{Draft, ExportError, WriteError, npy};
+use super::error::ExportError;
+use super::file::{Draft, WriteError};
+use super::npy;
 use tape::{Records, Source};
 
 /// The table of a stream, and beside it the array of each field that is too wide for a table. Gives the files.

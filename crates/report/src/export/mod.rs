@@ -9,37 +9,25 @@
 
 mod columns;
 mod csv;
+mod error;
+mod file;
 mod mcap;
 mod npy;
 mod parquet;
 mod sheet;
+mod sheet_files;
+mod varint;
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use tape::{ReadError, Source};
+use tape::Source;
 
-pub use mcap::Geometry;
+pub use error::ExportError;
+pub use file::About;
+use file::whole_file;
+pub use mcap::{Compression, Geometry};
 pub use sheet::{Cells, Sheet, SheetColumn};
-
-/// Why an export failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ExportError {
-    /// The tape cannot be read.
-    #[error(transparent)]
-    Tape(#[from] ReadError),
-    /// The file system refused.
-    #[error("{}: cannot {action}: {source}", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What was tried.
-        action: &'static str,
-        /// What the system said.
-        source: io::Error,
-    },
-}
 
 /// One CSV file per stream into the folder `dir`: `<participant>.<port>.csv`. The first line has the columns' names with
 /// their units, numbers are the shortest text that reads back to the same number. Gives the files.
@@ -62,19 +50,6 @@ pub fn parquet(source: &dyn Source, dir: &Path, about: &About) -> Result<Vec<Pat
     })
 }
 
-/// How an MCAP file is compressed.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Compression {
-    /// Not at all.
-    None,
-    /// Chunk by chunk as an LZ4 frame, which every reader of MCAP knows.
-    #[default]
-    Lz4,
-}
-
-/// What a reader of the files should know of the run: keys and values of their metadata.
-pub type About = [(&'static str, String)];
-
 /// One MCAP file with every stream as a topic `/participant/port` of a protobuf message that describes itself, the
 /// poses among the fields as frame transforms on `/tf`, and `geometry` as a scene.
 ///
@@ -88,24 +63,6 @@ pub fn mcap(
     compression: Compression,
 ) -> Result<(), ExportError> {
     whole_file(path, |file| mcap::write(source, geometry, about, compression, file))
-}
-
-/// What writes one file.
-enum WriteError {
-    Tape(ReadError),
-    Io(io::Error),
-}
-
-impl From<ReadError> for WriteError {
-    fn from(error: ReadError) -> WriteError {
-        WriteError::Tape(error)
-    }
-}
-
-impl From<io::Error> for WriteError {
-    fn from(error: io::Error) -> WriteError {
-        WriteError::Io(error)
-    }
 }
 
 fn per_stream(
@@ -123,97 +80,4 @@ fn per_stream(
         files.extend(write(source, stream, dir)?);
     }
     Ok(files)
-}
-
-/// A file under another name until it is complete: half a file never looks like a whole one. Dropped before that, it is
-/// removed.
-struct Draft {
-    path: PathBuf,
-    part: PathBuf,
-    file: BufWriter<File>,
-}
-
-impl Draft {
-    fn create(path: PathBuf) -> Result<Draft, ExportError> {
-        let mut part = path.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
-        match File::create(&part) {
-            Ok(file) => Ok(Draft {
-                path,
-                part,
-                file: BufWriter::with_capacity(1 << 18, file),
-            }),
-            Err(source) => Err(ExportError::Io {
-                path,
-                action: "create the file",
-                source,
-            }),
-        }
-    }
-
-    fn error(&self, action: &'static str) -> impl FnOnce(io::Error) -> ExportError {
-        let path = self.path.clone();
-        move |source| ExportError::Io { path, action, source }
-    }
-
-    fn write(&mut self, write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteError>) -> Result<(), ExportError> {
-        match write(&mut self.file) {
-            Ok(()) => Ok(()),
-            Err(WriteError::Tape(error)) => Err(ExportError::Tape(error)),
-            Err(WriteError::Io(error)) => Err(self.error("write the file")(error)),
-        }
-    }
-
-    fn put(&mut self, bytes: &[u8]) -> Result<(), ExportError> {
-        self.write(|file| file.write_all(bytes).map_err(WriteError::Io))
-    }
-
-    fn finish(mut self) -> Result<PathBuf, ExportError> {
-        self.write(|file| file.flush().map_err(WriteError::Io))?;
-        fs::rename(&self.part, &self.path).map_err(self.error("name the file"))?;
-        Ok(self.path.clone())
-    }
-}
-
-impl Drop for Draft {
-    fn drop(&mut self) {
-        // Not there any more under this name when it was finished.
-        let _ = fs::remove_file(&self.part);
-    }
-}
-
-fn whole_file(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteError>,
-) -> Result<(), ExportError> {
-    let mut draft = Draft::create(path.to_owned())?;
-    draft.write(write)?;
-    draft.finish().map(|_| ())
-}
-
-/// A number of variable length, as Thrift and Protocol Buffers have it: seven bits a byte, least significant first.
-fn varint(out: &mut Vec<u8>, mut value: u64) {
-    while value >= 0x80 {
-        out.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    out.push(value as u8);
-}
-
-/// A writer that knows how far it is.
-struct Counted<'a, W: Write> {
-    inner: &'a mut W,
-    position: u64,
-}
-
-impl<'a, W: Write> Counted<'a, W> {
-    fn new(inner: &'a mut W) -> Counted<'a, W> {
-        Counted { inner, position: 0 }
-    }
-
-    fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.position += bytes.len() as u64;
-        self.inner.write_all(bytes)
-    }
 }

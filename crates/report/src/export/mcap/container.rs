@@ -4,9 +4,19 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use super::lz4;
-use crate::export::{About, Compression, Counted};
+use crate::export::file::{About, Counted};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
+/// How an MCAP file is compressed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Compression {
+    /// Not at all.
+    None,
+    /// Chunk by chunk as an LZ4 frame, which every reader of MCAP knows.
+    #[default]
+    Lz4,
+}
+
 /// Bytes of messages that a chunk collects.
 const CHUNK_BYTES: usize = 1 << 20;
 

@@ -9,7 +9,8 @@ mod transforms;
 use std::fs::File;
 use std::io::BufWriter;
 
-use super::{About, Compression, Counted, WriteError};
+use super::file::{About, Counted, WriteError};
+pub use container::Compression;
 use container::Container;
 use schema::Schema;
 use tape::{Record, Records, Source};

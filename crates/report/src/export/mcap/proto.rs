@@ -1,6 +1,6 @@
 //! Protocol Buffers' wire format, as far as exports need it.
 
-pub(super) use crate::export::varint;
+pub(super) use crate::export::varint::varint;
 
 /// Bytes, a text, a packed list or an inner message.
 pub(super) fn bytes(out: &mut Vec<u8>, number: u32, content: &[u8]) {

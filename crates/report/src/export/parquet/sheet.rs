@@ -5,9 +5,11 @@ use std::io::{self, BufWriter};
 
 use serde_json::{Map, Value};
 
-use super::{Cell, Chunk, Counted, Leaf, describe, page_header};
+use super::footer::{Cell, Chunk, Leaf, describe};
+use super::page::page_header;
+use crate::export::file::Counted;
 use crate::export::sheet::{Cells, Sheet};
-use crate::export::varint;
+use crate::export::varint::varint;
 
 /// Parquet's number of a physical type and of a converted one.
 fn types(cells: &Cells) -> (i32, Option<i32>) {

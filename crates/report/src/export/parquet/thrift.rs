@@ -1,6 +1,6 @@
 //! Thrift's compact protocol, as far as Parquet's footer needs it.
 
-use crate::export::varint;
+use crate::export::varint::varint;
 
 const I32: u8 = 5;
 const I64: u8 = 6;

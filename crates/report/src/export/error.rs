@@ -1,0 +1,24 @@
+//! Why an export failed.
+
+use std::io;
+use std::path::PathBuf;
+
+use tape::ReadError;
+
+/// Why an export failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The tape cannot be read.
+    #[error(transparent)]
+    Tape(#[from] ReadError),
+    /// The file system refused.
+    #[error("{}: cannot {action}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was tried.
+        action: &'static str,
+        /// What the system said.
+        source: io::Error,
+    },
+}

@@ -1,0 +1,117 @@
+//! A file that an export writes.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tape::ReadError;
+
+use super::error::ExportError;
+
+/// What a reader of the files should know of the run: keys and values of their metadata.
+pub type About = [(&'static str, String)];
+
+/// What writes one file.
+pub(super) enum WriteError {
+    Tape(ReadError),
+    Io(io::Error),
+}
+
+impl From<ReadError> for WriteError {
+    fn from(error: ReadError) -> WriteError {
+        WriteError::Tape(error)
+    }
+}
+
+impl From<io::Error> for WriteError {
+    fn from(error: io::Error) -> WriteError {
+        WriteError::Io(error)
+    }
+}
+
+/// A file under another name until it is complete: half a file never looks like a whole one. Dropped before that, it is
+/// removed.
+pub(super) struct Draft {
+    path: PathBuf,
+    part: PathBuf,
+    file: BufWriter<File>,
+}
+
+impl Draft {
+    pub(super) fn create(path: PathBuf) -> Result<Draft, ExportError> {
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let part = PathBuf::from(part);
+        match File::create(&part) {
+            Ok(file) => Ok(Draft {
+                path,
+                part,
+                file: BufWriter::with_capacity(1 << 18, file),
+            }),
+            Err(source) => Err(ExportError::Io {
+                path,
+                action: "create the file",
+                source,
+            }),
+        }
+    }
+
+    pub(super) fn error(&self, action: &'static str) -> impl FnOnce(io::Error) -> ExportError {
+        let path = self.path.clone();
+        move |source| ExportError::Io { path, action, source }
+    }
+
+    pub(super) fn write(
+        &mut self,
+        write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteError>,
+    ) -> Result<(), ExportError> {
+        match write(&mut self.file) {
+            Ok(()) => Ok(()),
+            Err(WriteError::Tape(error)) => Err(ExportError::Tape(error)),
+            Err(WriteError::Io(error)) => Err(self.error("write the file")(error)),
+        }
+    }
+
+    pub(super) fn put(&mut self, bytes: &[u8]) -> Result<(), ExportError> {
+        self.write(|file| file.write_all(bytes).map_err(WriteError::Io))
+    }
+
+    pub(super) fn finish(mut self) -> Result<PathBuf, ExportError> {
+        self.write(|file| file.flush().map_err(WriteError::Io))?;
+        fs::rename(&self.part, &self.path).map_err(self.error("name the file"))?;
+        Ok(self.path.clone())
+    }
+}
+
+impl Drop for Draft {
+    fn drop(&mut self) {
+        // Not there any more under this name when it was finished.
+        let _ = fs::remove_file(&self.part);
+    }
+}
+
+pub(super) fn whole_file(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), WriteError>,
+) -> Result<(), ExportError> {
+    let mut draft = Draft::create(path.to_owned())?;
+    draft.write(write)?;
+    draft.finish().map(|_| ())
+}
+
+/// A writer that knows how far it is.
+pub(super) struct Counted<'a, W: Write> {
+    inner: &'a mut W,
+    pub(super) position: u64,
+}
+
+impl<'a, W: Write> Counted<'a, W> {
+    pub(super) fn new(inner: &'a mut W) -> Counted<'a, W> {
+        Counted { inner, position: 0 }
+    }
+
+    pub(super) fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.position += bytes.len() as u64;
+        self.inner.write_all(bytes)
+    }
+}
