@@ -29,7 +29,6 @@
 //! | [`mu`] | robust stability margins: proofs for all frequencies, and perturbations |
 //! | [`matrices`] | a plant from matrices in a file |
 //! | [`robot`] | the velocity loop of a free-flying robot: specification, plant, margins, sampled loop, adversary |
-//! | [`plot`] | figures |
 //!
 //! Conventions: continuous time, SI units where units are known, frequencies in rad/s, `u = K y` (the sign is part of K),
 //! generalised plants with inputs [w; u] and outputs [z; y]. The crate reads no file and prints nothing.
@@ -47,7 +46,6 @@ pub mod matrices;
 pub mod mu;
 pub mod norm;
 mod parallel;
-pub mod plot;
 mod precise;
 pub mod reduce;
 mod rng;

@@ -1,6 +1,6 @@
 //! The picture over one varied key: curves.
 
-use report::figures::{Band, Chart, Curve, Drawing, Limit};
+use report::figures::{Band, Chart, Curve, Drawing, Limit, Stroke};
 
 use super::figures::Figures;
 use super::picture::{Picture, Place, label, numbered};
@@ -37,6 +37,7 @@ pub(super) fn over_one(picture: &Picture<'_>, column: &Column) -> Drawing {
         } else {
             axis.places.iter().map(|(value, _)| (*value).clone()).collect()
         },
+        logarithmic_x: false,
         logarithmic: spread > 30.0,
         bands: axis.bands(),
         curves,
@@ -103,6 +104,7 @@ impl<'a> Axis<'a> {
                 .zip(&self.places)
                 .map(|(x, (_, place))| [*x, place.worst(self.lowest, of).unwrap_or(f64::NAN)])
                 .collect(),
+            stroke: Stroke::Marked,
         }
     }
 

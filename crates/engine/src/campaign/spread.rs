@@ -1,6 +1,6 @@
 //! The picture of points that were drawn: which part of them stays how far from the limits.
 
-use report::figures::{Band, Chart, Curve, Drawing, Limit, Shade};
+use report::figures::{Band, Chart, Curve, Drawing, Limit, Shade, Stroke};
 
 use super::figures::{Figures, Number};
 use super::picture::Picture;
@@ -70,6 +70,7 @@ pub(super) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
         x_label: "part of the points, by size [%]".to_owned(),
         y_label,
         x_names: Vec::new(),
+        logarithmic_x: false,
         logarithmic: spread > 30.0,
         bands: vec![Band {
             from: 0.0,
@@ -117,5 +118,6 @@ fn curve(name: String, values: impl Iterator<Item = f64>) -> Option<Curve> {
     Some(Curve {
         name,
         points: points.collect(),
+        stroke: Stroke::Marked,
     })
 }

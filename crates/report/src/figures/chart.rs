@@ -15,6 +15,8 @@ pub struct Chart {
     pub y_label: String,
     /// Names of the positions 0, 1, 2, … of the horizontal axis where they are no numbers.
     pub x_names: Vec<String>,
+    /// Whether the horizontal axis is logarithmic; then everything on it is above zero.
+    pub logarithmic_x: bool,
     /// Whether the vertical axis is logarithmic. What is not above zero then stands at its lower end.
     pub logarithmic: bool,
     /// The curves.
@@ -25,13 +27,27 @@ pub struct Chart {
     pub bands: Vec<Band>,
 }
 
-/// A curve with a mark at each of its points. A NaN is a gap.
-#[derive(Debug, Clone)]
+/// How a curve is drawn.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Stroke {
+    /// A line with a mark at each point: each stands for something that was computed by itself.
+    #[default]
+    Marked,
+    /// A line.
+    Plain,
+    /// A dashed line: bounds and weights.
+    Dashed,
+}
+
+/// A curve. A NaN is a gap.
+#[derive(Debug, Clone, Default)]
 pub struct Curve {
     /// What it shows.
     pub name: String,
     /// Its points.
     pub points: Vec<[f64; 2]>,
+    /// How it is drawn.
+    pub stroke: Stroke,
 }
 
 /// A horizontal line that curves should stay below.
@@ -62,11 +78,13 @@ struct Frame {
     bottom: f32,
     x: (f64, f64),
     y: (f64, f64),
+    logarithmic_x: bool,
     logarithmic: bool,
 }
 
 impl Frame {
     fn x(&self, x: f64) -> f32 {
+        let x = if self.logarithmic_x { x.log10() } else { x };
         self.left + ((x - self.x.0) / (self.x.1 - self.x.0)) as f32 * (self.right - self.left)
     }
 
@@ -117,19 +135,17 @@ impl Chart {
     fn frame(&self, width: f32, height: f32) -> Frame {
         let points = || self.curves.iter().flat_map(|curve| &curve.points);
         let bands = self.bands.iter().flat_map(|band| [band.from, band.to]);
-        let (x0, x1) = extent(points().map(|point| point[0]).chain(bands));
+        let along = points().map(|point| point[0]).chain(bands);
+        let x = if self.logarithmic_x {
+            whole_decades(along)
+        } else {
+            let (x0, x1) = extent(along);
+            (x0, if x1 > x0 { x1 } else { x0 + 1.0 })
+        };
         let limits = self.limits.iter().map(|limit| limit.value);
         let values = points().map(|point| point[1]).chain(limits);
         let y = if self.logarithmic {
-            let (lo, hi) = extent(values.filter(|y| *y > 0.0).map(f64::log10));
-            (
-                lo.floor(),
-                if hi.ceil() > lo.floor() {
-                    hi.ceil()
-                } else {
-                    lo.floor() + 1.0
-                },
-            )
+            whole_decades(values)
         } else {
             let (lo, hi) = extent(values.chain([0.0]));
             (lo, if hi > lo { hi + 0.06 * (hi - lo) } else { lo + 1.0 })
@@ -139,8 +155,9 @@ impl Chart {
             right: width - 20.0,
             top: 46.0 + 14.0 * self.curves.len().div_ceil(2) as f32,
             bottom: height - 46.0,
-            x: (x0, if x1 > x0 { x1 } else { x0 + 1.0 }),
+            x,
             y,
+            logarithmic_x: self.logarithmic_x,
             logarithmic: self.logarithmic,
         }
     }
@@ -154,7 +171,12 @@ impl Chart {
             ..
         } = frame;
         if self.x_names.is_empty() {
-            for (x, label) in ticks(frame.x.0, frame.x.1, 10) {
+            let columns = if self.logarithmic_x {
+                decades(frame.x.0, frame.x.1)
+            } else {
+                ticks(frame.x.0, frame.x.1, 10)
+            };
+            for (x, label) in columns {
                 drawing.line(vec![[frame.x(x), top], [frame.x(x), bottom]], GRID, 0.7, None, None);
                 drawing.text([frame.x(x), bottom + 15.0], &label, 9.5, SOFT, Anchor::Middle);
             }
@@ -193,10 +215,12 @@ impl Curve {
         let ink = COLORS[number % COLORS.len()];
         let clip = Some([frame.left, frame.top, frame.right, frame.bottom]);
         let path: Vec<[f32; 2]> = self.points.iter().map(|[x, y]| [frame.x(*x), frame.y(*y)]).collect();
-        for [x, y] in path.iter().filter(|at| at[0].is_finite() && at[1].is_finite()) {
+        let there = |at: &&[f32; 2]| self.stroke == Stroke::Marked && at[0].is_finite() && at[1].is_finite();
+        for [x, y] in path.iter().filter(there) {
             drawing.area([x - 1.8, y - 1.8, x + 1.8, y + 1.8], ink);
         }
-        drawing.line(path, ink, 1.4, None, clip);
+        let dash = (self.stroke == Stroke::Dashed).then_some([5.0, 2.5]);
+        drawing.line(path, ink, 1.4, dash, clip);
         if self.name.is_empty() {
             return;
         }
@@ -204,9 +228,16 @@ impl Curve {
             frame.left + (number % 2) as f32 * 280.0,
             40.0 + 14.0 * (number / 2) as f32,
         ];
-        drawing.line(vec![at, [at[0] + 16.0, at[1]]], ink, 2.0, None, None);
+        drawing.line(vec![at, [at[0] + 16.0, at[1]]], ink, 2.0, dash, None);
         drawing.text([at[0] + 20.0, at[1] + 3.5], &self.name, 9.5, SOFT, Anchor::Start);
     }
+}
+
+/// The powers of ten around all values above zero, at least one apart.
+fn whole_decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (lo, hi) = extent(values.filter(|value| *value > 0.0).map(f64::log10));
+    let (lo, hi) = (lo.floor(), hi.ceil());
+    (lo, if hi > lo { hi } else { lo + 1.0 })
 }
 
 #[cfg(test)]
@@ -221,6 +252,7 @@ mod tests {
             curves: vec![Curve {
                 name: "error".into(),
                 points: vec![[0.0, 0.0], [1.0, 1e-3], [2.0, f64::NAN], [3.0, 30.0]],
+                ..Curve::default()
             }],
             limits: vec![Limit {
                 value: 1.0,
@@ -238,5 +270,27 @@ mod tests {
         for label in ["0.001", ">1<", ">100<", "#dff0e0"] {
             assert!(text.contains(label), "{label} {text}");
         }
+    }
+
+    #[test]
+    fn decades_stand_at_even_distances_along_a_logarithmic_axis() {
+        let curve = |stroke| Curve {
+            name: String::new(),
+            points: vec![[1e-2, 1.0], [1.0, 2.0], [1e2, 1.0]],
+            stroke,
+        };
+        let chart = Chart {
+            logarithmic_x: true,
+            logarithmic: true,
+            curves: vec![curve(Stroke::Plain), curve(Stroke::Dashed)],
+            ..Chart::default()
+        };
+        let frame = chart.frame(640.0, 360.0);
+        assert!((frame.x(1.0) - (frame.x(1e-2) + frame.x(1e2)) / 2.0).abs() < 1e-3);
+        let text = svg(&chart.drawing());
+        assert!(text.contains(">0.01<") && text.contains(">100<"), "{text}");
+        // A rectangle is the paper or a clip, and no mark; one of the curves is dashed.
+        assert_eq!(text.matches("<rect").count(), 1 + 2, "{text}");
+        assert_eq!(text.matches("stroke-dasharray").count(), 1, "{text}");
     }
 }

@@ -9,7 +9,7 @@ mod map;
 mod png;
 mod svg;
 
-pub use chart::{Band, Chart, Curve, Limit};
+pub use chart::{Band, Chart, Curve, Limit, Stroke};
 pub use colors::{Rgb, Shade};
 pub use drawing::Drawing;
 pub(crate) use layout::{Panel, layout};
