@@ -1,11 +1,7 @@
-//! The complete state of a controller as plain numbers.
+//! The complete state of a controller: what its laws remember.
 
-use control_laws::filter::FilterState;
-use control_laws::outer::AttitudeState;
-use control_laws::tracker::TrackerState;
 use control_laws::{hierarchical, reference, stabilise};
-use lockstep::participant::Failure;
-use lockstep::wire;
+use lockstep::participant::{Failure, state};
 use serde::{Deserialize, Serialize};
 
 use crate::law::{Approach, Law};
@@ -13,137 +9,31 @@ use crate::law::{Approach, Law};
 #[derive(Serialize, Deserialize)]
 struct Saved {
     approach: SavedApproach,
-    /// Start of the stabilisation and time to rest.
-    stabilise: Option<[f64; 2]>,
+    stabilise: Option<stabilise::State>,
 }
 
 #[derive(Serialize, Deserialize)]
 enum SavedApproach {
-    Hierarchical {
-        attitude: SavedAttitude,
-        tracker: SavedTracker,
-    },
-    Reference {
-        end_effector: SavedAttitude,
-        base: SavedAttitude,
-        tracker: SavedTracker,
-    },
-}
-
-#[derive(Serialize, Deserialize)]
-struct SavedAttitude {
-    started: bool,
-    h: f64,
-    quaternion: [f64; 4],
-}
-
-#[derive(Serialize, Deserialize)]
-struct SavedTracker {
-    started: bool,
-    velocity: [f64; 13],
-    acceleration: [f64; 13],
-    sigma: [f64; 13],
-}
-
-impl From<AttitudeState> for SavedAttitude {
-    fn from(state: AttitudeState) -> Self {
-        Self {
-            started: state.started,
-            h: state.h,
-            quaternion: state.quaternion,
-        }
-    }
-}
-
-impl From<SavedAttitude> for AttitudeState {
-    fn from(saved: SavedAttitude) -> Self {
-        Self {
-            started: saved.started,
-            h: saved.h,
-            quaternion: saved.quaternion,
-        }
-    }
-}
-
-impl From<TrackerState> for SavedTracker {
-    fn from(state: TrackerState) -> Self {
-        Self {
-            started: state.filter.started,
-            velocity: state.filter.velocity,
-            acceleration: state.filter.acceleration,
-            sigma: state.sigma,
-        }
-    }
-}
-
-impl From<SavedTracker> for TrackerState {
-    fn from(saved: SavedTracker) -> Self {
-        Self {
-            filter: FilterState {
-                started: saved.started,
-                velocity: saved.velocity,
-                acceleration: saved.acceleration,
-            },
-            sigma: saved.sigma,
-        }
-    }
+    Hierarchical(hierarchical::State),
+    Reference(reference::State),
 }
 
 /// The state of `law`.
 pub fn save(law: &Law) -> Option<Vec<u8>> {
     let approach = match &law.approach {
-        Approach::Hierarchical(law) => {
-            let hierarchical::State { attitude, tracker } = law.state();
-            SavedApproach::Hierarchical {
-                attitude: attitude.into(),
-                tracker: tracker.into(),
-            }
-        }
-        Approach::Reference(law) => {
-            let reference::State {
-                end_effector,
-                base,
-                tracker,
-            } = law.state();
-            SavedApproach::Reference {
-                end_effector: end_effector.into(),
-                base: base.into(),
-                tracker: tracker.into(),
-            }
-        }
+        Approach::Hierarchical(law) => SavedApproach::Hierarchical(law.state()),
+        Approach::Reference(law) => SavedApproach::Reference(law.state()),
     };
-    let stabilise = law.stabilise.as_ref().map(|law| {
-        let stabilise::State {
-            start_s,
-            time_to_rest_s,
-        } = law.state();
-        [start_s, time_to_rest_s]
-    });
-    wire::encode("the controller's state", &Saved { approach, stabilise }).ok()
+    let stabilise = law.stabilise.as_ref().map(|law| law.state());
+    state::to_bytes(&Saved { approach, stabilise })
 }
 
 /// Puts `law` into a state that [`save`] gave.
 pub fn restore(law: &mut Law, state: &[u8]) -> Result<(), Failure> {
-    let saved: Saved = wire::decode("the controller's state", state)?;
-    match (&mut law.approach, saved.approach) {
-        (Approach::Hierarchical(law), SavedApproach::Hierarchical { attitude, tracker }) => {
-            law.restore(&hierarchical::State {
-                attitude: attitude.into(),
-                tracker: tracker.into(),
-            });
-        }
-        (
-            Approach::Reference(law),
-            SavedApproach::Reference {
-                end_effector,
-                base,
-                tracker,
-            },
-        ) => law.restore(&reference::State {
-            end_effector: end_effector.into(),
-            base: base.into(),
-            tracker: tracker.into(),
-        }),
+    let saved: Saved = state::from_bytes(state)?;
+    match (&mut law.approach, &saved.approach) {
+        (Approach::Hierarchical(law), SavedApproach::Hierarchical(saved)) => law.restore(saved),
+        (Approach::Reference(law), SavedApproach::Reference(saved)) => law.restore(saved),
         _ => {
             return Err(
                 "the state is of a controller with another law; start it without the state, or with the same `law`"
@@ -151,13 +41,9 @@ pub fn restore(law: &mut Law, state: &[u8]) -> Result<(), Failure> {
             );
         }
     }
-    match (&mut law.stabilise, saved.stabilise) {
-        // a law that stabilises from now on, or no longer, has nothing to remember
-        (None, _) | (_, None) => {}
-        (Some(law), Some([start_s, time_to_rest_s])) => law.restore(&stabilise::State {
-            start_s,
-            time_to_rest_s,
-        }),
+    // a law that stabilises from now on, or no longer, has nothing to remember
+    if let (Some(law), Some(saved)) = (&mut law.stabilise, &saved.stabilise) {
+        law.restore(saved);
     }
     Ok(())
 }

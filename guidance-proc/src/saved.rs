@@ -1,9 +1,8 @@
-//! The complete state of a guidance as plain numbers.
+//! The complete state of a guidance: what its law and its filter remember.
 
 use guidance_laws::navigation::{self, NavigationFilter};
 use guidance_laws::{capture, reference};
-use lockstep::participant::Failure;
-use lockstep::wire;
+use lockstep::participant::{Failure, state};
 use serde::{Deserialize, Serialize};
 
 use crate::law::Law;
@@ -12,16 +11,14 @@ use crate::navigation::Navigation;
 /// A state as it is written: what the law and the filter remember, and which of them there are.
 #[derive(Serialize, Deserialize)]
 struct Saved {
-    end_effector: capture::State,
-    base: Option<SavedBase>,
+    law: SavedLaw,
     navigation: Option<SavedNavigation>,
 }
 
 #[derive(Serialize, Deserialize)]
-struct SavedBase {
-    started: bool,
-    position: [f64; 3],
-    attitude: [f64; 4],
+enum SavedLaw {
+    Capture(capture::State),
+    Reference(reference::State),
 }
 
 #[derive(Serialize, Deserialize)]
@@ -33,46 +30,27 @@ struct SavedNavigation {
 
 /// The state of a guidance with this law and this filter.
 pub fn save(law: &Law, navigation: Option<&Navigation>) -> Option<Vec<u8>> {
-    let (end_effector, base) = match law {
-        Law::Capture(law) => (law.state(), None),
-        Law::Reference(law) => {
-            let state = law.state();
-            let base = SavedBase {
-                started: state.base_started,
-                position: state.base_position,
-                attitude: state.base_attitude,
-            };
-            (state.end_effector, Some(base))
-        }
+    let law = match law {
+        Law::Capture(law) => SavedLaw::Capture(law.state()),
+        Law::Reference(law) => SavedLaw::Reference(law.state()),
     };
     let navigation = navigation.map(|navigation| SavedNavigation {
         filter: navigation.filter.state(),
         refused: navigation.refused,
         innovation: navigation.innovation,
     });
-    let saved = Saved {
-        end_effector,
-        base,
-        navigation,
-    };
-    wire::encode("the guidance's state", &saved).ok()
+    state::to_bytes(&Saved { law, navigation })
 }
 
 /// Puts law and filter into a state that [`save`] gave.
 pub fn restore(law: &mut Law, navigation: Option<&mut Navigation>, state: &[u8]) -> Result<(), Failure> {
-    let saved: Saved = wire::decode("the guidance's state", state)?;
-    match (law, saved.base) {
-        (Law::Capture(law), None) => {
-            **law = capture::CaptureGuidance::from_state(*law.parameters(), &saved.end_effector)?;
+    let saved: Saved = state::from_bytes(state)?;
+    match (law, &saved.law) {
+        (Law::Capture(law), SavedLaw::Capture(state)) => {
+            **law = capture::CaptureGuidance::from_state(*law.parameters(), state)?;
         }
-        (Law::Reference(law), Some(base)) => {
-            let state = reference::State {
-                end_effector: saved.end_effector,
-                base_started: base.started,
-                base_position: base.position,
-                base_attitude: base.attitude,
-            };
-            **law = reference::ReferenceGuidance::from_state(*law.parameters(), &state)?;
+        (Law::Reference(law), SavedLaw::Reference(state)) => {
+            **law = reference::ReferenceGuidance::from_state(*law.parameters(), state)?;
         }
         _ => {
             return Err(
