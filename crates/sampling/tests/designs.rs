@@ -1,11 +1,9 @@
 //! Designs against what they promise.
 
-use sampling::design::{Coordinate, DIMENSIONS, plain_sobol};
-use serde_json::Value;
+mod common;
 
-fn scipy() -> Value {
-    serde_json::from_str(include_str!("data/scipy.json")).unwrap()
-}
+use common::scipy;
+use sampling::design::{Coordinate, DIMENSIONS, plain_sobol};
 
 /// The centred L2 discrepancy (F. J. Hickernell, 1998).
 fn discrepancy(points: &[Vec<f64>]) -> f64 {

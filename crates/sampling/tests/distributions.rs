@@ -1,25 +1,14 @@
 //! Draws against their distributions: quantiles of SciPy, Kolmogorov and Smirnov's test, moments, correlations.
 
+mod common;
+
+use common::{numbers, scipy};
 use sampling::design::Coordinate;
 use sampling::distribution::*;
-use serde_json::Value;
 
 const N: u64 = 10_000;
 /// √N times the distance of Kolmogorov and Smirnov exceeds this with a probability of 0.001.
 const KOLMOGOROV: f64 = 1.95;
-
-fn scipy() -> Value {
-    serde_json::from_str(include_str!("data/scipy.json")).unwrap()
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    value
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|one| one.as_f64().unwrap())
-        .collect()
-}
 
 fn draws(scalar: Scalar, name: &str) -> Vec<f64> {
     let coordinate = Coordinate::random(7, name);

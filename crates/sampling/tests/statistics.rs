@@ -1,22 +1,11 @@
 //! Statistics against SciPy, and against functions whose answers are known.
 
+mod common;
+
+use common::{numbers, scipy};
 use sampling::design::Coordinate;
 use sampling::distribution::normal_quantile;
 use sampling::statistics::{indices, percentile, rank_bounds, ranks, spearman};
-use serde_json::Value;
-
-fn scipy() -> Value {
-    serde_json::from_str(include_str!("data/scipy.json")).unwrap()
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    value
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|one| one.as_f64().unwrap())
-        .collect()
-}
 
 #[test]
 fn rank_correlation_with_ties_is_that_of_scipy() {

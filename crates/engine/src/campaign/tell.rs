@@ -1,5 +1,7 @@
 //! A campaign in words: counts, stretches, quantiles, and a map of letters.
 
+use sampling::statistics::nearest_rank;
+
 use super::Column;
 use super::point::{Outcome, Result as PointResult};
 
@@ -32,30 +34,13 @@ pub fn verdicts(results: &[Option<PointResult>]) -> String {
     format!("{} point{plural}: {}", results.len(), parts.join(", "))
 }
 
-/// The normal distribution has 95 % within so many standard deviations of its mean.
-pub const NORMAL_95: f64 = 1.959_963_984_540_054;
-
-/// The interval that holds a share with 95 % confidence when `good` of `all` draws were good (Wilson's).
-pub fn wilson(good: usize, all: usize) -> (f64, f64) {
-    if all == 0 {
-        return (0.0, 1.0);
-    }
-    let (z, n) = (NORMAL_95, all as f64);
-    let share = good as f64 / n;
-    let middle = share + z * z / (2.0 * n);
-    let half = z * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
-    let scale = 1.0 + z * z / n;
-    (((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0))
-}
-
 /// Least, median, 95 % and greatest of the values that are there.
 pub fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 4]> {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
-    // the smallest value that at least this part of the values does not exceed
-    let rank = |part: f64| values[((part * values.len() as f64).ceil() as usize).clamp(1, last + 1) - 1];
-    Some([values[0], rank(0.5), rank(0.95), values[last]])
+    let at = |part: f64| values[nearest_rank(values.len(), part) - 1];
+    Some([values[0], at(0.5), at(0.95), values[last]])
 }
 
 /// Where all is well along the only thing that is varied: `0 ms to 120 ms, 140 ms`.
@@ -177,13 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_and_quantiles() {
-        let (low, high) = wilson(97, 100);
-        // Wilson's interval for 97 of 100, from the closed form: 0.9155 to 0.9897
-        assert!(
-            (low - 0.9155).abs() < 1e-4 && (high - 0.9897).abs() < 1e-4,
-            "{low} {high}"
-        );
+    fn quantiles_are_nearest_ranks() {
         assert_eq!(quantiles((1..=100).map(f64::from)), Some([1.0, 50.0, 95.0, 100.0]));
         assert_eq!(quantiles([f64::NAN].into_iter()), None);
     }

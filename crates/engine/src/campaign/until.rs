@@ -2,9 +2,10 @@
 
 use std::str::FromStr;
 
+use sampling::statistics::{NORMAL_95, wilson};
+
 use super::point::Result as PointResult;
 use super::table::figure_of;
-use super::tell::{NORMAL_95, wilson};
 use super::{CampaignError, Number};
 
 /// The mean of fewer points than this has no interval that could be trusted.

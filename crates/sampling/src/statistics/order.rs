@@ -16,13 +16,19 @@ pub struct Percentile {
 pub fn percentile(sorted: &[f64], part: f64, confidence: f64) -> Option<Percentile> {
     let n = sorted.len();
     let last = n.checked_sub(1)?;
-    let rank = ((part * n as f64).ceil() as usize).clamp(1, n);
+    let rank = nearest_rank(n, part);
     let (low, high) = rank_bounds(n, part, confidence);
     Some(Percentile {
         value: sorted[rank - 1],
         low: low.checked_sub(1).map(|at| sorted[at]),
         high: (high <= last + 1).then(|| sorted[high - 1]),
     })
+}
+
+/// The rank, from 1, of the least of `n` values in ascending order that at least the part `part` of them does not exceed. There is at least
+/// one value.
+pub fn nearest_rank(n: usize, part: f64) -> usize {
+    ((part * n as f64).ceil() as usize).clamp(1, n)
 }
 
 /// The ranks, from 1, of the values between which the percentile lies: 0 and n + 1 where no value will do.

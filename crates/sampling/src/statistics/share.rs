@@ -1,0 +1,33 @@
+//! The interval of a share.
+
+/// The normal distribution has 95 % within so many standard deviations of its mean.
+pub const NORMAL_95: f64 = 1.959_963_984_540_054;
+
+/// The interval that holds a share with 95 % confidence when `good` of `all` draws were good (Wilson's).
+pub fn wilson(good: usize, all: usize) -> (f64, f64) {
+    if all == 0 {
+        return (0.0, 1.0);
+    }
+    let (z, n) = (NORMAL_95, all as f64);
+    let share = good as f64 / n;
+    let middle = share + z * z / (2.0 * n);
+    let half = z * (share * (1.0 - share) / n + z * z / (4.0 * n * n)).sqrt();
+    let scale = 1.0 + z * z / n;
+    (((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wilson_interval_is_that_of_the_closed_form() {
+        let (low, high) = wilson(97, 100);
+        // 0.9155 to 0.9897
+        assert!(
+            (low - 0.9155).abs() < 1e-4 && (high - 0.9897).abs() < 1e-4,
+            "{low} {high}"
+        );
+        assert_eq!(wilson(0, 0), (0.0, 1.0));
+    }
+}
