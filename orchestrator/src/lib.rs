@@ -2,9 +2,6 @@
 //! participants of its own inside. With the feature `capture` (the default) also the stock program, and the commands that
 //! only the capture has: `tune`, `margins` and `model`.
 
-#[cfg(target_arch = "x86_64")]
-mod processor;
-
 #[macro_use]
 mod output;
 

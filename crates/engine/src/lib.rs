@@ -19,6 +19,7 @@ mod catalogue;
 pub mod live;
 pub mod measures;
 mod observer;
+pub mod processor;
 pub mod replay;
 pub mod run;
 pub mod scenario;

@@ -330,35 +330,12 @@ pub fn folder(said: &str) -> PathBuf {
 /// # Errors
 /// Names what is missing.
 pub fn processor() -> Result<(), String> {
-    #[cfg(target_arch = "x86_64")]
-    {
-        let needed = [
-            (
-                "AVX2",
-                !cfg!(target_feature = "avx2") || std::arch::is_x86_feature_detected!("avx2"),
-            ),
-            (
-                "FMA",
-                !cfg!(target_feature = "fma") || std::arch::is_x86_feature_detected!("fma"),
-            ),
-            (
-                "BMI2",
-                !cfg!(target_feature = "bmi2") || std::arch::is_x86_feature_detected!("bmi2"),
-            ),
-        ];
-        let missing: Vec<&str> = needed
-            .iter()
-            .filter(|(_, there)| !there)
-            .map(|(name, _)| *name)
-            .collect();
-        if !missing.is_empty() {
-            let missing = missing.join(", ");
-            return Err(format!(
-                "it is compiled for x86-64-v3 processors (2013 and later), and this one lacks {missing}"
-            ));
-        }
+    match engine::processor::missing() {
+        None => Ok(()),
+        Some(missing) => Err(format!(
+            "it is compiled for x86-64-v3 processors (2013 and later), and this one lacks {missing}"
+        )),
     }
-    Ok(())
 }
 
 #[cfg(test)]
