@@ -5,23 +5,7 @@ use serde::Deserialize;
 use tape::StreamSpec;
 use toml::{Table, Value};
 
-use super::{Bound, Curve, Figure, Formula, Line, Signal, Unit, View, bind};
-
-/// A mistake in a table.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Mistake {
-    /// The key below the table, its parts separated by dots; entries of a list go by their numbers, from 1.
-    pub key: String,
-    /// What is wrong with it.
-    pub reason: String,
-}
-
-impl Mistake {
-    pub(crate) fn new(key: String, reason: impl Into<String>) -> Mistake {
-        let reason = reason.into();
-        Mistake { key, reason }
-    }
-}
+use super::{Bound, Curve, Figure, Formula, Line, Mistake, Signal, Unit, View, bind};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
