@@ -3,9 +3,9 @@
 use serde_json::{Value, json};
 
 use super::motion::Motion;
+use super::run::{Run, merged};
 use super::series::Series;
 use super::summary::{Row, outcome};
-use super::{Run, merged};
 use crate::markup::escape;
 
 const TEMPLATE: &str = include_str!("assets/page.html");

@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value, json};
 
 use super::motion::{MAX_FRAMES, Wanted};
+use super::report::Report;
+use super::run::{FigureData, ReportError, Request, Run, bound_of, marks_of, name_of, read_json, table_of};
 use super::series::{Evaluated, Series, whole};
-use super::{
-    FigureData, Report, ReportError, Request, Run, base64, bound_of, document, marks_of, name_of, read_json, table_of,
-};
+use super::{base64, document};
 use crate::geometry::Geometry;
 use crate::view::{Binding, Bound, Views};
 use lockstep::time::Rational;

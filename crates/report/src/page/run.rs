@@ -1,0 +1,244 @@
+//! One run, as a report has it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::budget::Budget;
+use super::motion::{self, Motion};
+use super::series::{self, Series};
+use super::times::{self, ParticipantTime};
+use crate::geometry::{Geometry, GeometryError};
+use crate::view::{Bound, Drawn, View, Views, bind, every_field, limits_of};
+use tape::folder::RunFolder;
+use tape::{Event, ReadError, Reader, Source, StreamSpec};
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// A tape cannot be read.
+    #[error(transparent)]
+    Tape(#[from] ReadError),
+    /// A file of the run folder cannot be read.
+    #[error("{}: {reason}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A model cannot be drawn.
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
+}
+
+/// Everything the page says of one run.
+pub(crate) struct Run {
+    pub(super) name: String,
+    pub(super) digest: String,
+    pub(super) sealed: bool,
+    pub(super) notes: Vec<String>,
+    pub(super) plan: String,
+    pub(super) events: Vec<Event>,
+    pub(super) marks: Vec<Mark>,
+    pub(super) figures: Vec<FigureData>,
+    pub(super) motion: Option<Motion>,
+    pub(super) geometry: Geometry,
+    pub(super) summary: Value,
+    /// What is known of how it came about: the contents of `run.json`.
+    pub(super) about: Value,
+    pub(super) participants: Vec<ParticipantTime>,
+}
+
+/// A figure with the curves of one run.
+pub(crate) struct FigureData {
+    pub(super) drawn: Drawn,
+    pub(super) series: Vec<Series>,
+    /// Less those of the first run, at its instants.
+    pub(super) differences: Vec<Series>,
+}
+
+/// An instant that every figure marks.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Mark {
+    pub(super) t: f64,
+    pub(super) kind: &'static str,
+    pub(super) text: String,
+}
+
+/// What a report is made of.
+#[derive(Default)]
+pub struct Request<'a> {
+    /// Run folders, or bare tapes.
+    pub folders: &'a [PathBuf],
+    /// Names for the runs, in their order; those without are named by what differs, or by their folders.
+    pub labels: &'a [String],
+    /// URDF files for the playback: one with moving joints is the servicer, one without is the target; where there are none,
+    /// `*.urdf` in the run folder and files that its `plan.toml` names are taken.
+    pub models: &'a [PathBuf],
+    /// The views of the program's own applications.
+    pub views: &'a [Views],
+}
+
+/// The figures that any of the runs has.
+pub(super) fn merged(runs: &[Run]) -> Vec<Drawn> {
+    let mut all: Vec<Drawn> = Vec::new();
+    for figure in runs.iter().flat_map(|run| &run.figures) {
+        match all.iter_mut().find(|one| one.id == figure.drawn.id) {
+            None => all.push(figure.drawn.clone()),
+            Some(there) => {
+                for limit in &figure.drawn.limits {
+                    if !there.limits.contains(limit) {
+                        there.limits.push(limit.clone());
+                    }
+                }
+            }
+        }
+    }
+    // What somebody chose stands before everything else, whichever run has it.
+    all.sort_by_key(|figure| figure.signal);
+    all
+}
+
+/// Everything that a run's figures are made of: the panels of its scenario, the views of the program, every field.
+pub(super) fn bound_of(
+    streams: &[StreamSpec],
+    plan: &toml::Table,
+    views: &[Views],
+) -> (Bound, Vec<(String, lockstep::time::Rational)>) {
+    let own = plan.get("report").and_then(toml::Value::as_table);
+    // The plan of a run was understood when the run began; one of a later version is drawn without its panels.
+    let own = own.and_then(|table| View::read(table).ok()).unwrap_or_default();
+    let limits = limits_of(plan);
+    let (mut bound, mut marks) = (Bound::default(), own.marks.clone());
+    bind(&own.figures, streams, &limits, false, &mut bound);
+    for view in views {
+        let view = view(streams, plan);
+        bind(&view.figures, streams, &limits, false, &mut bound);
+        marks.extend(view.marks);
+    }
+    bind(&every_field(streams), streams, &limits, true, &mut bound);
+    (bound, marks)
+}
+
+/// How many points the curves of each figure may have.
+fn budgets(bound: &Bound, chosen: Budget) -> impl Fn(usize) -> Budget {
+    let signal: Vec<bool> = bound.figures.iter().map(|figure| figure.signal).collect();
+    let curves = bound.bindings.iter().filter(|binding| signal[binding.figure]);
+    let count = curves.map(|binding| binding.places.len()).sum();
+    let others = Budget::among(count, signal.contains(&false));
+    move |figure| if signal[figure] { others } else { chosen }
+}
+
+/// Gives the figures of `run` their differences to the reference.
+pub(super) fn subtract(
+    (reference, its): (&Reader, &Bound),
+    (reader, bound): (&Reader, &Bound),
+    run: &mut Run,
+) -> Result<(), ReportError> {
+    let all = series::differences((reference, its), (reader, bound), budgets(its, Budget::HALF))?;
+    for (figure, differences) in its.figures.iter().zip(all) {
+        if let Some(mine) = run.figures.iter_mut().find(|mine| mine.drawn.id == figure.id) {
+            mine.differences = differences;
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bound, Run), ReportError> {
+    let reader = Reader::open(root)?;
+    let folder = RunFolder::open(root);
+    let plan = fs::read_to_string(folder.plan()).unwrap_or_default();
+    let summary = read_json(&folder.summary())?;
+    let geometry = Geometry::read(&reader, root, request.models)?;
+    let mut notes = geometry.notes.clone();
+    for torn in reader.torn() {
+        notes.push(format!(
+            "Stream {} ends in an incomplete record after {} complete ones.",
+            torn.stream, torn.complete
+        ));
+    }
+    let (bound, marks) = bound_of(reader.streams(), &table_of(&plan), request.views);
+    let curves = series::extract(&reader, &bound, budgets(&bound, Budget::FULL))?;
+    let figures = bound.figures.iter().zip(curves).map(|(drawn, series)| FigureData {
+        drawn: drawn.clone(),
+        series,
+        differences: Vec::new(),
+    });
+    let events = reader.events()?;
+    let run = Run {
+        name: name_of(root),
+        digest: match reader.sealed_digest() {
+            Some(digest) => digest.to_string(),
+            None => reader.digest()?.to_string(),
+        },
+        sealed: reader.sealed_digest().is_some(),
+        notes,
+        marks: marks_of(&marks, &events),
+        events,
+        figures: figures.collect(),
+        participants: times::participants(&summary),
+        plan,
+        motion: motion::extract(&reader)?,
+        geometry,
+        summary,
+        about: read_json(&folder.run())?,
+    };
+    Ok((reader, bound, run))
+}
+
+/// Named instants and events, in the order of time.
+pub(super) fn marks_of(named: &[(String, lockstep::time::Rational)], events: &[Event]) -> Vec<Mark> {
+    let instants = named.iter().map(|(name, at)| Mark {
+        t: at.seconds(),
+        kind: "instant",
+        text: name.clone(),
+    });
+    let happened = events.iter().map(|event| Mark {
+        t: event.time.seconds(),
+        kind: match event.kind {
+            tape::EventKind::Fault => "fault",
+            tape::EventKind::Substitution => "substitution",
+            tape::EventKind::Failure => "failure",
+            tape::EventKind::Restart => "restart",
+            tape::EventKind::Checkpoint => "checkpoint",
+            tape::EventKind::Resume => "resume",
+            tape::EventKind::Input => "input",
+            tape::EventKind::Note => "note",
+        },
+        text: match &event.participant {
+            Some(participant) => format!("{participant}: {}", event.text),
+            None => event.text.clone(),
+        },
+    });
+    let mut all: Vec<Mark> = instants.chain(happened).collect();
+    all.sort_by(|a, b| a.t.total_cmp(&b.t));
+    all
+}
+
+/// The name of a run: that of its folder.
+pub(super) fn name_of(root: &Path) -> String {
+    let name = fs::canonicalize(root).ok();
+    let name = name.as_deref().unwrap_or(root).file_name();
+    name.map_or("run".into(), |name| name.to_string_lossy().into_owned())
+}
+
+/// The plan, empty where there is none that can be read.
+pub(super) fn table_of(plan: &str) -> toml::Table {
+    plan.parse().unwrap_or_default()
+}
+
+/// A JSON file that may be missing: a run that was killed has no summary.
+pub(super) fn read_json(path: &Path) -> Result<Value, ReportError> {
+    let file = |reason: String| ReportError::File {
+        path: path.to_owned(),
+        reason,
+    };
+    match fs::read(path) {
+        Ok(text) => serde_json::from_slice(&text).map_err(|error| file(format!("is not JSON: {error}"))),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Value::Null),
+        Err(error) => Err(file(error.to_string())),
+    }
+}
