@@ -8,14 +8,6 @@ use escapement_tests::rust::{code_of, functions, tokens};
 use escapement_tests::sources::{files, lines, none, says, sources};
 use escapement_tests::workspace::{package, packages};
 
-/// Where modules still use each other in a circle. The engine's scenario and run, and the report's
-/// figures and page have grown together.
-const CIRCLES: [&str; 3] = [
-    "crates/report/src/export",
-    "crates/report/src/page",
-    "crates/report/src/view",
-];
-
 fn shown(path: &Path) -> String {
     path.strip_prefix(root()).unwrap_or(path).display().to_string()
 }
@@ -26,10 +18,6 @@ fn modules_use_each_other_in_no_circle() {
     for target in packages().iter().flat_map(|package| &package.targets) {
         let modules = Modules::read(target);
         for circle in modules.circles() {
-            let waived = |file: &&Path| CIRCLES.iter().any(|folder| file.starts_with(root().join(folder)));
-            if circle.iter().any(waived) {
-                continue;
-            }
             found.push(format!("a circle of {} files:", circle.len()));
             let uses = modules.uses_within(&circle).into_iter();
             found.extend(uses.map(|(from, to, path)| format!("  {} uses {}: {path}", shown(from), shown(to))));
@@ -40,19 +28,6 @@ fn modules_use_each_other_in_no_circle() {
         "move what both sides use into a file below them:\n{}",
         found.join("\n")
     );
-}
-
-#[test]
-fn waived_circles_are_there() {
-    let targets = packages().iter().flat_map(|package| &package.targets);
-    let circles: Vec<Modules> = targets.map(|target| Modules::read(target)).collect();
-    for folder in CIRCLES {
-        let mut files = circles.iter().flat_map(Modules::circles).flatten();
-        assert!(
-            files.any(|file| file.starts_with(root().join(folder))),
-            "{folder} has no circle any more: take it out of the list CIRCLES of this test"
-        );
-    }
 }
 
 /// Every line counts: code, comments, tests.
@@ -68,45 +43,11 @@ fn files_are_short() {
     assert!(long.is_empty(), "split these files:\n{}", long.join("\n"));
 }
 
-/// Functions that are longer than the others may be, with their files. The kernels of `multibody` are one loop each, of which
-/// instructions are counted; the rest is to be split, and nothing is to be added.
-const LONG: [(&str, &str); 15] = [
-    (
-        "crates/engine/tests/limits.rs",
-        "what_does_not_fit_is_refused_with_its_key",
-    ),
-    (
-        "crates/engine/tests/measures.rs",
-        "figures_are_those_of_a_plain_computation_in_any_order_of_arrival",
-    ),
-    ("crates/lockstep/tests/common/mod.rs", "reference"),
-    ("crates/multibody/src/description/urdf/mod.rs", "joint"),
+/// Functions that are longer than the others may be, with their files: kernels that are one loop each, of which instructions are counted.
+const LONG: [(&str, &str); 3] = [
     ("crates/multibody/src/kernel/aba.rs", "aba"),
     ("crates/multibody/src/kernel/inertia.rs", "mass_and_coriolis"),
     ("crates/multibody/src/kernel/newton_euler.rs", "newton_euler"),
-    ("crates/multibody/tests/common/slow.rs", "evaluate"),
-    (
-        "crates/multibody/tests/reference.rs",
-        "every_quantity_of_the_reference_states",
-    ),
-    (
-        "crates/multibody/tests/urdf.rs",
-        "refusals_name_the_culprit_and_a_remedy",
-    ),
-    ("crates/synthesis/src/plot.rs", "figure"),
-    (
-        "crates/synthesis/tests/tuner.rs",
-        "a_scheduled_gain_serves_two_mass_matrices",
-    ),
-    (
-        "tests/tests/faults.rs",
-        "what_cannot_be_is_refused_with_key_value_and_remedy",
-    ),
-    ("tests/tests/live.rs", "nobody_else_can_see_or_steer_the_run"),
-    (
-        "tests/tests/paths.rs",
-        "refused_run_leaves_nothing_and_force_replaces_a_run",
-    ),
 ];
 
 /// Lines from `fn` to the closing brace, comments among them; those of tests too.
