@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use escapement_tests::program::{Folder, Said, built, finish, orchestrate, orchestrator, root, text};
 use testing::random::SplitMix;
@@ -178,6 +178,32 @@ fn merge_refuses_what_is_no_whole() {
     );
 }
 
+/// Starts a shard again and again, and kills it at random instants of the time that the whole campaign takes, until it is complete.
+fn run_killed(program: &Path, arguments: &[String], alone: Duration, random: &mut SplitMix) -> usize {
+    let mut kills = 0;
+    loop {
+        let mut child = Command::new(program)
+            .args(arguments)
+            .current_dir(root())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program can be started");
+        std::thread::sleep(alone.mul_f64((random.bits() % 1000) as f64 / 1000.0));
+        if kills < 60 && child.try_wait().unwrap().is_none() {
+            child.kill().unwrap();
+            kills += 1;
+        }
+        let said = finish(child);
+        match said.code {
+            None => {}
+            Some(0) => return kills,
+            code => panic!("{code:?}: {said:?}"),
+        }
+    }
+}
+
 /// Every shard is killed at random instants until it is complete.
 #[test]
 fn killed_shards_lose_nothing_and_count_nothing_twice() {
@@ -185,45 +211,23 @@ fn killed_shards_lose_nothing_and_count_nothing_twice() {
     for (program, sweep) in &systems() {
         let folder = Folder::new("killed-shards");
         let out = |name: &str| folder.path().join(name);
+        let begun = Instant::now();
         let said = call(program, &sweep(&["--out", text(&out("one"))]));
+        let alone = begun.elapsed();
         assert_eq!(said.code, Some(0), "{said:?}");
         let mut merge = strings(&["sweep", "merge", text(&out("whole")), "--quiet"]);
-        let mut kills = 0;
         for number in 1..=2 {
             let place = out(&format!("shard-{number}"));
-            let arguments = sweep(&[
-                "--out",
-                text(&place),
-                "--shard",
-                &format!("{number}/2"),
-                "--workers",
-                "2",
-            ]);
-            loop {
-                let mut child = Command::new(program)
-                    .args(&arguments)
-                    .current_dir(root())
-                    .stdin(Stdio::null())
-                    .stdout(Stdio::piped())
-                    .stderr(Stdio::piped())
-                    .spawn()
-                    .expect("the program can be started");
-                // At first mostly before anything is there, then later and later.
-                std::thread::sleep(Duration::from_micros(random.bits() % (20_000 * (1 + kills % 40))));
-                if kills < 60 * number && child.try_wait().unwrap().is_none() {
-                    child.kill().unwrap();
-                    kills += 1;
-                }
-                let said = finish(child);
-                match said.code {
-                    None => {}
-                    Some(0) => break,
-                    code => panic!("{code:?}: {said:?}"),
-                }
+            let shard = format!("{number}/2");
+            let arguments = sweep(&["--out", text(&place), "--shard", &shard, "--workers", "2"]);
+            // A shard that was complete before it was killed often says little, and is begun anew.
+            let mut kills = run_killed(program, &arguments, alone, &mut random);
+            while kills < 12 {
+                std::fs::remove_dir_all(&place).unwrap();
+                kills += run_killed(program, &arguments, alone, &mut random);
             }
             merge.push(text(&place).to_owned());
         }
-        assert!(kills > 10, "{kills} are too few to say anything");
         let said = call(program, &merge);
         assert_eq!(said.code, Some(0), "{said:?}");
         assert_eq!(files(&out("whole")), files(&out("one")));
