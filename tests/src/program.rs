@@ -1,9 +1,11 @@
 //! The program as its user starts it.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// The root of the project.
@@ -177,17 +179,34 @@ pub fn start(arguments: &[&str]) -> Child {
     command.spawn().expect("the orchestrator can be started")
 }
 
-/// Waits for the end of a started program.
+/// Waits for the end of a started program, and takes what it writes meanwhile: a pipe that is full would stop it.
 pub fn finish(mut child: Child) -> Said {
     let started = Instant::now();
-    // Output is small enough for the pipes' buffers, so looking at the end alone is enough.
-    while child.try_wait().expect("a child can be waited for").is_none() {
-        if started.elapsed() > Duration::from_secs(120) {
+    let out = child.stdout.take().map(drain);
+    let err = child.stderr.take().map(drain);
+    let mut hangs = false;
+    let status = loop {
+        if let Some(status) = child.try_wait().expect("a child can be waited for") {
+            break status;
+        }
+        if started.elapsed() > Duration::from_secs(120) && !hangs {
             let _ = child.kill();
-            let said = Said::from(child.wait_with_output().expect("a killed child has an end"));
-            panic!("hangs: {said:?}");
+            hangs = true;
         }
         std::thread::sleep(Duration::from_millis(2));
-    }
-    child.wait_with_output().expect("the child has ended").into()
+    };
+    let text = |from: Option<JoinHandle<Vec<u8>>>| from.map_or(Vec::new(), |from| from.join().unwrap_or_default());
+    let (stdout, stderr) = (text(out), text(err));
+    let said = Said::from(Output { status, stdout, stderr });
+    assert!(!hangs, "hangs: {said:?}");
+    said
+}
+
+/// Reads to the end, beside whoever waits.
+fn drain(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
+    std::thread::spawn(move || {
+        let mut all = Vec::new();
+        let _ = from.read_to_end(&mut all);
+        all
+    })
 }

@@ -79,7 +79,7 @@ impl Whole {
             ));
         }
         let plan = known.plan;
-        let figures = campaign::figures_of(&scenario, &plan);
+        let figures = campaign::figures_of(&scenario, &plan).ordered();
         let mut ports = Ports {
             discrete: true,
             figures: figures.iter().map(|one| (one.name.clone(), one.unit.clone())).collect(),

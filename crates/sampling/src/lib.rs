@@ -17,3 +17,4 @@
 pub mod design;
 pub mod distribution;
 pub mod statistics;
+pub mod subset;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use engine::assessment::Criterion;
-use engine::campaign::{self, Campaign, CampaignError, Finished, Number, Picture, Shard};
+use engine::campaign::{self, Campaign, CampaignError, Finished, Number, Picture, Rarely, Shard};
 
 use super::points::CampaignArgs;
 
@@ -61,6 +61,43 @@ pub fn figures(finished: &Finished) -> Vec<Number> {
     let mut all = finished.results.iter().flatten();
     let first = all.find_map(|result| result.figures.as_ref());
     first.map_or(Vec::new(), |figures| figures.ordered())
+}
+
+/// The same for a campaign for a rare event. Pictures and statistics are of its first level, which is a plain random sample.
+pub fn conclude_rare(ended: &Rarely, figure: Option<&Number>, how: &CampaignArgs) -> Result<i32, CampaignError> {
+    let Rarely { campaign, finished, .. } = ended;
+    let identity = &finished.identity;
+    let title = if identity.title.is_empty() {
+        &identity.scenario
+    } else {
+        &identity.title
+    };
+    let first = campaign.first(ended.sample);
+    let sample = &finished.results[..ended.sample.min(finished.results.len())];
+    let picture = Picture {
+        title,
+        columns: &first.columns,
+        results: sample,
+        figure,
+    };
+    let mut files = write(campaign, finished, Some(&picture))?;
+    let known = serde_json::to_string_pretty(&ended.json()).unwrap_or_default() + "\n";
+    files.push(finished.folder.write("rare.json", known)?);
+    let page = report::campaign::page(title, &ended.analysis(title));
+    files.push(finished.folder.write("report.html", page)?);
+    if how.json {
+        let mut all = json(campaign, finished, &files);
+        all["rare"] = ended.json();
+        println!("{all}");
+    } else if !how.quiet {
+        if !identity.title.is_empty() {
+            println!("{}", identity.title);
+        }
+        println!("{}", ended.words());
+        print_wrong(campaign, finished);
+        told(finished, &files);
+    }
+    Ok(code(finished))
 }
 
 /// The exit code: whether all points ran.

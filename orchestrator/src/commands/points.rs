@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use engine::campaign::{self, Campaign, CampaignError, Keep, Number, Options, Shard};
+use engine::campaign::{self, Campaign, CampaignError, Figures, Keep, Options, Shard};
 use engine::run::check;
 use engine::scenario::Scenario;
 
@@ -92,7 +92,7 @@ impl PartArgs {
 ///
 /// # Errors
 /// What is wrong with the first one.
-pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Vec<Number>, CampaignError> {
+pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, CampaignError> {
     let mut first = None;
     for point in campaign.points.iter().take(tries) {
         let changes = [campaign.overrides.as_slice(), point].concat();
@@ -106,5 +106,5 @@ pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Vec<Number>, C
             Err(error) => first = first.or(Some(error)),
         }
     }
-    first.map_or(Ok(Vec::new()), Err)
+    first.map_or_else(|| Ok(Figures::new(Vec::new(), Vec::new())), Err)
 }

@@ -126,6 +126,14 @@ pub fn run(command: &SweepCommand) -> anyhow::Result<i32> {
 
 fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
     let (campaign, identity) = Campaign::of_folder(&args.folder)?;
+    if let Some(source) = campaign.source.as_ref().filter(|source| source.rare) {
+        return Err(CampaignError::Rare(format!(
+            "{}: its points depend on those before them, which the campaign file says: sweep {} --out {}",
+            args.folder.display(),
+            source.file.0.display(),
+            args.folder.display()
+        )));
+    }
     let scenario = Scenario::read(catalogue(), &campaign.scenario, &campaign.overrides)?;
     let options = args.part.options(args.campaign.options())?;
     let options = Options {

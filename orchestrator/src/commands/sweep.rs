@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::cluster::ClusterArgs;
-use super::conclusion::conclude;
+use super::conclusion::{conclude, conclude_rare};
 use super::points::{CampaignArgs, PartArgs, known_figures};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
@@ -80,10 +80,11 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     };
     // Where values are drawn, the first of them may be one that cannot be; of a grid somebody wrote every value.
     let tries = if file.is_some() { TRIES } else { 1 };
-    let figures = known_figures(&campaign, tries).map_err(|error| match &file {
+    let known = known_figures(&campaign, tries).map_err(|error| match &file {
         Some(file) => file.blame(&plan, error, tries.min(campaign.points.len())),
         None => error,
     })?;
+    let figures = known.ordered();
     let figure = match &args.figure {
         Some(name) => Some(campaign::figure_of(name, &figures)?),
         None => None,
@@ -98,6 +99,12 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         until: args.until.as_ref().map(|until| until.watch(&figures)).transpose()?,
         ..args.part.options(args.campaign.options())?
     };
+    if let Some(rare) = file.as_ref().map(|file| file.rare(&plan)).transpose()?.flatten() {
+        alone(args)?;
+        let criterion = rare.criterion(&known.criteria)?;
+        let ended = rare.run(campaign, &plan, criterion, &scenario, &options)?;
+        return conclude_rare(&ended, figure.as_ref(), &args.campaign);
+    }
     if let Some(code) = args
         .cluster
         .act(&campaign, &scenario, &options, figure.as_ref(), &args.campaign)?
@@ -106,6 +113,23 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     }
     let finished = campaign::run(&campaign, &scenario, &options)?;
     conclude(&campaign, &finished, &figures, figure.as_ref(), &args.campaign)
+}
+
+/// A rare event is looked for by one machine: points of a level depend on those of the level before it.
+fn alone(args: &SweepArgs) -> Result<(), CampaignError> {
+    let given = [
+        ("--until", args.until.is_some()),
+        ("--shard", args.part.shard.is_some()),
+        ("--audit", args.part.audit.is_some()),
+        ("--on", args.cluster.on.is_some()),
+        ("--bundle", args.cluster.bundle.is_some()),
+    ];
+    match given.iter().find(|(_, given)| *given) {
+        Some((option, _)) => Err(CampaignError::Rare(format!(
+            "{option}: points of the design subset depend on those before them, so all are run here and to the end: leave it out"
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// So many points are tried before all of them are taken to be wrong.

@@ -1,13 +1,17 @@
 //! Dispersions and designs put together: point number k.
 
+mod made;
+
 use std::collections::BTreeMap;
 
 use lockstep::units::{Dimension, unit_factor};
 use sampling::design::{Coordinate, DIMENSIONS};
+use sampling::subset::Candidate;
 
 use super::POINTS_MAX;
-use super::cell::{Cell, Head, Point};
-use super::dispersions::{Design, Dispersion, Drawn, Draws, Formula, Quantity, Sized};
+use super::cell::{Head, Point};
+use super::dispersions::{Design, Dispersion, Draws, Quantity, Sized};
+use made::Made;
 
 /// Dispersions with their designs.
 #[derive(Debug)]
@@ -20,8 +24,12 @@ pub struct Declared {
     outer: usize,
     /// Whether the outer ones are the matrices A, B and AB.
     matrices: bool,
+    /// Whether points after the first level of them depend on what became of those before.
+    levels: bool,
     /// The numbers that the scenario has at the keys.
     start: BTreeMap<String, Quantity>,
+    /// Of the draws.
+    seed: u64,
     /// The seed of the first point, where each has its own.
     first_seed: Option<u64>,
     /// Whether no draw depends on the number of points.
@@ -112,10 +120,10 @@ impl Declared {
         first_seed: Option<u64>,
     ) -> Result<Declared, Wrong> {
         no_overlaps(&dispersions)?;
-        let matrices = design == Design::Saltelli;
+        let (matrices, levels) = (design == Design::Saltelli, design == Design::Subset);
         let own = |one: &Dispersion| one.design.unwrap_or(design);
         for one in &dispersions {
-            agree(one, own(one), matrices)?;
+            agree(one, own(one), design)?;
         }
         let on_grid = |one: &Dispersion| own(one) == Design::Grid && one.levels.or(one.draws.choices()).is_some();
         let drawn = |one: &&Dispersion| !one.once && !on_grid(one) && one.draws.varies();
@@ -168,12 +176,14 @@ impl Declared {
             inner,
             outer,
             matrices,
+            levels,
             start,
+            seed,
             first_seed,
             grows,
             heads: Vec::new(),
         };
-        let (_, heads) = made.drawn(0);
+        let (_, heads) = made.drawn(0, None);
         made.heads = heads;
         made.formulas_have_values()?;
         Ok(made)
@@ -187,6 +197,11 @@ impl Declared {
     /// Whether more points leave those as they are that there were: of a Latin hypercube their number is part of every draw.
     pub fn grows(&self) -> bool {
         self.grows
+    }
+
+    /// The seed of the draws.
+    pub fn seed(&self) -> u64 {
+        self.seed
     }
 
     /// The columns.
@@ -209,11 +224,37 @@ impl Declared {
 
     /// Point number `k`, from 0.
     pub fn point(&self, k: usize) -> Point {
-        self.drawn(k).0
+        self.drawn(k, None).0
+    }
+
+    /// The coordinates that a point of a level is made of; `None` where points do not come in levels.
+    pub fn coordinates(&self) -> Option<Vec<Coordinate>> {
+        let cubes = self.ways.iter().filter_map(|way| match way {
+            Way::Cube(all) => Some(all.clone()),
+            _ => None,
+        });
+        self.levels.then(|| cubes.flatten().collect())
+    }
+
+    /// The point that a candidate of a level is.
+    pub fn candidate(&self, one: &Candidate) -> Point {
+        self.drawn(one.number, Some(one)).0
+    }
+
+    /// The name of the dispersion that each of the [`coordinates`](Self::coordinates) belongs to; with a number where it takes several.
+    pub fn names(&self) -> Vec<String> {
+        let both = self.dispersions.iter().zip(&self.ways);
+        let names = both.map(|(one, way)| match way {
+            Way::Cube(all) if all.len() > 1 => (0..all.len()).map(|at| format!("{}[{at}]", one.name)).collect(),
+            Way::Cube(all) if all.len() == 1 => vec![one.name.clone()],
+            _ => Vec::new(),
+        });
+        names.flatten().collect()
     }
 
     /// Grids and matrices change with every point, what is drawn after all of them: a campaign that grows keeps its points.
-    fn drawn(&self, k: usize) -> (Point, Vec<Head>) {
+    /// A candidate brings its coordinates with it.
+    fn drawn(&self, k: usize, candidate: Option<&Candidate>) -> (Point, Vec<Head>) {
         let (inner, outer) = (k / self.outer, k % self.outer);
         let mut made = Made::new(&self.start);
         if self.matrices {
@@ -225,11 +266,22 @@ impl Declared {
             made.text("matrix", matrix);
             made.whole("row", inner as u64 + 1);
         }
+        if self.levels {
+            made.whole("level", candidate.map_or(0, |one| one.level as u64) + 1);
+            let parent = candidate.and_then(|one| one.parent);
+            made.whole("parent", parent.map_or(0, |parent| parent as u64 + 1));
+        }
+        let mut given = candidate.map_or(&[][..], |one| &one.u);
         for (one, way) in self.dispersions.iter().zip(&self.ways) {
             let at = |all: &[Coordinate], k: u64| all.iter().map(|one| one.at(k)).collect::<Vec<f64>>();
             let point = inner as u64;
             let u = match way {
                 Way::Once(all) => at(all, 0),
+                Way::Cube(all) if candidate.is_some() => {
+                    let (own, others) = given.split_at(all.len());
+                    given = others;
+                    own.to_vec()
+                }
                 Way::Cube(all) => at(all, point),
                 Way::Grid { levels, every } => {
                     let level = outer / every % levels;
@@ -276,123 +328,6 @@ impl Declared {
     }
 }
 
-/// A point under way.
-struct Made<'a> {
-    start: &'a BTreeMap<String, Quantity>,
-    /// Keys that have got numbers.
-    numbers: BTreeMap<&'a str, Quantity>,
-    settings: BTreeMap<String, String>,
-    /// The numbers of the dispersions so far, in SI units, for formulas.
-    known: BTreeMap<String, Sized>,
-    refused: Option<String>,
-    heads: Vec<Head>,
-    cells: Vec<Cell>,
-}
-
-impl<'a> Made<'a> {
-    fn new(start: &'a BTreeMap<String, Quantity>) -> Made<'a> {
-        Made {
-            start,
-            numbers: BTreeMap::new(),
-            settings: BTreeMap::new(),
-            known: BTreeMap::new(),
-            refused: None,
-            heads: Vec::new(),
-            cells: Vec::new(),
-        }
-    }
-
-    fn cell(&mut self, name: &str, unit: &str, text: String, number: Option<f64>) {
-        self.heads.push(Head {
-            name: name.to_owned(),
-            unit: unit.to_owned(),
-        });
-        self.cells.push(Cell { text, number });
-    }
-
-    fn text(&mut self, name: &str, text: String) {
-        self.cell(name, "", text, None);
-    }
-
-    fn whole(&mut self, name: &str, number: u64) {
-        self.cell(name, "", number.to_string(), Some(number as f64));
-    }
-
-    fn formula(&self, formula: &Formula) -> Option<f64> {
-        let value = formula.value(&|name| self.known.get(name).copied());
-        value.ok().map(|(value, _)| value)
-    }
-
-    fn put(&mut self, one: &'a Dispersion, drawn: Drawn) {
-        let draw = match drawn {
-            Drawn::Numbers(draw) => draw,
-            Drawn::Value(value, label) => {
-                for target in &one.targets {
-                    self.settings.insert(target.key.clone(), value.to_string());
-                }
-                return self.text(&one.name, label);
-            }
-        };
-        let mut shown = None;
-        for target in &one.targets {
-            let own = self
-                .numbers
-                .get(target.key.as_str())
-                .or_else(|| self.start.get(&target.key));
-            let made = one.applied(own, target.element, &draw);
-            shown.get_or_insert_with(|| (made.clone(), target.element));
-            self.numbers.insert(&target.key, made);
-        }
-        let (shown, element) = shown.unwrap_or_else(|| (one.applied(None, None, &draw), None));
-        let single = element.is_some() || shown.numbers.len() == 1 && !shown.listed;
-        let factor = if shown.unit.is_empty() {
-            Ok((1.0, Dimension::default()))
-        } else {
-            unit_factor(&shown.unit)
-        };
-        for at in element.map_or(0..shown.numbers.len(), |at| at..at + 1) {
-            let name = if single {
-                one.name.clone()
-            } else {
-                format!("{}[{at}]", one.name)
-            };
-            let number = shown.numbers[at];
-            if !number.is_finite() {
-                self.refused
-                    .get_or_insert(format!("vary.{}: {number} is drawn, which is not finite", one.name));
-            }
-            if let Ok((factor, dimension)) = factor {
-                self.known.insert(name.clone(), (number * factor, dimension));
-            }
-            let space = if shown.unit.is_empty() { "" } else { " " };
-            let text = format!("{}{space}{}", shown.digits(at), shown.unit);
-            self.cell(&name, &shown.unit, text, Some(number));
-        }
-    }
-
-    /// A table is set before what is below it.
-    fn finish(mut self) -> (Point, Vec<Head>) {
-        for (key, quantity) in std::mem::take(&mut self.numbers) {
-            self.settings.insert(key.to_owned(), quantity.text());
-        }
-        let mut settings: Vec<(usize, String, String)> = self
-            .settings
-            .into_iter()
-            .map(|(key, text)| (key.split('.').count(), key, text))
-            .collect();
-        settings.sort();
-        let settings = settings.into_iter().map(|(_, key, text)| format!("{key}={text}"));
-        let point = Point {
-            settings: match self.refused {
-                None => Ok(settings.collect()),
-                Some(reason) => Err(reason),
-            },
-            cells: self.cells,
-        };
-        (point, self.heads)
-    }
-}
-
 /// The dimension of the number called `name` among `above`, as the value one of it.
 pub(super) fn dimension_of(above: &[Dispersion], name: &str) -> Option<Sized> {
     let stem = name.split('[').next().unwrap_or(name);
@@ -420,20 +355,31 @@ fn drawn_points(points: Option<u64>, others: bool, seeds: bool) -> Result<usize,
 }
 
 /// Whether a dispersion goes with its design.
-fn agree(one: &Dispersion, design: Design, matrices: bool) -> Result<(), Wrong> {
+fn agree(one: &Dispersion, own: Design, campaign: Design) -> Result<(), Wrong> {
     let key = |key: &str| format!("vary.{}.{key}", one.name);
-    if matrices && one.design.is_some() {
+    let whole = |design| matches!(design, Design::Saltelli | Design::Subset);
+    if whole(campaign) && one.design.is_some() {
         return wrong(
             key("design"),
-            "a campaign of the design saltelli has all dispersions in its matrices: take it out",
+            format!(
+                "a campaign of the design {} has one for all dispersions: take it out",
+                campaign.word()
+            ),
         );
     }
-    if !matrices && design == Design::Saltelli {
+    if !whole(campaign) && whole(own) {
         return wrong(
             key("design"),
             "is the design of a whole campaign: write it beside `points`",
         );
     }
+    if campaign == Design::Subset && one.draws.coordinates() == 0 && one.draws.varies() {
+        return wrong(
+            key("order"),
+            "values in turn are not drawn: write order = \"random\", or use another design",
+        );
+    }
+    let design = own;
     if one.once && one.design.is_some() {
         return wrong(
             key("design"),

@@ -40,7 +40,16 @@ pub struct Campaign {
 impl Campaign {
     /// All points of a plan.
     pub fn of_plan(kind: Kind, scenario: PathBuf, overrides: Vec<String>, plan: &Plan) -> Campaign {
-        let (columns, settings) = plan.unrolled();
+        Campaign::of_columns(kind, scenario, overrides, plan.unrolled())
+    }
+
+    /// Points with these columns and changes, or the reason why there is no such point.
+    pub(super) fn of_columns(
+        kind: Kind,
+        scenario: PathBuf,
+        overrides: Vec<String>,
+        (columns, settings): (Vec<Column>, Vec<Result<Vec<String>, String>>),
+    ) -> Campaign {
         let mut refused = Vec::new();
         let points = settings.into_iter().enumerate().map(|(k, settings)| {
             settings.unwrap_or_else(|reason| {

@@ -30,6 +30,9 @@ pub enum CampaignError {
         /// Why it is not taken.
         reason: String,
     },
+    /// A rare event cannot be looked for.
+    #[error("{0}")]
+    Rare(String),
     /// Folders of shards do not make a whole.
     #[error("{0}")]
     Merge(String),

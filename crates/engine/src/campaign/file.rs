@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use sampling::distribution::Impossible;
+use sampling::subset::{Settings, Subset};
 use tape::Digest;
 use toml::{Table, Value};
 
@@ -10,6 +12,7 @@ use super::any_path::AnyPath;
 use super::declared::{Declared, dimension_of};
 use super::dispersions::{Context, DESIGNS, Design, Dispersion, Quantity, Sized, at_key, dispersion};
 use super::plan::Plan;
+use super::rare::Rare;
 use super::source::Source;
 use super::{Campaign, CampaignError};
 use crate::scenario::{Lines, Mistake, Scenario, ScenarioError};
@@ -27,7 +30,15 @@ pub struct CampaignFile {
     scenario: PathBuf,
 }
 
-const KEYS: [&str; 7] = ["title", "scenario", "points", "seed", "design", "seeds", "vary"];
+const KEYS: [&str; 8] = [
+    "title", "scenario", "points", "seed", "design", "seeds", "vary", "subset",
+];
+
+/// More levels than any event needs: probabilities down to a tenth to this power.
+const LEVELS_MAX: i64 = 100;
+
+/// Keys of the table `subset`.
+const SUBSET: [&str; 3] = ["criterion", "share", "levels"];
 
 impl CampaignFile {
     /// Reads `path`; `None` where it declares no campaign, so that it is a scenario or nothing.
@@ -104,10 +115,84 @@ impl CampaignFile {
             title: self.title().to_owned(),
             factors: plan.factors(),
             grows: plan.grows(),
+            rare: self.is_rare(),
         };
         Campaign {
             source: Some(source),
             ..Campaign::of_plan(Kind::Sweep, self.scenario.clone(), overrides, plan)
+        }
+    }
+
+    /// Whether the campaign looks for a rare event.
+    fn is_rare(&self) -> bool {
+        self.table.get("design").and_then(Value::as_str) == Some(Design::Subset.word())
+    }
+
+    /// What rare event the campaign looks for, if it does, and how; `plan` is its own.
+    ///
+    /// # Errors
+    /// What is wrong with the table `subset`, or with the number of points.
+    pub fn rare(&self, plan: &Plan) -> Result<Option<Rare>, CampaignError> {
+        let Plan::Declared(declared) = plan else {
+            return Ok(None);
+        };
+        let Some(coordinates) = declared.coordinates() else {
+            return match self.table.contains_key("subset") {
+                true => Err(self.error(vec![self.mistake(
+                    "subset",
+                    "says how a rare event is looked for: write design = \"subset\", or take the table out",
+                )])),
+                false => Ok(None),
+            };
+        };
+        let empty = Table::new();
+        let table = match self.table.get("subset") {
+            None => &empty,
+            Some(Value::Table(table)) => table,
+            Some(other) => {
+                let reason = format!("{other} is no table: write [subset] with its keys");
+                return Err(self.error(vec![self.mistake("subset", reason)]));
+            }
+        };
+        let mut mistakes = Vec::new();
+        let mut wrong = |key: &str, reason: String| mistakes.push(self.mistake(&format!("subset.{key}"), reason));
+        for key in table.keys().filter(|key| !SUBSET.contains(&key.as_str())) {
+            wrong(key, format!("unknown key; there is {}", SUBSET.join(", ")));
+        }
+        let mut settings = Settings {
+            points: declared.count(),
+            ..Settings::default()
+        };
+        let criterion = table.get("criterion").map(|value| {
+            let name = value.as_str().map(str::to_owned);
+            name.unwrap_or_else(|| {
+                wrong("criterion", format!("{value} is no name of a criterion"));
+                String::new()
+            })
+        });
+        match table.get("share").map(|value| (value, value.as_float())) {
+            Some((_, Some(share))) => settings.share = share,
+            Some((value, None)) => wrong("share", format!("{value} is no share such as 0.1")),
+            None => {}
+        }
+        match table.get("levels").map(|value| (value, value.as_integer())) {
+            Some((_, Some(levels @ 1..=LEVELS_MAX))) => settings.levels = levels as usize,
+            Some((value, _)) => wrong("levels", format!("{value} is no whole number from 1 to {LEVELS_MAX}")),
+            None => {}
+        }
+        if !mistakes.is_empty() {
+            return Err(self.error(mistakes));
+        }
+        match Subset::new(settings, declared.seed(), coordinates) {
+            Ok(subset) => Ok(Some(Rare::new(subset, criterion))),
+            Err(Impossible { parameter, reason }) => {
+                let key = match parameter {
+                    "share" | "levels" => format!("subset.{parameter}"),
+                    "points" => parameter.to_owned(),
+                    _ => "vary".to_owned(),
+                };
+                Err(self.error(vec![self.mistake(&key, reason)]))
+            }
         }
     }
 

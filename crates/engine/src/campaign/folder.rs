@@ -97,13 +97,17 @@ impl Folder {
     /// # Errors
     /// When it belongs to something else, or somebody works in it.
     pub fn open(campaign: &Campaign, identity: &Identity, options: &Options) -> Result<(Folder, Known), CampaignError> {
-        let root = match &options.out {
+        Folder::take(&Folder::place(campaign, identity, options), campaign, identity)
+    }
+
+    /// Where the folder of `campaign`, which is `identity`, lies or will lie.
+    pub(super) fn place(campaign: &Campaign, identity: &Identity, options: &Options) -> PathBuf {
+        match &options.out {
             Some(out) => out.clone(),
             // The number of points is no part of the name where more may come.
             None if options.grows => default_root(identity, &identity.digest_of(campaign, 1)),
             None => default_root(identity, &identity.digest),
-        };
-        Folder::take(&root, campaign, identity)
+        }
     }
 
     /// Takes the folder `root` for `campaign`, which is `identity`.

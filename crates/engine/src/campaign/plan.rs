@@ -75,26 +75,32 @@ impl Plan {
         if let Plan::Listed { columns, points } = self {
             return (columns.clone(), points.iter().cloned().map(Ok).collect());
         }
-        let heads = self.heads();
-        let mut texts = vec![Vec::with_capacity(self.count()); heads.len()];
-        let mut numbers = vec![Vec::with_capacity(self.count()); heads.len()];
-        let mut settings = Vec::with_capacity(self.count());
-        for k in 0..self.count() {
-            let point = self.point(k);
-            for (at, cell) in point.cells.into_iter().enumerate() {
-                texts[at].push(cell.text);
-                numbers[at].push(cell.number);
-            }
-            settings.push(point.settings);
-        }
-        let columns = heads.into_iter().zip(texts.into_iter().zip(numbers));
-        let columns = columns.map(|(head, (texts, numbers))| Column {
-            whole: texts.iter().map(|text| text.parse().ok()).collect(),
-            name: head.name,
-            unit: head.unit,
-            texts,
-            numbers: numbers.into_iter().collect(),
-        });
-        (columns.collect(), settings)
+        columns_of(&self.heads(), (0..self.count()).map(|k| self.point(k)))
     }
+}
+
+/// Columns with the cells of `points`, and the changes of each point.
+pub fn columns_of(
+    heads: &[Head],
+    points: impl ExactSizeIterator<Item = Point>,
+) -> (Vec<Column>, Vec<Result<Vec<String>, String>>) {
+    let mut texts = vec![Vec::with_capacity(points.len()); heads.len()];
+    let mut numbers = vec![Vec::with_capacity(points.len()); heads.len()];
+    let mut settings = Vec::with_capacity(points.len());
+    for point in points {
+        for (at, cell) in point.cells.into_iter().enumerate() {
+            texts[at].push(cell.text);
+            numbers[at].push(cell.number);
+        }
+        settings.push(point.settings);
+    }
+    let columns = heads.iter().zip(texts.into_iter().zip(numbers));
+    let columns = columns.map(|(head, (texts, numbers))| Column {
+        whole: texts.iter().map(|text| text.parse().ok()).collect(),
+        name: head.name.clone(),
+        unit: head.unit.clone(),
+        texts,
+        numbers: numbers.into_iter().collect(),
+    });
+    (columns.collect(), settings)
 }

@@ -8,7 +8,7 @@ use lockstep::plan::Plan;
 use serde::{Deserialize, Serialize};
 use tape::folder::RunFolder;
 
-use super::figures::{Figures, Number};
+use super::figures::Figures;
 use crate::Catalogue;
 use crate::assessment;
 use crate::run::{self, Ending, RunFailure};
@@ -186,9 +186,9 @@ fn concluded(scenario: Arc<Scenario>, options: run::Options) -> std::result::Res
     Ok(Result::of(&outcome.ending, outcome.figures, digest.unwrap_or_default()))
 }
 
-/// The figures of merit that runs of `scenario` have, without values: those with a criterion first.
-pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Vec<Number> {
+/// The figures of merit and the criteria that runs of `scenario` have, without values.
+pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Figures {
     let made = scenario.assess(&run::streams(plan)).ok().flatten();
-    let figures = made.map(|mut assessment| Figures::of(&assessment.finish()));
-    figures.map_or(Vec::new(), |figures| figures.ordered())
+    let none = || Figures::new(Vec::new(), Vec::new());
+    made.map_or_else(none, |mut assessment| Figures::of(&assessment.finish()))
 }

@@ -19,4 +19,7 @@ pub struct Source {
     pub factors: Option<Vec<String>>,
     /// Whether more points leave those as they are that there were.
     pub grows: bool,
+    /// Whether later points depend on what became of those before, so that the file and the folder say together which they are.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub rare: bool,
 }

@@ -10,6 +10,7 @@ use lockstep::random::Stream;
 pub use joe_kuo::DIMENSIONS;
 use latin::Strata;
 use sobol::Scrambled;
+pub(crate) use uniform::inside;
 use uniform::{open, stream};
 
 /// One axis of the unit cube.

@@ -16,6 +16,6 @@ pub(super) fn open(stream: &Stream, index: u64) -> f64 {
 }
 
 /// What rounding made of a number in (0, 1), with the ends excluded again.
-pub(super) fn inside(u: f64) -> f64 {
+pub(crate) fn inside(u: f64) -> f64 {
     u.clamp(0.5 * FINEST, 1.0 - 0.5 * FINEST)
 }

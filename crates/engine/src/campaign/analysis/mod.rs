@@ -8,7 +8,7 @@ use report::campaign::floats;
 use serde_json::{Value, json};
 
 use super::point::Result as PointResult;
-use super::{Campaign, Column, Figures, good_word, verdicts, wilson};
+use super::{Campaign, Column, Figures, Rarely, good_word, verdicts, wilson};
 use figure::Sample;
 
 /// More points than this are thinned out in pictures; the numbers are of all of them.
@@ -45,6 +45,19 @@ pub fn analysis(title: &str, campaign: &Campaign, results: &[Option<PointResult>
     })
 }
 
+impl Rarely {
+    /// The statistics for its page: of the first level, which is a plain random sample, with what is known of the event, and the worst of
+    /// all points.
+    pub fn analysis(&self, title: &str) -> Value {
+        let results = &self.finished.results;
+        let sample = self.sample.min(results.len());
+        let mut all = analysis(title, &self.campaign.first(sample), &results[..sample]);
+        all["rare"] = self.json();
+        all["worst"] = worst(&self.campaign, results);
+        all
+    }
+}
+
 fn word(result: Option<&PointResult>) -> &'static str {
     result.map_or("not run", |result| result.outcome.word())
 }
@@ -52,7 +65,7 @@ fn word(result: Option<&PointResult>) -> &'static str {
 /// Whether a column is something that figures may depend on: not the number of a run, and not the same everywhere.
 fn counts(column: &Column) -> bool {
     let differs = column.texts.iter().any(|text| *text != column.texts[0]);
-    differs && !["seed", "row", "matrix"].contains(&column.name.as_str())
+    differs && !["seed", "row", "matrix", "level", "parent"].contains(&column.name.as_str())
 }
 
 /// A column as the page draws it: numbers, or which of its texts.

@@ -38,7 +38,27 @@ pub enum Design {
     Grid,
     /// The matrices A, B and AB from which Sobol' indices are estimated.
     Saltelli,
+    /// Levels that come nearer and nearer to an event that is rare.
+    Subset,
 }
+
+impl Design {
+    /// As a campaign file has it.
+    pub fn word(self) -> &'static str {
+        let known = DESIGNS.iter().find(|(_, design)| *design == self);
+        known.map_or("", |(word, _)| word)
+    }
+}
+
+/// Words for designs.
+pub const DESIGNS: [(&str, Design); 6] = [
+    ("random", Design::Random),
+    ("latin-hypercube", Design::LatinHypercube),
+    ("sobol", Design::Sobol),
+    ("grid", Design::Grid),
+    ("saltelli", Design::Saltelli),
+    ("subset", Design::Subset),
+];
 
 /// One `[vary.NAME]`.
 #[derive(Debug, Clone)]

@@ -10,8 +10,8 @@ mod quantity;
 mod read;
 mod vectors;
 
-pub use dispersion::{Design, Dispersion, Mode, Target};
+pub use dispersion::{DESIGNS, Design, Dispersion, Mode, Target};
 pub use draws::{Drawn, Draws, Frame, plain};
 pub use formula::{Formula, Sized};
 pub use quantity::{Quantity, at_key};
-pub use read::{Context, DESIGNS, dispersion};
+pub use read::{Context, dispersion};

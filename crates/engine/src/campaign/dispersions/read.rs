@@ -11,7 +11,7 @@ use super::draws::plain;
 use super::keys::{Keys, possible};
 use super::quantity::{Quantity, Step, at_key};
 use super::vectors::{attitude, correlated, direction, inertia};
-use super::{Design, Dispersion, Draws, Formula, Mode, Sized, Target};
+use super::{DESIGNS, Dispersion, Draws, Formula, Mode, Sized, Target};
 
 /// What a dispersion may refer to.
 pub struct Context<'a> {
@@ -46,15 +46,6 @@ const MODES: [(&str, Mode); 4] = [
     ("offset", Mode::Offset),
     ("relative", Mode::Relative),
     ("factor", Mode::Factor),
-];
-
-/// Words for designs.
-pub const DESIGNS: [(&str, Design); 5] = [
-    ("random", Design::Random),
-    ("latin-hypercube", Design::LatinHypercube),
-    ("sobol", Design::Sobol),
-    ("grid", Design::Grid),
-    ("saltelli", Design::Saltelli),
 ];
 
 /// More values than one axis of a grid has.

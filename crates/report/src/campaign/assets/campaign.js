@@ -142,6 +142,32 @@ function top() {
   section("success", "Success", el("div", { class: "two" }, rate, failures));
 }
 
+/** A probability as 10 to its power. */
+const tiny = (x) => (x >= 0.001 ? percent(x) : x.toExponential(1).replace("e-", "·10⁻").replace(/⁻(\d+)$/, (_, digits) => "⁻" + [...digits].map((digit) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[digit]).join("")));
+
+/** How probable the rare event is, how its levels came to it, and what it has to do with. */
+function rare() {
+  const one = DATA.rare;
+  if (!one) return;
+  const found = one.probability > 0, name = one.criterion.replaceAll("_", " ");
+  const rate = el("div", { class: "card" }, el("h3", {}, `${name} is missed`), el("div", { class: "big" }, found ? tiny(one.probability) : "below " + tiny(one.interval[1])),
+    el("p", { class: "note" }, found ? `${tiny(one.interval[0])} to ${tiny(one.interval[1])} with 95 % confidence: ${one.limits}. ${one.points} points in ${one.levels.length} levels${one.equivalent ? `; as many independent ones as say the same: ${show(one.equivalent)}` : ""}.` : `It was never missed in ${one.points} points: ${one.limits}.`),
+    one.stuck ? el("p", { class: "note" }, "The levels stopped to rise: the figure takes few different values, so nothing is won over counting.") : null);
+  rate.append(table(["level", `beyond${behind(one.unit && `[${one.unit}]`)}`, "states", "share", "steps taken"], one.levels.map((level, i) => row(i + 1, level.threshold == null ? "—" : show(level.threshold), level.states, percent(level.share), level.acceptance == null ? "—" : percent(level.acceptance)))));
+  const parts = [rate];
+  const curve = one.exceedance.map(([x, part]) => [x, Math.log10(part)]);
+  if (curve.length > 1) {
+    const limits = [one.levels[one.levels.length - 1].threshold].filter((limit) => limit != null), y = [Math.floor(Math.min(...curve.map((point) => point[1]))), 0];
+    parts.push(el("div", { class: "card" }, el("h3", {}, "How often it is beyond a value"), plot({ x: span([curve.map((point) => point[0]), limits]), y, below: `${name}${one.unit ? ` [${one.unit}]` : ""}`, left: "log₁₀ of the probability", draw(pen, X, Y) {
+      pen.lineWidth = 1.8; line(pen, curve.map(([a, b]) => [X(a), Y(b)]), cssVar("--c0")); pen.lineWidth = 1;
+      for (const limit of limits) line(pen, [[X(limit), Y(y[0])], [X(limit), Y(0)]], cssVar("--limit"), [5, 3]);
+    } }), el("p", { class: "note" }, "Of all levels. The dashed line is the limit.")));
+  }
+  if (one.centre.length) parts.push(el("div", { class: "card" }, el("h3", {}, "What it has to do with"), table(["drawn", "mean where it is missed"], [...one.centre].sort((a, b) => Math.abs(b[1]) - Math.abs(a[1])).slice(0, 20).map(([drawn, mean]) => row(drawn, `${mean < 0 ? "−" : "+"}${Math.abs(mean).toFixed(2)} σ`))), el("p", { class: "note" }, "In standard deviations of each draw, as a standard normal number; within about 0.3 it has nothing to do with it.")));
+  section("rare", "A rare event", el("div", { class: "two" }, ...parts));
+  main.append(el("p", { class: "note" }, `What follows is of the ${DATA.points} points of the first level, which are a plain random sample; the ten worst points are of all.`));
+}
+
 function worst() {
   if (!DATA.worst.length) return;
   const rows = DATA.worst.map((one) => row(one.point, one.outcome, one.criterion, one.part == null ? "not measured" : percent(one.part), ...one.drawn.map((x, i) => (typeof x === "number" ? show(x) + behind(DATA.columns[i][1]) : x))));
@@ -233,7 +259,7 @@ function drawn() {
   section("drawn", "What was drawn", el("div", { class: "plots small" }, ...inputs.map((one) => el("div", { class: "card" }, el("h3", {}, one.name), histogram(one, { words: one.words, below: unitOf(one) })))));
 }
 
-top(); worst(); heat(); figures(); vectors(); drawn();
+rare(); top(); worst(); heat(); figures(); vectors(); drawn();
 const kept = drawings.length;
 const view = measures.length ? detail() : null;
 if (DATA.points > DATA.shown.length) main.append(el("p", { class: "note" }, `Pictures and lists of single points show ${DATA.shown.length} of the ${DATA.points} points; all other numbers are of all of them.`));

@@ -1,0 +1,372 @@
+//! Campaigns for a rare event: how probable it is that a criterion is not met, by subset simulation.
+//!
+//! Such a campaign comes in batches. What a batch is follows from the results before it, so a folder that has some of them is gone on with as any
+//! other campaign: the batches are made again from its journal.
+
+use std::path::Path;
+
+use sampling::subset::{Candidate, Estimate, Subset};
+use serde_json::{Value, json};
+
+use super::declared::Declared;
+use super::folder::Folder;
+use super::identity::Identity;
+use super::keep::Keep;
+use super::options::Options;
+use super::plan::{Plan, columns_of};
+use super::point::{Outcome, Result as PointResult};
+use super::work::{Finished, run};
+use super::{Campaign, CampaignError, POINTS_MAX, journal};
+use crate::assessment::Criterion;
+use crate::scenario::Scenario;
+
+/// What is looked for.
+#[derive(Debug)]
+pub struct Rare {
+    subset: Subset,
+    /// Which criterion; the only one unless given.
+    criterion: Option<String>,
+}
+
+/// A campaign for a rare event that has ended, or was stopped.
+#[derive(Debug)]
+pub struct Rarely {
+    /// All of its points.
+    pub campaign: Campaign,
+    /// What became of them.
+    pub finished: Finished,
+    /// How many of them are a plain random sample: those of the first level.
+    pub sample: usize,
+    /// How probable it is that the criterion is not met, up to the last level that is complete.
+    pub estimate: Estimate,
+    /// The criterion, without a value.
+    pub criterion: Criterion,
+    /// The dispersions that the coordinates of the estimate's centre belong to.
+    pub names: Vec<String>,
+}
+
+impl Rare {
+    /// Looks for the event that `criterion` is not met.
+    pub(super) fn new(subset: Subset, criterion: Option<String>) -> Rare {
+        Rare { subset, criterion }
+    }
+
+    /// The criterion among those that the runs have.
+    ///
+    /// # Errors
+    /// When there is none of that name, or several and none is named.
+    pub fn criterion(&self, known: &[Criterion]) -> Result<Criterion, CampaignError> {
+        let names: Vec<String> = known.iter().map(|one| format!("`{}`", one.name)).collect();
+        let refuse = |reason: String| Err(CampaignError::Rare(reason));
+        match (&self.criterion, known) {
+            (_, []) => refuse("the scenario has no criterion that could be missed: give a measure a limit".into()),
+            (None, [one]) => Ok(one.clone()),
+            (None, _) => refuse(format!(
+                "which criterion is to be missed is not said: write criterion = \"…\" in [subset], one of {}",
+                names.join(", ")
+            )),
+            (Some(name), _) => match known.iter().find(|one| one.name == *name) {
+                Some(one) => Ok(one.clone()),
+                None => refuse(format!("there is no criterion `{name}`: there is {}", names.join(", "))),
+            },
+        }
+    }
+
+    /// Runs level after level. `first` is the campaign of the first level, which `plan` declares.
+    ///
+    /// # Errors
+    /// As [`run`], and when a point crashes: what the next ones are depends on it.
+    pub fn run(
+        self,
+        first: Campaign,
+        plan: &Plan,
+        criterion: Criterion,
+        scenario: &Scenario,
+        options: &Options,
+    ) -> Result<Rarely, CampaignError> {
+        let Plan::Declared(declared) = plan else {
+            return Err(CampaignError::Rare("a list has no levels".into()));
+        };
+        let root = Folder::place(&first, &Identity::of(&first, scenario)?, options);
+        let known = results_in(&root)?;
+        let mut levels = Levels {
+            sample: first.points.len(),
+            subset: self.subset,
+            declared,
+            criterion: &criterion,
+            scenario,
+            options: Options {
+                out: Some(root),
+                // Which points are the worst is known at the end.
+                keep: options
+                    .keep
+                    .iter()
+                    .filter(|keep| **keep == Keep::All)
+                    .cloned()
+                    .collect(),
+                ..options.clone()
+            },
+            campaign: first,
+            points: Vec::new(),
+            known,
+            finished: None,
+        };
+        levels.run()?;
+        let Levels {
+            sample,
+            subset,
+            campaign,
+            finished,
+            options: own,
+            ..
+        } = levels;
+        let mut finished = match finished {
+            Some(finished) => finished,
+            // Everything was there: nothing is run, and the folder is taken.
+            None => run(&campaign, scenario, &own)?,
+        };
+        if !finished.interrupted {
+            finished.keep(&campaign, scenario, options)?;
+        }
+        Ok(Rarely {
+            sample,
+            estimate: subset.estimate(),
+            criterion,
+            names: declared.names(),
+            campaign,
+            finished,
+        })
+    }
+}
+
+/// The results in the journal of the folder `root`, by point. One that crashed is run again.
+fn results_in(root: &Path) -> Result<Vec<Option<PointResult>>, CampaignError> {
+    let mut known = Vec::new();
+    journal::each(&journal::path(root), |entry| {
+        let Some(at) = entry.point.checked_sub(1) else { return };
+        if at < POINTS_MAX && !entry.audit {
+            known.resize(known.len().max(at + 1), None);
+            known[at] = Some(entry.result).filter(|result| result.outcome != Outcome::Crashed);
+        }
+    })?;
+    Ok(known)
+}
+
+/// A campaign that grows by a batch at a time.
+struct Levels<'a> {
+    subset: Subset,
+    declared: &'a Declared,
+    criterion: &'a Criterion,
+    scenario: &'a Scenario,
+    options: Options,
+    sample: usize,
+    /// All points so far.
+    campaign: Campaign,
+    points: Vec<Candidate>,
+    known: Vec<Option<PointResult>>,
+    finished: Option<Finished>,
+}
+
+impl Levels<'_> {
+    fn run(&mut self) -> Result<(), CampaignError> {
+        while let Some(batch) = self.subset.batch() {
+            let wanted: Vec<usize> = batch.iter().map(|one| one.number).collect();
+            self.points.extend_from_slice(batch);
+            if let Some(scores) = self.scores(&wanted) {
+                self.grow();
+                self.subset.take(&scores);
+                continue;
+            }
+            self.grow();
+            self.work()?;
+            match self.scores(&wanted) {
+                Some(scores) => self.subset.take(&scores),
+                // An end was asked for.
+                None => return Ok(()),
+            }
+        }
+        Ok(())
+    }
+
+    /// The scores of these points, if all are known.
+    fn scores(&self, wanted: &[usize]) -> Option<Vec<f64>> {
+        let results = wanted.iter().map(|at| self.known.get(*at)?.as_ref());
+        results
+            .map(|result| Some(score(result?, &self.criterion.name)))
+            .collect()
+    }
+
+    /// Makes the campaign one of all points.
+    fn grow(&mut self) {
+        let made = self.points.iter().map(|one| self.declared.candidate(one));
+        let before = &self.campaign;
+        self.campaign = Campaign {
+            source: before.source.clone(),
+            ..Campaign::of_columns(
+                before.kind,
+                before.scenario.clone(),
+                before.overrides.clone(),
+                columns_of(self.declared.heads(), made),
+            )
+        };
+    }
+
+    /// Runs the points that have no results yet.
+    fn work(&mut self) -> Result<(), CampaignError> {
+        if self.points.len() > POINTS_MAX {
+            let reason = format!("the levels take more than {POINTS_MAX} points: draw less");
+            return Err(CampaignError::Rare(reason));
+        }
+        // The folder is let go of before it is taken again.
+        let before = self.finished.take().map(|before| (before.resumed, before.wall_s));
+        let mut ended = run(&self.campaign, self.scenario, &self.options)?;
+        if let Some((resumed, wall_s)) = before {
+            ended.resumed = resumed;
+            ended.wall_s += wall_s;
+        }
+        self.known.clone_from(&ended.results);
+        let mut all = self.known.iter().zip(1..);
+        let crashed = all.find_map(|(result, number)| {
+            let result = result.as_ref()?;
+            (result.outcome == Outcome::Crashed).then(|| (number, result.reason.clone().unwrap_or_default()))
+        });
+        match crashed.filter(|_| !ended.interrupted) {
+            Some((number, reason)) => Err(CampaignError::Rare(format!(
+                "point {number} crashed, and what comes next depends on it: {reason}; the same command runs it again"
+            ))),
+            None => {
+                self.finished = Some(ended);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// By how much a point misses the criterion: above zero it is not met. Infinity where it was not measured or the run failed, and not a number
+/// where there is no such point.
+fn score(result: &PointResult, criterion: &str) -> f64 {
+    if result.outcome == Outcome::Refused {
+        return f64::NAN;
+    }
+    let criteria = result.figures.as_ref().map_or(&[][..], |figures| &figures.criteria);
+    let Some(one) = criteria.iter().find(|one| one.name == criterion) else {
+        return f64::INFINITY;
+    };
+    let Some(value) = one.value.filter(|value| !value.is_nan() && result.outcome.ran()) else {
+        return f64::INFINITY;
+    };
+    let above = one.limit.map(|most| value - most);
+    let below = one.at_least.map(|least| least - value);
+    // Something that is only met or not has no distance.
+    let plain = if one.met { -1.0 } else { 1.0 };
+    above.into_iter().chain(below).reduce(f64::max).unwrap_or(plain)
+}
+
+impl Rarely {
+    /// The figure that has this score: thresholds in its own terms. `None` where it has limits on both sides, or none.
+    pub fn figure(&self, score: f64) -> Option<f64> {
+        match (self.criterion.limit, self.criterion.at_least) {
+            (Some(most), None) => Some(most + score),
+            (None, Some(least)) => Some(least - score),
+            _ => None,
+        }
+    }
+
+    /// Everything that is known of the event, for its file and for the page.
+    pub fn json(&self) -> Value {
+        let estimate = &self.estimate;
+        let levels = estimate.levels.iter().map(|level| {
+            json!({
+                "threshold": self.figure(level.threshold),
+                "states": level.states,
+                "share": level.share,
+                "variation": level.variation,
+                "acceptance": level.acceptance,
+            })
+        });
+        let curve = thinned(estimate.exceedance());
+        let curve = curve
+            .into_iter()
+            .filter_map(|(score, part)| Some((self.figure(score)?, part)));
+        json!({
+            "criterion": self.criterion.name,
+            "limits": self.criterion.limits(),
+            "unit": self.criterion.unit,
+            "probability": estimate.probability,
+            "interval": estimate.interval,
+            "variation": finite(estimate.variation),
+            "points": estimate.points,
+            "equivalent": finite(estimate.equivalent),
+            "stuck": estimate.stuck,
+            "complete": !self.finished.interrupted,
+            "levels": levels.collect::<Vec<_>>(),
+            "exceedance": curve.collect::<Vec<_>>(),
+            "centre": self.names.iter().zip(&estimate.centre).collect::<Vec<_>>(),
+        })
+    }
+
+    /// The same in a few lines for people.
+    pub fn words(&self) -> String {
+        let estimate = &self.estimate;
+        let name = self.criterion.name.replace('_', " ");
+        let [low, high] = estimate.interval;
+        let mut lines = vec![if estimate.probability > 0.0 {
+            format!(
+                "{name} ({}) is missed with a probability of {:.2e}: {low:.1e} to {high:.1e} with 95 % confidence",
+                self.criterion.limits(),
+                estimate.probability
+            )
+        } else {
+            format!(
+                "{name} ({}) was never missed: its probability is below {high:.1e} with 95 % confidence",
+                self.criterion.limits()
+            )
+        }];
+        if estimate.stuck {
+            lines.push(
+                "  the levels stopped to rise: the figure takes few different values, so nothing is won over counting"
+                    .to_owned(),
+            );
+        } else if estimate.probability == 0.0 {
+            lines.push("  the last level does not reach it: allow more `levels` in [subset]".to_owned());
+        }
+        if estimate.equivalent > 2.0 * estimate.points as f64 && estimate.equivalent.is_finite() {
+            lines.push(format!(
+                "  {} points in {} levels; as many independent ones as say the same: {:.1e}",
+                estimate.points,
+                estimate.levels.len(),
+                estimate.equivalent
+            ));
+        }
+        let mut centre: Vec<(&String, f64)> = self.names.iter().zip(estimate.centre.iter().copied()).collect();
+        centre.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        let apart: Vec<String> = centre
+            .iter()
+            .filter(|(_, mean)| mean.abs() >= 1.0)
+            .take(5)
+            .map(|(name, mean)| format!("{name} {mean:+.1}"))
+            .collect();
+        if !apart.is_empty() {
+            lines.push(format!(
+                "  where it is missed (in standard deviations): {}",
+                apart.join(", ")
+            ));
+        }
+        lines.join("\n")
+    }
+}
+
+fn finite(value: f64) -> Option<f64> {
+    Some(value).filter(|value| value.is_finite())
+}
+
+/// As many points of a curve as a picture shows, with both ends.
+fn thinned(mut curve: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    const SHOWN: usize = 600;
+    curve.retain(|(score, _)| score.is_finite());
+    let every = curve.len().div_ceil(SHOWN).max(1);
+    let last = curve.last().copied();
+    let mut curve: Vec<(f64, f64)> = curve.into_iter().step_by(every).collect();
+    curve.extend(last.filter(|last| curve.last() != Some(last)));
+    curve
+}

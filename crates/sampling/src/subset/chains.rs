@@ -1,0 +1,120 @@
+//! The Markov chains of a level, which all take a step at the same time.
+
+use crate::design::{Coordinate, inside};
+use crate::distribution::{normal_cumulative, normal_quantile};
+
+use super::Candidate;
+
+/// The standard deviation of the first level's steps.
+pub(super) const FIRST_DEVIATION: f64 = 0.8;
+
+/// The part of proposals that should be accepted (Papaioannou and others 2015, section 3.4).
+const ACCEPTED: f64 = 0.44;
+
+/// Steps are no shorter than this.
+const DEVIATION_MIN: f64 = 0.05;
+
+/// Where a chain is.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct State {
+    /// The point that was evaluated there.
+    pub number: usize,
+    /// Independent standard normal numbers.
+    pub z: Vec<f64>,
+    pub score: f64,
+}
+
+/// Chains of one level.
+#[derive(Debug)]
+pub(super) struct Chains {
+    /// The states of all chains after each step; the first are the seeds, which belong to the level already.
+    rows: Vec<Vec<State>>,
+    /// How many states a chain has in the end.
+    length: usize,
+    /// What the scores of all states reach.
+    threshold: f64,
+    /// Standard deviation of a step of a standard normal number; 1 forgets where it was.
+    deviation: f64,
+    accepted: usize,
+    proposed: usize,
+}
+
+impl Chains {
+    pub(super) fn new(seeds: Vec<State>, length: usize, threshold: f64, deviation: f64) -> Chains {
+        Chains {
+            rows: vec![seeds],
+            length,
+            threshold,
+            deviation,
+            accepted: 0,
+            proposed: 0,
+        }
+    }
+
+    /// Where each chain would go next. The first of these points has the number `first`.
+    pub(super) fn propose(&self, coordinates: &[Coordinate], first: usize, level: usize) -> Vec<Candidate> {
+        // The correlation with which a step leaves the standard normal distribution as it is.
+        let correlation = (1.0 - self.deviation * self.deviation).sqrt();
+        let now = self.rows.last().into_iter().flatten();
+        let propose = |(at, state): (usize, &State)| {
+            let number = first + at;
+            let step = |(z, one): (&f64, &Coordinate)| {
+                let draw = normal_quantile(one.at(number as u64));
+                inside(normal_cumulative(correlation * z + self.deviation * draw))
+            };
+            Candidate {
+                number,
+                level,
+                parent: Some(state.number),
+                u: state.z.iter().zip(coordinates).map(step).collect(),
+            }
+        };
+        now.enumerate().map(propose).collect()
+    }
+
+    /// Each chain goes to its candidate if that is beyond the threshold, and stays where it is if not.
+    pub(super) fn step(&mut self, candidates: impl Iterator<Item = State>) {
+        let now = self.rows.last().into_iter().flatten();
+        let mut row = Vec::new();
+        for (state, candidate) in now.zip(candidates) {
+            self.proposed += 1;
+            // A point that there cannot be has NaN, which is beyond nothing.
+            let goes = candidate.score >= self.threshold;
+            self.accepted += usize::from(goes);
+            row.push(if goes { candidate } else { state.clone() });
+        }
+        self.rows.push(row);
+    }
+
+    pub(super) fn is_complete(&self) -> bool {
+        self.rows.len() >= self.length
+    }
+
+    /// The part of the proposals that was accepted.
+    pub(super) fn acceptance(&self) -> f64 {
+        self.accepted as f64 / self.proposed.max(1) as f64
+    }
+
+    /// The standard deviation with which the next level comes nearer to the acceptance that is wanted. It changes between levels alone, so
+    /// that within one the chains keep its distribution.
+    pub(super) fn deviation(&self) -> f64 {
+        (self.deviation * (self.acceptance() - ACCEPTED).exp()).clamp(DEVIATION_MIN, 1.0)
+    }
+
+    pub(super) fn into_rows(self) -> Vec<Vec<State>> {
+        self.rows
+    }
+}
+
+/// `count` of the states, any with the same probability, in their order. `choice` gives each state its place in a lottery.
+pub(super) fn chosen(mut states: Vec<State>, count: usize, choice: &Coordinate) -> Vec<State> {
+    if states.len() > count {
+        // A state that a chain has stayed in is there more than once.
+        let mut lots: Vec<(f64, usize)> = (0..states.len()).map(|at| (choice.at(at as u64), at)).collect();
+        lots.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut kept: Vec<usize> = lots[..count].iter().map(|(_, at)| *at).collect();
+        kept.sort_unstable();
+        states = kept.into_iter().map(|at| states[at].clone()).collect();
+    }
+    states
+}

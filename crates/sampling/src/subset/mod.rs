@@ -1,0 +1,226 @@
+//! Subset simulation: the probability of an event that is too rare to be counted.
+//!
+//! Siu-Kui Au and James Beck, *Estimation of small failure probabilities in high dimensions by subset simulation*, Probabilistic Engineering
+//! Mechanics 16 (2001) 263-277. The probability that a score exceeds zero is a product of larger ones: that it exceeds the first threshold,
+//! that it exceeds the second one given that it exceeds the first, and so on. Each threshold is the score that a given share of the
+//! level's states exceeds, and the next level's states come from those by Markov chains, whose steps are those of *conditional
+//! sampling* (Papaioannou, Betz, Zwirglmaier and Straub, *MCMC algorithms for subset simulation*, Probabilistic Engineering Mechanics 41
+//! (2015) 89-103) in the space of independent standard normal numbers.
+//!
+//! ```
+//! use sampling::design::Coordinate;
+//! use sampling::distribution::normal_quantile;
+//! use sampling::subset::{Settings, Subset};
+//!
+//! // How often does a standard normal number exceed 4? 3.17e-5 of all times.
+//! let mut subset = Subset::new(Settings::default(), 1, vec![Coordinate::random(1, "x")])?;
+//! while let Some(batch) = subset.batch() {
+//!     let scores: Vec<f64> = batch.iter().map(|one| normal_quantile(one.u[0]) - 4.0).collect();
+//!     subset.take(&scores);
+//! }
+//! let estimate = subset.estimate();
+//! assert!((1e-5..1e-4).contains(&estimate.probability));
+//! # Ok::<(), sampling::distribution::Impossible>(())
+//! ```
+//!
+//! Nothing here evaluates a score: a batch of points goes out, their scores come in, and the next batch is a function of all scores so far, of
+//! the seed, and of the names of the coordinates. So a calculation that was stopped goes on where it was from its scores alone.
+
+mod chains;
+mod estimate;
+
+pub use estimate::{Estimate, Level};
+
+use crate::design::Coordinate;
+use crate::distribution::{Impossible, normal_quantile};
+use chains::{Chains, State};
+
+/// How a subset simulation is run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// States of each level.
+    pub points: usize,
+    /// The share of a level's states that are beyond its threshold: one over a whole number.
+    pub share: f64,
+    /// So many levels at most: with fewer than these the event is reached, or it is rarer than `share` to this power.
+    pub levels: usize,
+}
+
+impl Default for Settings {
+    /// 1000 states, a tenth, eight levels: down to a probability of 1e-8.
+    fn default() -> Settings {
+        Settings {
+            points: 1000,
+            share: 0.1,
+            levels: 8,
+        }
+    }
+}
+
+/// A point to be evaluated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidate {
+    /// Which point, from 0, over all levels.
+    pub number: usize,
+    /// Its level, from 0.
+    pub level: usize,
+    /// The point that it is a step from; none in the first level.
+    pub parent: Option<usize>,
+    /// Its coordinates in (0, 1).
+    pub u: Vec<f64>,
+}
+
+/// A subset simulation under way.
+#[derive(Debug)]
+pub struct Subset {
+    settings: Settings,
+    coordinates: Vec<Coordinate>,
+    /// Draws lots where more states are beyond a threshold than there are chains.
+    lots: Coordinate,
+    batch: Vec<Candidate>,
+    /// How many points went out before the batch.
+    sent: usize,
+    /// The chains of the level that goes on; none in the first level and at the end.
+    chains: Option<Chains>,
+    levels: Vec<Level>,
+    /// The states that are in the event.
+    event: Vec<State>,
+    /// Whether the levels stopped to rise.
+    stuck: bool,
+}
+
+impl Subset {
+    /// Begins with one coordinate for each number that a point is made of. Points of the first level are those of the coordinates themselves.
+    ///
+    /// # Errors
+    /// Settings that cannot be.
+    pub fn new(settings: Settings, seed: u64, coordinates: Vec<Coordinate>) -> Result<Subset, Impossible> {
+        let wrong = |parameter, reason: String| Err(Impossible { parameter, reason });
+        let length = 1.0 / settings.share;
+        if !(settings.share > 0.0 && settings.share <= 0.5) || (length - length.round()).abs() > 1e-9 {
+            return wrong(
+                "share",
+                format!(
+                    "{} is not one over a whole number from 2 on, such as 0.1",
+                    settings.share
+                ),
+            );
+        }
+        let length = length.round() as usize;
+        if settings.points < 10 * length || settings.points % length != 0 {
+            return wrong(
+                "points",
+                format!(
+                    "{} cannot be divided into chains of {length}, of which there are at least 10: take a multiple of {length} from {} on",
+                    settings.points,
+                    10 * length
+                ),
+            );
+        }
+        if settings.levels == 0 {
+            return wrong("levels", "0 are none".to_owned());
+        }
+        if coordinates.is_empty() {
+            return wrong("", "nothing is drawn".to_owned());
+        }
+        let batch = (0..settings.points).map(|number| Candidate {
+            number,
+            level: 0,
+            parent: None,
+            u: coordinates.iter().map(|one| one.at(number as u64)).collect(),
+        });
+        Ok(Subset {
+            batch: batch.collect(),
+            sent: 0,
+            settings,
+            lots: Coordinate::random(seed, "subset lots"),
+            coordinates,
+            chains: None,
+            levels: Vec::new(),
+            event: Vec::new(),
+            stuck: false,
+        })
+    }
+
+    /// The points whose scores are wanted; `None` at the end.
+    pub fn batch(&self) -> Option<&[Candidate]> {
+        (!self.batch.is_empty()).then_some(&self.batch)
+    }
+
+    /// Takes the scores of the batch, in its order: above zero is the event, and infinity too. NaN is a point that there cannot be.
+    ///
+    /// # Panics
+    /// When there are not as many scores as points in the batch.
+    pub fn take(&mut self, scores: &[f64]) {
+        assert_eq!(scores.len(), self.batch.len(), "a score for each point of the batch");
+        let batch = std::mem::take(&mut self.batch);
+        self.sent += batch.len();
+        let came = batch.into_iter().zip(scores).map(|(one, score)| State {
+            number: one.number,
+            z: one.u.iter().map(|u| normal_quantile(*u)).collect(),
+            score: *score,
+        });
+        match self.chains.take() {
+            None => {
+                let states: Vec<State> = came.filter(|state| !state.score.is_nan()).collect();
+                self.close(states, Vec::new(), 1.0);
+            }
+            Some(mut chains) => {
+                chains.step(came);
+                if chains.is_complete() {
+                    let (acceptance, deviation) = (chains.acceptance(), chains.deviation());
+                    let rows = chains.into_rows();
+                    let states = rows.concat();
+                    self.close(states, rows, deviation);
+                    if let Some(level) = self.levels.last_mut() {
+                        level.acceptance = Some(acceptance);
+                    }
+                } else {
+                    self.batch = chains.propose(&self.coordinates, self.sent, self.levels.len());
+                    self.chains = Some(chains);
+                }
+            }
+        }
+    }
+
+    /// What is known so far.
+    pub fn estimate(&self) -> Estimate {
+        Estimate::of(&self.levels, &self.event, self.sent, self.stuck)
+    }
+
+    /// Ends a level and begins the next one, if there is to be one. `rows` are the steps of its chains, and `deviation` that of their steps.
+    fn close(&mut self, states: Vec<State>, rows: Vec<Vec<State>>, deviation: f64) {
+        let mut sorted: Vec<f64> = states.iter().map(|state| state.score).collect();
+        sorted.sort_by(|a, b| b.total_cmp(a));
+        let count = (self.settings.points as f64 * self.settings.share).round() as usize;
+        // The score of the last one that goes on: those that are equal to it do so too.
+        let reached = sorted.get(count - 1).copied().unwrap_or(f64::NEG_INFINITY);
+        // Where scores are few different numbers, a level may be no further than the one before it.
+        let before = self.levels.last().map_or(f64::NEG_INFINITY, |level| level.threshold);
+        self.stuck = reached <= 0.0 && (reached <= before || sorted.last().is_some_and(|least| *least >= reached));
+        let last = reached > 0.0 || self.stuck || self.levels.len() + 1 >= self.settings.levels;
+        let threshold = if last { 0.0 } else { reached };
+        let beyond = |state: &State| {
+            if last {
+                state.score > 0.0
+            } else {
+                state.score >= threshold
+            }
+        };
+        self.levels.push(Level::of(threshold, &states, &rows, beyond));
+        if last {
+            self.event = states.into_iter().filter(beyond).collect();
+            return;
+        }
+        let deviation = match self.levels.len() {
+            1 => chains::FIRST_DEVIATION,
+            _ => deviation,
+        };
+        let seeds: Vec<State> = states.into_iter().filter(|state| state.score >= threshold).collect();
+        let seeds = chains::chosen(seeds, count, &self.lots);
+        let length = (1.0 / self.settings.share).round() as usize;
+        let chains = Chains::new(seeds, length, threshold, deviation);
+        self.batch = chains.propose(&self.coordinates, self.sent, self.levels.len());
+        self.chains = Some(chains);
+    }
+}

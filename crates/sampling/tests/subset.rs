@@ -1,0 +1,205 @@
+//! Subset simulation against events whose probability is known.
+
+use sampling::design::Coordinate;
+use sampling::distribution::{normal_cumulative, normal_quantile};
+use sampling::subset::{Estimate, Settings, Subset};
+
+/// How many estimates are compared with the truth.
+const SEEDS: u64 = 25;
+
+fn coordinates(seed: u64, count: usize) -> Vec<Coordinate> {
+    (0..count)
+        .map(|at| Coordinate::random(seed, &format!("x[{at}]")))
+        .collect()
+}
+
+/// Runs one with a score of independent standard normal numbers.
+fn simulate(settings: Settings, seed: u64, count: usize, score: impl Fn(&[f64]) -> f64) -> Estimate {
+    let mut subset = Subset::new(settings, seed, coordinates(seed, count)).unwrap();
+    while let Some(batch) = subset.batch() {
+        let z = |u: &Vec<f64>| u.iter().map(|u| normal_quantile(*u)).collect::<Vec<f64>>();
+        let scores: Vec<f64> = batch.iter().map(|one| score(&z(&one.u))).collect();
+        subset.take(&scores);
+    }
+    subset.estimate()
+}
+
+/// The mean over seeds, with the coefficient of variation that the estimates really have, and the mean of the one that they state.
+fn over_seeds(count: usize, score: impl Fn(&[f64]) -> f64) -> (f64, f64, f64, usize) {
+    let all: Vec<Estimate> = (0..SEEDS)
+        .map(|seed| simulate(Settings::default(), seed, count, &score))
+        .collect();
+    let of = |value: &dyn Fn(&Estimate) -> f64| all.iter().map(value).sum::<f64>() / all.len() as f64;
+    let mean = of(&|one| one.probability);
+    let variance = of(&|one| (one.probability - mean).powi(2));
+    let points = all.iter().map(|one| one.points).max().unwrap_or(0);
+    (mean, variance.sqrt() / mean, of(&|one| one.variation), points)
+}
+
+/// A plane at a distance: the probability is that of one normal number, in any number of dimensions.
+#[test]
+fn probability_beyond_a_plane_is_known() {
+    for (dimensions, distance) in [(1, 3.0), (2, 4.0), (10, 4.0), (30, 4.5), (3, 5.0)] {
+        let truth = normal_cumulative(-distance);
+        let root = (dimensions as f64).sqrt();
+        let score = |z: &[f64]| z.iter().sum::<f64>() / root - distance;
+        let (mean, real, stated, points) = over_seeds(dimensions, score);
+        // The mean of the estimates is known better than one of them.
+        let away = (mean / truth - 1.0).abs() / (real / (SEEDS as f64).sqrt());
+        assert!(
+            away < 3.5,
+            "{dimensions} at {distance}: {mean:e}, not {truth:e}: {away} deviations"
+        );
+        assert!(
+            stated > 0.5 * real && stated < 1.6 * real,
+            "{stated} is stated, {real} is true"
+        );
+        assert!(points < 7000, "{points}");
+    }
+}
+
+/// Outside a circle in two dimensions: exp(-r²/2), reached from everywhere. Two far corners: the sum of both.
+#[test]
+fn events_all_around_and_in_two_places_are_found() {
+    let (mean, real, ..) = over_seeds(2, |z| z[0].hypot(z[1]) - 4.5);
+    let truth = (-0.5_f64 * 4.5 * 4.5).exp();
+    assert!(
+        (mean / truth - 1.0).abs() < 3.5 * real / (SEEDS as f64).sqrt(),
+        "{mean:e}, not {truth:e}"
+    );
+    let (mean, real, ..) = over_seeds(2, |z| z[0].abs() - 4.0);
+    let truth = 2.0 * normal_cumulative(-4.0);
+    assert!(
+        (mean / truth - 1.0).abs() < 3.5 * real / (SEEDS as f64).sqrt(),
+        "{mean:e}, not {truth:e}"
+    );
+}
+
+#[test]
+fn interval_holds_the_truth_about_as_often_as_it_says() {
+    let truth = normal_cumulative(-4.0);
+    let holds = (0..200).filter(|seed| {
+        let [low, high] = simulate(Settings::default(), 1000 + seed, 2, |z| z[0] - 4.0).interval;
+        low <= truth && truth <= high
+    });
+    // 95 % are meant; levels that depend on each other make it a little less.
+    let holds = holds.count();
+    assert!((172..=200).contains(&holds), "{holds} of 200");
+}
+
+#[test]
+fn frequent_event_takes_one_level_and_is_counted() {
+    let estimate = simulate(Settings::default(), 3, 2, |z| z[0] - 1.0);
+    assert_eq!((estimate.levels.len(), estimate.points), (1, 1000));
+    let plain = (0..1000_u64)
+        .filter(|k| normal_quantile(coordinates(3, 1)[0].at(*k)) > 1.0)
+        .count();
+    assert_eq!(
+        estimate.probability,
+        plain as f64 / 1000.0,
+        "the first level is a plain random sample"
+    );
+}
+
+#[test]
+fn event_that_never_happens_has_a_bound() {
+    let estimate = simulate(
+        Settings {
+            levels: 3,
+            ..Settings::default()
+        },
+        1,
+        1,
+        |z| z[0] - 30.0,
+    );
+    assert_eq!(estimate.probability, 0.0);
+    assert_eq!(estimate.levels.len(), 3);
+    assert!(
+        (estimate.interval[1] - 3e-5).abs() < 1e-6 && estimate.interval[0] == 0.0,
+        "{estimate:?}"
+    );
+    assert!(estimate.centre.is_empty() && estimate.variation.is_infinite());
+}
+
+/// What is met or not met says nothing of how nearly: nothing is won over counting, and that is said.
+#[test]
+fn score_of_two_values_is_counted() {
+    let estimate = simulate(Settings::default(), 5, 1, |z| if z[0] > 2.0 { 1.0 } else { -1.0 });
+    assert!(estimate.stuck && estimate.levels.len() == 1, "{estimate:?}");
+    assert!((estimate.probability - 0.0228).abs() < 0.02, "{}", estimate.probability);
+}
+
+/// Points that there cannot be (NaN) are left out of the first level and never gone to: the probability is that among the others.
+#[test]
+fn impossible_points_count_for_nothing() {
+    // Below -1 nothing can be: the truth among the others is larger by 1 / P(z > -1).
+    let score = |z: &[f64]| if z[0] < -1.0 { f64::NAN } else { z[0] - 3.5 };
+    let (mean, real, ..) = over_seeds(1, score);
+    let truth = normal_cumulative(-3.5) / normal_cumulative(1.0);
+    assert!(
+        (mean / truth - 1.0).abs() < 3.5 * real / (SEEDS as f64).sqrt(),
+        "{mean:e}, not {truth:e}"
+    );
+}
+
+#[test]
+fn centre_says_what_the_event_has_to_do_with() {
+    let estimate = simulate(Settings::default(), 8, 4, |z| z[2] - 4.0);
+    assert!((4.0..4.6).contains(&estimate.centre[2]), "{:?}", estimate.centre);
+    for at in [0, 1, 3] {
+        assert!(estimate.centre[at].abs() < 0.6, "{:?}", estimate.centre);
+    }
+}
+
+#[test]
+fn exceedance_is_the_distribution_down_to_the_event() {
+    let curve = simulate(
+        Settings {
+            points: 4000,
+            ..Settings::default()
+        },
+        2,
+        2,
+        |z| z[0] - 4.0,
+    )
+    .exceedance();
+    assert!(curve.windows(2).all(|two| two[0].0 <= two[1].0 && two[0].1 >= two[1].1));
+    for (score, part) in curve.iter().filter(|(_, part)| *part > 5e-5) {
+        let truth = normal_cumulative(-(score + 4.0));
+        assert!((part / truth).ln().abs() < 0.5, "{score}: {part:e}, not {truth:e}");
+    }
+}
+
+/// The same scores give the same points, and another seed gives others.
+#[test]
+fn points_are_a_function_of_seed_names_and_scores() {
+    let run = |seed| {
+        let mut all = Vec::new();
+        let mut subset = Subset::new(Settings::default(), seed, coordinates(seed, 2)).unwrap();
+        while let Some(batch) = subset.batch() {
+            all.extend(batch.to_vec());
+            let scores: Vec<f64> = batch.iter().map(|one| one.u[0] + one.u[1] - 1.99).collect();
+            subset.take(&scores);
+        }
+        all
+    };
+    let (one, other) = (run(1), run(2));
+    assert_eq!(one, run(1));
+    assert_ne!(one[0], other[0]);
+    assert!(one.iter().enumerate().all(|(at, point)| point.number == at));
+    assert!(one.iter().all(|point| point.parent.is_none() == (point.level == 0)));
+}
+
+#[test]
+fn settings_that_cannot_be_are_refused() {
+    let refused = |points, share, levels| {
+        let settings = Settings { points, share, levels };
+        Subset::new(settings, 1, coordinates(1, 1)).unwrap_err().parameter
+    };
+    assert_eq!(refused(1000, 0.3, 8), "share");
+    assert_eq!(refused(1000, 0.0, 8), "share");
+    assert_eq!(refused(1000, 0.9, 8), "share");
+    assert_eq!(refused(1005, 0.1, 8), "points");
+    assert_eq!(refused(90, 0.1, 8), "points");
+    assert_eq!(refused(1000, 0.1, 0), "levels");
+}
