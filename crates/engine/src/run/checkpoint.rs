@@ -21,6 +21,7 @@ const DIGEST: usize = 32;
 /// Why a participant without `save` cannot do what was asked of it.
 pub(super) const CANNOT_SAVE: &str = "cannot save its state, which a checkpoint or a substitution with state needs: implement `save` and `restore`, \
                            or run without";
+
 /// What the name of a checkpoint's file ends with.
 const ENDING: &str = ".checkpoint";
 

@@ -165,10 +165,10 @@ impl Processes {
         }
         match ended {
             // Who ended after it came to rest is found missing when it is to move.
-            Some(status) if member.recalled.is_none() => Ok(Err({
-                let member = &self.crew[number];
-                explain::death(&course.plan, number, &member.process, member.status(), status)
-            })),
+            Some(status) if member.recalled.is_none() => {
+                let last = member.status();
+                Ok(Err(explain::death(&course.plan, number, &member.process, last, status)))
+            }
             _ => Ok(Ok(member.recalled.is_some())),
         }
     }
