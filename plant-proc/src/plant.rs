@@ -13,7 +13,7 @@ use crate::dynamics::{
 use crate::parameters::{AfterGrasp, Parameters, SloshModel, Start, TargetStart};
 use crate::saved::Saved;
 use crate::sensors::{Sensors, Source};
-use crate::truth::TruthTeller;
+use crate::truth::{Grip, TruthTeller};
 
 /// The input ports, by number.
 const COMMAND: usize = 0;
@@ -152,8 +152,9 @@ impl Plant {
             return;
         }
         let (within, within_angle) = (after.within.si(), after.within_angle.si());
-        let truth = self.tell();
-        if truth.position_error <= within && truth.attitude_error <= within_angle {
+        let servicer = &self.motion.servicer;
+        let grip = Grip::of(&self.model, &self.model.kinematics(servicer), servicer, &self.target);
+        if grip.distance() <= within && grip.angle() <= within_angle {
             self.grasp = self.model.grasp(&mut self.motion, &mut self.target);
             self.books.impact_loss += self.grasp.map_or(0.0, |grasp| grasp.loss);
         }
@@ -171,27 +172,40 @@ impl Plant {
         )
     }
 
-    /// Writes output number `k`, at `t`, s.
+    /// Writes sample number `k` of each output, at `t`, s, where it is seen.
     fn write(&mut self, k: u64, t: f64, outputs: &mut Outputs) {
-        let truth = self.tell();
-        *outputs.get_mut::<Truth>(TRUTH) = truth;
-        *outputs.get_mut::<Measured>(MEASURED) = *self.sensors.servicer.read(k, &self.motion.servicer);
-        *outputs.get_mut::<CameraPose>(CAMERA) = *self.sensors.camera.read(k, t, &self.target);
-        *outputs.get_mut::<TargetState>(TARGET) = TargetState {
-            stamp: t,
-            p_NT_N: truth.p_NT_N,
-            quat_NT: truth.quat_NT,
-            v_NT_N: truth.v_NT_N,
-            omega_NT_T: truth.omega_NT_T,
-        };
-        *outputs.get_mut::<Housekeeping>(HOUSEKEEPING) = Housekeeping {
-            wheel_momentum_B: truth.wheel_momentum_B,
-            grasped: truth.grasped,
-            p_ET_E: self.grasp.map_or([0.0; 3], |grasp| grasp.held.p.into()),
-            quat_ET: self
-                .grasp
-                .map_or([0.0; 4], |grasp| quaternion_of(&grasp.held.r).to_wxyz()),
-        };
+        if outputs.is_seen(TRUTH) {
+            *outputs.get_mut::<Truth>(TRUTH) = self.tell();
+        } else if outputs.is_ever_seen(TRUTH) {
+            self.teller.follow(&self.model, &self.motion, &self.target);
+        }
+        // A reading that outlasts its sample is taken whether it is seen now or later.
+        let sensors = &mut self.sensors.servicer;
+        if outputs.is_seen(MEASURED) || (outputs.is_ever_seen(MEASURED) && sensors.remember()) {
+            *outputs.get_mut::<Measured>(MEASURED) = *sensors.read(k, &self.motion.servicer);
+        }
+        if outputs.is_ever_seen(CAMERA) {
+            *outputs.get_mut::<CameraPose>(CAMERA) = *self.sensors.camera.read(k, t, &self.target);
+        }
+        let target = &self.target;
+        if outputs.is_seen(TARGET) {
+            *outputs.get_mut::<TargetState>(TARGET) = TargetState {
+                stamp: t,
+                p_NT_N: target.p_nb.into(),
+                quat_NT: target.quat_nb.to_wxyz(),
+                v_NT_N: target.quat_nb.rotate(&target.velocity()).into(),
+                omega_NT_T: target.omega().into(),
+            };
+        }
+        if outputs.is_seen(HOUSEKEEPING) {
+            let held = self.grasp.map(|grasp| grasp.held);
+            *outputs.get_mut::<Housekeeping>(HOUSEKEEPING) = Housekeeping {
+                wheel_momentum_B: self.motion.wheel_momentum.into(),
+                grasped: f64::from(u8::from(held.is_some())),
+                p_ET_E: held.map_or([0.0; 3], |held| held.p.into()),
+                quat_ET: held.map_or([0.0; 4], |held| quaternion_of(&held.r).to_wxyz()),
+            };
+        }
     }
 }
 

@@ -1,10 +1,48 @@
 //! What the truth port tells.
 
 use interfaces::Truth;
-use multibody::Quaternion;
+use multibody::{Kinematics, Quaternion};
 use nalgebra::Vector3;
 
-use crate::dynamics::{Bob, Books, Forces, Model, Motion, Target, Totals, quaternion_of};
+use crate::dynamics::{
+    Bob, Books, COORDINATES, Forces, Model, Motion, Servicer, Target, Totals, VELOCITIES, quaternion_of,
+};
+
+/// Where the end effector E and the grasp frame G of the target are, in world axes.
+pub struct Grip {
+    p_NE: Vector3<f64>,
+    quat_NE: Quaternion,
+    p_NG: Vector3<f64>,
+    quat_NG: Quaternion,
+}
+
+impl Grip {
+    /// At this motion, of which `kinematics` are the servicer's.
+    pub fn of(
+        model: &Model,
+        kinematics: &Kinematics<COORDINATES, VELOCITIES>,
+        servicer: &Servicer,
+        target: &Target,
+    ) -> Self {
+        let p_BE = model.tree.placement(kinematics, model.end_effector);
+        Self {
+            p_NE: servicer.p_nb + servicer.quat_nb.rotate(&p_BE.p),
+            quat_NE: servicer.quat_nb.times(quaternion_of(&p_BE.r)),
+            p_NG: target.p_nb + target.quat_nb.rotate(&model.grasp.p),
+            quat_NG: target.quat_nb.times(quaternion_of(&model.grasp.r)),
+        }
+    }
+
+    /// From one origin to the other, m.
+    pub fn distance(&self) -> f64 {
+        (self.p_NE - self.p_NG).norm()
+    }
+
+    /// From one attitude to the other, the short way, rad.
+    pub fn angle(&self) -> f64 {
+        angle_of(self.quat_NG.conjugate().times(self.quat_NE))
+    }
+}
 
 /// Fills a [`Truth`]. Keeps the signs of the quaternions that come from rotation matrices, so that they do not jump.
 #[derive(Debug, Clone, Copy, Default)]
@@ -14,6 +52,13 @@ pub struct TruthTeller {
 }
 
 impl TruthTeller {
+    /// Keeps the signs where the truth about this motion is not told, so that they are those of a teller that tells every time.
+    pub fn follow(&mut self, model: &Model, motion: &Motion, target: &Target) {
+        let grip = Grip::of(model, &model.kinematics(&motion.servicer), &motion.servicer, target);
+        self.continuous(0, grip.quat_NE);
+        self.continuous(1, grip.quat_NG);
+    }
+
     /// The truth about this motion, with `forces` the actuators' over the step that led here.
     pub fn tell(
         &mut self,
@@ -26,10 +71,9 @@ impl TruthTeller {
     ) -> Truth {
         let servicer = &motion.servicer;
         let kinematics = model.kinematics(servicer);
-        let p_BE = model.tree.placement(&kinematics, model.end_effector);
+        let grip = Grip::of(model, &kinematics, servicer, target);
         let (omega_NE_E, v_NE_E) = model.twist(&kinematics, servicer);
-        let quat_NE = servicer.quat_nb.times(quaternion_of(&p_BE.r));
-        let p_NE = servicer.p_nb + servicer.quat_nb.rotate(&p_BE.p);
+        let (quat_NE, quat_NG) = (grip.quat_NE, grip.quat_NG);
         let v_NE = quat_NE.rotate(&v_NE_E);
 
         let hinges = ([servicer.q[7], servicer.q[8]], [servicer.nu[13], servicer.nu[14]]);
@@ -37,16 +81,12 @@ impl TruthTeller {
             None => (Bob::at(hinges.0, hinges.1), hinges.0, hinges.1),
             Some(_) => (motion.bob, motion.bob.angles(), [motion.bob.w.y, motion.bob.w.x]),
         };
-        let quat_TG = quaternion_of(&model.grasp.r);
-        let quat_NG = target.quat_nb.times(quat_TG);
-        let p_NG = target.p_nb + target.quat_nb.rotate(&model.grasp.p);
         let omega_NT = target.omega();
         let v_NT = target.quat_nb.rotate(&target.velocity());
         let v_NG = v_NT + target.quat_nb.rotate(&omega_NT.cross(&model.grasp.p));
 
-        let apart = quat_NG.conjugate().times(quat_NE);
         let relative_rate = quat_NE.rotate(&omega_NE_E) - target.quat_nb.rotate(&omega_NT);
-        let totals = Totals::of(model, motion, target, grasped);
+        let totals = Totals::with(model, &kinematics, motion, target, grasped);
         let residual = books.residual(&totals, motion);
         let [quat_NE, quat_NG] = [(0, quat_NE), (1, quat_NG)].map(|(at, quat)| self.continuous(at, quat));
         Truth {
@@ -66,7 +106,7 @@ impl TruthTeller {
             thruster_torque_B: forces.thruster_torque.into(),
             tau: forces.joint_torque,
             wheel_momentum_B: motion.wheel_momentum.into(),
-            p_NE_N: p_NE.into(),
+            p_NE_N: grip.p_NE.into(),
             quat_NE,
             v_NE_N: v_NE.into(),
             omega_NE_E: omega_NE_E.into(),
@@ -74,10 +114,10 @@ impl TruthTeller {
             quat_NT: target.quat_nb.to_wxyz(),
             v_NT_N: v_NT.into(),
             omega_NT_T: omega_NT.into(),
-            p_NG_N: p_NG.into(),
+            p_NG_N: grip.p_NG.into(),
             quat_NG,
-            position_error: (p_NE - p_NG).norm(),
-            attitude_error: angle_of(apart),
+            position_error: grip.distance(),
+            attitude_error: grip.angle(),
             relative_speed: (v_NE - v_NG).norm(),
             relative_rate: relative_rate.norm(),
             grasped: f64::from(u8::from(grasped)),

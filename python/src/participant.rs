@@ -18,6 +18,8 @@ pub(crate) struct Object {
     interface: Interface,
     inputs: Vec<Memory>,
     outputs: Vec<Memory>,
+    /// Whether each output is seen, in bits of a byte: this sample, any sample.
+    seen: Memory,
     /// Its functions, bound to it.
     initialise: Py<PyAny>,
     step: Py<PyAny>,
@@ -98,11 +100,13 @@ impl Object {
             .zip(sizes)
             .map(|(array, size)| Memory::of(array, size));
         let outputs = outputs.collect::<PyResult<_>>()?;
+        let seen = Memory::of(&object.getattr("_esc_seen")?, interface.outputs.len())?;
         let function = |name: &str| object.getattr(name).map(Bound::unbind);
         Ok(Object {
             interface,
             inputs,
             outputs,
+            seen,
             initialise: function("initialise")?,
             step: function("step")?,
             save: function("_esc_save")?,
@@ -122,9 +126,12 @@ impl Object {
 
     fn show_outputs(&self, py: Python<'_>, outputs: &mut Outputs) {
         // What a step does not write keeps its last value, which another participant may have written.
+        let mut seen = [0; 256];
         for (port, memory) in self.outputs.iter().enumerate() {
             memory.put(py, outputs.bytes_mut(port));
+            seen[port] = u8::from(outputs.is_seen(port)) + 2 * u8::from(outputs.is_ever_seen(port));
         }
+        self.seen.put(py, &seen);
     }
 
     fn take_outputs(&self, py: Python<'_>, outputs: &mut Outputs) {

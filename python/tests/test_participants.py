@@ -68,6 +68,39 @@ def test_class_runs_and_its_tape_is_read(scenario):
     assert run.verdict == "complete" and len(run.digest) == 64
 
 
+def test_participant_knows_which_outputs_are_seen(scenario):
+    seen = []
+
+    class Tank(esc.Participant):
+        kind = "continuous"
+        flow = esc.Input(Flow)
+        level = esc.Output(Level)
+        detail = esc.Output(Level)
+
+        def initialise(self, t):
+            self.tell(t)
+
+        def step(self, t, dt):
+            self.tell(t + dt)
+
+        def tell(self, t):
+            seen.append([self.is_seen("level"), self.is_ever_seen("level"), self.is_seen("detail"), self.is_ever_seen("detail")])
+            self.level.height = t if self.is_seen("level") else float("nan")
+            self.detail.height = t if self.is_seen("detail") else float("nan")
+
+    record = '[record]\ntank = { level = { every = "500 ms" }, detail = false }\n'
+    run = esc.run(scenario(FED + record), participants={"tank": Tank, "pump": Pump}, in_process=True)
+    assert run["tank.level"].height.tolist() == [0.0, 0.5, 1.0] and "tank.detail" not in list(run)
+    assert seen == [[k % 5 == 0, True, False, False] for k in range(11)]
+    seen.clear()
+    esc.run(scenario(FED), participants={"tank": Tank, "pump": Pump}, in_process=True)
+    assert seen == [[True] * 4] * 11
+    # By hand everything is seen.
+    assert Tank().is_seen("detail")
+    with pytest.raises(AttributeError, match="'flow' is no output of `Tank`; there are level, detail"):
+        Tank().is_seen("flow")
+
+
 def refused(scenario, cls, text=ALONE, **how):
     with pytest.raises(esc.EscapementError) as caught:
         esc.run(scenario(text), participants={"tank": cls}, **how)

@@ -33,6 +33,8 @@ static escapement_status step(const escapement_host *host, void *own, const esca
     (void)inputs;
     count->count += 1;
     *output = *count;
+    if (strcmp(MISUSE, "unseen") == 0 && (escapement_is_seen(host, 0) || escapement_is_ever_seen(host, 0)))
+        return escapement_fail(host, "the count is seen");
     if (step->index == 5) {
         if (strcmp(MISUSE, "past-end") == 0)
             memset(output + 1, 0, 1);

@@ -12,7 +12,7 @@ import tomllib
 
 import iceoryx2 as iox2
 
-PROTOCOL = 6
+PROTOCOL = 7
 SAMPLED, CONTINUOUS = 0, 1
 NOTE = 2**64 - 1
 LINE = 64
@@ -108,7 +108,10 @@ class Reader:
         return {"port": port, "link": link, "from": source, "visibility": visibility, "initial": initial, "capacity": capacity}
 
     def output(self):
-        stream, consumers = self.take("I"), self.list(self.consumer)
+        stream = self.take("I")
+        # Which samples are observed: this program computes and sends all of them.
+        _every, _first, _end = self.take("Q"), self.take("Q"), self.take("Q")
+        consumers = self.list(self.consumer)
         self.disturbances()
         return stream, consumers
 

@@ -63,6 +63,22 @@ fn healthy_one_runs() {
 }
 
 #[test]
+fn plugin_knows_whether_its_output_is_seen() {
+    let folder = Folder::new("unseen");
+    let library = misuse("unseen");
+    let file = scenario(&folder, &format!("{{ library = {:?} }}", text(&library)));
+    for how in [&[][..], &["--in-process"]] {
+        let said = run(&folder, &file, how);
+        assert!(
+            said.code == Some(1) && said.err.contains("the count is seen"),
+            "{said:?}"
+        );
+        let said = run(&folder, &file, &[how, &["--set", "record.counter=false"]].concat());
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
+}
+
+#[test]
 fn unusable_tables_are_refused_before_anything_runs() {
     for (wrong, words) in [
         (
@@ -296,7 +312,7 @@ fn header_says_what_the_library_does() {
         "escapement_step": Step { size, reserved, index, t, t_next, period }
         "escapement_host": Host {
             size, abi, name, seed, period, offset, kind, input, output, numbers, integer, flag, text, parameters, refuse, fail,
-            log, state, uniform, normal
+            log, state, uniform, normal, seen
         }
         "escapement_participant": Table {
             size, abi, name, version, own_size, state_size, describe, initialise, step, save, restore, terminate
@@ -310,6 +326,8 @@ fn header_says_what_the_library_does() {
         ("ESCAPEMENT_OK", plugin::table::OK as usize),
         ("ESCAPEMENT_FAILED", plugin::table::FAILED as usize),
         ("ESCAPEMENT_STATELESS", plugin::table::STATELESS as usize),
+        ("ESCAPEMENT_SEEN_NOW", plugin::table::SEEN_NOW as usize),
+        ("ESCAPEMENT_SEEN_EVER", plugin::table::SEEN_EVER as usize),
     ] {
         lines.push((name.to_owned(), value));
     }

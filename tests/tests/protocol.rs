@@ -6,7 +6,7 @@ use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
 use lockstep::fault::{Effect, LinkFault, Place, SignalFault, Slot, Span};
 use lockstep::link::{self, Conversion, Pair, Term};
 use lockstep::participant::{Input, Interface, Kind, Participant};
-use lockstep::plan::{Backlog, Held, LinkSpec, ParticipantSpec, Plan, Position};
+use lockstep::plan::{Backlog, Held, LinkSpec, Observed, ParticipantSpec, Plan, Position};
 use lockstep::time::Rational;
 use lockstep::wire::{decode, encode};
 use serde_json::Value;
@@ -33,11 +33,11 @@ fn examples() -> Vec<(&'static str, Vec<u8>)> {
     let note = |note: Note| encode("a note", &note).unwrap();
     vec![
         (
-            "Request Hello, protocol 6",
+            "Request Hello, protocol 7",
             request(Request::Hello { protocol: PROTOCOL }),
         ),
         (
-            "Reply Hello, protocol 6, program `toy 1`",
+            "Reply Hello, protocol 7, program `toy 1`",
             reply(Reply::Hello {
                 protocol: PROTOCOL,
                 program: "toy 1".into(),
@@ -178,7 +178,13 @@ impl Plain<'_> {
 
 #[test]
 fn the_part_of_a_plan_reads_as_the_page_says() {
-    let plan = plan();
+    let mut plan = plan();
+    let part = |first| Observed {
+        every: 5,
+        first,
+        end: 9,
+    };
+    plan.observed = vec![Observed::ALL, part(2), part(3)];
     let request = Request::Connect {
         assignment: plan.assignment(1),
         cores: vec![3],
@@ -234,8 +240,18 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
         plain.list(Plain::pair),
         [((0, 0, 1), vec![(0, 0, 2.0)], 0.0, 0), ((8, 0, 1), Vec::new(), 3.0, 0)]
     );
-    // One output: stream 1 for one consumer.
-    assert_eq!((plain.u64(), plain.u32(), plain.u64()), (1, 1, 1));
+    the_outputs_read_as_the_page_says(&mut plain, &plan);
+    assert_eq!(plain.list(Plain::u32), [3]);
+    assert_eq!((plain.u32(), plain.u32(), plain.u32()), (5, 6, 1 << 16));
+    the_position_reads_as_the_page_says(&mut plain);
+    assert!(plain.0.is_empty());
+}
+
+fn the_outputs_read_as_the_page_says(plain: &mut Plain<'_>, plan: &Plan) {
+    // One output: stream 1, of which every fifth sample is observed, those numbered 2 to 8, for one consumer.
+    assert_eq!((plain.u64(), plain.u32()), (1, 1));
+    assert_eq!((plain.u64(), plain.u64(), plain.u64()), (5, 2, 9));
+    assert_eq!(plain.u64(), 1);
     assert_eq!((plain.u32(), plain.text().as_str(), plain.u32()), (1, "plant.push", 0));
     let (producer, [base, spread, scale], drop_below, hold, _) = plain.visibility();
     assert_eq!((producer, base, spread, drop_below, hold), ([0, 10], 0, 0, 0, 0));
@@ -245,15 +261,12 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     assert_eq!((plain.i64(), plain.u64()), (1000, 0));
     // What input 0 shows is stream 2. A fault there: the velocity is stuck at 0.5 m/s from 0.3 s on.
     assert_eq!((plain.u64(), plain.u32(), plain.u32()), (1, 0, 2));
+    assert_eq!((plain.u64(), plain.u64(), plain.u64()), (5, 3, 9));
     assert_eq!((plain.u64(), plain.text().as_str()), (1, "frozen"));
     assert_eq!((plain.i64(), plain.i64(), plain.f64()), (300, i64::MAX, 0.3));
     assert_eq!(plain.list(|this| (this.u32(), this.u32())), [(8, 0)]);
     assert_eq!((plain.u32(), plain.u8(), plain.list(Plain::f64)), (4, 1, vec![0.5]));
     assert_ne!(plain.u64(), 0);
-    assert_eq!(plain.list(Plain::u32), [3]);
-    assert_eq!((plain.u32(), plain.u32(), plain.u32()), (5, 6, 1 << 16));
-    the_position_reads_as_the_page_says(&mut plain);
-    assert!(plain.0.is_empty());
 }
 
 fn the_position_reads_as_the_page_says(plain: &mut Plain<'_>) {

@@ -125,7 +125,26 @@ struct escapement_host {
      * every machine. No other random number may enter a participant. */
     double (*uniform)(const escapement_host *host, const char *stream, uint64_t index);
     double (*normal)(const escapement_host *host, const char *stream, uint64_t index);
+    /* In `initialise` and `step`: whether output number `output` is seen, ESCAPEMENT_SEEN_NOW and ESCAPEMENT_SEEN_EVER. An older host does not
+     * have it: call escapement_is_seen and escapement_is_ever_seen, which look at `size`. */
+    uint32_t (*seen)(const escapement_host *host, uint32_t output);
 };
+
+#define ESCAPEMENT_SEEN_NOW 1u  /* the sample that is written is seen */
+#define ESCAPEMENT_SEEN_EVER 2u /* a sample of it is seen in this run */
+
+/* Whether the sample of output number `output` that `initialise` or `step` writes is seen: read by an input, kept on the tape, measured,
+ * assessed, guarded. An unseen sample need not be computed. A sample that is seen must not depend on which were seen before. */
+static inline int escapement_seen_(const escapement_host *host, uint32_t output, uint32_t how) {
+    return host->size < offsetof(escapement_host, seen) + sizeof host->seen || (host->seen(host, output) & how) != 0;
+}
+static inline int escapement_is_seen(const escapement_host *host, uint32_t output) {
+    return escapement_seen_(host, output, ESCAPEMENT_SEEN_NOW);
+}
+/* Whether any sample of it is seen in this run. */
+static inline int escapement_is_ever_seen(const escapement_host *host, uint32_t output) {
+    return escapement_seen_(host, output, ESCAPEMENT_SEEN_EVER);
+}
 
 /* A participant. Begin it with ESCAPEMENT_TABLE, and name the others: .step = step. What is not named is NULL. */
 typedef struct escapement_participant {

@@ -178,7 +178,7 @@ template <class T> class Input {
 // An output: to be written in `initialise` and `step`. What is not written keeps its last value.
 template <class T> class Output {
   public:
-    Output(Setup &setup, const char *name) {
+    Output(Setup &setup, const char *name) : host_(setup.host_), number_(static_cast<uint32_t>(setup.outputs_->size())) {
         setup.host_->output(setup.host_, name, &escapement_describe(static_cast<const T *>(nullptr)));
         setup.outputs_->push_back(&at_);
     }
@@ -186,8 +186,13 @@ template <class T> class Output {
     Output &operator=(const Output &) = delete;
     T &operator*() const { return *static_cast<T *>(at_); }
     T *operator->() const { return static_cast<T *>(at_); }
+    // Whether the sample that is written is seen, and any sample of the run; an unseen sample need not be computed.
+    bool is_seen() const { return escapement_is_seen(host_, number_) != 0; }
+    bool is_ever_seen() const { return escapement_is_ever_seen(host_, number_) != 0; }
 
   private:
+    const escapement_host *host_;
+    uint32_t number_;
     void *at_ = nullptr;
 };
 

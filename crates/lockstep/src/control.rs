@@ -7,7 +7,7 @@ use crate::plan::{Assignment, Position};
 use crate::span::Span;
 
 /// The version of the protocol. Both sides must have the same.
-pub const PROTOCOL: u32 = 6;
+pub const PROTOCOL: u32 = 7;
 
 /// From the orchestrator to a participant; each is answered by one [`Reply`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

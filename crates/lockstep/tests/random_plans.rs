@@ -5,7 +5,7 @@ mod common;
 use common::{Shared, World, reference, worlds};
 use lockstep::executor::{InLoop, assemble, run_in_threads};
 use lockstep::participant::Participant;
-use lockstep::plan::{Cut, Plan, PlanError};
+use lockstep::plan::{Cut, Observed, Plan, PlanError};
 use proptest::prelude::*;
 
 fn planned(world: &World) -> Result<Plan, TestCaseError> {
@@ -66,6 +66,47 @@ proptest! {
         }
         run.run_to(plan.end, |_| {}).unwrap();
         prop_assert_eq!(tape.take(), reference(&world, &plan));
+    }
+}
+
+/// What may be observed of a stream.
+fn observed() -> impl Strategy<Value = Observed> {
+    prop_oneof![
+        2 => Just(Observed::NOTHING),
+        1 => Just(Observed::ALL),
+        1 => (1_u64..5, 0_u64..4, 0_u64..20).prop_map(|(every, first, end)| Observed { every, first, end }),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1000, max_global_rejects: 20_000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn unseen_samples_are_not_computed_and_change_nothing(
+        world in worlds(),
+        observed in prop::collection::vec(observed(), 18),
+        threads in any::<bool>(),
+    ) {
+        let mut plan = planned(&world)?;
+        let whole = reference(&world, &plan);
+        plan.observed = observed;
+        let tape = Shared::new(&plan);
+        let parts = assemble(&plan, world.participants(), |_| Box::new(tape.clone()));
+        if threads {
+            run_in_threads(parts, plan.end).unwrap();
+        } else {
+            InLoop::new(&plan, parts).run_to(plan.end, |_| {}).unwrap();
+        }
+        // A sample that is not observed is announced, and its payload, which may be anything, is not there.
+        let expected = whole.into_iter().enumerate().map(|(stream, samples)| {
+            let part = plan.observed(stream);
+            let samples = samples.into_iter();
+            let samples = samples.map(|(index, stamp, payload)| {
+                (index, stamp, if part.contains(index) { payload } else { Vec::new() })
+            });
+            samples.collect()
+        });
+        prop_assert_eq!(tape.take(), expected.collect::<Vec<Vec<_>>>());
     }
 }
 

@@ -27,11 +27,13 @@ impl Quaternion {
     };
 
     /// From `[w, x, y, z]`.
+    #[inline]
     pub fn from_wxyz([w, x, y, z]: [f64; 4]) -> Self {
         Self { w, x, y, z }
     }
 
     /// As `[w, x, y, z]`.
+    #[inline]
     pub fn to_wxyz(self) -> [f64; 4] {
         [self.w, self.x, self.y, self.z]
     }
@@ -56,6 +58,7 @@ impl Quaternion {
     }
 
     /// Product `self ⊗ o`.
+    #[inline]
     pub fn times(self, o: Self) -> Self {
         let (a, b) = (self, o);
         Self {
@@ -67,6 +70,7 @@ impl Quaternion {
     }
 
     /// The inverse of a unit quaternion.
+    #[inline]
     pub fn conjugate(self) -> Self {
         Self {
             w: self.w,
@@ -77,6 +81,7 @@ impl Quaternion {
     }
 
     /// `½ self ⊗ [0, ω]`, the rate of an attitude turning at `omega` (rad/s, body axes).
+    #[inline]
     pub fn rate(self, omega: &Vector3<f64>) -> Self {
         self.times(Self {
             w: 0.0,
@@ -87,6 +92,7 @@ impl Quaternion {
     }
 
     /// `self + k · o`, component by component.
+    #[inline]
     pub fn plus(self, k: f64, o: Self) -> Self {
         Self {
             w: k.mul_add(o.w, self.w),
@@ -97,11 +103,13 @@ impl Quaternion {
     }
 
     /// Squared length.
+    #[inline]
     pub fn norm_squared(self) -> f64 {
         self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z
     }
 
     /// Scaled to unit length.
+    #[inline]
     pub fn normalized(self) -> Self {
         let k = 1.0 / self.norm_squared().sqrt();
         Self {
@@ -114,6 +122,7 @@ impl Quaternion {
 
     /// The vector `v` (B axes) in A axes. Exact to first order for a quaternion slightly off unit length, because the
     /// length is divided out.
+    #[inline]
     pub fn rotate(self, v: &Vector3<f64>) -> Vector3<f64> {
         let u = Vector3::new(self.x, self.y, self.z);
         let t = u.cross(v) * (2.0 / self.norm_squared());
@@ -121,11 +130,13 @@ impl Quaternion {
     }
 
     /// The vector `v` (A axes) in B axes.
+    #[inline]
     pub fn rotate_back(self, v: &Vector3<f64>) -> Vector3<f64> {
         self.conjugate().rotate(v)
     }
 
     /// `R_AB`. The length is divided out.
+    #[inline]
     pub fn matrix(self) -> Matrix3<f64> {
         Matrix3::from_columns(&[
             self.rotate(&Vector3::x()),

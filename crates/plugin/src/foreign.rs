@@ -8,7 +8,7 @@ use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError,
 use crate::exit;
 use crate::guarded::Guarded;
 use crate::seat::Seat;
-use crate::table::{self, Host, OK, Status, Table};
+use crate::table::{self, Host, OK, SEEN_EVER, SEEN_NOW, Status, Table};
 
 /// A participant that is a table of functions: of a library, or of the program itself.
 ///
@@ -104,6 +104,7 @@ impl Foreign {
         let ports = foreign.interface.outputs.iter();
         foreign.outputs = Guarded::zeroed(ports.map(|port| port.descriptor.size as usize));
         foreign.outputs_at = foreign.outputs.addresses().map(<*mut u8>::cast).collect();
+        *foreign.said().seen.borrow_mut() = vec![0; foreign.interface.outputs.len()];
         foreign.inputs_at = vec![std::ptr::null(); foreign.interface.inputs.len()];
         Ok(Box::new(foreign))
     }
@@ -160,7 +161,13 @@ impl Foreign {
         .into())
     }
 
+    /// Takes over what the outputs hold and whether they are seen.
     fn take(&mut self, outputs: &mut Outputs) {
+        let mut seen = self.said().seen.borrow_mut();
+        let bits =
+            |port| u32::from(outputs.is_seen(port)) * SEEN_NOW + u32::from(outputs.is_ever_seen(port)) * SEEN_EVER;
+        seen.iter_mut().enumerate().for_each(|(port, seen)| *seen = bits(port));
+        drop(seen);
         for port in 0..self.interface.outputs.len() {
             self.outputs.piece_mut(port).copy_from_slice(outputs.bytes_mut(port));
         }

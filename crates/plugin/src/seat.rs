@@ -10,7 +10,7 @@ use lockstep::port::{Descriptor, Field};
 use lockstep::random::Stream;
 
 use crate::parameters::{Found, Parameters};
-use crate::table::{self, CONTINUOUS, FAILED, Host, Message, OK, SAMPLED, Status};
+use crate::table::{self, CONTINUOUS, FAILED, Host, Message, OK, SAMPLED, SEEN_EVER, SEEN_NOW, Status};
 
 /// What a participant is offered, with everything behind it. Foreign code sees the first field.
 #[repr(C)]
@@ -41,6 +41,8 @@ pub(crate) struct Said {
     pub(crate) state: RefCell<Option<Vec<u8>>>,
     /// The instant of the present call, s.
     pub(crate) now: Cell<Option<f64>>,
+    /// Whether each output that is written is seen, as bits.
+    pub(crate) seen: RefCell<Vec<u32>>,
 }
 
 impl Seat {
@@ -70,6 +72,7 @@ impl Seat {
                 state,
                 uniform,
                 normal,
+                seen,
             },
             said: Said {
                 name: setup.name.clone(),
@@ -86,6 +89,7 @@ impl Seat {
                 failure: RefCell::default(),
                 state: RefCell::default(),
                 now: Cell::new(None),
+                seen: RefCell::default(),
             },
         }
     }
@@ -404,6 +408,18 @@ unsafe extern "C" fn log(host: *const Host, text: *const c_char) {
     };
     // SAFETY: foreign code gives what it was given.
     unsafe { with(host, work) };
+}
+
+unsafe extern "C" fn seen(host: *const Host, output: u32) -> u32 {
+    // What is not known is seen.
+    let mut seen = SEEN_NOW | SEEN_EVER;
+    let work = |said: &Said| {
+        seen = said.seen.borrow().get(output as usize).copied().unwrap_or(seen);
+        OK
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) };
+    seen
 }
 
 unsafe extern "C" fn state(host: *const Host, bytes: *const c_void, size: u64) -> Status {

@@ -144,7 +144,15 @@ pub struct Host {
     pub uniform: unsafe extern "C" fn(host: *const Host, stream: *const c_char, index: u64) -> f64,
     /// The same with the standard normal distribution.
     pub normal: unsafe extern "C" fn(host: *const Host, stream: *const c_char, index: u64) -> f64,
+    /// In `initialise` and `step`: whether the sample of output number `output` that is written is seen (bit [`SEEN_NOW`]), and any
+    /// sample of it in the run (bit [`SEEN_EVER`]). Older hosts do not have it: `size` tells.
+    pub seen: unsafe extern "C" fn(host: *const Host, output: u32) -> u32,
 }
+
+/// See [`Host::seen`].
+pub const SEEN_NOW: u32 = 1;
+/// See [`Host::seen`].
+pub const SEEN_EVER: u32 = 2;
 
 /// A participant: what it is called and its functions. `own` is whatever the participant keeps of itself.
 ///

@@ -1,8 +1,9 @@
 //! Momentum and energy of everything, and what is missing in them.
 
+use multibody::Kinematics;
 use nalgebra::Vector3;
 
-use super::{Model, Motion, Target};
+use super::{COORDINATES, Model, Motion, Target, VELOCITIES};
 
 /// Momentum and energy of servicer, wheels and target at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,12 +28,22 @@ pub struct Books {
 impl Totals {
     /// The sums over servicer, wheels and, while it is not `carried` as a part of the servicer, target.
     pub fn of(model: &Model, motion: &Motion, target: &Target, carried: bool) -> Self {
+        Self::with(model, &model.kinematics(&motion.servicer), motion, target, carried)
+    }
+
+    /// The same with the kinematics of the servicer.
+    pub fn with(
+        model: &Model,
+        kinematics: &Kinematics<COORDINATES, VELOCITIES>,
+        motion: &Motion,
+        target: &Target,
+        carried: bool,
+    ) -> Self {
         let servicer = &motion.servicer;
         let (momentum, own_energy) = match &model.sphere {
             None => {
-                let kinematics = model.kinematics(servicer);
-                let energy = model.tree.kinetic_energy(&kinematics) + model.tree.potential_energy(servicer);
-                (model.tree.momentum(&kinematics), energy)
+                let energy = model.tree.kinetic_energy(kinematics) + model.tree.potential_energy(servicer);
+                (model.tree.momentum(kinematics), energy)
             }
             Some(sphere) => {
                 let (tree, state) = (sphere.tree(), sphere.state(servicer, &motion.bob));

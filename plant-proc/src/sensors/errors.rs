@@ -139,6 +139,11 @@ impl<const N: usize> Errors<N> {
         }
     }
 
+    /// Whether a reading depends on those before it: it is held, or its error is a walk or a drift.
+    pub fn remember(&self) -> bool {
+        self.every > 1 || self.walk_step > 0.0 || self.drift.1 > 0.0
+    }
+
     /// The number of the sample that is taken with the plant's output number `k`, if there is one.
     pub fn due(&self, k: u64) -> Option<u64> {
         k.is_multiple_of(self.every).then(|| k / self.every)

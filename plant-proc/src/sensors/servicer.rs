@@ -92,6 +92,13 @@ impl ServicerSensors {
         };
     }
 
+    /// Whether a reading depends on readings before it.
+    pub fn remember(&self) -> bool {
+        let three = [&self.position, &self.attitude, &self.rate, &self.velocity];
+        let seven = [&self.joint_angle, &self.joint_rate];
+        three.into_iter().any(Errors::remember) || seven.into_iter().any(Errors::remember)
+    }
+
     /// The readings with the plant's output number `k`.
     pub fn read(&mut self, k: u64, servicer: &Servicer) -> &Measured {
         let held = &mut self.held;

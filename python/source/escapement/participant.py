@@ -121,6 +121,10 @@ class Participant:
             message = port.message.__new__(port.message)
             message._open(port.is_input)
             self.__dict__[f"_esc_at_{key}"] = message
+        outputs = [key for key, port in cls._esc_ports.items() if not port.is_input]
+        self.__dict__["_esc_output"] = {key: number for number, key in enumerate(outputs)}
+        # Bit 0: this sample is seen; bit 1: some sample is. The host writes them.
+        self.__dict__["_esc_seen"] = bytearray(b"\x03" * len(outputs))
         for key, parameter in cls._esc_parameters.items():
             value = values.get(parameter.key, parameter.default)
             self.__dict__[f"_esc_at_{key}"] = None if value is _MISSING else value
@@ -148,6 +152,22 @@ class Participant:
     def normal(self, stream, index):
         """A standard normal number, in the same way."""
         return _native.normal(self.seed, f"{self.name}.{stream}", index)
+
+    def is_seen(self, output):
+        """Whether the sample of `self.OUTPUT` that this call writes is seen: read by an input, kept on the tape, measured, assessed,
+        guarded. An unseen sample need not be computed. A sample that is seen must not depend on which were seen before."""
+        return bool(self._esc_seen[self._esc_number(output)] & 1)
+
+    def is_ever_seen(self, output):
+        """Whether any sample of `self.OUTPUT` is seen in this run."""
+        return bool(self._esc_seen[self._esc_number(output)] & 2)
+
+    def _esc_number(self, output):
+        try:
+            return self._esc_output[output]
+        except (KeyError, TypeError):
+            known = ", ".join(self._esc_output) or "none"
+            raise AttributeError(f"{output!r} is no output of `{type(self).__name__}`; there are {known}") from None
 
     def save(self):
         """The whole state as bytes. Unless given: pickle of what `self` has besides ports and parameters."""

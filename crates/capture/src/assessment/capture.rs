@@ -281,6 +281,10 @@ impl CommandFields {
 }
 
 impl Assessment for Capture {
+    fn reads(&self, stream: usize) -> bool {
+        [self.truth.stream, self.command.stream].contains(&stream)
+    }
+
     fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]) {
         if stream == self.truth.stream {
             self.truth(stamp_s, payload);

@@ -83,6 +83,12 @@ impl Figures {
 
 /// An assessment under way. The order in which samples of different streams arrive does not matter.
 pub trait Assessment: Send {
+    /// Whether it takes in samples of stream number `stream`: an output that is not read need not be computed. Unless given: all of them.
+    fn reads(&self, stream: usize) -> bool {
+        let _ = stream;
+        true
+    }
+
     /// Takes in a sample of stream number `stream` with its stamp, s.
     fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]);
 

@@ -17,6 +17,10 @@ impl Together {
 }
 
 impl Assessment for Together {
+    fn reads(&self, stream: usize) -> bool {
+        self.own.as_ref().is_some_and(|own| own.reads(stream)) || self.measures.reads(stream)
+    }
+
     fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]) {
         if let Some(own) = &mut self.own {
             own.sample(stream, stamp_s, payload);

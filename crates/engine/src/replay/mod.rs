@@ -156,7 +156,7 @@ impl Replay {
             .get_or_insert_with(|| scope.address().folder.join("replay"))
             .clone();
         let duration_s = self.scenario.duration.seconds();
-        let mut run = Run::begin(Arc::new(self.scenario), options)?;
+        let mut run = Run::begin(Arc::new(self.scenario), options, false)?;
         run.repeat_inputs(&self.reader.events()?)?;
         let outcome = run.finish();
         let replayed = Reader::open(&out)?;

@@ -60,7 +60,7 @@ pub fn branch(scenario: &Scenario, options: &Options, origin: Origin, to: Ration
         origin: Some(origin),
         ..options.clone()
     };
-    let mut run = Run::begin(std::sync::Arc::new(scenario.clone()), options)?;
+    let mut run = Run::begin(std::sync::Arc::new(scenario.clone()), options, false)?;
     let ticks = run.course.plan.timebase.ceil(to);
     run.go(Some(ticks.map_err(|error| RunFailure::Other(error.to_string()))?));
     let checkpoint = run.course.last_checkpoint.take().filter(|_| run.over.is_none());

@@ -60,7 +60,7 @@ impl Run {
     /// # Errors
     /// What keeps the run from starting; then it has left nothing, unless there was something to record.
     pub fn start(scenario: &Scenario, options: &Options) -> Result<Run, RunFailure> {
-        let mut run = Run::begin(Arc::new(scenario.clone()), options.clone())?;
+        let mut run = Run::begin(Arc::new(scenario.clone()), options.clone(), true)?;
         run.course.recorder().keep_newest();
         let from = run.now;
         run.go(Some(from));
@@ -73,8 +73,8 @@ impl Run {
         }
     }
 
-    /// Everything before the first step.
-    pub(crate) fn begin(scenario: Arc<Scenario>, options: Options) -> Result<Run, RunFailure> {
+    /// Everything before the first step. `asked`: whether a program may ask for the samples of any stream.
+    pub(crate) fn begin(scenario: Arc<Scenario>, options: Options, asked: bool) -> Result<Run, RunFailure> {
         instants::check(scenario.duration, &options)?;
         options.check_record()?;
         // Whatever can be refused is refused before anything starts or is written.
@@ -102,8 +102,9 @@ impl Run {
         let folder = claim.as_ref().map(|claim| claim.folder().clone());
         let made: Result<(Ready, Making), RunFailure> = match (participants, &folder) {
             (Some(participants), folder) => {
-                let plan = Arc::new(known.plan);
-                prepare::recorder(&scenario, &plan, options.record, folder.as_ref()).and_then(|mut recorder| {
+                let recorder = prepare::recorder(&scenario, known.plan, options.record, folder.as_ref(), asked);
+                recorder.and_then(|mut recorder| {
+                    let plan = recorder.plan.clone();
                     let start = prepare::start(&scenario, &plan, &options, &mut recorder)?;
                     let recovered = Vec::new();
                     let ready = Ready {
@@ -118,8 +119,7 @@ impl Run {
             }
             (None, Some(folder)) => {
                 let monitor = Monitor::new(options.interrupt.clone());
-                let (interfaces, plan) = (&known.interfaces, &known.plan);
-                set_up::set_up(&scenario, &options, interfaces, plan, entries, folder, &monitor)
+                set_up::set_up(&scenario, &options, &known, entries, folder, &monitor, asked)
                     .map(|(ready, processes)| (ready, Making::Done(Box::new(processes))))
             }
             (None, None) => Err(no_samples()),

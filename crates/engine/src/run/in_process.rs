@@ -11,12 +11,13 @@ use lockstep::time::Ticks;
 
 use super::checkpoint::CANNOT_SAVE;
 use super::course::Course;
+use super::direct::Direct;
 use super::executor::{Account, Executor, Seat, Turn};
 use super::fallen::Fallen;
 use super::options::Options;
 use super::outcome::{Ending, RunFailure};
 use super::prepare::Made;
-use super::recording::{Direct, Recorder};
+use super::recording::Recorder;
 use crate::observer::Event as Report;
 use crate::scenario::{Entry, ORCHESTRATOR, Program, Scenario};
 

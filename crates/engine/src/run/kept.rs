@@ -1,27 +1,22 @@
 //! What is kept of each stream of a run, where that is not everything.
 
+use lockstep::plan::Observed;
 use lockstep::time::Ticks;
 use tape::StreamSpec;
 
 /// What is kept of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Kept {
-    /// Every so manyth sample of the stream, counted from its first.
-    every: u64,
-    /// Of these the ones with the numbers from `first` to before `end`.
-    first: u64,
-    end: u64,
-}
+pub struct Kept(Observed);
 
 impl Kept {
     /// Every sample.
-    pub const WHOLE: Kept = Kept::part(1, 0, u64::MAX);
+    pub const WHOLE: Kept = Kept(Observed::ALL);
     /// No sample: the stream is not on the tape.
-    pub const NOTHING: Kept = Kept::part(1, 0, 0);
+    pub const NOTHING: Kept = Kept(Observed::NOTHING);
 
     /// Of every `every`th sample those from number `first` to before `end`.
     pub const fn part(every: u64, first: u64, end: u64) -> Kept {
-        Kept { every, first, end }
+        Kept(Observed { every, first, end })
     }
 
     /// Whether nothing is left out.
@@ -34,11 +29,15 @@ impl Kept {
         self == Kept::NOTHING
     }
 
+    /// The samples that are kept.
+    pub(super) fn observed(self) -> Observed {
+        self.0
+    }
+
     /// The number on the tape of sample `index`, if it is kept.
     #[inline]
     pub(super) fn number(self, index: u64) -> Option<u64> {
-        let number = index / self.every;
-        (index.is_multiple_of(self.every) && (self.first..self.end).contains(&number)).then_some(number)
+        self.0.number(index)
     }
 
     /// The stream as it is on the tape; `None` when it is not there.
@@ -48,10 +47,10 @@ impl Kept {
         }
         let mut spec = spec.clone();
         // It was a whole number of periods in the scenario.
-        spec.period = i64::try_from(self.every)
+        spec.period = i64::try_from(self.0.every)
             .ok()
             .and_then(|every| spec.period.checked_mul(every))?;
-        spec.first_index = self.first;
+        spec.first_index = self.0.first;
         Some(spec)
     }
 
@@ -68,15 +67,15 @@ impl Kept {
             kept.period.checked_mul(number)?.checked_add(kept.offset)
         };
         let mut words = format!("`{}`", spec.name());
-        if self.every > 1 {
+        if self.0.every > 1 {
             words += &format!(" every {}", kept.period);
         }
-        if let Some(from) = instant(self.first).filter(|_| self.first > 0) {
+        if let Some(from) = instant(self.0.first).filter(|_| self.0.first > 0) {
             words += &format!(" from {from}");
         }
-        if self.end == 0 {
+        if self.0.end == 0 {
             words += " before its first sample";
-        } else if let Some(to) = instant(self.end - 1).filter(|_| self.end < u64::MAX) {
+        } else if let Some(to) = instant(self.0.end - 1).filter(|_| self.0.end < u64::MAX) {
             words += &format!(" to {to}");
         }
         Some(words)

@@ -10,6 +10,7 @@ mod child;
 mod course;
 mod crew;
 pub mod describe;
+mod direct;
 mod drive;
 mod executor;
 mod explain;
@@ -29,6 +30,7 @@ mod log;
 mod monitor;
 mod newest;
 mod notes;
+mod observed;
 mod options;
 mod outcome;
 mod pace;
@@ -90,5 +92,5 @@ pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure
 
 /// [`run`], for whoever has no further use for either.
 pub(crate) fn run_shared(scenario: Arc<Scenario>, options: Options) -> Result<Outcome, RunFailure> {
-    Run::begin(scenario, options).map(Run::finish)
+    Run::begin(scenario, options, false).map(Run::finish)
 }

@@ -19,6 +19,7 @@ use super::guard::Watch;
 use super::inputs::Inputs;
 use super::lanes::Lanes;
 use super::monitor::Monitor;
+use super::observed::Observers;
 use super::options::{Options, Origin};
 use super::outcome::RunFailure;
 use super::played::Played;
@@ -193,21 +194,31 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, Ru
     Ok(claim)
 }
 
-/// Opens what keeps the samples: the tape in `folder`, or what the options ask for without one.
+/// Opens what keeps the samples: the tape in `folder`, or what the options ask for without one. The plan of the recorder says what is
+/// observed: by the recorder and, where `asked`, by a program that drives the run.
 pub(super) fn recorder(
     scenario: &Scenario,
-    plan: &Arc<Plan>,
+    mut plan: Plan,
     record: Record,
     folder: Option<&RunFolder>,
+    asked: bool,
 ) -> Result<Recorder, RunFailure> {
-    let streams = streams(plan);
-    let (assessment, watches) = judges(scenario, plan, &streams)?;
-    let (lanes, kept) = Lanes::new(&scenario.kept(plan, &streams, |_| true)?, &streams);
+    let streams = streams(&plan);
+    let (assessment, watches) = judges(scenario, &plan, &streams)?;
+    let kept = scenario.kept(&plan, &streams, |_| true)?;
+    let observers = Observers {
+        kept: (folder.is_some() || record.looks()).then_some(&kept),
+        assessment: assessment.as_deref(),
+        guards: &watches,
+        asked,
+    };
+    plan.observed = observers.observed(scenario, &plan, &streams);
+    let (lanes, kept) = Lanes::new(&kept, &streams);
     let store = match folder {
         Some(folder) => Store::Disk(Writer::create(&folder.tape(), kept)?),
         None => Store::without_folder(record, kept)?,
     };
-    Ok(Recorder::new(plan.clone(), store, lanes, assessment, watches))
+    Ok(Recorder::new(Arc::new(plan), store, lanes, assessment, watches))
 }
 
 /// The assessment of a run, if it has one, and its guards.

@@ -1,12 +1,12 @@
 //! From participants' samples to the tape and the figures of merit.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use lockstep::participant::Payload;
 use lockstep::plan::{Cut, Plan, Position};
 use lockstep::time::{Rational, Ticks};
-use lockstep::transport::{Broken, Header, Recording};
+use lockstep::transport::{Broken, Header};
 use tape::{AppendError, Digest, Event, EventKind};
 
 use super::faults;
@@ -36,6 +36,8 @@ pub struct Recorder {
     /// Which samples are kept.
     lanes: Lanes,
     assessment: Option<Box<dyn Assessment>>,
+    /// The streams that the assessment reads.
+    read: Vec<bool>,
     pub(super) plan: Arc<Plan>,
     /// The participant that owns each stream.
     pub(super) owners: Vec<usize>,
@@ -78,7 +80,9 @@ impl Recorder {
         let reached = vec![0; owners.len()];
         let early = owners.iter().enumerate();
         let early = early.map(|(stream, &owner)| samples(&plan, stream, owner, 0)).collect();
+        let reads = |stream| assessment.as_ref().is_some_and(|own| own.reads(stream));
         Recorder {
+            read: (0..owners.len()).map(reads).collect(),
             store,
             lanes,
             assessment,
@@ -184,7 +188,8 @@ impl Recorder {
         // Figures, guards and faults come to where they were by the samples that were kept.
         let kept = self.store.take_kept(&plan)?;
         kept.each_before(&plan, cut, |participant, stream, header, payload| {
-            let regarded = self.regard(participant, stream as usize, header, payload);
+            let stamp_s = plan.timebase.seconds(header.stamp);
+            let regarded = self.regard(participant, stream as usize, header, stamp_s, payload);
             regarded.map_err(|broken| RunFailure::Other(broken.to_string()))
         })?;
         self.store.give_back(kept);
@@ -289,6 +294,9 @@ impl Recorder {
 
     /// Takes the next sample of a stream of `participant`, whose header is right.
     pub fn take(&mut self, participant: usize, number: usize, header: Header, payload: &[u8]) -> Result<(), Broken> {
+        if payload.is_empty() {
+            return self.pass(number, header);
+        }
         if let Some(again) = &self.again
             && header.index < again.count(number)
         {
@@ -307,13 +315,33 @@ impl Recorder {
             Err(error) => return Err(Broken(format!("recorded {error}"))),
         }
         self.reached[number] += 1;
-        self.regard(participant, number, header, payload)
+        self.regard(participant, number, header, stamp, payload)
+    }
+
+    /// Counts a sample that is not observed, of which its participant has sent nothing else.
+    fn pass(&mut self, number: usize, header: Header) -> Result<(), Broken> {
+        if self.plan.observed(number).contains(header.index) {
+            return Err(Broken(format!(
+                "recorded sample #{} of `{}` without a payload, which only a sample that is not observed may be",
+                header.index,
+                self.name(number)
+            )));
+        }
+        self.reached[number] += 1;
+        self.advance(header.stamp)
     }
 
     /// Everything besides recording that a sample is looked at for.
-    fn regard(&mut self, participant: usize, number: usize, header: Header, payload: &[u8]) -> Result<(), Broken> {
-        if let Some(assessment) = &mut self.assessment {
-            assessment.sample(number, self.plan.timebase.seconds(header.stamp), payload);
+    fn regard(
+        &mut self,
+        participant: usize,
+        number: usize,
+        header: Header,
+        stamp_s: f64,
+        payload: &[u8],
+    ) -> Result<(), Broken> {
+        if let Some(assessment) = self.assessment.as_mut().filter(|_| self.read[number]) {
+            assessment.sample(number, stamp_s, payload);
         }
         if let Some(latest) = &mut self.latest {
             latest.put(number, header, payload);
@@ -327,8 +355,13 @@ impl Recorder {
                 self.lie = Some((participant, format!("gave out `{}.{output}` {what}", own.name)));
             }
         }
-        if header.stamp > self.newest {
-            self.newest = header.stamp;
+        self.advance(header.stamp)
+    }
+
+    /// Notes that samples have come that are stamped `stamp`.
+    fn advance(&mut self, stamp: Ticks) -> Result<(), Broken> {
+        if stamp > self.newest {
+            self.newest = stamp;
             self.tell_of_faults()?;
         }
         Ok(())
@@ -428,23 +461,5 @@ impl Recorder {
     pub fn finish(self) -> (Result<Option<Digest>, AppendError>, Option<Figures>) {
         let digest = self.store.finish();
         (digest, self.assessment.map(|mut assessment| assessment.finish()))
-    }
-}
-
-/// One participant's way to the recorder in the same process.
-pub struct Direct {
-    /// The recorder that all share.
-    pub recorder: Arc<Mutex<Recorder>>,
-    /// The participant's number.
-    pub participant: usize,
-}
-
-impl Recording for Direct {
-    fn try_append(&mut self, stream: u32, header: Header, payload: &[u8]) -> Result<bool, Broken> {
-        let mut recorder = self.recorder.lock().unwrap_or_else(PoisonError::into_inner);
-        // The stepper has made the header from the plan itself.
-        recorder
-            .take(self.participant, stream as usize, header, payload)
-            .map(|()| true)
     }
 }

@@ -21,7 +21,7 @@ use super::options::Options;
 use super::outcome::RunFailure;
 use super::place::Place;
 use super::placement::Placement;
-use super::prepare::{self, Ready, Start};
+use super::prepare::{self, Known, Ready, Start};
 use super::processes::{Failures, Processes, Rounds};
 use super::recording::Recorder;
 use super::room;
@@ -50,6 +50,8 @@ struct SetUp<'a> {
     sketch: &'a Plan,
     folder: &'a RunFolder,
     monitor: &'a Monitor,
+    /// Whether a program may ask for the samples of any stream.
+    asked: bool,
 }
 
 /// Starts the programs of `entries`, and creates everything that they need.
@@ -59,19 +61,20 @@ struct SetUp<'a> {
 pub(super) fn set_up(
     scenario: &Scenario,
     options: &Options,
-    known: &[Option<Interface>],
-    sketch: &Plan,
+    known: &Known,
     mut entries: Vec<Entry>,
     folder: &RunFolder,
     monitor: &Monitor,
+    asked: bool,
 ) -> Result<(Ready, Processes), RunFailure> {
     let all = SetUp {
         scenario,
         options,
-        known,
-        sketch,
+        known: &known.interfaces,
+        sketch: &known.plan,
         folder,
         monitor,
+        asked,
     };
     let (mut basis, mut programs) = (None, 0);
     let mut failures = vec![0; entries.len()];
@@ -223,9 +226,10 @@ impl SetUp<'_> {
         let Basis { plan, start, .. } = match basis {
             Some(basis) => basis,
             None => {
-                let plan = Arc::new(scenario.plan(&interfaces)?);
+                let plan = scenario.plan(&interfaces)?;
                 describe::check_substitutes(scenario, &interfaces, options, &monitor)?;
-                let mut recorder = prepare::recorder(scenario, &plan, Record::Folder, Some(self.folder))?;
+                let mut recorder = prepare::recorder(scenario, plan, Record::Folder, Some(self.folder), self.asked)?;
+                let plan = recorder.plan.clone();
                 let start = prepare::start(self.scenario, &plan, options, &mut recorder)?;
                 basis.insert(Basis {
                     interfaces,

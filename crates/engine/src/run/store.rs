@@ -21,6 +21,13 @@ pub enum Record {
     Nothing,
 }
 
+impl Record {
+    /// Whether samples are looked at for what is kept.
+    pub(super) fn looks(self) -> bool {
+        self != Record::Nothing
+    }
+}
+
 /// The samples that were kept.
 pub(super) enum Store {
     Disk(Writer),

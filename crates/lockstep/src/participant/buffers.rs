@@ -121,10 +121,20 @@ impl Inputs {
     }
 }
 
+/// Whether an output is seen.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Look {
+    /// Whether the sample under way is seen.
+    pub(crate) now: bool,
+    /// Whether any sample of the run is seen.
+    pub(crate) ever: bool,
+}
+
 /// The outputs of an activation. What a step does not write keeps its last value.
 #[derive(Debug)]
 pub struct Outputs {
     pub(crate) payloads: Vec<Payload>,
+    pub(crate) looks: Vec<Look>,
 }
 
 impl Outputs {
@@ -139,6 +149,27 @@ impl Outputs {
     /// The raw bytes of output number `port`.
     pub fn bytes_mut(&mut self, port: usize) -> &mut [u8] {
         self.payloads[port].bytes_mut()
+    }
+
+    /// Whether the sample of output number `port` that is under way is seen: read by an input, kept on the tape, measured, assessed,
+    /// guarded, or within reach of a program that drives the run. An unseen sample need not be computed: what is written is not
+    /// recorded, not sent and not checked.
+    ///
+    /// A sample that is seen must not depend on which ones were seen before: the tape has the same bits whatever else is seen.
+    ///
+    /// # Panics
+    /// When there is no such port.
+    pub fn is_seen(&self, port: usize) -> bool {
+        self.looks[port].now
+    }
+
+    /// Whether any sample of output number `port` is seen in this run. Of an output that never is, not even the state that its later
+    /// samples depend on need be kept up to date.
+    ///
+    /// # Panics
+    /// When there is no such port.
+    pub fn is_ever_seen(&self, port: usize) -> bool {
+        self.looks[port].ever
     }
 }
 
@@ -169,9 +200,10 @@ impl Inputs {
 }
 
 impl Outputs {
-    /// Zeroed buffers for the outputs of `interface`.
+    /// Zeroed buffers for the outputs of `interface`, all of which are seen.
     pub fn zeroed(interface: &super::Interface) -> Outputs {
         Outputs {
+            looks: vec![Look { now: true, ever: true }; interface.outputs.len()],
             payloads: interface
                 .outputs
                 .iter()
@@ -191,5 +223,10 @@ impl Outputs {
     /// The raw bytes of output number `port`, for whoever drives a participant by hand.
     pub fn bytes(&self, port: usize) -> &[u8] {
         self.payloads[port].bytes()
+    }
+
+    /// Sets whether output number `port` is seen, for a test that drives a participant by hand: the sample under way, and any sample.
+    pub fn set_seen(&mut self, port: usize, now: bool, ever: bool) {
+        self.looks[port] = Look { now, ever };
     }
 }

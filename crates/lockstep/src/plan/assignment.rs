@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Initial, Plan};
+use super::{Initial, Observed, Plan};
 use crate::fault::{Disturbance, Place};
 use crate::link::{Conversion, ReadSchedule, Visibility};
 use crate::participant::Interface;
@@ -77,6 +77,8 @@ pub struct SeenInput {
     pub input: u32,
     /// The number in the run's list of streams.
     pub stream: u32,
+    /// Which of its samples are recorded.
+    pub observed: Observed,
     /// What is wrong at the input itself.
     pub faults: Vec<Disturbance>,
 }
@@ -86,6 +88,8 @@ pub struct SeenInput {
 pub struct OutputPort {
     /// The number of the output in the run's list of streams.
     pub stream: u32,
+    /// Which of its samples are recorded.
+    pub observed: Observed,
     /// Everybody who reads it.
     pub consumers: Vec<Consumer>,
     /// What is done to its samples on the way to them.
@@ -140,9 +144,11 @@ impl Plan {
             }
         });
         let seen = (0..own.inputs.len()).filter_map(|port| {
+            let stream = self.seen_stream(participant, port)?;
             Some(SeenInput {
                 input: port as u32,
-                stream: self.seen_stream(participant, port)?,
+                stream,
+                observed: self.observed(stream as usize),
                 faults: self.disturbances(Place::Input { participant, port }),
             })
         });
@@ -164,8 +170,10 @@ impl Plan {
                 capacity: link.capacity as u32,
                 end: self.end,
             });
+            let stream = own.first_stream + output as u32;
             OutputPort {
-                stream: own.first_stream + output as u32,
+                stream,
+                observed: self.observed(stream as usize),
                 consumers: consumers.collect(),
                 faults: self.disturbances(Place::Output {
                     participant,

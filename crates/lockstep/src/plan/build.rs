@@ -74,6 +74,7 @@ impl Plan {
             links: Vec::new(),
             faults: Vec::new(),
             seen: Vec::new(),
+            observed: Vec::new(),
         };
         let mut first_stream = 0;
         for spec in participants {

@@ -14,6 +14,7 @@ mod faults;
 mod fields;
 mod limits;
 mod network;
+mod observed;
 mod order;
 mod placement;
 
@@ -23,4 +24,5 @@ pub use cut::{Backlog, Cut, Held, Position};
 pub use error::PlanError;
 pub use limits::PARTICIPANTS_MAX;
 pub use network::{Initial, Link, Participant, Plan, Seen};
+pub use observed::Observed;
 pub use placement::{Placement, place, place_apart};

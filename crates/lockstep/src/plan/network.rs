@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Observed;
 use crate::fault::{LinkFault, SignalFault};
 use crate::link::{Conversion, ReadSchedule, Timing, Visibility};
 use crate::participant::Interface;
@@ -98,6 +99,8 @@ pub struct Plan {
     pub faults: Vec<SignalFault>,
     /// What participants see where a fault is on the way: streams behind those of the outputs, in this order.
     pub seen: Vec<Seen>,
+    /// What is observed of each stream; of those that are missing, everything.
+    pub observed: Vec<Observed>,
 }
 
 impl Plan {
@@ -130,6 +133,11 @@ impl Plan {
         self.participants
             .iter()
             .position(|participant| participant.name == name)
+    }
+
+    /// What is observed of stream number `stream`.
+    pub fn observed(&self, stream: usize) -> Observed {
+        self.observed.get(stream).copied().unwrap_or(Observed::ALL)
     }
 
     /// How many streams the run has: one for each output, and one for each input that a fault may disturb.

@@ -6,7 +6,7 @@ use super::source::Source;
 use crate::fault::Injector;
 use crate::link::{Conversion, Hold, Read, ReadSchedule};
 use crate::participant::{FiniteCheck, Inputs, Payload, first_not_finite};
-use crate::plan::{Assignment, Backlog, Initial, InputLink, SeenInput};
+use crate::plan::{Assignment, Backlog, Initial, InputLink, Observed, SeenInput};
 use crate::port::Descriptor;
 use crate::time::{SampleTime, Ticks, Timebase};
 use crate::transport::Receiver;
@@ -143,6 +143,7 @@ impl Assembled {
 pub(super) struct SeenState {
     pub(super) port: usize,
     pub(super) stream: u32,
+    pub(super) observed: Observed,
     /// What came in, as long as the buffer shows what faults have made of it.
     came_in: Payload,
     pub(super) injector: Option<Injector>,
@@ -153,6 +154,7 @@ impl SeenState {
         SeenState {
             port: seen.input as usize,
             stream: seen.stream,
+            observed: seen.observed,
             came_in: Payload::zeroed(descriptor.size as usize),
             injector: Injector::new(&seen.faults, timebase),
         }

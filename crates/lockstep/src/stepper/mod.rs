@@ -46,6 +46,10 @@ pub struct Stepper {
     input_buffers: Inputs,
     output_buffers: Outputs,
     horizon: Ticks,
+    /// The period, s.
+    period_s: f64,
+    /// An activation and its instant, s: the end of one is the begin of the next.
+    known_s: (u64, f64),
     /// The next activation.
     next: u64,
     /// The sample that the output buffers hold.
@@ -96,6 +100,9 @@ impl Stepper {
             .zip(&interface.outputs);
         let outputs = senders.map(|((senders, output), port)| OutputState {
             stream: output.stream,
+            observed: output.observed,
+            recorded: true,
+            seen: true,
             name: port.name.clone(),
             finite: FiniteCheck::new(&port.descriptor),
             descriptor: port.descriptor.clone(),
@@ -108,6 +115,10 @@ impl Stepper {
                 .map(|injector| Disturbed::new(injector, port.descriptor.size as usize)),
         });
         let mut outputs: Vec<_> = outputs.collect();
+        let mut output_buffers = Outputs::zeroed(interface);
+        for (output, look) in outputs.iter().zip(&mut output_buffers.looks) {
+            look.ever = output.is_ever_seen();
+        }
         for seen in &mut seen {
             let held = held.inputs.get(seen.port);
             let injector = seen.injector.as_mut().zip(held);
@@ -127,8 +138,10 @@ impl Stepper {
             outputs,
             recording: ends.recording,
             input_buffers: Inputs::zeroed(interface),
-            output_buffers: Outputs::zeroed(interface),
+            output_buffers,
             horizon: Ticks::MIN,
+            period_s: assignment.timebase.seconds(sample_time.period),
+            known_s: (next, assignment.timebase.seconds(sample_time.instant(next))),
             next,
             sample: 0,
             initialised: false,
@@ -261,6 +274,9 @@ impl Stepper {
     fn initialise(&mut self) -> Result<(), StepError> {
         let continuous = self.assignment.interface.kind == Kind::Continuous;
         let t = self.next_seconds();
+        if continuous {
+            self.look_at_outputs();
+        }
         guarded(|| self.participant.initialise(t, &mut self.output_buffers))?;
         if continuous && self.assignment.activations > 0 {
             self.check_outputs()?;
@@ -317,7 +333,10 @@ impl Stepper {
             index: self.next,
             stamp: self.assignment.sample_time.instant(self.next),
         };
-        let payload = self.input_buffers.payloads[seen.port].bytes();
+        let payload = match seen.observed.contains(header.index) {
+            true => self.input_buffers.payloads[seen.port].bytes(),
+            false => &[],
+        };
         let appended = self.recording.try_append(seen.stream, header, payload);
         if !appended.map_err(to_the_recorder)? {
             return Ok(false);
@@ -333,16 +352,20 @@ impl Stepper {
             interface,
             ..
         } = &self.assignment;
+        let seconds = |k| timebase.seconds(sample_time.instant(k));
+        let (known, t) = self.known_s;
         let step = Step {
             index: self.next,
-            t: timebase.seconds(sample_time.instant(self.next)),
-            t_next: timebase.seconds(sample_time.instant(self.next + 1)),
-            period: timebase.seconds(sample_time.period),
+            t: if known == self.next { t } else { seconds(self.next) },
+            t_next: seconds(self.next + 1),
+            period: self.period_s,
         };
+        self.known_s = (self.next + 1, step.t_next);
         self.sample = match interface.kind {
             Kind::Sampled => self.next,
             Kind::Continuous => self.next + 1,
         };
+        self.look_at_outputs();
         let Stepper {
             participant,
             input_buffers,
@@ -355,8 +378,17 @@ impl Stepper {
         Ok(())
     }
 
+    /// Finds out whether the samples that come next are seen, and lets the participant know.
+    fn look_at_outputs(&mut self) {
+        for (output, look) in self.outputs.iter_mut().zip(&mut self.output_buffers.looks) {
+            output.look_at(self.sample);
+            look.now = output.seen;
+        }
+    }
+
     fn check_outputs(&self) -> Result<(), StepError> {
-        for (output, payload) in self.outputs.iter().zip(&self.output_buffers.payloads) {
+        let seen = self.outputs.iter().zip(&self.output_buffers.payloads);
+        for (output, payload) in seen.filter(|(output, _)| output.seen) {
             if !output.finite.passes(payload.bytes()) {
                 let (element, value) = first_not_finite(&output.descriptor, payload.bytes()).unwrap_or_default();
                 return Err(StepError::NotFinite {
@@ -386,7 +418,7 @@ impl Stepper {
             }
             return Ok(true);
         };
-        let payload = self.output_buffers.payloads[number].bytes();
+        let payload = output.record(&self.output_buffers.payloads[number]);
         let appended = self
             .recording
             .try_append(output.stream, header, payload)
@@ -404,11 +436,11 @@ impl Stepper {
         for (output, payload) in self.outputs.iter_mut().zip(&self.output_buffers.payloads) {
             output.disturb(header, payload.bytes());
         }
-        let mut wanted = false;
-        for consumer in self.outputs.iter_mut().flat_map(|output| &mut output.consumers) {
-            wanted |= consumer.look_at(header.index);
-        }
-        let output = if wanted { 0 } else { self.outputs.len() };
+        let output = if self.outputs.iter().any(OutputState::is_wanted) {
+            0
+        } else {
+            self.outputs.len()
+        };
         self.phase = Phase::Publish { output, consumer: 0 };
     }
 

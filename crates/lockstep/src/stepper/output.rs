@@ -4,13 +4,17 @@ use super::StepError;
 use crate::fault::Injector;
 use crate::link::ReadSchedule;
 use crate::participant::{FiniteCheck, Payload};
-use crate::plan::Consumer;
+use crate::plan::{Consumer, Observed};
 use crate::port::Descriptor;
 use crate::time::Ticks;
 use crate::transport::{Broken, Header, Sender};
 
 pub(super) struct OutputState {
     pub(super) stream: u32,
+    pub(super) observed: Observed,
+    /// Whether the sample in work is recorded, and whether it is seen.
+    pub(super) recorded: bool,
+    pub(super) seen: bool,
     pub(super) name: String,
     pub(super) descriptor: Descriptor,
     pub(super) finite: FiniteCheck,
@@ -34,6 +38,32 @@ impl Disturbed {
 }
 
 impl OutputState {
+    /// Finds out whether sample `index`, which is in work from now on, is seen.
+    pub(super) fn look_at(&mut self, index: u64) {
+        let mut wanted = false;
+        for consumer in &mut self.consumers {
+            wanted |= consumer.look_at(index);
+        }
+        self.recorded = self.observed.contains(index);
+        // A fault may remember what it has seen first.
+        self.seen = self.recorded || wanted || self.disturbed.is_some();
+    }
+
+    /// Whether any sample of the run is seen.
+    pub(super) fn is_ever_seen(&self) -> bool {
+        !self.observed.is_nothing() || !self.consumers.is_empty() || self.disturbed.is_some()
+    }
+
+    /// Whether any consumer reads the sample in work.
+    pub(super) fn is_wanted(&self) -> bool {
+        self.consumers.iter().any(|consumer| consumer.wants)
+    }
+
+    /// What goes to the recorder of the sample in work: nothing of one that is not observed.
+    pub(super) fn record<'a>(&self, given: &'a Payload) -> &'a [u8] {
+        if self.recorded { given.bytes() } else { &[] }
+    }
+
     /// Makes of sample `header`, which is on the tape, what readers are sent. To be called once for each sample.
     pub(super) fn disturb(&mut self, header: Header, given: &[u8]) {
         if let Some(Disturbed { injector, payload }) = &mut self.disturbed {
@@ -101,7 +131,7 @@ impl ConsumerState {
     }
 
     /// Notes whether any activation reads sample `index`; to be called with rising indices.
-    pub(super) fn look_at(&mut self, index: u64) -> bool {
+    fn look_at(&mut self, index: u64) -> bool {
         self.wants = loop {
             match self.next_read {
                 Some(next) if next >= index => break next == index,

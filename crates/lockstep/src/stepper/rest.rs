@@ -45,7 +45,7 @@ impl Stepper {
     /// Makes the outputs what a stepper that has just taken up its work here holds: nothing of what was not published.
     pub(crate) fn forget_unpublished(&mut self) {
         if self.next == 0 && self.assignment.interface.kind == Kind::Sampled {
-            self.output_buffers = Outputs::zeroed(&self.assignment.interface);
+            self.output_buffers.payloads = Outputs::zeroed(&self.assignment.interface).payloads;
         }
     }
 

@@ -19,7 +19,7 @@ pub use mixed::Mixed;
 use mixed::time;
 use shape::{Came, Shape};
 
-/// Mixes the inputs of every activation into a state and gives it out.
+/// Mixes the inputs of every activation into a state and gives it out where that is seen.
 pub struct Mixer {
     kind: Kind,
     inputs: usize,
@@ -39,6 +39,13 @@ impl Mixer {
 
     fn write(&self, t: f64, outputs: &mut Outputs) {
         for port in 0..self.outputs {
+            if !outputs.is_seen(port) {
+                *outputs.get_mut::<Mixed>(port) = Mixed {
+                    hash: u64::MAX,
+                    x: f64::NAN,
+                };
+                continue;
+            }
             let hash = (self.state ^ t.to_bits()).wrapping_add(port as u64);
             *outputs.get_mut::<Mixed>(port) = Mixed {
                 hash,

@@ -1,0 +1,102 @@
+//! Which samples of a stream are looked at besides by the inputs that read it.
+
+use serde::{Deserialize, Serialize};
+
+/// The samples of a stream that go to the tape, a measure, an assessment, a guard or a program that asks for them: of every `every`th
+/// sample, counted from sample 0, those with the numbers from `first` to before `end`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Observed {
+    /// The distance of two observed samples, at least 1.
+    pub every: u64,
+    /// The number of the first one.
+    pub first: u64,
+    /// Behind the number of the last one.
+    pub end: u64,
+}
+
+impl Observed {
+    /// Every sample.
+    pub const ALL: Observed = Observed {
+        every: 1,
+        first: 0,
+        end: u64::MAX,
+    };
+    /// No sample.
+    pub const NOTHING: Observed = Observed {
+        every: 1,
+        first: 0,
+        end: 0,
+    };
+
+    /// Whether there is no such sample.
+    pub fn is_nothing(self) -> bool {
+        self.first >= self.end
+    }
+
+    /// The number of sample `index` among the observed ones, if it is one of them.
+    #[inline]
+    pub fn number(self, index: u64) -> Option<u64> {
+        // What another process sends may be zero.
+        let every = self.every.max(1);
+        let number = index / every;
+        (index.is_multiple_of(every) && (self.first..self.end).contains(&number)).then_some(number)
+    }
+
+    /// Whether sample `index` is observed.
+    #[inline]
+    pub fn contains(self, index: u64) -> bool {
+        self.number(index).is_some()
+    }
+
+    /// What `self` or `other` observe, and maybe more: where both observe parts it is everything.
+    #[must_use]
+    pub fn or(self, other: Observed) -> Observed {
+        match (self.is_nothing(), other.is_nothing()) {
+            (true, _) => other,
+            (_, true) => self,
+            _ if self == other => self,
+            _ => Observed::ALL,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn part_of_a_stream_has_every_so_manyth_sample() {
+        let part = Observed {
+            every: 4,
+            first: 2,
+            end: 5,
+        };
+        let of = |part: Observed| (0..40).filter(|&index| part.contains(index)).collect::<Vec<_>>();
+        assert_eq!(of(part), [8, 12, 16]);
+        assert_eq!(of(Observed::ALL).len(), 40);
+        assert!(of(Observed::NOTHING).is_empty() && Observed::NOTHING.is_nothing());
+    }
+
+    #[test]
+    fn union_observes_what_either_does() {
+        let parts = [
+            Observed::ALL,
+            Observed::NOTHING,
+            Observed {
+                every: 4,
+                first: 2,
+                end: 5,
+            },
+            Observed {
+                every: 3,
+                first: 0,
+                end: 9,
+            },
+        ];
+        for (a, b) in parts.iter().flat_map(|a| parts.iter().map(move |b| (*a, *b))) {
+            let missing = (0..100).find(|&index| (a.contains(index) || b.contains(index)) && !a.or(b).contains(index));
+            assert_eq!(missing, None, "{a:?} or {b:?}");
+        }
+        assert_eq!(parts[1].or(parts[2]), parts[2]);
+    }
+}
