@@ -290,12 +290,12 @@ def test_inputs_are_set_from_code(built):
 
 
 def test_sweep_gives_a_table():
-    table = esc.sweep(SPRING, {"connections.to-right.delay": ["0 ms", "20 ms"], "participants.left.parameters.position": [0.1, 0.2]}, set={"duration": "1 s"})
+    table = esc.sweep(SPRING, {"connections.to-right.delay": ["0 ms", "20 ms"], "participants.left.parameters.position": [0.1, 0.2]}, set={"duration": "1 s"}, digest=True)
     assert len(table) == 4 and list(table["outcome"]) == ["met", "not-met"] * 2 or set(table["outcome"]) <= {"met", "not-met"}
     swing = next(column for column in table if column.startswith("swing"))
     alone = esc.run(SPRING, set={"duration": "1 s", "connections.to-right.delay": "20 ms", "participants.left.parameters.position": 0.2})
     assert table[swing].iloc[3] == alone.figures["swing"]
-    python = esc.sweep(SPRING, {"connections.to-right.delay": "0ms..20ms:20ms"}, set={"duration": "1 s"}, participants={"right": spring.Spring})
+    python = esc.sweep(SPRING, {"connections.to-right.delay": "0ms..20ms:20ms"}, set={"duration": "1 s"}, participants={"right": spring.Spring}, digest=True)
     assert list(python["tape"]) == list(table["tape"][::2])
     with pytest.raises(esc.ScenarioError, match="delai"):
         esc.sweep(SPRING, {"connections.to-right.delai": [1]})

@@ -39,7 +39,7 @@ fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
     let out = |name: &str| folder.path().join(name);
     let said = sweep(
         &out("sweep"),
-        &["--vary", "connections.measured.delay=0ms,10ms", "--json"],
+        &["--vary", "connections.measured.delay=0ms,10ms", "--json", "--digest"],
     );
     assert_eq!(said.code, Some(0), "{said:?}");
     let swept = said.json();
@@ -356,7 +356,8 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
 "#,
     );
     let out = folder.path().join("faults");
-    let said = orchestrate(&["faults", CLOSE, "--cases", text(&list), "--json", "--out", text(&out)]);
+    let how = ["--json", "--digest", "--out", text(&out)];
+    let said = orchestrate(&[&["faults", CLOSE, "--cases", text(&list)][..], &how].concat());
     assert_eq!(said.code, Some(0), "{said:?}");
     let json = said.json();
     assert_eq!(json["rows"][0]["outcome"], "met");
@@ -444,6 +445,7 @@ set = {{ "guards.weak" = {{ output = "damper.push", field = "force", range = "[-
         "--cases",
         text(&list),
         "--json",
+        "--digest",
         "--keep",
         "--out",
         text(&out),

@@ -113,7 +113,7 @@ fn drawn_point_is_the_run_with_its_values() {
             .replace("0.6 kg", "0.1 kg"),
     );
     let out = |name: &str| folder.path().join(name);
-    let said = orchestrate(&["sweep", text(&file), "--out", text(&out("swept")), "--json"]);
+    let said = orchestrate(&["sweep", text(&file), "--out", text(&out("swept")), "--json", "--digest"]);
     let json = said.json();
     let csv = std::fs::read_to_string(out("swept").join("table.csv")).unwrap();
     assert!(

@@ -110,7 +110,8 @@ fn drawn_shards_are_what_one_machine_makes() {
             let own = ["--quiet", "--workers", "1", "--out", text(&place)];
             begin(orchestrator(), &[&["sweep"], campaign, &own[..], more].concat())
         };
-        let said = finish(sweep("one", &[]));
+        // Second runs are compared by their tapes.
+        let said = finish(sweep("one", &["--digest"]));
         assert_eq!(said.code, Some(code), "{said:?}");
         let shards = ["1/3", "2/3", "3/3"].map(|shard| (shard, out(&shard.replace('/', "-of-"))));
         for (shard, place) in &shards {
@@ -133,7 +134,7 @@ fn drawn_shards_are_what_one_machine_makes() {
         assert_eq!(said.code, Some(code), "{said:?}");
         same(&whole, &out("one"));
         // It is the campaign of the file: nothing of it is run again.
-        let said = finish(sweep("whole", &[]));
+        let said = finish(sweep("whole", &["--digest"]));
         assert_eq!(said.code, Some(code), "{said:?}");
         same(&whole, &out("one"));
     }
@@ -284,7 +285,7 @@ fn drawn_point_runs_alone_is_kept_and_counts_until_enough_is_known() {
         let place = out(name);
         orchestrate(&[&["sweep", text(&file), "--out", text(&place)], more].concat())
     };
-    let said = sweep("swept", &["--json", "--keep", "worst:2"]);
+    let said = sweep("swept", &["--json", "--digest", "--keep", "worst:2"]);
     let rows = said.json()["rows"].as_array().unwrap().clone();
     assert_eq!(std::fs::read_dir(out("swept/runs")).unwrap().count(), 2);
     let there = |refused: bool| {
@@ -311,7 +312,7 @@ fn drawn_point_runs_alone_is_kept_and_counts_until_enough_is_known() {
         said.err.contains("cannot be run") && said.err.contains("vary.ratio"),
         "{said:?}"
     );
-    let until = ["--until", "met within 25 %", "--quiet", "--workers"];
+    let until = ["--until", "met within 25 %", "--quiet", "--digest", "--workers"];
     sweep("until-1", &[&until[..], &["1"]].concat());
     sweep("until-3", &[&until[..], &["3"]].concat());
     let table = |name: &str| std::fs::read_to_string(out(name).join("table.csv")).unwrap();

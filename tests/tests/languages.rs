@@ -246,7 +246,8 @@ fn campaigns_run_plugins_and_know_them_by_their_digest() {
     let file = folder.write("loop.toml", &scenario);
     let (sweep, kept) = (path("sweep"), path("kept"));
     let vary = "connections.measured.delay=0ms,7ms,70ms";
-    let arguments = ["sweep", text(&file), "--vary", vary, "--out", text(&sweep), "--quiet"];
+    let how = ["--out", text(&sweep), "--quiet", "--digest"];
+    let arguments = [&["sweep", text(&file), "--vary", vary][..], &how].concat();
     let said = orchestrate(&arguments);
     assert_eq!(said.code, Some(0), "{said:?}");
     let results = std::fs::read_to_string(sweep.join("results.jsonl")).expect("a campaign has a journal");

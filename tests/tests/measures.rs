@@ -105,7 +105,12 @@ fn figures_are_the_same_to_every_digit_in_every_way_of_running_and_those_of_the_
     assert_eq!(run.code, Some(0), "{run:?}");
     let summary = run.json();
     assert_eq!(summary["verdict"], "met");
-    let vary = ["--vary", "participants.heavy.parameters.position=0.1,0.2", "--json"];
+    let vary = [
+        "--vary",
+        "participants.heavy.parameters.position=0.1,0.2",
+        "--json",
+        "--digest",
+    ];
     let swept = orchestrate(&[&["sweep", text(&scenario), "--out", text(&out("sweep"))], &vary[..]].concat());
     assert_eq!(swept.code, Some(0), "{swept:?}");
     let rows = swept.json()["rows"].clone();

@@ -145,6 +145,7 @@ fn path_that_is_not_utf8_works_like_any_other() {
         word("--vary"),
         word("seed=1..2"),
         word("--json"),
+        word("--digest"),
         word("--keep"),
         word("--out"),
         odd.join("sweep").as_os_str(),

@@ -92,7 +92,15 @@ fn what_is_kept_is_what_it_was_in_every_way_of_running() {
     }
     // A campaign has the tape of the run.
     let scenario = root().join("scenarios/close.toml");
-    let common = ["sweep", text(&scenario), "--duration", "3 s", "--json", "--out"];
+    let common = [
+        "sweep",
+        text(&scenario),
+        "--duration",
+        "3 s",
+        "--json",
+        "--digest",
+        "--out",
+    ];
     let swept = orchestrate(&[&common[..], &[text(&out("sweep")), "--vary", "seed=1"], &PARTS].concat());
     assert_eq!(
         swept.json()["rows"][0]["tape_digest"],

@@ -7,7 +7,7 @@ use clap::Args;
 use lockstep::time::Rational;
 
 use super::conclusion::{code, json, told, write};
-use super::points::{CampaignArgs, known_figures};
+use super::points::{CampaignArgs, DigestArgs, known_figures};
 use crate::arguments::{ScenarioArgs, instant};
 use engine::campaign::{self, Campaign, CampaignError, Finished, Kind};
 use engine::run::RunFailure;
@@ -39,6 +39,9 @@ pub struct FaultsArgs {
     /// Print the table as Markdown, for a page
     #[arg(long, conflicts_with = "json")]
     pub markdown: bool,
+    /// What the table has besides figures
+    #[command(flatten)]
+    pub digest: DigestArgs,
     /// Everything about how the points are run
     #[command(flatten)]
     pub campaign: CampaignArgs,
@@ -79,6 +82,7 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
         points: cases.points,
         refused: Vec::new(),
         source: None,
+        digests: args.digest.wanted(&args.campaign),
     };
     known_figures(&campaign, 1)?;
     let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;

@@ -3,12 +3,28 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use engine::campaign::{self, Campaign, CampaignError, Figures, Keep, Options, Shard};
+use engine::campaign::{self, Campaign, CampaignError, Figures, Identity, Keep, Options, Shard};
 use engine::run::check;
 use engine::scenario::Scenario;
 
 use crate::catalogue::catalogue;
 use crate::{signals, terminal};
+
+/// What the table has besides figures.
+#[derive(Debug, Args)]
+pub struct DigestArgs {
+    /// Put the digest of each point's tape into the table: then every output is computed, whether a figure is made of it or not
+    #[arg(long)]
+    pub digest: bool,
+}
+
+impl DigestArgs {
+    /// Whether the table has digests: because that is asked for, or because that of the folder has them, which is gone on with.
+    pub fn wanted(&self, campaign: &CampaignArgs) -> bool {
+        let there = || Identity::read(campaign.out.as_ref()?).ok();
+        self.digest || there().is_some_and(|known| known.digests)
+    }
+}
 
 /// What all campaigns take.
 #[derive(Debug, Args)]

@@ -81,11 +81,11 @@ fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
         Ok(scenario) => scenario,
         Err(error) => return refused(&error),
     };
-    let (code, digest) = executed(&scenario, &args.how, None, &[])?;
+    let (code, outcome) = executed(&scenario, &args.how, None, &[])?;
     let common = || Scenario::read(catalogue(), &point.file, point.common()).ok();
     // With changes of its own it is another run.
-    let compared = digest.filter(|_| more.is_empty()).zip(common());
-    if let Some(difference) = compared.and_then(|(digest, common)| point.difference(&common, &digest)) {
+    let compared = outcome.filter(|_| more.is_empty()).zip(common());
+    if let Some(difference) = compared.and_then(|(outcome, common)| point.difference(&common, &outcome)) {
         eprintln!("error: {difference}");
         return Ok(3);
     }
@@ -97,13 +97,13 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     executed(scenario, how, origin, shadows).map(|(code, _)| code)
 }
 
-/// The same, with the digest of the tape.
+/// The same, with what became of it.
 fn executed(
     scenario: &Scenario,
     how: &HowArgs,
     origin: Option<Origin>,
     shadows: &[Shadow],
-) -> anyhow::Result<(i32, Option<String>)> {
+) -> anyhow::Result<(i32, Option<Outcome>)> {
     let server = match live(how) {
         Ok(server) => server,
         Err(reason) => {
@@ -163,7 +163,7 @@ fn executed(
     if let Some((server, _)) = &server {
         farewell(how, server, &outcome)?;
     }
-    Ok((outcome.exit_code(), outcome.digest.map(|digest| digest.to_string())))
+    Ok((outcome.exit_code(), Some(outcome)))
 }
 
 /// What the command line says of a run, apart from its scenario and its page.

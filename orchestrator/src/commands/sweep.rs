@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::cluster::ClusterArgs;
 use super::conclusion::{conclude, conclude_rare};
-use super::points::{CampaignArgs, PartArgs, known_figures};
+use super::points::{CampaignArgs, DigestArgs, PartArgs, known_figures};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
 use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
@@ -43,6 +43,9 @@ pub struct SweepArgs {
     /// 'FIGURE within 2 %' for the mean of a figure of merit
     #[arg(long, value_name = "WHAT within WIDTH", conflicts_with = "shard")]
     pub until: Option<Until>,
+    /// What the table has besides figures
+    #[command(flatten)]
+    pub digest: DigestArgs,
     /// Which part of the points
     #[command(flatten)]
     pub part: PartArgs,
@@ -77,6 +80,10 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     let campaign = match &file {
         Some(file) => file.campaign(overrides, &plan),
         None => Campaign::of_plan(Kind::Sweep, path.to_owned(), overrides, &plan),
+    };
+    let campaign = Campaign {
+        digests: args.part.audit.is_some() || args.digest.wanted(&args.campaign),
+        ..campaign
     };
     // Where values are drawn, the first of them may be one that cannot be; of a grid somebody wrote every value.
     let tries = if file.is_some() { TRIES } else { 1 };

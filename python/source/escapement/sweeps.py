@@ -19,13 +19,13 @@ def _values(key, values):
     return f"{key}=" + ",".join(value if isinstance(value, str) else _toml(value) for value in values)
 
 
-def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, faults=(), out=None, workers=None, keep=False, progress=None):
+def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, faults=(), out=None, workers=None, keep=False, digest=False, progress=None):
     """Runs a scenario over a grid of values, on all cores, and gives a DataFrame: a row a point, with what was varied, the outcome and
     every figure.
 
     `vary` maps dotted keys to values: a list (`["5 ms", "10 ms"]`, `[1, 2]`), a range as the command line writes it
     (`"0ms..100ms:10ms"`); all combinations are run, the first key slowest. `seeds` runs so many seeds. A participant in Python is a
-    process of each point's own. The folder with the table is in `attrs["folder"]`; the same call goes on where an interrupted one was.
+    process of each point's own. With `digest` the column `tape` has the digest of each point's tape. The folder with the table is in `attrs["folder"]`; the same call goes on where an interrupted one was.
     """
     import pandas
 
@@ -43,6 +43,7 @@ def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, fault
     command += ["--out", os.fspath(out)] if out is not None else []
     command += ["--workers", str(workers)] if workers is not None else []
     command += ["--keep"] if keep else []
+    command += ["--digest"] if digest else []
     said = _said(command, progress)
     folder = said["folder"]
     # Before version 3 pandas reads other bits than were written unless it is told.

@@ -35,6 +35,8 @@ pub struct Campaign {
     pub refused: Vec<(usize, String)>,
     /// The campaign file that declares the points, where one does.
     pub source: Option<Source>,
+    /// Whether the table has the digest of the tape of each point, for which every sample has to be computed and looked at.
+    pub digests: bool,
 }
 
 impl Campaign {
@@ -65,6 +67,7 @@ impl Campaign {
             columns,
             refused,
             source: None,
+            digests: false,
         }
     }
 
@@ -85,6 +88,7 @@ impl Campaign {
             points: self.points.iter().take(count).cloned().collect(),
             refused: self.refused.iter().filter(|(at, _)| *at < count).cloned().collect(),
             source: self.source.clone(),
+            digests: self.digests,
         }
     }
 }

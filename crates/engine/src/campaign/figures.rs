@@ -113,6 +113,21 @@ impl Figures {
         }
     }
 
+    /// The first figure that is another one in `other`, in words for each.
+    pub fn difference(&self, other: &Figures) -> Option<(String, String)> {
+        let words = |number: &Number| {
+            let value = number
+                .value
+                .map_or("not measured".to_owned(), |value| value.to_string());
+            format!("{} = {value} {}", number.name, number.unit)
+                .trim_end()
+                .to_owned()
+        };
+        let pairs = self.numbers().zip(other.numbers());
+        let mut pairs = pairs.map(|(own, its)| (words(&own), words(&its)));
+        pairs.find(|(own, its)| own != its)
+    }
+
     /// Those of a run.
     pub fn of(figures: &assessment::Figures) -> Figures {
         Figures::new(numbers(figures), figures.criteria.clone())

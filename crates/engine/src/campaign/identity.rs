@@ -44,6 +44,9 @@ pub struct Identity {
     /// The part of the points that the folder is for, where it is not for all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
+    /// Whether its points have the digests of their tapes.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub digests: bool,
     /// The share of the points that is run twice.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub audit: f64,
@@ -163,6 +166,7 @@ impl Identity {
             digest: Digest::of(b""),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             shard: None,
+            digests: campaign.digests,
             audit: 0.0,
         };
         identity.digest = identity.digest_of(campaign, campaign.points.len());
@@ -179,6 +183,9 @@ impl Identity {
         }
         for heading in &self.columns {
             parts.add(heading.name.as_bytes());
+        }
+        if self.digests {
+            parts.add(b"digests");
         }
         for changes in campaign.points.iter().take(count) {
             parts.add(changes.join("\n").as_bytes());
@@ -305,6 +312,8 @@ impl Identity {
             "the scenario or a file of it is not the same".to_owned()
         } else if self.made_of() != other.made_of() {
             "the campaign file is not the same".to_owned()
+        } else if self.digests != other.digests {
+            "only one of them has the digests of the tapes (--digest)".to_owned()
         } else {
             format!("the points are not the same ({} and {})", self.points, other.points)
         }
@@ -368,6 +377,7 @@ impl Campaign {
             points: vec![Vec::new(); identity.points],
             refused: Vec::new(),
             source: identity.source.clone(),
+            digests: identity.digests,
         }
     }
 

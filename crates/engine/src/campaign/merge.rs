@@ -183,17 +183,13 @@ impl Whole {
             let Some(result) = self.results[at].as_ref().filter(|result| **result != entry.result) else {
                 continue;
             };
-            let digest = |result: &PointResult| match &result.tape {
-                Some(tape) => format!("tape {}…", tape.get(..10).unwrap_or(tape)),
-                None => result.outcome.word().to_owned(),
-            };
+            let outcomes = || (result.outcome.word().into(), entry.result.outcome.word().into());
+            let (first, second) = result.difference(&entry.result).unwrap_or_else(outcomes);
             let (number_of_first, node_of_first) = &self.from[at];
             differences.push(format!(
-                "point {}: {} in {}, {} in {}",
+                "point {}: {first} in {}, {second} in {}",
                 entry.point,
-                digest(result),
                 name((*number_of_first, node_of_first)),
-                digest(&entry.result),
                 name((*number, &entry.node)),
             ));
             for node in std::collections::BTreeSet::from([node_of_first, &entry.node]) {

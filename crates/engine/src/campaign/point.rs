@@ -10,7 +10,6 @@ use tape::folder::RunFolder;
 
 use super::figures::Figures;
 use crate::Catalogue;
-use crate::assessment;
 use crate::run::{self, Ending, RunFailure};
 use crate::scenario::{Program, Scenario};
 
@@ -65,7 +64,7 @@ pub struct Result {
     pub reason: Option<String>,
     /// The figures of merit, if it has any.
     pub figures: Option<Figures>,
-    /// The digest of its tape: that of the same run by itself.
+    /// The digest of its tape, that of the same run by itself, where it is wanted.
     pub tape: Option<String>,
 }
 
@@ -80,9 +79,23 @@ impl Result {
         }
     }
 
-    fn of(ending: &Ending, figures: Option<assessment::Figures>, tape: String) -> Result {
-        let (outcome, reason) = match (ending, &figures) {
-            (Ending::Failed { .. }, _) => (Outcome::Failed, ending.words()),
+    /// What is different in `self` and in `other`, in words for each: the tape, the outcome, or the first figure.
+    pub fn difference(&self, other: &Result) -> Option<(String, String)> {
+        if let (Some(own), Some(its)) = (&self.tape, &other.tape) {
+            let words = |tape: &str| format!("tape {}…", tape.get(..10).unwrap_or(tape));
+            return (own != its).then(|| (words(own), words(its)));
+        }
+        if self.outcome != other.outcome {
+            return Some((self.outcome.word().into(), other.outcome.word().into()));
+        }
+        self.figures.as_ref()?.difference(other.figures.as_ref()?)
+    }
+
+    /// That of a run.
+    pub fn of_run(run: &run::Outcome) -> Result {
+        let figures = run.figures.as_ref();
+        let (outcome, reason) = match (&run.ending, figures) {
+            (Ending::Failed { .. }, _) => (Outcome::Failed, run.ending.words()),
             (Ending::Stopped { reason }, _) => (Outcome::Crashed, Some(reason.clone())),
             (Ending::Complete, None) => (Outcome::Complete, None),
             (Ending::Complete, Some(figures)) if figures.met() => match figures.criteria[..] {
@@ -101,19 +114,21 @@ impl Result {
         Result {
             outcome,
             reason,
-            figures: figures.as_ref().map(Figures::of),
-            tape: Some(tape),
+            figures: figures.map(Figures::of),
+            tape: run.digest.map(|digest| digest.to_string()),
         }
     }
 }
 
-/// Runs a point. `keep` names the run folder, if it is kept; `scratch` is where one may be made and removed.
+/// Runs a point. `keep` names the run folder, if it is kept; `scratch` is where one may be made and removed. `digests`: whether the
+/// result has the digest of the tape.
 pub fn run_point(
     catalogue: &Arc<Catalogue>,
     file: &Path,
     changes: &[String],
     keep: Option<&Path>,
     scratch: &Path,
+    digests: bool,
 ) -> Result {
     // The hook of the process writes the message; it is wanted here as well.
     let message = Arc::new(Mutex::new(String::new()));
@@ -121,15 +136,28 @@ pub fn run_point(
     std::panic::set_hook(Box::new(move |panic| {
         *heard.lock().unwrap_or_else(PoisonError::into_inner) = panic.to_string();
     }));
-    let result = catch_unwind(AssertUnwindSafe(|| judged(catalogue, file, changes, keep, scratch)));
+    let result = catch_unwind(AssertUnwindSafe(|| {
+        judged(catalogue, file, changes, keep, scratch, digests)
+    }));
     let _ = std::panic::take_hook();
+    let result = result.map(|result| Result {
+        tape: result.tape.filter(|_| digests),
+        ..result
+    });
     result.unwrap_or_else(|_| {
         let message = message.lock().unwrap_or_else(PoisonError::into_inner);
         Result::without(Outcome::Failed, message.replace('\n', " "))
     })
 }
 
-fn judged(catalogue: &Arc<Catalogue>, file: &Path, changes: &[String], keep: Option<&Path>, scratch: &Path) -> Result {
+fn judged(
+    catalogue: &Arc<Catalogue>,
+    file: &Path,
+    changes: &[String],
+    keep: Option<&Path>,
+    scratch: &Path,
+    digests: bool,
+) -> Result {
     let refused =
         |error: &dyn std::fmt::Display| Result::without(Outcome::Refused, placeless(file, &error.to_string()));
     let scenario = match Scenario::read(catalogue, file, changes) {
@@ -144,7 +172,12 @@ fn judged(catalogue: &Arc<Catalogue>, file: &Path, changes: &[String], keep: Opt
     };
     let scenario = Arc::new(scenario);
     let result = if in_process && keep.is_none() {
-        options.record = run::Record::Digest;
+        // Outputs of which no figure is made are not seen, and need not be computed.
+        options.record = if digests {
+            run::Record::Digest
+        } else {
+            run::Record::Nothing
+        };
         concluded(scenario, options)
     } else {
         // Because the folder is wanted, or because a participant is a program of its own.
@@ -182,8 +215,7 @@ fn concluded(scenario: Arc<Scenario>, options: run::Options) -> std::result::Res
             return Ok(Result::without(Outcome::Crashed, error.to_string()));
         }
     }
-    let digest = outcome.digest.map(|digest| digest.to_string());
-    Ok(Result::of(&outcome.ending, outcome.figures, digest.unwrap_or_default()))
+    Ok(Result::of_run(&outcome))
 }
 
 /// The figures of merit and the criteria that runs of `scenario` have, without values.

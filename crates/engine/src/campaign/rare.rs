@@ -202,6 +202,7 @@ impl Levels<'_> {
         let before = &self.campaign;
         self.campaign = Campaign {
             source: before.source.clone(),
+            digests: before.digests,
             ..Campaign::of_columns(
                 before.kind,
                 before.scenario.clone(),

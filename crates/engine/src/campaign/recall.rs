@@ -8,6 +8,7 @@ use super::identity::Identity;
 use super::journal;
 use super::point::Result as PointResult;
 use super::{Campaign, CampaignError};
+use crate::run;
 use crate::scenario::Scenario;
 
 /// A point of a campaign.
@@ -86,11 +87,12 @@ impl Recalled {
         &self.campaign.overrides
     }
 
-    /// Why the point by itself has the tape `digest` and had another one in the campaign; `None` where it is the same, or did not run to its
-    /// end. `scenario` is that of the point without the changes that are its own.
-    pub fn difference(&self, scenario: &Scenario, digest: &str) -> Option<String> {
+    /// Why the point by itself, which has become `outcome`, has another tape than in the campaign, or another figure where the campaign has no
+    /// digests of tapes; `None` where it is the same, or did not run to its end. `scenario` is that of the point without the changes that
+    /// are its own.
+    pub fn difference(&self, scenario: &Scenario, outcome: &run::Outcome) -> Option<String> {
         let result = self.result.as_ref().filter(|result| result.outcome.ran())?;
-        let before = result.tape.as_deref().filter(|before| *before != digest)?;
+        let (own, before) = PointResult::of_run(outcome).difference(result)?;
         let now = Identity::of(&self.campaign, scenario).ok()?;
         let same = (now.program, now.content) == (self.identity.program, self.identity.content);
         let why = if same {
@@ -99,11 +101,9 @@ impl Recalled {
             self.identity.difference(&now)
         };
         Some(format!(
-            "point {} of {} has another tape than in the campaign ({}… and {}…): {why}",
+            "point {} of {} has {own} and had {before} in the campaign: {why}",
             self.point,
             self.root.display(),
-            digest.get(..10)?,
-            before.get(..10)?,
         ))
     }
 }

@@ -47,7 +47,9 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
             cells: Cells::Number(cells.collect()),
         });
     }
-    columns.push(text("tape", &|result| result.tape.clone()));
+    if campaign.digests {
+        columns.push(text("tape", &|result| result.tape.clone()));
+    }
     // Its name alone: a table is the same wherever the scenario lies.
     let file = campaign.scenario.file_name().unwrap_or_default();
     Sheet {

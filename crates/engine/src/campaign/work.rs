@@ -61,7 +61,7 @@ impl Finished {
     /// Runs those points again that are to be kept and are not, with their whole tapes.
     ///
     /// # Errors
-    /// As [`run`], and when a point has another tape than before.
+    /// As [`run`], and when a point has another result than before.
     pub fn keep(&mut self, campaign: &Campaign, scenario: &Scenario, options: &Options) -> Result<(), CampaignError> {
         let there = |at: &usize| self.folder.run(at + 1).join("summary.json").is_file();
         let wanted = kept(&options.keep, &self.results, options.figure.as_ref()).into_iter();
@@ -385,12 +385,13 @@ impl<'a> Crew<'a> {
             }
             What::Audit => self.folder.note(self.campaign, point + 1, true, &result)?,
             What::Again => {
-                let known = self.results[point].as_ref();
-                if known.is_some_and(|known| known.outcome.ran() && known.tape != result.tape) {
+                let known = self.results[point].as_ref().filter(|known| known.outcome.ran());
+                if let Some((now, before)) = known.and_then(|known| result.difference(known)) {
                     return Err(CampaignError::Folder {
                         path: self.folder.run(point + 1),
-                        reason: "has another tape than the same point had before: this machine cannot be relied upon"
-                            .into(),
+                        reason: format!(
+                            "has {now} where the same point had {before}: this machine cannot be relied upon"
+                        ),
                     });
                 }
             }
@@ -412,6 +413,7 @@ impl<'a> Crew<'a> {
             changes: self.campaign.points[point].clone(),
             keep: keep.then(|| AnyPath(self.folder.run(point + 1))),
             scratch: AnyPath(self.folder.scratch(number)),
+            digests: self.campaign.digests,
         };
         let seat = &mut self.seats[number];
         seat.busy = Some(errand);

@@ -28,6 +28,8 @@ pub struct Task {
     pub keep: Option<AnyPath>,
     /// Where a run folder may be made for a while.
     pub scratch: AnyPath,
+    /// Whether the digest of the tape is wanted.
+    pub digests: bool,
 }
 
 /// A worker's answer.
@@ -54,6 +56,7 @@ pub fn serve(catalogue: &Arc<Catalogue>, tasks: impl BufRead, mut answers: impl 
                 &changes,
                 task.keep.as_ref().map(|path| path.0.as_path()),
                 &task.scratch.0,
+                task.digests,
             )))
         } else {
             Answer::Changed
