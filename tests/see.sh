@@ -17,7 +17,7 @@ if ! command -v chromium >/dev/null || ! command -v chromedriver >/dev/null; the
     DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends chromium chromium-driver
 fi
 python=python3
-if ! "$python" -c "import mcap_protobuf, numpy, pandas, pyarrow, selenium" 2>/dev/null; then
+if ! "$python" -c "import mcap_protobuf, numpy, pandas, pyarrow, scipy, selenium" 2>/dev/null; then
     "$python" -m venv "$work/venv"
     python=$work/venv/bin/python
     "$python" -m pip install --quiet -r tests/exports/requirements.txt -r tests/pages/requirements.txt

@@ -20,6 +20,7 @@ import numpy as np
 import pandas
 import pyarrow
 import pyarrow.parquet
+import scipy.io
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -154,6 +155,37 @@ def check_parquet(out, streams):
     return checked
 
 
+def check_mat(out, streams):
+    checked = 0
+    # The name of a variable is the valid one of its stream's, and its stream's own name is in it.
+    variables = scipy.io.loadmat(out / "run.mat", struct_as_record=False, squeeze_me=False)
+    variables = {key: value[0, 0] for key, value in variables.items() if not key.startswith("__")}
+    variables.pop("escapement")
+    text = lambda value: "".join(value)
+    by_stream = {text(struct.stream): (key, struct) for key, struct in variables.items()}
+    assert by_stream.keys() == streams.keys(), by_stream.keys() ^ streams.keys()
+    for name, (_, fields, stamps, records) in streams.items():
+        key, struct = by_stream[name]
+        names = struct.info[0, 0]._fieldnames
+        for valid in [key, *struct._fieldnames, *names]:
+            assert re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", valid) and valid not in ("end", "for", "if"), valid
+        assert struct._fieldnames == ["t", *names, "info", "stream"] and len(set(struct._fieldnames)) == len(struct._fieldnames)
+        same(struct.t, stamps.reshape(-1, 1), f"{name}.t")
+        assert len(names) == len(fields)
+        for valid, field in zip(names, fields):
+            about = getattr(struct.info[0, 0], valid)[0, 0]
+            assert [text(getattr(about, what)) for what in ("name", "unit", "frame")] == [field[what] for what in ("name", "unit", "frame")]
+            values, got = records[field["name"]], getattr(struct, valid)
+            if wide(field):
+                values = np.moveaxis(values, 0, -1)
+            elif not field["shape"]:
+                values = values.reshape(-1, 1)
+            assert got.dtype == values.dtype, f"{name}.{valid}: {got.dtype} against {values.dtype}"
+            assert got.tobytes(order="C") == np.ascontiguousarray(values).tobytes() and got.shape == values.shape, f"{name}.{valid}"
+            checked += values.size
+    return checked
+
+
 def check_mcap(out, streams):
     checked = 0
     transforms, scenes, counts = {}, 0, dict.fromkeys(streams, 0)
@@ -264,14 +296,19 @@ def check_rerun(program, run, out, streams):
 
 
 def check_documentation(program, run, made):
-    """The snippets of docs/run-folder.md do what the page says, in its order: the first on a capture, the second on pictures."""
-    page = pathlib.Path(__file__).parents[2] / "docs/run-folder.md"
-    numbers, pictures = re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)
+    """The snippets of the pages do what the pages say: those of numbers on a capture, the one of pictures on pictures."""
+    docs = pathlib.Path(__file__).parents[2] / "docs"
+    snippets = lambda page: re.findall(r"```python\n(.*?)```", (docs / page).read_text(), re.DOTALL)
+    (numbers,), (pictures, matrices) = snippets("run-folder.md"), snippets("exports.md")
     has = {}
     exec(numbers.replace("RUN", str(run)), has)
     _, _, stamps, records = read_tape(run)["plant.truth"]
     same(has["t"], stamps, "the stamps of the page's snippet")
     same(has["truth"]["p_NE_N"], records["p_NE_N"], "the fields of the page's snippet")
+    subprocess.run([program, "export", str(run), "--to", "mat"], check=True, stdout=subprocess.DEVNULL)
+    exec(matrices.replace("RUN", str(run)), has)
+    same(has["place"], records["p_NE_N"], "the fields of the page's snippet")
+    assert has["unit"] == "m"
     for kind in ("csv", "parquet"):
         subprocess.run([program, "export", str(made), "--to", kind], check=True, stdout=subprocess.DEVNULL)
     has = {}
@@ -279,7 +316,7 @@ def check_documentation(program, run, made):
     expected = read_tape(made)["camera.picture"][3]["rgb"]
     same(has["pictures"], expected, "the pictures of the page's snippet")
     same(has["first"], expected[0], "the first picture of the page's snippet")
-    print("the snippets of docs/run-folder.md read what is on the tape")
+    print("the snippets of the pages read what is on the tape")
 
 
 def check_about(program, run, out):
@@ -293,6 +330,8 @@ def check_about(program, run, out):
     parquet = pyarrow.parquet.read_metadata(out / f"{names[0]}.parquet").metadata
     if (run / "plan.toml").exists():
         about = about["escapement"]
+        struct = scipy.io.loadmat(out / "run.mat", struct_as_record=False)["escapement"][0, 0]
+        assert {key: "".join(getattr(struct, key)) for key in struct._fieldnames} == about
         assert about["plan"] == (run / "plan.toml").read_text()
         assert about["digest"] == json.loads((run / "tape/seal.json").read_text())["digest"]
         assert about["version"] == json.loads((run / "run.json").read_text())["version"] and about["seed"]
@@ -319,7 +358,7 @@ def check_run(program, run):
     assert streams, "a tape without streams shows nothing"
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder)
-        for kind, check in [("csv", check_csv), ("parquet", check_parquet), ("mcap", check_mcap)]:
+        for kind, check in [("csv", check_csv), ("parquet", check_parquet), ("mat", check_mat), ("mcap", check_mcap)]:
             subprocess.run([program, "export", str(run), "--to", kind, "--out", str(out)], check=True, stdout=subprocess.DEVNULL)
             print(f"{kind}: {check(out, streams)} values equal those of the tape")
         check_about(program, run, out)

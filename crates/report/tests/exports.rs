@@ -211,3 +211,135 @@ fn failed_export_leaves_no_file() {
     left.sort();
     assert_eq!(left, ["a.x.csv", "a.x.wide.npy"]);
 }
+
+/// Elements of a MAT file: their types and contents.
+type Elements<'a> = Vec<(u32, &'a [u8])>;
+
+/// The elements in `bytes`.
+fn elements(mut bytes: &[u8]) -> Elements<'_> {
+    let mut all = Vec::new();
+    let word = |bytes: &[u8], at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    while !bytes.is_empty() {
+        let (kind, length) = (word(bytes, 0), word(bytes, 4) as usize);
+        if kind >> 16 > 0 {
+            // The short form: type and length in one word, with what they are of behind it.
+            all.push((kind & 0xffff, &bytes[4..4 + (kind >> 16) as usize]));
+            bytes = &bytes[8..];
+            continue;
+        }
+        all.push((kind, &bytes[8..8 + length]));
+        bytes = &bytes[8 + length.next_multiple_of(8)..];
+    }
+    all
+}
+
+/// The fields of the struct in the element `matrix`: names and elements.
+fn fields(matrix: &[u8]) -> Vec<(String, Elements<'_>)> {
+    let parts = elements(matrix);
+    let room = u32::from_le_bytes(parts[3].1.try_into().unwrap()) as usize;
+    let names = parts[4].1.chunks(room);
+    let names = names.map(|name| String::from_utf8(name.split(|byte| *byte == 0).next().unwrap().to_vec()).unwrap());
+    names
+        .zip(parts[5..].iter().map(|(_, matrix)| elements(matrix)))
+        .collect()
+}
+
+#[test]
+fn mat_file_has_a_struct_for_each_stream_with_arrays_column_by_column() {
+    use Element::{F64, I32, U8};
+    let folder = Scratch::new("mat");
+    let path = folder.join("run.mat");
+    let long = "x".repeat(70);
+    let odd = [
+        ("t", F64, &[][..], "s"),
+        ("end", F64, &[], "m"),
+        ("9 °", F64, &[], "m"),
+        (&long, F64, &[], "m"),
+        (&(long.clone() + "y"), F64, &[], ""),
+    ];
+    let specs = vec![
+        spec("values", &[("m", I32, &[2, 3], "m"), ("wide", U8, &[4, 100], "1")]),
+        spec("odd-names", &odd),
+        spec("odd_names", &[("x", F64, &[], "m")]),
+    ];
+    let tape = tape(specs, 5);
+    export::mat(&tape, &path, &[("title", "Ä title 🛰".into())]).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    assert!(bytes.starts_with(b"MATLAB 5.0 MAT-file") && &bytes[124..128] == b"\0\x01IM");
+    let variables = elements(&bytes[128..]);
+    let names: Vec<&[u8]> = variables.iter().map(|(_, matrix)| elements(matrix)[2].1).collect();
+    assert_eq!(
+        names,
+        [&b"escapement"[..], b"a_values", b"a_odd_names", b"a_odd_names_2"]
+    );
+    let text = &fields(variables[0].1)[0].1;
+    let units: Vec<u16> = text[3]
+        .1
+        .chunks(2)
+        .map(|unit| u16::from_le_bytes(unit.try_into().unwrap()))
+        .collect();
+    assert_eq!(String::from_utf16(&units).unwrap(), "Ä title \u{fffd}");
+    let values = fields(variables[1].1);
+    let named: Vec<&str> = values.iter().map(|(name, _)| &**name).collect();
+    assert_eq!(named, ["t", "m", "wide", "info", "stream"]);
+    let extents = |parts: &[(u32, &[u8])]| -> Vec<u8> { parts[1].1.iter().copied().step_by(4).collect() };
+    assert_eq!(extents(&values[1].1), [5, 2, 3]);
+    // 400 goes beyond a byte.
+    assert_eq!(values[2].1[1].1.len(), 12);
+    let payload = |at: usize, sample: usize| (at + sample) as u8;
+    // Element (i, j) of sample k is at k + 5 (i + 2 j), and 4 bytes each.
+    for (k, i, j) in (0..5).flat_map(|k| (0..2).flat_map(move |i| (0..3).map(move |j| (k, i, j)))) {
+        let at = 4 * (k + 5 * (i + 2 * j));
+        assert_eq!(values[1].1[3].1[at], payload(4 * (3 * i + j), k), "{k} {i} {j}");
+    }
+    // And element (i, j) of a wide one at i + 4 j + 400 k.
+    for (k, i, j) in (0..5).flat_map(|k| (0..4).flat_map(move |i| (0..100).map(move |j| (k, i, j)))) {
+        assert_eq!(
+            values[2].1[3].1[i + 4 * j + 400 * k],
+            payload(24 + 100 * i + j, k),
+            "{k} {i} {j}"
+        );
+    }
+    let odd: Vec<String> = fields(variables[2].1).into_iter().map(|(name, _)| name).collect();
+    let cut = |room: usize| "x".repeat(room);
+    assert_eq!(
+        odd,
+        [
+            "t",
+            "t_2",
+            "xend",
+            "x9__",
+            &cut(63),
+            &(cut(61) + "_2"),
+            "info",
+            "stream"
+        ]
+    );
+}
+
+#[test]
+fn stream_that_is_too_large_for_a_mat_file_is_refused() {
+    /// A tape whose samples are never read.
+    struct Long(Vec<StreamSpec>);
+    impl tape::Source for Long {
+        fn streams(&self) -> &[StreamSpec] {
+            &self.0
+        }
+        fn count(&self, _: usize) -> u64 {
+            300_000_000
+        }
+        fn read(&self, _: usize, _: u64, _: &mut [u8]) -> Result<(), tape::ReadError> {
+            unreachable!("it is refused before")
+        }
+    }
+    let folder = Scratch::new("mat-large");
+    let long = Long(vec![spec("x", &[("x", Element::F64, &[], "m")])]);
+    let refused = export::mat(&long, &folder.join("run.mat"), &[])
+        .unwrap_err()
+        .to_string();
+    assert!(
+        refused.contains("`a.x`") && refused.contains("48000") && refused.contains("--until"),
+        "{refused}"
+    );
+    assert!(files(&folder).is_empty());
+}

@@ -28,6 +28,8 @@ pub enum Format {
     Csv,
     /// One Parquet file per stream, with units in the columns' metadata
     Parquet,
+    /// One MAT file (version 5, for MATLAB, Octave and SciPy) with a struct per stream
+    Mat,
     /// One MCAP file with protobuf messages, frame transforms and a scene
     Mcap,
     /// The MCAP file, and a Rerun recording that the program `rerun` in PATH makes of it
@@ -131,6 +133,11 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let result = match args.to {
         Format::Csv => export::csv(&chosen, &out),
         Format::Parquet => export::parquet(&chosen, &out, &about),
+        Format::Mat => {
+            let path = out.join("run.mat");
+            std::fs::create_dir_all(&out)?;
+            export::mat(&chosen, &path, &about).map(|()| vec![path])
+        }
         Format::Mcap | Format::Rrd => {
             let geometry = match Geometry::read(&reader, &args.run, &args.model) {
                 Ok(geometry) => geometry,

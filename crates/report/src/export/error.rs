@@ -21,4 +21,14 @@ pub enum ExportError {
         /// What the system said.
         source: io::Error,
     },
+    /// A stream does not go into the format.
+    #[error(
+        "stream `{stream}` would be a variable of {bytes} bytes, and a MAT file holds less than 2 GiB of each: choose a part of it with --of, --from and --until, or another format"
+    )]
+    TooLarge {
+        /// The stream.
+        stream: String,
+        /// What it would take.
+        bytes: u64,
+    },
 }

@@ -1,9 +1,9 @@
-//! Tapes as files that other tools open: CSV, Parquet, MCAP.
+//! Tapes as files that other tools open: CSV, Parquet, MAT, MCAP.
 //!
 //! Every export reads the tape once, in order, and holds a few megabytes whatever its length. A file has its final name
 //! only when it is complete.
 //!
-//! The writers of Parquet and MCAP are our own few hundred lines each. What a tape needs of these formats (columns of
+//! The writers of Parquet, MAT and MCAP are our own few hundred lines each. What a tape needs of these formats (columns of
 //! numbers without gaps; chunks of messages) is a small corner of them, and the libraries for the whole would more than
 //! double what this crate compiles. The readers that users have are the judges: tests open the files with them.
 
@@ -11,6 +11,7 @@ mod columns;
 mod csv;
 mod error;
 mod file;
+mod mat;
 mod mcap;
 mod npy;
 mod parquet;
@@ -48,6 +49,16 @@ pub fn parquet(source: &dyn Source, dir: &Path, about: &About) -> Result<Vec<Pat
         whole_file(&path, |file| parquet::write(source, stream, about, file))?;
         Ok(vec![path])
     })
+}
+
+/// One MAT file of version 5 with a struct per stream, `participant_port`: the stamps as `t`, an array per field of the field's own type,
+/// with the samples along the first extent (along the last one for fields of more than 256 elements), `info` with name, unit and frame of
+/// each field, and the stream's name as `stream`. Names that MATLAB does not allow are changed. `about` is the struct `escapement`.
+pub fn mat(source: &dyn Source, path: &Path, about: &About) -> Result<(), ExportError> {
+    if let Some((stream, bytes)) = mat::too_large(source) {
+        return Err(ExportError::TooLarge { stream, bytes });
+    }
+    whole_file(path, |file| mat::write(source, about, file))
 }
 
 /// One MCAP file with every stream as a topic `/participant/port` of a protobuf message that describes itself, the
