@@ -1,6 +1,6 @@
 //! Runs that are taken up in mid-course: from a checkpoint, after a death, with a substitute.
 
-use escapement_tests::machine::{processes_of, signal, wait_for_bytes, writer_of};
+use escapement_tests::machine::{processes_of, signal, wait_for_bytes, wait_until, writer_of};
 use escapement_tests::program::{Said, finish, orchestrate, participant, start, text};
 use escapement_tests::world::{World, substitution};
 use rustix::process::Signal;
@@ -102,6 +102,47 @@ fn branch_without_a_change_is_the_run_itself() {
         }
         assert_eq!(said.code, Some(0), "{said:?}");
         world.same_as_undisturbed(&name);
+    }
+}
+
+/// A branch is killed on its way to where it begins: the folder that it has for that is found and removed, and not before.
+#[test]
+fn what_a_killed_branch_leaves_is_removed() {
+    let world = World::new("branch-killed", "slow");
+    let said = world.run("saved", &["--checkpoint-at", "1 s", "--duration", "2 s"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let branches = || -> Vec<std::path::PathBuf> {
+        let all = std::fs::read_dir(world.folder.path()).unwrap();
+        let all = all.map(|entry| entry.unwrap().path());
+        all.filter(|path| path.file_name().unwrap().as_encoded_bytes().starts_with(b".branch-"))
+            .collect()
+    };
+    let (run, out) = (world.path("saved"), world.path("out"));
+    for removed_by_a_run in [false, true] {
+        let to = ["--out", text(&out), "--duration", "1 h", "--from", "3000 s"];
+        let change = ["--set", "connections.push.delay=25ms"];
+        let mut child = start(&[&["resume", text(&run)], &to[..], &change].concat());
+        wait_until(&mut child, "there is no branch", || !branches().is_empty());
+        let branch = branches().remove(0);
+        wait_for_bytes(&mut child, &branch.join("tape/plant.motion.bin"), 24);
+        assert_eq!(orchestrate(&["doctor", "--remove"]).code, Some(0));
+        assert!(branch.exists(), "it is removed while its run lives");
+        signal(child.id(), Signal::KILL);
+        assert_eq!(finish(child).code, None);
+        if removed_by_a_run {
+            let said = world.run("next", &["--duration", "10 ms"]);
+            assert_eq!(said.code, Some(0), "{said:?}");
+        } else {
+            // Runs of other tests clear up as well.
+            let said = orchestrate(&["doctor", "--remove"]);
+            let told = said.out.contains(text(&branch));
+            assert!(said.code == Some(0) && (told || !branch.exists()), "{said:?}");
+        }
+        let begun = std::time::Instant::now();
+        while branch.exists() {
+            assert!(begun.elapsed().as_secs() < 60, "{} is left", branch.display());
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
     }
 }
 

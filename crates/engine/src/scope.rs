@@ -127,7 +127,17 @@ impl Scope {
     /// this process is killed; once for each scope.
     pub fn scratch(&self) -> Result<PathBuf, ScopeError> {
         // Not the run's own name, which any user can list in shared memory.
-        let folder = std::env::temp_dir().join(format!("escapement-{}", draw()?));
+        self.scratch_at(std::env::temp_dir().join(format!("escapement-{}", draw()?)))
+    }
+
+    /// The same in the folder `parent`, under a name that begins with `mark`.
+    pub fn scratch_in(&self, parent: &Path, mark: &str) -> Result<PathBuf, ScopeError> {
+        let made = private().recursive(true).create(parent);
+        made.map_err(io_error(parent, "cannot be made"))?;
+        self.scratch_at(parent.join(format!("{mark}{}", draw()?)))
+    }
+
+    fn scratch_at(&self, folder: PathBuf) -> Result<PathBuf, ScopeError> {
         let folder = std::path::absolute(&folder).map_err(io_error(&folder, "cannot be named in full"))?;
         let link = self.folder.join(SCRATCH);
         // The link first: through it whoever clears up finds the folder.
@@ -193,6 +203,8 @@ pub struct Leftover {
     prefix: String,
     /// The run's folder; it may be gone already.
     pub folder: PathBuf,
+    /// What it had on disk besides its run folder, if that is there.
+    pub scratch: Option<PathBuf>,
     /// Its objects in shared memory.
     pub objects: Vec<PathBuf>,
     /// Their size, bytes.
@@ -242,9 +254,12 @@ fn leftover(id: &str) -> Leftover {
         .filter_map(|object| fs::metadata(object).ok())
         .map(|about| 512 * about.blocks())
         .sum();
+    let folder = folder_of(id);
+    let scratch = fs::read_link(folder.join(SCRATCH)).ok();
     Leftover {
         prefix,
-        folder: folder_of(id),
+        folder,
+        scratch: scratch.filter(|scratch| scratch.exists()),
         objects,
         bytes,
     }

@@ -28,7 +28,7 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
     if args.json {
         let found: Vec<_> = leftovers
             .iter()
-            .map(|left| json!({ "folder": left.folder, "objects": left.objects, "bytes": left.bytes }))
+            .map(|left| json!({ "folder": left.folder, "scratch": left.scratch, "objects": left.objects, "bytes": left.bytes }))
             .collect();
         let report = json!({ "cores": cores, "shared_memory_free_mib": free_mib, "leftovers": found, "unpacked": unpacked, "removed": args.remove });
         println!("{}", serde_json::to_string_pretty(&report)?);
@@ -51,6 +51,9 @@ pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
                 left.bytes >> 10,
                 left.folder.display()
             );
+            if let Some(scratch) = &left.scratch {
+                println!("a dead run left the folder {}", scratch.display());
+            }
         }
         for folder in &unpacked {
             println!("a dead process left an unpacked FMU in {}", folder.display());

@@ -1,6 +1,6 @@
 //! A branch at an instant at which no checkpoint was made: the run goes on unchanged from the one before, up to there.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use lockstep::time::Rational;
 
@@ -8,23 +8,18 @@ use super::handle::Run;
 use super::options::{Options, Origin};
 use super::outcome::{Ending, RunFailure};
 use crate::scenario::Scenario;
+use crate::scope::Scope;
 
 /// A run that was let on unchanged to where a branch begins. What it recorded is there until this is dropped.
 pub struct Branch {
     /// Where the branch begins.
     pub origin: Origin,
-    _folder: Scratch,
+    // Its folder goes with it, also when this process is killed.
+    _scope: Scope,
 }
 
-/// A folder that is removed with everything in it.
-struct Scratch(PathBuf);
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        // What cannot be removed now is seen by its name.
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
-}
+/// What the folder of a branch is called, up to what is drawn for it.
+const MARK: &str = ".branch-";
 
 /// Goes on with `origin`, a run of `scenario`, as fast as possible and without a pause, and saves it at `to`. The folder that it takes is
 /// made beside the one in `options`.
@@ -47,9 +42,10 @@ pub fn branch(scenario: &Scenario, options: &Options, origin: Origin, to: Ration
         .as_deref()
         .and_then(Path::parent)
         .unwrap_or(Path::new("runs"));
-    let folder = Scratch(beside.join(format!(".branch-{}", std::process::id())));
+    let scope = Scope::create()?;
+    let folder = scope.scratch_in(beside, MARK)?;
     let options = Options {
-        out: Some(folder.0.clone()),
+        out: Some(folder.clone()),
         force: true,
         pace: None,
         trace: None,
@@ -68,10 +64,10 @@ pub fn branch(scenario: &Scenario, options: &Options, origin: Origin, to: Ration
     match (checkpoint, outcome.ending) {
         (Some(checkpoint), Ending::Complete) => Ok(Branch {
             origin: Origin {
-                run: folder.0.clone(),
+                run: folder,
                 checkpoint,
             },
-            _folder: folder,
+            _scope: scope,
         }),
         (_, Ending::Failed { participant, reason }) => Err(RunFailure::Participant { participant, reason }),
         (_, Ending::Stopped { .. }) => Err(RunFailure::Interrupted),
