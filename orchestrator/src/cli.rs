@@ -12,6 +12,7 @@ use crate::commands::export::ExportArgs;
 use crate::commands::faults::FaultsArgs;
 use crate::commands::fmu::FmuArgs;
 use crate::commands::graph::GraphArgs;
+use crate::commands::import::ImportArgs;
 use crate::commands::man::ManArgs;
 #[cfg(feature = "capture")]
 use crate::commands::margins::MarginsArgs;
@@ -96,6 +97,8 @@ pub enum Command {
     Margins(MarginsArgs),
     /// Look at an FMU before it takes part
     Fmu(FmuArgs),
+    /// Make a scenario of a system structure (SSP)
+    Import(ImportArgs),
     /// Measure what lockstep costs on this machine
     Bench(BenchArgs),
     /// Print a script that completes commands and options in a shell

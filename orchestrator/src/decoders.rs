@@ -4,6 +4,7 @@
 //! as it likes. It must not panic, hang or allocate without bound, and what it accepts must hold what is checked here.
 
 use crate::catalogue::catalogue;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -25,7 +26,7 @@ use engine::scenario::Scenario;
 pub type Decode = fn(&[u8]);
 
 /// The functions by name: the names of the targets and of the folders of the corpus.
-pub const ALL: [(&str, Decode); 11] = [
+pub const ALL: [(&str, Decode); 12] = [
     ("scenario", scenario),
     ("urdf", urdf),
     ("control", control),
@@ -37,6 +38,7 @@ pub const ALL: [(&str, Decode); 11] = [
     ("descriptor", descriptor),
     ("fmu", fmu),
     ("description", description),
+    ("ssp", ssp),
 ];
 
 fn root() -> PathBuf {
@@ -87,6 +89,38 @@ pub fn description(bytes: &[u8]) {
         Ok(description) => fmu::look(&description),
         Err(error) => assert!(error.to_string().contains("modelDescription.xml")),
     }
+}
+
+/// The files of a system structure beside an FMU, with a line of three dashes between them: description, parameters and their mapping.
+pub fn ssp(bytes: &[u8]) {
+    const NAMES: [&str; 3] = ["SystemStructure.ssd", "a.ssv", "a.ssm"];
+    let mut files = BTreeMap::from([(
+        "a.fmu".to_owned(),
+        include_bytes!("../../fuzz/corpus/fmu/pair.fmu").to_vec(),
+    )]);
+    let parts = parts(bytes).into_iter().map(<[u8]>::to_vec);
+    files.extend(NAMES.map(str::to_owned).into_iter().zip(parts));
+    let package = ssp::Package::Files(files);
+    match ssp::import_package(Path::new("fuzzed.ssp"), &package, ssp::Options::default()) {
+        Ok(imported) => {
+            let scenario: Result<Table, _> = imported.scenario.parse();
+            assert!(scenario.is_ok(), "{scenario:?}\n{}", imported.scenario);
+        }
+        Err(error) => assert!(error.to_string().contains("fuzzed.ssp"), "{error}"),
+    }
+}
+
+/// Files that stand in one input, with a line of three dashes between them.
+fn parts(bytes: &[u8]) -> Vec<&[u8]> {
+    const BETWEEN: &[u8] = b"\n---\n";
+    let mut parts = Vec::new();
+    let mut rest = bytes;
+    while let Some(at) = rest.windows(BETWEEN.len()).position(|part| part == BETWEEN) {
+        parts.push(&rest[..at]);
+        rest = &rest[at + BETWEEN.len()..];
+    }
+    parts.push(rest);
+    parts
 }
 
 /// A mechanism in URDF.
@@ -167,15 +201,8 @@ pub fn checkpoint(bytes: &[u8]) {
 
 /// A tape: index, a stream called `a.b`, and events, with a line of three dashes between them.
 pub fn tape(bytes: &[u8]) {
-    const BETWEEN: &[u8] = b"\n---\n";
     let folder = std::env::temp_dir().join(format!("escapement-tape-{}", std::process::id()));
-    let mut parts = Vec::new();
-    let mut rest = bytes;
-    while let Some(at) = rest.windows(BETWEEN.len()).position(|part| part == BETWEEN) {
-        parts.push(&rest[..at]);
-        rest = &rest[at + BETWEEN.len()..];
-    }
-    parts.push(rest);
+    let parts = parts(bytes);
     let write = || -> std::io::Result<()> {
         std::fs::create_dir_all(&folder)?;
         for (number, name) in ["index.json", "a.b.bin", "events.jsonl", "seal.json"]

@@ -152,6 +152,7 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         Command::Completions(args) => Ok(commands::completions::run(args, &line)),
         Command::Man(args) => commands::man::run(args, line),
         Command::Fmu(args) => commands::fmu::run(args),
+        Command::Import(args) => Ok(commands::import::run(args)),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::CampaignWorker => {
             engine::campaign::serve(catalogue::catalogue(), std::io::stdin().lock(), std::io::stdout())

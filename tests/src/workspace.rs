@@ -8,7 +8,7 @@ use crate::program::root;
 
 /// What each library and each program may link of ours. Whoever is not listed (programs at the top, tests, examples, benches) may
 /// link anything and is linked by nobody.
-pub const ARROWS: [(&str, &[&str]); 24] = [
+pub const ARROWS: [(&str, &[&str]); 25] = [
     ("allocation", &[]),
     ("lockstep", &[]),
     ("multibody", &[]),
@@ -18,6 +18,7 @@ pub const ARROWS: [(&str, &[&str]); 24] = [
     ("interfaces", &["lockstep", "multibody"]),
     ("tape", &["lockstep"]),
     ("fmu", &["lockstep"]),
+    ("ssp", &["fmu", "lockstep"]),
     ("plugin", &["lockstep"]),
     ("testing", &["allocation"]),
     ("sampling", &["lockstep"]),
@@ -61,6 +62,7 @@ pub const ARROWS: [(&str, &[&str]); 24] = [
             "plant-proc",
             "plugin",
             "report",
+            "ssp",
             "synthesis",
             "tape",
         ],

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use toml::Value;
 
-use crate::description::{Causality, Type, Variable, Version};
+use crate::description::{Causality, Description, Type, Variable, Version};
 use crate::layout::{Layout, element};
 use crate::model::{FmuError, Model};
 use crate::options::Options;
@@ -79,7 +79,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
 }
 
 /// Plans the ports of an FMU of which nothing but the description is known; what it makes holds, or is refused.
-pub fn look(description: &crate::description::Description) {
+pub fn look(description: &Description) {
     let planned = Settings::read(description, &toml::Table::new())
         .and_then(|settings| Layout::new(description, &Options::default(), &settings));
     if let Ok(layout) = planned {
@@ -157,9 +157,8 @@ fn parameters(model: &Model, text: &mut String) {
     }
 }
 
-/// A period that suits the FMU, s.
-fn period(model: &Model) -> f64 {
-    let about = &model.description;
+/// A period that suits the FMU, s: the step of its default experiment, else 10 ms, as a whole multiple of a step of its own that is fixed.
+pub fn period(about: &Description) -> f64 {
     let wanted = about.experiment.step.filter(|step| *step > 0.0).unwrap_or(0.01);
     match about.abilities.fixed_step {
         Some(own) => own * (wanted / own).round().max(1.0),
@@ -199,7 +198,7 @@ fn scenario(model: &Model, file: &Path) -> String {
     let mut text = format!(
         "title = {}\nduration = \"{duration} s\"\n\n[participants.{name}]\nperiod = \"{} s\"\nrun.fmu = {}\n",
         quoted(&about.model),
-        period(model),
+        period(about),
         quoted(&path)
     );
     let inputs = about

@@ -6,6 +6,7 @@
 
 mod abi;
 mod description;
+mod draft;
 mod history;
 mod inspect;
 mod instance;
@@ -20,11 +21,14 @@ mod zip;
 
 pub use abi::to_standard_error;
 pub use description::{
-    Abilities, BaseUnit, Causality, Conversion, Description, DescriptionError, Experiment, Extent, Initial, Item,
-    Range, Type, Unit, Variability, Variable, Version,
+    Abilities, BASE_UNITS, BaseUnit, Causality, Conversion, Description, DescriptionError, Experiment, Extent, Initial,
+    Item, Range, Type, Unit, Variability, Variable, Version,
 };
-pub use inspect::{Inspection, inspect, look};
+pub use draft::{Draft, Names, Part, Wire, together};
+pub use inspect::{Inspection, inspect, look, period};
+pub use layout::{INPUTS, OUTPUTS, RECORDED, element};
 pub use model::{FILE_MAX, FmuError, Model};
+pub use names::nearest;
 pub use participant::{check, participant};
 pub use scratch::{FOLDER, leftovers, remove_leftovers};
 pub use zip::{Archive, ENTRIES_MAX, Entry, UNPACKED_MAX, ZipError};

@@ -81,7 +81,15 @@ impl Model {
             let size = about.len();
             return Err(FmuError::Size { path: path(), size });
         }
-        let bytes = std::fs::read(file).map_err(io)?;
+        Model::read(path(), std::fs::read(file).map_err(io)?)
+    }
+
+    /// Reads the contents of a file; `file` is its name in messages.
+    ///
+    /// # Errors
+    /// As of [`Model::open`].
+    pub fn read(file: PathBuf, bytes: Vec<u8>) -> Result<Model, FmuError> {
+        let path = || file.clone();
         let zip = |source| FmuError::Zip { path: path(), source };
         let archive = Archive::read(bytes).map_err(zip)?;
         let text = archive.file("modelDescription.xml").ok_or_else(|| FmuError::Missing {
@@ -95,7 +103,7 @@ impl Model {
         let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
         let description = Description::read(text).map_err(|source| FmuError::Description { path: path(), source })?;
         Ok(Model {
-            file: path(),
+            file,
             archive,
             description,
         })

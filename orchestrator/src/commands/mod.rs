@@ -14,6 +14,7 @@ pub mod fmu_export;
 #[cfg(feature = "capture")]
 mod gains;
 pub mod graph;
+pub mod import;
 pub mod man;
 #[cfg(feature = "capture")]
 pub mod margins;
@@ -23,6 +24,7 @@ pub mod model;
 pub mod new;
 pub mod participant;
 mod points;
+pub mod project;
 pub mod replay;
 pub mod report;
 pub mod resume;

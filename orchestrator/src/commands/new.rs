@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::project;
 use crate::templates::{Project, Template};
 
 /// Exit code: the folder or the template is not what it should be.
@@ -17,6 +18,9 @@ pub struct NewArgs {
     /// The folder of the project
     #[arg(required_unless_present = "list")]
     pub folder: Option<PathBuf>,
+    /// The FMUs of --template fmu
+    #[arg(value_name = "FILE")]
+    pub files: Vec<PathBuf>,
     /// What to write; --list tells what there is
     #[arg(long, short, value_name = "NAME")]
     pub template: Option<String>,
@@ -68,52 +72,20 @@ fn write(args: &NewArgs, folder: &Path, templates: &[Template]) -> Result<(), St
             template.name
         ));
     }
-    check_empty(folder)?;
+    if !(args.files.is_empty() || template.takes_files) {
+        return Err(format!(
+            "{}: the template `{}` takes no files; leave them out, or take --template fmu",
+            args.files[0].display(),
+            template.name
+        ));
+    }
+    project::check_empty(folder)?;
     let files = (template.files)(&Project {
         name: project_name(folder),
         escapement: args.escapement.as_deref(),
+        files: &args.files,
     })?;
-    for file in &files {
-        let path = folder.join(&file.path);
-        let wrong = |error: std::io::Error| format!("{} cannot be written: {error}", path.display());
-        if let Some(parent) = path.parent() {
-            std::fs::create_dir_all(parent).map_err(wrong)?;
-        }
-        std::fs::write(&path, file.text.as_bytes()).map_err(wrong)?;
-        println!("{}", path.display());
-    }
-    let count = match files.len() {
-        1 => "1 file".to_owned(),
-        many => format!("{many} files"),
-    };
-    println!("\n{}: {count}. What to do next:\n", template.name);
-    if folder != Path::new(".") {
-        println!("    cd {}", quoted(folder));
-    }
-    for command in template.next {
-        println!("    {command}");
-    }
-    Ok(())
-}
-
-/// Refuses a folder in which something would be mixed with what is there.
-fn check_empty(folder: &Path) -> Result<(), String> {
-    use std::io::ErrorKind::{NotADirectory, NotFound};
-    match std::fs::read_dir(folder) {
-        Ok(mut entries) => match entries.next() {
-            None => Ok(()),
-            Some(_) => Err(format!(
-                "{}: the folder is not empty; name a new one, or empty this one",
-                folder.display()
-            )),
-        },
-        Err(error) if error.kind() == NotFound => Ok(()),
-        Err(error) if error.kind() == NotADirectory => Err(format!(
-            "{}: it is a file; name a folder that is new or empty",
-            folder.display()
-        )),
-        Err(error) => Err(format!("{}: {error}", folder.display())),
-    }
+    project::write(folder, template.name, &files, template.next)
 }
 
 /// The name of the folder, also of `.`.
@@ -121,17 +93,4 @@ fn project_name(folder: &Path) -> String {
     let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
     let last = whole.components().next_back();
     last.map_or_else(String::new, |last| last.as_os_str().to_string_lossy().into_owned())
-}
-
-/// A path as a shell reads it.
-fn quoted(path: &Path) -> String {
-    let text = path.display().to_string();
-    let plain = |c: char| c.is_alphanumeric() || "/._-+,:@%".contains(c);
-    if text.chars().all(plain) && !text.starts_with('-') {
-        text
-    } else if text.starts_with('-') {
-        format!("-- '{}'", text.replace('\'', "'\\''"))
-    } else {
-        format!("'{}'", text.replace('\'', "'\\''"))
-    }
 }

@@ -1,5 +1,7 @@
 //! Templates of `escapement new`. Their files are part of the program: nothing is read from the sources that it was built from.
 
+#[cfg(feature = "capture")]
+mod fmu;
 mod project;
 #[cfg(feature = "capture")]
 mod rust;
@@ -14,11 +16,12 @@ macro_rules! stock_files {
 
 #[cfg(feature = "capture")]
 /// The templates of the stock program; the first is written where none is named.
-pub const STOCK: [Template; 3] = [
+pub const STOCK: [Template; 4] = [
     Template {
         name: "capture",
         about: "all stock scenarios of the spacecraft capture, with models and gains",
         builds: false,
+        takes_files: false,
         files: capture,
         next: &[
             "escapement run scenarios/close.toml --out runs/close",
@@ -30,6 +33,7 @@ pub const STOCK: [Template; 3] = [
         name: "spring",
         about: "two coupled masses on springs: the smallest scenario, with participants that the program contains",
         builds: false,
+        takes_files: false,
         files: spring,
         next: &[
             "escapement run spring.toml --out runs/first",
@@ -38,9 +42,22 @@ pub const STOCK: [Template; 3] = [
         ],
     },
     Template {
+        name: "fmu",
+        about: "a scenario of FMUs that you name: FOLDER --template fmu a.fmu b.fmu, connected where names and units fit",
+        builds: false,
+        takes_files: true,
+        files: fmu::files,
+        next: &[
+            "escapement check scenario.toml",
+            "escapement run scenario.toml --out runs/first",
+            "escapement report runs/first",
+        ],
+    },
+    Template {
         name: "rust",
         about: "a program of your own in Rust with the whole command line, and two participants in it",
         builds: true,
+        takes_files: false,
         files: rust::files,
         next: &[
             "cargo run --release -- run lander.toml",

@@ -1,5 +1,9 @@
 //! A template, and the files that it makes of a project.
 
+use std::path::PathBuf;
+
+pub use crate::commands::project::File;
+
 /// A project that can be written.
 pub struct Template {
     /// Its name.
@@ -8,6 +12,8 @@ pub struct Template {
     pub about: &'static str,
     /// Whether it has to be built, against Escapement's own sources.
     pub builds: bool,
+    /// Whether it takes files that the user names.
+    pub takes_files: bool,
     /// The files.
     pub files: fn(&Project<'_>) -> Result<Vec<File>, String>,
     /// What to do in its folder, each a line for a shell.
@@ -24,14 +30,8 @@ pub struct Project<'a> {
     pub name: String,
     /// Where Escapement's sources are, where the user says so.
     pub escapement: Option<&'a str>,
-}
-
-/// A file of a project.
-pub struct File {
-    /// Where, from the folder of the project.
-    pub path: String,
-    /// Its content.
-    pub text: String,
+    /// The files that the user names.
+    pub files: &'a [PathBuf],
 }
 
 #[cfg(feature = "capture")]
@@ -39,7 +39,7 @@ impl File {
     pub(super) fn new(path: &str, text: impl Into<String>) -> File {
         File {
             path: path.to_owned(),
-            text: text.into(),
+            contents: text.into().into_bytes(),
         }
     }
 }

@@ -8,5 +8,5 @@ mod variable;
 
 pub use content::{Abilities, Description, Experiment, Version};
 pub use read::DescriptionError;
-pub use units::{BaseUnit, Conversion, Unit};
+pub use units::{BASE as BASE_UNITS, BaseUnit, Conversion, Unit};
 pub use variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};

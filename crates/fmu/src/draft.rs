@@ -1,0 +1,311 @@
+//! A scenario of FMUs that is written for its user: participants, connections from variable to variable, and what is left to decide.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+use lockstep::units::convert;
+use toml::Value;
+
+use crate::description::{Causality, Description, Variable};
+use crate::layout::{INPUTS, OUTPUTS, RECORDED, element};
+
+/// The most letters of a name in a scenario.
+const NAME_MAX: usize = 64;
+/// So many outputs are suggested for an input.
+const SUGGESTED_MAX: usize = 3;
+
+/// A participant.
+#[derive(Debug, Clone)]
+pub struct Part<'a> {
+    /// Its name; see [`Names`].
+    pub name: String,
+    /// The FMU's file, from the scenario's folder.
+    pub file: String,
+    /// What the FMU says of itself.
+    pub about: &'a Description,
+    /// The period as a scenario writes it: `"10 ms"`.
+    pub period: String,
+    /// The first activation, where it is not 0.
+    pub offset: Option<String>,
+    /// Parameters and start values, by the names of the variables.
+    pub parameters: Vec<(String, Value)>,
+}
+
+/// A variable that feeds another one. Parts are numbered as in [`Draft::parts`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wire {
+    /// The part and variable that feeds.
+    pub from: (usize, String),
+    /// The part and input that is fed.
+    pub to: (usize, String),
+    /// What is multiplied with, as in a connection's map.
+    pub factor: Option<Value>,
+    /// What is added, in the unit of the input's field.
+    pub offset: Option<Value>,
+}
+
+/// A scenario that is not yet text.
+#[derive(Debug, Clone, Default)]
+pub struct Draft<'a> {
+    /// Its title.
+    pub title: String,
+    /// Its duration: `"10 s"`.
+    pub duration: String,
+    /// The participants.
+    pub parts: Vec<Part<'a>>,
+    /// What feeds what.
+    pub wires: Vec<Wire>,
+    /// Figures for the report: a title, and the part and variable that is drawn.
+    pub figures: Vec<(String, (usize, String))>,
+    /// Lines for the end, each of which becomes a comment.
+    pub notes: Vec<String>,
+}
+
+/// Names of participants or connections, each given once.
+#[derive(Debug, Default)]
+pub struct Names(BTreeSet<String>);
+
+impl Names {
+    /// A name for a scenario that is `wanted` as far as the rules for names allow, and not given before.
+    pub fn pick(&mut self, wanted: &str) -> String {
+        let plain = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
+        let mut name: String = wanted.chars().map(|one| if plain(one) { one } else { '-' }).collect();
+        name = name.trim_matches('-').to_owned();
+        if !name.starts_with(|first: char| first.is_ascii_alphabetic()) || name == "orchestrator" {
+            name.insert_str(0, "fmu-");
+        }
+        name.truncate(NAME_MAX);
+        let mut picked = name.clone();
+        for number in 2.. {
+            if self.0.insert(picked.clone()) {
+                break;
+            }
+            let tail = format!("-{number}");
+            picked = format!("{}{tail}", &name[..name.len().min(NAME_MAX - tail.len())]);
+        }
+        picked
+    }
+}
+
+/// Text in quotes, on one line.
+fn quoted(text: &str) -> String {
+    let mut all = String::from("\"");
+    for letter in text.chars() {
+        match letter {
+            '"' | '\\' => all.extend(['\\', letter]),
+            control if control.is_control() => drop(write!(all, "\\u{:04X}", control as u32)),
+            other => all.push(other),
+        }
+    }
+    all.push('"');
+    all
+}
+
+fn key(name: &str) -> String {
+    let bare = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
+    if !name.is_empty() && name.chars().all(bare) {
+        name.to_owned()
+    } else {
+        quoted(name)
+    }
+}
+
+fn literal(value: &Value) -> String {
+    match value {
+        Value::String(text) => quoted(text),
+        Value::Array(all) => format!("[{}]", all.iter().map(literal).collect::<Vec<_>>().join(", ")),
+        other => other.to_string(),
+    }
+}
+
+fn list(names: &[&str]) -> String {
+    let names: Vec<String> = names.iter().map(|name| quoted(name)).collect();
+    format!("[{}]", names.join(", "))
+}
+
+/// The port of an output variable: what is no output is recorded besides.
+fn port_of(about: &Description, variable: &str) -> &'static str {
+    match about.variable(variable).map(|one| one.causality) {
+        Some(Causality::Output) => OUTPUTS,
+        _ => RECORDED,
+    }
+}
+
+/// The variables of one causality that are signals, larger elements first.
+fn signals(about: &Description, causality: Causality) -> Vec<&Variable> {
+    let own = about.variables.iter().filter(|one| one.causality == causality);
+    let mut own: Vec<_> = own
+        .filter_map(|one| Some((element(about.version, one.kind)?.size(), one)))
+        .collect();
+    own.sort_by_key(|(size, _)| std::cmp::Reverse(*size));
+    own.into_iter().map(|(_, one)| one).collect()
+}
+
+impl Draft<'_> {
+    /// The scenario file.
+    pub fn text(&self) -> String {
+        let mut text = format!(
+            "title = {}\nduration = {}\n",
+            quoted(&self.title),
+            quoted(&self.duration)
+        );
+        for number in 0..self.parts.len() {
+            self.part(number, &mut text);
+        }
+        self.connections(&mut text);
+        for (title, (part, variable)) in &self.figures {
+            let part = &self.parts[*part];
+            let curve = format!("{}.{}.{variable}", part.name, port_of(part.about, variable));
+            let _ = write!(
+                text,
+                "\n[[report.panels]]\ntitle = {}\ncurves = [{}]\n",
+                quoted(title),
+                quoted(&curve)
+            );
+        }
+        if !self.notes.is_empty() {
+            text.push('\n');
+        }
+        for line in self.notes.iter().flat_map(|note| note.lines()) {
+            let _ = writeln!(text, "# {line}");
+        }
+        text
+    }
+
+    fn part(&self, number: usize, text: &mut String) {
+        let part = &self.parts[number];
+        let name = &part.name;
+        let _ = writeln!(text, "\n[participants.{name}]\nperiod = {}", quoted(&part.period));
+        if let Some(offset) = &part.offset {
+            let _ = writeln!(text, "offset = {}", quoted(offset));
+        }
+        let _ = writeln!(text, "\n[participants.{name}.run]\nfmu = {}", quoted(&part.file));
+        let all = signals(part.about, Causality::Input);
+        let is_fed = |one: &&&Variable| {
+            self.wires
+                .iter()
+                .any(|wire| wire.to.0 == number && wire.to.1 == one.name)
+        };
+        let fed: Vec<&str> = all.iter().filter(is_fed).map(|one| one.name.as_str()).collect();
+        if fed.len() < all.len() {
+            text.push_str("# All other inputs keep their start values.\n");
+            let _ = writeln!(text, "ports = {{ inputs = {} }}", list(&fed));
+        }
+        let sources = self.wires.iter().map(|wire| &wire.from);
+        let sources = sources.chain(self.figures.iter().map(|(_, from)| from));
+        let recorded: BTreeSet<&str> = sources
+            .filter(|(part, _)| *part == number)
+            .map(|(_, variable)| variable.as_str())
+            .filter(|variable| port_of(part.about, variable) == RECORDED)
+            .collect();
+        if !recorded.is_empty() {
+            let _ = writeln!(text, "record = {}", list(&recorded.into_iter().collect::<Vec<_>>()));
+        }
+        if !part.parameters.is_empty() {
+            let _ = writeln!(text, "\n[participants.{name}.parameters]");
+        }
+        for (name, value) in &part.parameters {
+            let _ = writeln!(text, "{} = {}", key(name), literal(value));
+        }
+    }
+
+    /// One connection from each port to each port, with a map.
+    fn connections(&self, text: &mut String) {
+        let port = |wire: &Wire| port_of(self.parts[wire.from.0].about, &wire.from.1);
+        let mut pairs: Vec<(usize, &str, usize)> = Vec::new();
+        for wire in &self.wires {
+            let pair = (wire.from.0, port(wire), wire.to.0);
+            if !pairs.contains(&pair) {
+                pairs.push(pair);
+            }
+        }
+        let mut names = Names::default();
+        for (from, output, to) in pairs {
+            let (sends, takes) = (&self.parts[from].name, &self.parts[to].name);
+            let name = names.pick(&format!("{sends}-to-{takes}"));
+            let _ = writeln!(
+                text,
+                "\n[connections.{name}]\nfrom = \"{sends}.{output}\"\nto = \"{takes}.{INPUTS}\"\n\n[connections.{name}.map]"
+            );
+            let own = |wire: &&Wire| (wire.from.0, port(wire), wire.to.0) == (from, output, to);
+            for wire in self.wires.iter().filter(own) {
+                let source = quoted(&wire.from.1);
+                let mut value = source.clone();
+                if wire.factor.is_some() || wire.offset.is_some() {
+                    value = format!("{{ from = {source}");
+                    for (key, number) in [("factor", &wire.factor), ("offset", &wire.offset)] {
+                        if let Some(number) = number {
+                            let _ = write!(value, ", {key} = {}", literal(number));
+                        }
+                    }
+                    value.push_str(" }");
+                }
+                let _ = writeln!(text, "{} = {value}", key(&wire.to.1));
+            }
+        }
+    }
+}
+
+/// Whether `output` can feed `input` as it is.
+fn fits(sends: &Description, output: &Variable, takes: &Description, input: &Variable) -> bool {
+    let types = element(sends.version, output.kind).zip(element(takes.version, input.kind));
+    let unit = |about: &Description, one: &Variable| {
+        let unit = about.unit(one).map(|unit| unit.of_port().unit);
+        unit.unwrap_or_else(|| "1".to_owned())
+    };
+    let (from, to) = (unit(sends, output), unit(takes, input));
+    let units = from == to || (input.kind.is_float() && convert(&format!("1 {from}"), &to).is_ok());
+    units && output.extents == input.extents && types.is_some_and(|(from, to)| to.holds(from))
+}
+
+/// Connects FMUs that were not made for each other: an input and the only output of the other ones that has its name, and fits in type
+/// and unit. Of every other input a note says what would fit.
+pub fn together(draft: &mut Draft<'_>) {
+    let parts = &draft.parts;
+    let outputs = |taker: usize| {
+        let others = parts.iter().enumerate().filter(move |(number, _)| *number != taker);
+        others.flat_map(|(number, part)| {
+            let own = signals(part.about, Causality::Output);
+            own.into_iter().map(move |output| (number, output))
+        })
+    };
+    for (number, part) in parts.iter().enumerate() {
+        for input in signals(part.about, Causality::Input) {
+            let fitting = outputs(number).filter(|(from, output)| fits(parts[*from].about, output, part.about, input));
+            let (named, others): (Vec<_>, Vec<_>) =
+                fitting.partition(|(_, output)| output.name.eq_ignore_ascii_case(&input.name));
+            if let [(from, output)] = named[..] {
+                draft.wires.push(Wire {
+                    from: (from, output.name.clone()),
+                    to: (number, input.name.clone()),
+                    factor: None,
+                    offset: None,
+                });
+                continue;
+            }
+            let mut note = format!("`{}.{INPUTS}` has no source for {}", part.name, quoted(&input.name));
+            let alike = others.into_iter().filter(|_| input.unit.is_some());
+            let shown: Vec<_> = named.iter().copied().chain(alike).take(SUGGESTED_MAX).collect();
+            if shown.is_empty() {
+                note.push_str(": no output of another FMU has its name, or its unit.");
+            } else {
+                let _ = write!(
+                    note,
+                    ". To feed it, name it in `ports.{INPUTS}` above, and uncomment one of these:"
+                );
+            }
+            for (choice, (from, output)) in shown.into_iter().enumerate() {
+                let _ = write!(
+                    note,
+                    "\n  [connections.feed-{}-{choice}]\n  from = \"{}.{OUTPUTS}\"\n  to = \"{}.{INPUTS}\"\n  map = {{ {} = {} }}",
+                    draft.notes.len() + 1,
+                    parts[from].name,
+                    part.name,
+                    key(&input.name),
+                    quoted(&output.name)
+                );
+            }
+            draft.notes.push(note);
+        }
+    }
+}

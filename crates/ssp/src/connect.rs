@@ -1,0 +1,364 @@
+//! The flattened system: which variable of which FMU feeds which one, and what else is set.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use fmu::{Causality, Conversion, Model, Unit, Variable, Wire, element};
+use toml::Value;
+
+use crate::error::Problem;
+use crate::numbers::Line;
+use crate::parameters::{Passed, Values, resolve, setting};
+use crate::structure::{Kind, Structure};
+use crate::trace::{Network, Step, Trace, unit_after};
+use crate::transform::Transformation;
+
+/// The flattened system. Components are numbered in the order of the description.
+#[derive(Debug, Default)]
+pub struct Flat {
+    /// What feeds what.
+    pub wires: Vec<Wire>,
+    /// Parameters and start values of each component.
+    pub settings: Vec<Vec<(String, Value)>>,
+    /// Outputs of the root system that are values of a component as they are.
+    pub outputs: Vec<(String, (usize, String))>,
+    /// What the user may want to know.
+    pub notes: Vec<String>,
+    /// What cannot be expressed.
+    pub problems: Vec<Problem>,
+}
+
+/// A structure with the FMUs of its components.
+pub struct System<'a> {
+    structure: &'a Structure,
+    /// The components by their numbers among the elements.
+    numbers: HashMap<usize, usize>,
+    models: Vec<&'a Model>,
+    network: Network<'a>,
+    flat: Flat,
+    /// Between components, by outputs with direct feedthrough.
+    through: BTreeSet<(usize, usize)>,
+}
+
+/// Flattens a structure; `components` are the elements that are components, each with its FMU.
+pub fn flatten<'a>(structure: &'a Structure, components: &[(usize, &'a Model)]) -> (Flat, Vec<usize>) {
+    let (network, problems) = Network::new(structure);
+    let numbers = components.iter().enumerate();
+    let mut system = System {
+        structure,
+        numbers: numbers.map(|(number, (element, _))| (*element, number)).collect(),
+        models: components.iter().map(|(_, model)| *model).collect(),
+        network,
+        flat: Flat {
+            settings: vec![Vec::new(); components.len()],
+            problems,
+            ..Flat::default()
+        },
+        through: BTreeSet::new(),
+    };
+    for (element, _) in components {
+        system.check_connectors(*element);
+    }
+    if system.flat.problems.is_empty() {
+        system.settle();
+    }
+    let circle = circle(components.len(), &system.through);
+    (system.flat, circle)
+}
+
+impl<'a> System<'a> {
+    fn variable(&self, element: usize, name: &str) -> Option<&'a Variable> {
+        let model: &'a Model = self.models[*self.numbers.get(&element)?];
+        model.description.variable(name)
+    }
+
+    /// The unit of a connector: its own, else that of the FMU's variable.
+    fn unit(&self, element: usize, name: &str) -> Option<&'a Unit> {
+        let structure: &'a Structure = self.structure;
+        let own = structure.elements[element]
+            .connector(name)
+            .and_then(|one| one.unit.as_ref());
+        own.or_else(|| {
+            let model: &'a Model = self.models[*self.numbers.get(&element)?];
+            model.description.unit(model.description.variable(name)?)
+        })
+    }
+
+    fn refuse(&mut self, line: u32, reason: String) {
+        let problem = self.structure.problem(line, reason);
+        self.flat.problems.push(problem);
+    }
+
+    /// That the connectors of a component are those of its FMU.
+    fn check_connectors(&mut self, element: usize) {
+        let structure = self.structure;
+        let model = self.models[self.numbers[&element]];
+        for connector in &structure.elements[element].connectors {
+            let shown = structure.shown(element, &connector.name);
+            let Some(variable) = model.description.variable(&connector.name) else {
+                let known = model.description.variables.iter().map(|one| one.name.as_str());
+                let known = fmu::nearest(&connector.name, known).unwrap_or_default();
+                let reason = format!("the FMU has no variable for the connector `{shown}`; did you mean `{known}`?");
+                self.refuse(connector.line, reason);
+                continue;
+            };
+            let input = variable.causality == Causality::Input;
+            let parameter = matches!(
+                variable.causality,
+                Causality::Parameter | Causality::StructuralParameter
+            );
+            let agrees = match connector.kind {
+                Kind::Input => input,
+                Kind::Parameter => parameter,
+                Kind::Output => !input && !parameter,
+                Kind::Open => true,
+            };
+            if !agrees {
+                let reason = format!(
+                    "the connector `{shown}` has another kind than the variable of the FMU, which is {:?}",
+                    variable.causality
+                );
+                self.refuse(connector.line, reason);
+            }
+            let theirs = model.description.unit(variable);
+            if let (Some(ours), Some(theirs)) = (&connector.unit, theirs) {
+                let mut line = Line::new();
+                let same = line.convert(Some(ours), Some(theirs)).is_ok() && (line.at(1.0) - 1.0).abs() < 1e-6;
+                if !same {
+                    let reason = format!(
+                        "the connector `{shown}` is in `{}`, and the variable of the FMU in `{}`",
+                        ours.name, theirs.name
+                    );
+                    self.refuse(connector.line, reason);
+                }
+            }
+        }
+    }
+
+    /// Goes through all inputs and parameters of components, and all outputs of the root.
+    fn settle(&mut self) {
+        let structure = self.structure;
+        let has = |element: usize, name: &str| {
+            self.variable(element, name).is_some() || structure.elements[element].connector(name).is_some()
+        };
+        let (values, nowhere) = resolve(structure, &has);
+        for bound in nowhere {
+            let given = &bound.given;
+            let note = format!(
+                "{}:{}: there is no parameter `{}`, so its value is not used",
+                given.file, given.line, bound.target
+            );
+            self.flat.notes.push(note);
+        }
+        let mut settings: BTreeMap<(usize, String), Value> = BTreeMap::new();
+        // Bound to variables themselves.
+        for ((element, name), bound) in &values {
+            let Some(variable) = self.variable(*element, name) else {
+                continue;
+            };
+            let way = [(bound.suppress, &bound.transformation, self.unit(*element, name))];
+            let model = self.models[self.numbers[element]];
+            match setting(&model.description, variable, &bound.given, &way) {
+                Ok(value) => drop(settings.insert((self.numbers[element], name.clone()), value)),
+                Err(problem) => self.flat.problems.push(problem),
+            }
+        }
+        for (number, element) in structure.elements.iter().enumerate() {
+            let Some(part) = self.numbers.get(&number).copied() else {
+                continue;
+            };
+            for connector in &element.connectors {
+                let taken = connector.kind != Kind::Output;
+                if !taken {
+                    continue;
+                }
+                match self.network.trace(number, &connector.name) {
+                    Ok(trace) if trace.steps.is_empty() => {}
+                    Ok(trace) => {
+                        if let Some(value) = self.fed((number, &connector.name), &trace, &values) {
+                            settings.insert((part, connector.name.clone()), value);
+                        }
+                    }
+                    Err(problem) => self.flat.problems.push(problem),
+                }
+            }
+        }
+        for ((part, name), value) in settings {
+            self.flat.settings[part].push((name, value));
+        }
+        self.root_outputs();
+    }
+
+    /// An input or parameter that has a connection: a wire, or the value that it always has.
+    fn fed(&mut self, taker: (usize, &'a str), trace: &Trace<'a>, values: &Values<'a>) -> Option<Value> {
+        let structure = self.structure;
+        let (origin, name) = trace.origin;
+        let variable = self.variable(taker.0, taker.1)?;
+        let shown = structure.shown(taker.0, taker.1);
+        if structure.elements[origin].source().is_some() {
+            let last = trace.steps.last()?;
+            if variable.causality != Causality::Input {
+                let reason = format!(
+                    "`{shown}` is a parameter, which only a value can feed, and not `{}`",
+                    structure.shown(origin, name)
+                );
+                self.refuse(last.connection.line, reason);
+                return None;
+            }
+            if let Err(reason) = self.wire(taker, variable, trace) {
+                let reason = format!(
+                    "`{}` does not become `{shown}`: {reason}",
+                    structure.shown(origin, name)
+                );
+                self.refuse(last.connection.line, reason);
+            }
+            return None;
+        }
+        let Some(bound) = values.get(&(origin, name.to_owned())) else {
+            let note = format!(
+                "`{}` has no source and no value: `{shown}` keeps its start value",
+                structure.shown(origin, name)
+            );
+            self.flat.notes.push(note);
+            return None;
+        };
+        let mut way: Vec<Passed<'_>> = vec![(bound.suppress, &bound.transformation, self.unit(origin, name))];
+        way.extend(trace.steps.iter().map(|step| {
+            let unit = self.unit(step.taker.0, step.taker.1);
+            (step.connection.suppress, &step.connection.transformation, unit)
+        }));
+        let model = self.models[self.numbers[&taker.0]];
+        match setting(&model.description, variable, &bound.given, &way) {
+            Ok(value) => Some(value),
+            Err(problem) => {
+                self.flat.problems.push(problem);
+                None
+            }
+        }
+    }
+
+    /// What all steps of a way make of a number.
+    fn line(&self, trace: &Trace<'a>) -> Result<Line, String> {
+        let mut line = Line::new();
+        let mut unit = self.unit(trace.origin.0, trace.origin.1);
+        for Step { connection, taker } in &trace.steps {
+            let transformation: &Transformation = &connection.transformation;
+            if transformation.maps() {
+                return Err(format!(
+                    "a {} cannot be done while the system runs: leave it out, or put it into an FMU",
+                    transformation.table.unwrap_or_default()
+                ));
+            }
+            let next = self.unit(taker.0, taker.1);
+            if !connection.suppress {
+                line.convert(unit, next)?;
+            }
+            line.transform(transformation);
+            unit = unit_after(unit, next, connection.suppress);
+        }
+        Ok(line)
+    }
+
+    fn wire(&mut self, taker: (usize, &'a str), input: &Variable, trace: &Trace<'a>) -> Result<(), String> {
+        let (origin, name) = trace.origin;
+        let (from, to) = (self.numbers[&origin], self.numbers[&taker.0]);
+        let (sends, takes) = (&self.models[from].description, &self.models[to].description);
+        let output = sends.variable(name).ok_or("the FMU has no such variable")?;
+        let kinds = (output.kind.name(), input.kind.name());
+        let elements = element(sends.version, output.kind).zip(element(takes.version, input.kind));
+        let (gives, holds) = elements.ok_or_else(|| format!("{} and {} are no signals", kinds.0, kinds.1))?;
+        if !holds.holds(gives) {
+            return Err(format!("{} does not hold every value of {}", kinds.1, kinds.0));
+        }
+        if output.extents.len() != input.extents.len() {
+            let shapes = (output.extents.len(), input.extents.len());
+            return Err(format!("they have {} and {} dimensions", shapes.0, shapes.1));
+        }
+        let line = self.line(trace)?;
+        let port = |about: &fmu::Description, one: &Variable| {
+            about.unit(one).map_or_else(|| Conversion::none("1"), Unit::of_port)
+        };
+        let (factor, offset) = line.between(&port(sends, output), &port(takes, input))?;
+        if !input.kind.is_float() && (factor.is_some() || offset.is_some()) {
+            return Err(format!(
+                "{} values are taken over as they are: leave units and transformations out",
+                kinds.1
+            ));
+        }
+        if output.feedthrough {
+            self.through.insert((from, to));
+        }
+        self.flat.wires.push(Wire {
+            from: (from, name.to_owned()),
+            to: (to, taker.1.to_owned()),
+            factor,
+            offset,
+        });
+        Ok(())
+    }
+
+    /// The outputs of the root, as figures; those that are transformed on their way are only noted.
+    fn root_outputs(&mut self) {
+        for connector in &self.structure.elements[0].connectors {
+            if connector.kind != Kind::Output {
+                continue;
+            }
+            let trace = match self.network.trace(0, &connector.name) {
+                Ok(trace) => trace,
+                Err(problem) => {
+                    self.flat.problems.push(problem);
+                    continue;
+                }
+            };
+            let (origin, name) = trace.origin;
+            let part = self.numbers.get(&origin).copied();
+            let signal = self.variable(origin, name).and_then(|variable| {
+                let version = self.models[part?].description.version;
+                element(version, variable.kind)
+            });
+            let plain = self.line(&trace).is_ok_and(|line| line == Line::new());
+            match part.filter(|_| signal.is_some()) {
+                Some(part) if plain => self
+                    .flat
+                    .outputs
+                    .push((connector.name.clone(), (part, name.to_owned()))),
+                Some(_) => {
+                    let shown = self.structure.shown(origin, name);
+                    let note = format!(
+                        "the output `{}` of the system is made of `{shown}`, which is recorded as it is",
+                        connector.name
+                    );
+                    self.flat.notes.push(note);
+                }
+                None => self
+                    .flat
+                    .notes
+                    .push(format!("the output `{}` of the system has no source", connector.name)),
+            }
+        }
+    }
+}
+
+/// Components that feed each other in a circle, in order; empty where there is none.
+fn circle(count: usize, edges: &BTreeSet<(usize, usize)>) -> Vec<usize> {
+    // Whoever feeds nobody any more is in no circle.
+    let mut alive = vec![true; count];
+    let feeds = |alive: &[bool], one: usize| {
+        let own = edges.range((one, 0)..=(one, usize::MAX));
+        own.map(|(_, to)| *to).find(|to| alive[*to])
+    };
+    while let Some(end) = (0..count).find(|&one| alive[one] && feeds(&alive, one).is_none()) {
+        alive[end] = false;
+    }
+    let Some(start) = (0..count).find(|&one| alive[one]) else {
+        return Vec::new();
+    };
+    let mut way = vec![start];
+    while let Some(next) = way.last().and_then(|&last| feeds(&alive, last)) {
+        if let Some(at) = way.iter().position(|&one| one == next) {
+            way.drain(..at);
+            break;
+        }
+        way.push(next);
+    }
+    way
+}

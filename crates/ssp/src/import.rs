@@ -1,0 +1,222 @@
+//! From a package to a scenario.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use fmu::{Archive, Draft, Model, Names, Part};
+use lockstep::time::Rational;
+
+use crate::connect::{Flat, flatten};
+use crate::error::SspError;
+use crate::package::Package;
+use crate::read::{DESCRIPTION, read};
+use crate::structure::Structure;
+
+/// The largest package that is read, bytes: 1 GiB.
+const FILE_MAX: u64 = 1 << 30;
+/// The most participants of a scenario.
+const PARTS_MAX: usize = 512;
+/// How long a system is simulated that does not say it, s.
+const DURATION: f64 = 10.0;
+
+/// What the user decides.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// The period of all FMUs; that of its default experiment for each unless given.
+    pub period: Option<Rational>,
+    /// Algebraic loops are opened: a value goes round in as many periods as there are FMUs in the loop.
+    pub open_loops: bool,
+}
+
+/// A scenario with its files.
+#[derive(Debug)]
+pub struct Imported {
+    /// The scenario, as TOML.
+    pub scenario: String,
+    /// The FMUs: names below the scenario's folder, and contents.
+    pub fmus: Vec<(String, Vec<u8>)>,
+    /// What was left out, or is not as somebody might expect.
+    pub notes: Vec<String>,
+}
+
+/// Reads a package.
+///
+/// # Errors
+/// Everything that is wrong with it or cannot be expressed, with file and line.
+pub fn import(file: &Path, options: Options) -> Result<Imported, SspError> {
+    let path = || file.to_owned();
+    let io = |source| SspError::Io { path: path(), source };
+    let about = std::fs::metadata(file).map_err(io)?;
+    if !about.is_file() {
+        let reason = "it is not a file: an SSP is a ZIP archive whose name ends with .ssp".to_owned();
+        return Err(SspError::Missing { path: path(), reason });
+    }
+    if about.len() > FILE_MAX {
+        let reason = format!("it has {} bytes; at most {FILE_MAX} are read", about.len());
+        return Err(SspError::Missing { path: path(), reason });
+    }
+    let archive = Archive::read(std::fs::read(file).map_err(io)?);
+    let archive = archive.map_err(|source| SspError::Zip { path: path(), source })?;
+    import_package(file, &Package::Archive(archive), options)
+}
+
+/// Reads the files of a package; `file` is its name in messages.
+///
+/// # Errors
+/// As of [`import`].
+pub fn import_package(file: &Path, package: &Package, options: Options) -> Result<Imported, SspError> {
+    let path = || file.to_owned();
+    let zip = |source| SspError::Zip { path: path(), source };
+    let refused = |problems| SspError::Refused { path: path(), problems };
+    let description = package.file(DESCRIPTION).ok_or_else(|| SspError::Missing {
+        path: path(),
+        reason: format!("it has no {DESCRIPTION}: it is an archive, but no SSP"),
+    })?;
+    let structure = read(package, &description.map_err(zip)?).map_err(refused)?;
+    let mut models: BTreeMap<&str, (Model, Vec<u8>)> = BTreeMap::new();
+    for source in structure.elements.iter().filter_map(|one| one.source()) {
+        if !models.contains_key(source)
+            && let Some(contents) = package.file(source)
+        {
+            let contents = contents.map_err(zip)?;
+            let model = Model::read(file.join(source), contents.clone())?;
+            models.insert(source, (model, contents));
+        }
+    }
+    let components = structure.elements.iter().enumerate();
+    let components: Vec<(usize, &Model)> = components
+        .filter_map(|(number, one)| Some((number, &models.get(one.source()?)?.0)))
+        .collect();
+    let (mut flat, circle) = flatten(&structure, &components);
+    limits(&structure, &components, &circle, options, &mut flat);
+    if !flat.problems.is_empty() {
+        return Err(refused(std::mem::take(&mut flat.problems)));
+    }
+    notes(&structure, &components, &mut flat);
+    let files = files(models.keys().copied());
+    let notes = flat.notes.clone();
+    let scenario = draft(&structure, &components, flat, &files, options).text();
+    let fmus = models
+        .into_iter()
+        .map(|(source, (_, contents))| (files[source].clone(), contents));
+    Ok(Imported {
+        scenario,
+        fmus: fmus.collect(),
+        notes,
+    })
+}
+
+/// What a scenario cannot have.
+fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize], options: Options, flat: &mut Flat) {
+    let mut refuse = |line: u32, reason: String| flat.problems.push(structure.problem(line, reason));
+    let root = structure.elements[0].line;
+    if components.is_empty() || components.len() > PARTS_MAX {
+        let count = components.len();
+        refuse(
+            root,
+            format!("the system has {count} components; a scenario has 1 to {PARTS_MAX} participants"),
+        );
+    }
+    let (start, stop) = (structure.start.unwrap_or(0.0), structure.stop);
+    if start < 0.0 || stop.is_some_and(|stop| stop <= start) {
+        let stop = stop.map_or("not given".to_owned(), |stop| stop.to_string());
+        refuse(
+            root,
+            format!(
+                "the default experiment starts at {start} s and its end is {stop}; a run goes from 0 s or later to a later end"
+            ),
+        );
+    }
+    if let (false, [first, ..]) = (options.open_loops, circle) {
+        let shown = circle
+            .iter()
+            .chain([first])
+            .map(|&one| structure.path(components[one].0));
+        let shown: Vec<String> = shown.map(|name| format!("`{name}`")).collect();
+        refuse(
+            structure.elements[components[*first].0].line,
+            format!(
+                "{} is an algebraic loop: as far as the FMUs say, each output follows from an input at the same instant; --open-loops \
+                 imports it all the same, with one period of delay at each of them",
+                shown.join(" -> ")
+            ),
+        );
+    }
+}
+
+/// What somebody might expect to be otherwise.
+fn notes(structure: &Structure, components: &[(usize, &Model)], flat: &mut Flat) {
+    if structure.stop.is_none() {
+        flat.notes.push(format!(
+            "the default experiment has no stop time: the duration is {DURATION} s"
+        ));
+    }
+    for (number, (element, model)) in components.iter().enumerate() {
+        let name = structure.path(*element);
+        if model.description.experiment.step.is_none() && model.description.abilities.fixed_step.is_none() {
+            flat.notes.push(format!(
+                "the FMU of `{name}` names no step: unless --period says another one, its period is 10 ms"
+            ));
+        }
+        if let Err(error) = model.library() {
+            flat.notes.push(format!("`{name}`: {error}"));
+        }
+        let through = flat.wires.iter().any(|wire| {
+            let output = model.description.variable(&wire.from.1);
+            wire.from.0 == number && output.is_some_and(|output| output.feedthrough)
+        });
+        if through {
+            flat.notes.push(format!(
+                "`{name}` has outputs with direct feedthrough: they follow its inputs one period later, unless its `run` says \
+                 feedthrough = true"
+            ));
+        }
+    }
+}
+
+/// A file in the scenario's folder for each FMU of the package.
+fn files<'a>(sources: impl Iterator<Item = &'a str>) -> BTreeMap<String, String> {
+    let mut names = Names::default();
+    let named = sources.map(|source| {
+        let last = source.rsplit('/').next().unwrap_or(source);
+        let stem = last.strip_suffix(".fmu").unwrap_or(last);
+        (source.to_owned(), format!("fmus/{}.fmu", names.pick(stem)))
+    });
+    named.collect()
+}
+
+fn draft<'a>(
+    structure: &Structure,
+    components: &[(usize, &'a Model)],
+    flat: Flat,
+    files: &BTreeMap<String, String>,
+    options: Options,
+) -> Draft<'a> {
+    let start = structure.start.filter(|start| *start > 0.0);
+    let stop = structure.stop.unwrap_or(start.unwrap_or(0.0) + DURATION);
+    let mut names = Names::default();
+    let mut settings = flat.settings.into_iter();
+    let parts = components.iter().map(|(element, model)| {
+        let path = structure.path(*element);
+        let source = structure.elements[*element].source().unwrap_or_default();
+        Part {
+            name: names.pick(&path.replace('.', "-")),
+            file: files.get(source).cloned().unwrap_or_default(),
+            about: &model.description,
+            period: match options.period {
+                Some(period) => period.to_string(),
+                None => format!("{} s", fmu::period(&model.description)),
+            },
+            offset: start.map(|start| format!("{start} s")),
+            parameters: settings.next().unwrap_or_default(),
+        }
+    });
+    Draft {
+        title: structure.name.clone(),
+        duration: format!("{stop} s"),
+        parts: parts.collect(),
+        wires: flat.wires,
+        figures: flat.outputs,
+        notes: flat.notes,
+    }
+}

@@ -1,0 +1,42 @@
+//! Parameter mappings (`.ssm`): which parameter of a set is which one of a system.
+
+use roxmltree::Node;
+
+use crate::error::Problem;
+use crate::transform::Transformation;
+use crate::xml::{Xml, children};
+
+/// A parameter of a set under another name.
+#[derive(Debug, Clone)]
+pub struct MapEntry {
+    /// Its name in the set.
+    pub source: String,
+    /// Its name in the system.
+    pub target: String,
+    /// Whether its unit is left as it is.
+    pub suppress: bool,
+    /// What becomes of the value.
+    pub transformation: Transformation,
+}
+
+/// Reads a `ParameterMapping`, the root of a file or one that stands in a description.
+///
+/// # Errors
+/// What is missing or wrong, with its line.
+pub fn read(xml: Xml<'_>, root: Node<'_, '_>) -> Result<Vec<MapEntry>, Problem> {
+    xml.root(root, "ParameterMapping")?;
+    let mut all: Vec<MapEntry> = Vec::new();
+    for node in children(root, "MappingEntry") {
+        let entry = MapEntry {
+            source: xml.needed(node, "source")?,
+            target: xml.needed(node, "target")?,
+            suppress: xml.flag(node, "suppressUnitConversion")?,
+            transformation: Transformation::read(xml, node)?,
+        };
+        if all.iter().any(|one| one.target == entry.target) {
+            return Err(xml.problem(node, format!("two parameters are mapped to `{}`", entry.target)));
+        }
+        all.push(entry);
+    }
+    Ok(all)
+}

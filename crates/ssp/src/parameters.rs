@@ -1,0 +1,198 @@
+//! Values of parameters and start values: from parameter sets, through bindings and connectors, to variables of FMUs.
+
+use std::collections::BTreeMap;
+
+use fmu::{Description, Type, Unit, Variable};
+use toml::Value;
+
+use crate::error::Problem;
+use crate::numbers::Line;
+use crate::structure::{Bound, Content as ElementContent, Structure};
+use crate::transform::Transformation;
+use crate::values::{Content, Given};
+
+/// What is bound to which connector of a system, and to which variable of a component.
+pub type Values<'a> = BTreeMap<(usize, String), &'a Bound>;
+
+/// A part of the way of a value: whether its unit is left alone, what it becomes, and the unit of what takes it.
+pub type Passed<'a> = (bool, &'a Transformation, Option<&'a Unit>);
+
+/// Resolves the bindings of all elements: of a system before those inside it, and later ones before earlier ones. Names that there are
+/// nowhere are given back: the standard has them ignored.
+pub fn resolve<'a>(structure: &'a Structure, has: &dyn Fn(usize, &str) -> bool) -> (Values<'a>, Vec<&'a Bound>) {
+    let (mut values, mut nowhere) = (Values::new(), Vec::new());
+    // A system stands before the elements inside it.
+    for (number, element) in structure.elements.iter().enumerate().rev() {
+        for bound in &element.bindings {
+            if put(structure, has, number, &bound.target, bound, &mut values) == 0 {
+                nowhere.push(bound);
+            }
+        }
+    }
+    (values, nowhere)
+}
+
+/// Binds a value to what `name` means from `element` on; how often it was of use.
+fn put<'a>(
+    structure: &'a Structure,
+    has: &dyn Fn(usize, &str) -> bool,
+    element: usize,
+    name: &str,
+    bound: &'a Bound,
+    values: &mut Values<'a>,
+) -> usize {
+    let mut used = 0;
+    if has(element, name) {
+        values.insert((element, name.to_owned()), bound);
+        used += 1;
+    }
+    if matches!(structure.elements[element].content, ElementContent::Component(_)) {
+        return used;
+    }
+    for (number, inner) in structure.elements.iter().enumerate() {
+        let rest = name.strip_prefix(&inner.name).and_then(|rest| rest.strip_prefix('.'));
+        if let (Some(rest), true) = (rest, inner.parent == Some(element)) {
+            used += put(structure, has, number, rest, bound, values);
+        }
+    }
+    used
+}
+
+/// What a scenario writes for `variable`, of a value that has passed `way`.
+///
+/// # Errors
+/// When the variable cannot have the value, with its place in the set.
+pub fn setting(
+    description: &Description,
+    variable: &Variable,
+    given: &Given,
+    way: &[Passed<'_>],
+) -> Result<Value, Problem> {
+    let made = variable
+        .settable()
+        .map_err(|reason| format!("`{}` of the FMU cannot be set: {reason}", variable.name))
+        .and_then(|()| made(description, variable, given, way));
+    made.map_err(|reason| given.problem(reason))
+}
+
+fn made(description: &Description, variable: &Variable, given: &Given, way: &[Passed<'_>]) -> Result<Value, String> {
+    let array = !variable.extents.is_empty();
+    let all = |values: Vec<Value>| match <[Value; 1]>::try_from(values) {
+        Ok([one]) if !array => Ok(one),
+        Ok(one) => Ok(Value::Array(one.into())),
+        Err(many) if array => Ok(Value::Array(many)),
+        Err(many) => Err(format!("it has {} values; `{}` is no array", many.len(), variable.name)),
+    };
+    let texts = |texts: &[String]| texts.iter().map(|text| passed(text, way)).collect::<Vec<String>>();
+    let integer = |text: &str| {
+        let value = text.parse::<i64>().map(Value::Integer);
+        value.unwrap_or_else(|_| Value::String(text.to_owned()))
+    };
+    match (&given.content, variable.kind) {
+        (Content::Real(numbers), kind) if kind.is_float() => {
+            let line = line(given, variable, description, way)?;
+            let numbers: Vec<f64> = numbers.iter().map(|number| line.at(*number)).collect();
+            return quantity(description, variable, &numbers, array);
+        }
+        (Content::Whole(numbers), kind) if kind.is_float() => {
+            let line = line(given, variable, description, way)?;
+            let numbers: Vec<f64> = numbers.iter().map(|number| line.at(*number as f64)).collect();
+            return quantity(description, variable, &numbers, array);
+        }
+        _ => {}
+    }
+    if way
+        .iter()
+        .any(|(_, transformation, _)| !transformation.is_linear_identity())
+    {
+        return Err("a LinearTransformation is for floating-point numbers alone".into());
+    }
+    match (&given.content, variable.kind) {
+        (Content::Whole(numbers), kind) if kind.integers().is_some() => {
+            let numbers: Vec<String> = numbers.iter().map(ToString::to_string).collect();
+            all(texts(&numbers).iter().map(|text| integer(text)).collect())
+        }
+        (Content::Truth(values), Type::Boolean) => {
+            let values: Vec<String> = values.iter().map(ToString::to_string).collect();
+            all(texts(&values)
+                .iter()
+                .map(|text| Value::Boolean(text == "true"))
+                .collect())
+        }
+        (Content::Items(names, known), Type::Enumeration) => {
+            let item = |name: &String| {
+                let own = variable.items.iter().any(|item| item.name == *name);
+                let value = known.iter().find(|(known, _)| known == name).map(|(_, value)| *value);
+                match value {
+                    Some(value) if !own => Value::Integer(value),
+                    _ => Value::String(name.clone()),
+                }
+            };
+            all(texts(names).iter().map(item).collect())
+        }
+        (Content::Text(values), Type::String) => all(values.iter().cloned().map(Value::String).collect()),
+        (Content::Bytes(values), Type::Binary) => all(values.iter().cloned().map(Value::String).collect()),
+        (content, kind) => Err(format!(
+            "it is {}, and `{}` of the FMU is a {}",
+            words(content),
+            variable.name,
+            kind.name()
+        )),
+    }
+}
+
+fn words(content: &Content) -> &'static str {
+    match content {
+        Content::Real(_) => "a Real",
+        Content::Whole(_) => "an Integer",
+        Content::Truth(_) => "a Boolean",
+        Content::Text(_) => "a String",
+        Content::Items(..) => "an Enumeration",
+        Content::Bytes(_) => "a Binary",
+    }
+}
+
+/// What the tables on the way make of a value.
+fn passed(text: &str, way: &[Passed<'_>]) -> String {
+    way.iter().fold(text.to_owned(), |text, (_, transformation, _)| {
+        if transformation.table.is_some() {
+            transformation.mapped(&text)
+        } else {
+            text
+        }
+    })
+}
+
+/// What becomes of a number on its way into the unit of the variable.
+fn line(given: &Given, variable: &Variable, description: &Description, way: &[Passed<'_>]) -> Result<Line, String> {
+    let mut line = Line::new();
+    let mut unit = given.unit.as_ref();
+    for (suppress, transformation, taker) in way {
+        if !suppress {
+            line.convert(unit, *taker)?;
+        }
+        line.transform(transformation);
+        unit = crate::trace::unit_after(unit, *taker, *suppress);
+    }
+    line.convert(unit, description.unit(variable))?;
+    Ok(line)
+}
+
+/// Numbers in the FMU's own unit.
+fn quantity(description: &Description, variable: &Variable, numbers: &[f64], array: bool) -> Result<Value, String> {
+    if let (false, [_, _, ..]) = (array, numbers) {
+        return Err(format!(
+            "it has {} values; `{}` is no array",
+            numbers.len(),
+            variable.name
+        ));
+    }
+    let unit = description.unit(variable).filter(|unit| unit.of_port().unit != "1");
+    let texts: Vec<String> = numbers.iter().map(|number| format!("{number:?}")).collect();
+    Ok(match (unit, array) {
+        (Some(unit), true) => Value::String(format!("[{}] {}", texts.join(", "), unit.name)),
+        (Some(unit), false) => Value::String(format!("{} {}", texts.concat(), unit.name)),
+        (None, true) => Value::Array(numbers.iter().copied().map(Value::Float).collect()),
+        (None, false) => numbers.first().copied().map_or(Value::Float(0.0), Value::Float),
+    })
+}

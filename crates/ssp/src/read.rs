@@ -1,0 +1,384 @@
+//! The reader of `SystemStructure.ssd`, with the files that it names.
+
+use std::rc::Rc;
+
+use roxmltree::Node;
+
+use crate::error::Problem;
+use crate::package::Package;
+use crate::structure::{Bound, Connection, Connector, Content, Element, End, Kind, Structure};
+use crate::transform::Transformation;
+use crate::values::Given;
+use crate::xml::{Xml, child, children, elements, parse};
+use crate::{mapping, values};
+
+/// The description that every package has.
+pub const DESCRIPTION: &str = "SystemStructure.ssd";
+/// The deepest nesting of systems.
+const DEPTH_MAX: usize = 64;
+/// The most elements of one structure.
+const ELEMENTS_MAX: usize = 10_000;
+
+/// A reader of one description.
+struct Reader<'a> {
+    xml: Xml<'a>,
+    root: Node<'a, 'a>,
+    package: &'a Package,
+    elements: Vec<Element>,
+    problems: Vec<Problem>,
+}
+
+/// Reads the description of `package`, which is `bytes`.
+///
+/// # Errors
+/// Everything that is wrong with it or cannot be expressed.
+pub fn read(package: &Package, bytes: &[u8]) -> Result<Structure, Vec<Problem>> {
+    let mut found = Vec::new();
+    let structure = parse(DESCRIPTION, bytes, |xml, root| {
+        // The node and its document live as long as the call.
+        let mut reader = Reader {
+            xml,
+            root,
+            package,
+            elements: Vec::new(),
+            problems: Vec::new(),
+        };
+        let structure = reader.structure();
+        found = reader.problems;
+        structure
+    });
+    match structure {
+        Ok(structure) if found.is_empty() => Ok(structure),
+        Ok(_) => Err(found),
+        Err(problem) => {
+            found.push(problem);
+            Err(found)
+        }
+    }
+}
+
+impl<'a> Reader<'a> {
+    fn structure(&mut self) -> Result<Structure, Problem> {
+        let (xml, root) = (self.xml, self.root);
+        xml.root(root, "SystemStructureDescription")?;
+        let version = xml.needed(root, "version")?;
+        if !(version.starts_with("1.") || version.starts_with("2.")) {
+            return Err(xml.problem(root, format!("SSP version `{version}`; 1.0 and 2.0 are supported")));
+        }
+        let name = xml.needed(root, "name")?;
+        let system = child(root, "System").ok_or_else(|| xml.problem(root, "it has no `System`"))?;
+        let (mut start, mut stop) = (None, None);
+        if let Some(experiment) = child(root, "DefaultExperiment") {
+            start = xml.number(experiment, "startTime")?;
+            stop = xml.number(experiment, "stopTime")?;
+        }
+        self.system(system, None, 0)?;
+        Ok(Structure {
+            file: xml.file.into(),
+            name,
+            start,
+            stop,
+            elements: std::mem::take(&mut self.elements),
+        })
+    }
+
+    fn refuse(&mut self, node: Node<'_, '_>, reason: impl Into<String>) {
+        let problem = self.xml.problem(node, reason);
+        self.problems.push(problem);
+    }
+
+    /// What systems and components have in common.
+    fn element(&mut self, node: Node<'a, 'a>, parent: Option<usize>, content: Content) -> Result<usize, Problem> {
+        let xml = self.xml;
+        // The name of the root may be missing: nothing refers to it.
+        let name = match parent {
+            None => node.attribute("name").unwrap_or_default().to_owned(),
+            Some(_) => xml.needed(node, "name")?,
+        };
+        if self.elements.len() >= ELEMENTS_MAX {
+            return Err(xml.problem(node, format!("there are more than {ELEMENTS_MAX} elements")));
+        }
+        if self.elements.iter().any(|one| one.parent == parent && one.name == name) {
+            self.refuse(node, format!("two elements of a system are called `{name}`"));
+        }
+        let mut connectors: Vec<Connector> = Vec::new();
+        for own in children(node, "Connectors").flat_map(elements) {
+            let connector = self.connector(own)?;
+            if connectors.iter().any(|one| one.name == connector.name) {
+                self.refuse(
+                    own,
+                    format!("two connectors of `{name}` are called `{}`", connector.name),
+                );
+            }
+            connectors.push(connector);
+        }
+        let mut bindings = Vec::new();
+        for binding in children(node, "ParameterBindings").flat_map(elements) {
+            bindings.extend(self.binding(binding)?);
+        }
+        self.elements.push(Element {
+            name,
+            parent,
+            connectors,
+            bindings,
+            content,
+            line: xml.line(node),
+        });
+        Ok(self.elements.len() - 1)
+    }
+
+    fn connector(&mut self, node: Node<'a, 'a>) -> Result<Connector, Problem> {
+        let xml = self.xml;
+        let name = xml.needed(node, "name")?;
+        let kind = match xml.needed(node, "kind")?.as_str() {
+            "input" => Kind::Input,
+            "parameter" | "structuralParameter" => Kind::Parameter,
+            "output" | "local" | "calculatedParameter" | "constant" => Kind::Output,
+            "inout" | "unspecified" => Kind::Open,
+            other => return Err(xml.problem(node, format!("the connector `{name}` has the unknown kind `{other}`"))),
+        };
+        let of_type = elements(node).find(|one| one.attribute("unit").is_some());
+        Ok(Connector {
+            unit: of_type.map_or(Ok(None), |own| xml.unit(self.root, own))?,
+            name,
+            kind,
+            line: xml.line(node),
+        })
+    }
+
+    fn system(&mut self, node: Node<'a, 'a>, parent: Option<usize>, depth: usize) -> Result<(), Problem> {
+        if depth > DEPTH_MAX {
+            return Err(self
+                .xml
+                .problem(node, format!("systems are nested more than {DEPTH_MAX} deep")));
+        }
+        let own = self.element(node, parent, Content::System(Vec::new()))?;
+        if let Some(dictionaries) = child(node, "SignalDictionaries") {
+            self.refuse(
+                dictionaries,
+                "signal dictionaries are not supported: connect the components themselves",
+            );
+        }
+        for inner in children(node, "Elements").flat_map(elements) {
+            match inner.tag_name().name() {
+                "System" => self.system(inner, Some(own), depth + 1)?,
+                "Component" => self.component(inner, own)?,
+                other => {
+                    let reason =
+                        format!("`{other}` is not supported: the elements of a system are components and systems");
+                    self.refuse(inner, reason);
+                }
+            }
+        }
+        let mut connections = Vec::new();
+        for inner in children(node, "Connections").flat_map(elements) {
+            connections.extend(self.connection(inner, own)?);
+        }
+        self.elements[own].content = Content::System(connections);
+        Ok(())
+    }
+
+    fn component(&mut self, node: Node<'a, 'a>, parent: usize) -> Result<(), Problem> {
+        const FMU: &str = "application/x-fmu-sharedlibrary";
+        let name = node.attribute("name").unwrap_or_default();
+        let kind = node.attribute("type").unwrap_or(FMU);
+        if kind != FMU {
+            self.refuse(
+                node,
+                format!("the component `{name}` is a `{kind}`; only FMUs (`{FMU}`) can take part"),
+            );
+        }
+        let implementation = node.attribute("implementation").unwrap_or("any");
+        if !matches!(implementation, "any" | "CoSimulation") {
+            let reason =
+                format!("the component `{name}` is wanted as {implementation}; only co-simulation can take part");
+            self.refuse(node, reason);
+        }
+        let source = match node.attribute("source") {
+            Some(source) => self.entry(node, source),
+            None => {
+                self.refuse(
+                    node,
+                    format!("the component `{name}` has no `source`: it is an architecture without an FMU"),
+                );
+                None
+            }
+        };
+        self.element(node, Some(parent), Content::Component(source.unwrap_or_default()))?;
+        Ok(())
+    }
+
+    /// The entry of the archive that a URI names.
+    fn entry(&mut self, node: Node<'a, 'a>, uri: &str) -> Option<String> {
+        let path = decoded(uri);
+        let path = path.strip_prefix("./").unwrap_or(&path);
+        let outside = path.contains("://") || path.starts_with('/') || path.split('/').any(|part| part == "..");
+        if outside
+            || path.contains('#')
+            || path.starts_with("file:")
+            || node.attribute("sourceBase") == Some("component")
+        {
+            let reason =
+                format!("the source `{uri}` is not supported: name a file of the package, such as `resources/a.fmu`");
+            self.refuse(node, reason);
+            return None;
+        }
+        if !self.package.has(path) {
+            self.refuse(node, format!("the source `{uri}` is not in the package"));
+            return None;
+        }
+        Some(path.to_owned())
+    }
+
+    fn connection(&mut self, node: Node<'a, 'a>, system: usize) -> Result<Option<Connection>, Problem> {
+        let xml = self.xml;
+        for indices in ["startIndices", "endIndices"] {
+            if node.attribute(indices).is_some() {
+                let reason =
+                    format!("`{indices}`: single elements of arrays cannot be connected; connect whole connectors");
+                self.refuse(node, reason);
+            }
+        }
+        let start = self.end(node, system, "startElement", "startConnector")?;
+        let end = self.end(node, system, "endElement", "endConnector")?;
+        let (suppress, transformation) = (
+            xml.flag(node, "suppressUnitConversion")?,
+            Transformation::read(xml, node)?,
+        );
+        let line = xml.line(node);
+        Ok(start.zip(end).map(|(start, end)| Connection {
+            start,
+            end,
+            suppress,
+            transformation,
+            line,
+        }))
+    }
+
+    fn end(
+        &mut self,
+        node: Node<'a, 'a>,
+        system: usize,
+        element: &str,
+        connector: &str,
+    ) -> Result<Option<End>, Problem> {
+        let connector = self.xml.needed(node, connector)?;
+        let found = match node.attribute(element) {
+            None => None,
+            Some(name) => {
+                let found = self
+                    .elements
+                    .iter()
+                    .position(|one| one.parent == Some(system) && one.name == name);
+                if found.is_none() {
+                    let own = self.elements.iter().filter(|one| one.parent == Some(system));
+                    let known: Vec<String> = own.map(|one| format!("`{}`", one.name)).collect();
+                    let reason = format!(
+                        "`{element}`: there is no element `{name}`; there is {}",
+                        known.join(", ")
+                    );
+                    self.refuse(node, reason);
+                    return Ok(None);
+                }
+                found
+            }
+        };
+        let owner = &self.elements[found.unwrap_or(system)];
+        if owner.connector(&connector).is_none() {
+            let known = fmu::nearest(&connector, owner.connectors.iter().map(|one| one.name.as_str()));
+            let known = known.map_or(String::new(), |name| format!("; did you mean `{name}`?"));
+            let reason = format!("`{}` has no connector `{connector}`{known}", owner.name);
+            self.refuse(node, reason);
+            return Ok(None);
+        }
+        Ok(Some((found, connector)))
+    }
+
+    fn binding(&mut self, node: Node<'a, 'a>) -> Result<Vec<Bound>, Problem> {
+        const SET: &str = "application/x-ssp-parameter-set";
+        let kind = node.attribute("type").unwrap_or(SET);
+        if kind != SET {
+            self.refuse(
+                node,
+                format!("parameters of the type `{kind}` are not supported; `{SET}` is"),
+            );
+            return Ok(Vec::new());
+        }
+        let prefix = node.attribute("prefix").unwrap_or_default();
+        let given = self.content(node, "ParameterValues", values::read)?;
+        let map = match child(node, "ParameterMapping") {
+            None => None,
+            Some(own) => Some(self.content(own, "", mapping::read)?),
+        };
+        let given: Vec<Rc<Given>> = given.unwrap_or_default().into_iter().map(Rc::new).collect();
+        let named = given.into_iter().map(|one| (format!("{prefix}{}", one.name), one));
+        let Some(map) = map.map(Option::unwrap_or_default) else {
+            let bound = named.map(|(target, given)| Bound {
+                target,
+                given,
+                suppress: false,
+                transformation: Transformation::none(),
+            });
+            return Ok(bound.collect());
+        };
+        let mut bound = Vec::new();
+        for (name, given) in named {
+            bound.extend(map.iter().filter(|entry| entry.source == name).map(|entry| Bound {
+                target: entry.target.clone(),
+                given: Rc::clone(&given),
+                suppress: entry.suppress,
+                transformation: entry.transformation.clone(),
+            }));
+        }
+        Ok(bound)
+    }
+
+    /// What `read` makes of the file that `node` names as its source, or of what stands in its child `wrapper`, else in itself.
+    fn content<T>(
+        &mut self,
+        node: Node<'a, 'a>,
+        wrapper: &'static str,
+        read: impl Fn(Xml<'_>, Node<'_, '_>) -> Result<T, Problem>,
+    ) -> Result<Option<T>, Problem> {
+        if let Some(source) = node.attribute("source") {
+            let Some(entry) = self.entry(node, source) else {
+                return Ok(None);
+            };
+            return match self.package.file(&entry) {
+                Some(Ok(bytes)) => parse(&entry, &bytes, read).map(Some),
+                Some(Err(error)) => Err(self.xml.problem(node, error.to_string())),
+                None => Ok(None),
+            };
+        }
+        let wrapped = child(node, wrapper).unwrap_or(node);
+        match elements(wrapped).find(|one| one.tag_name().name() != "Annotations") {
+            Some(root) => read(self.xml, root).map(Some),
+            None => {
+                let what = node.tag_name().name();
+                self.refuse(node, format!("`{what}` has neither a `source` nor a content"));
+                Ok(None)
+            }
+        }
+    }
+}
+
+/// A URI without its percent signs.
+fn decoded(uri: &str) -> String {
+    let mut bytes = Vec::new();
+    let mut rest = uri.as_bytes();
+    while let [first, after @ ..] = rest {
+        let digits = after.get(..2).filter(|_| *first == b'%');
+        let code = digits.and_then(|two| std::str::from_utf8(two).ok());
+        match code.and_then(|code| u8::from_str_radix(code, 16).ok()) {
+            Some(byte) => {
+                bytes.push(byte);
+                rest = &after[2..];
+            }
+            None => {
+                bytes.push(*first);
+                rest = after;
+            }
+        }
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}

@@ -1,0 +1,153 @@
+//! A system structure: systems, components, and what connects them.
+
+use std::rc::Rc;
+
+use fmu::Unit;
+
+use crate::error::Problem;
+use crate::transform::Transformation;
+use crate::values::Given;
+
+/// The description of a package. Elements are numbered; the first is the root system.
+#[derive(Debug)]
+pub struct Structure {
+    /// The file inside the package.
+    pub file: Rc<str>,
+    /// Its name.
+    pub name: String,
+    /// Start of the default experiment, s.
+    pub start: Option<f64>,
+    /// Its end, s.
+    pub stop: Option<f64>,
+    /// Systems and components.
+    pub elements: Vec<Element>,
+}
+
+/// A system or a component.
+#[derive(Debug)]
+pub struct Element {
+    /// Its name in its system.
+    pub name: String,
+    /// The system in which it is; none of the root.
+    pub parent: Option<usize>,
+    /// Its connectors.
+    pub connectors: Vec<Connector>,
+    /// Values of parameters, later ones before earlier ones.
+    pub bindings: Vec<Bound>,
+    /// What it is.
+    pub content: Content,
+    /// The line.
+    pub line: u32,
+}
+
+/// What an element is.
+#[derive(Debug)]
+pub enum Content {
+    /// A system with connections of its own.
+    System(Vec<Connection>),
+    /// A component with the entry of the archive that has its FMU.
+    Component(String),
+}
+
+/// A connector of an element.
+#[derive(Debug)]
+pub struct Connector {
+    /// Its name.
+    pub name: String,
+    /// What it is for.
+    pub kind: Kind,
+    /// Its unit, where it says one.
+    pub unit: Option<Unit>,
+    /// The line.
+    pub line: u32,
+}
+
+/// What a connector is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A value goes into the element before the run starts.
+    Parameter,
+    /// A value goes into the element.
+    Input,
+    /// A value comes out of it.
+    Output,
+    /// It is not said.
+    Open,
+}
+
+/// An end of a connection: an element of the system, or none for the system itself, and a connector.
+pub type End = (Option<usize>, String);
+
+/// A connection of a system. Which end gives follows from the kinds of the connectors.
+#[derive(Debug)]
+pub struct Connection {
+    /// One end.
+    pub start: End,
+    /// The other one.
+    pub end: End,
+    /// Whether units are left as they are.
+    pub suppress: bool,
+    /// What becomes of the value.
+    pub transformation: Transformation,
+    /// The line.
+    pub line: u32,
+}
+
+/// A value for a parameter of an element, or of one inside it.
+#[derive(Debug, Clone)]
+pub struct Bound {
+    /// The parameter's name from the element on: `P`, or `inner.P`.
+    pub target: String,
+    /// The value.
+    pub given: Rc<Given>,
+    /// Whether its unit is left as it is.
+    pub suppress: bool,
+    /// What becomes of the value.
+    pub transformation: Transformation,
+}
+
+impl Element {
+    /// The connector called `name`.
+    pub fn connector(&self, name: &str) -> Option<&Connector> {
+        self.connectors.iter().find(|one| one.name == name)
+    }
+
+    /// Whether it is a component.
+    pub fn source(&self) -> Option<&str> {
+        match &self.content {
+            Content::Component(source) => Some(source),
+            Content::System(_) => None,
+        }
+    }
+}
+
+impl Structure {
+    /// The name of an element from the root on: `inner.gain`; that of the root is empty.
+    pub fn path(&self, element: usize) -> String {
+        let own = &self.elements[element];
+        match own.parent.map(|parent| self.path(parent)) {
+            None => String::new(),
+            Some(above) if above.is_empty() => own.name.clone(),
+            Some(above) => format!("{above}.{}", own.name),
+        }
+    }
+
+    /// A connector with its element, for messages.
+    pub fn shown(&self, element: usize, connector: &str) -> String {
+        let path = self.path(element);
+        if path.is_empty() {
+            connector.to_owned()
+        } else {
+            format!("{path}.{connector}")
+        }
+    }
+
+    /// A problem in the description.
+    pub fn problem(&self, line: u32, reason: String) -> Problem {
+        Problem {
+            file: self.file.to_string(),
+            line,
+            reason,
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Where the value of a connector comes from, through the connectors of nested systems.
+
+use std::collections::HashMap;
+
+use fmu::Unit;
+
+use crate::error::Problem;
+use crate::structure::{Connection, Content, End, Kind, Structure};
+
+/// A connection on the way of a value, with the connector that takes it there.
+#[derive(Clone, Copy)]
+pub struct Step<'a> {
+    /// The connection.
+    pub connection: &'a Connection,
+    /// The element whose connector takes the value, and its connector.
+    pub taker: (usize, &'a str),
+}
+
+/// Where a value comes from, and its way from there on.
+pub struct Trace<'a> {
+    /// The element and its connector: of a component that gives the value, or of one that nothing feeds.
+    pub origin: (usize, &'a str),
+    /// Connections in the order in which the value passes them.
+    pub steps: Vec<Step<'a>>,
+}
+
+/// The connections of all systems by what they feed.
+pub struct Network<'a> {
+    structure: &'a Structure,
+    /// By system and taking end: the connection, its giving end and its taking one.
+    feeds: HashMap<(usize, End), (&'a Connection, &'a End, &'a End)>,
+    count: usize,
+}
+
+impl<'a> Network<'a> {
+    /// Tells for each connection which end gives.
+    ///
+    /// # Errors
+    /// Connections without a direction, and connectors that are fed twice.
+    pub fn new(structure: &'a Structure) -> (Network<'a>, Vec<Problem>) {
+        let mut network = Network {
+            structure,
+            feeds: HashMap::new(),
+            count: 0,
+        };
+        let mut problems = Vec::new();
+        for (system, element) in structure.elements.iter().enumerate() {
+            let Content::System(connections) = &element.content else {
+                continue;
+            };
+            for connection in connections {
+                network.count += 1;
+                let ends = (&connection.start, &connection.end);
+                let gives = (network.gives(system, ends.0), network.gives(system, ends.1));
+                let shown = |end: &End| structure.shown(end.0.unwrap_or(system), &end.1);
+                let (giver, taker) = match gives {
+                    (Some(true), Some(false)) | (Some(true), None) | (None, Some(false)) => ends,
+                    (Some(false), Some(true)) | (None, Some(true)) | (Some(false), None) => (ends.1, ends.0),
+                    _ => {
+                        let reason = format!(
+                            "the kinds of `{}` and `{}` do not say which of them gives the value: one must be an output (or an input of the \
+                             system itself), the other one an input",
+                            shown(ends.0),
+                            shown(ends.1)
+                        );
+                        problems.push(structure.problem(connection.line, reason));
+                        continue;
+                    }
+                };
+                let feed = (connection, giver, taker);
+                if network.feeds.insert((system, taker.clone()), feed).is_some() {
+                    let reason = format!("`{}` is fed by two connections", shown(taker));
+                    problems.push(structure.problem(connection.line, reason));
+                }
+            }
+        }
+        (network, problems)
+    }
+
+    /// Whether an end gives a value inside `system`; an input of the system itself does.
+    fn gives(&self, system: usize, end: &End) -> Option<bool> {
+        let owner = &self.structure.elements[end.0.unwrap_or(system)];
+        let out = match owner.connector(&end.1)?.kind {
+            Kind::Output => true,
+            Kind::Input | Kind::Parameter => false,
+            Kind::Open => return None,
+        };
+        Some(out == end.0.is_some())
+    }
+
+    /// From where the connector `name` of `element` is fed: of a component or system from outside, of the root from inside.
+    ///
+    /// # Errors
+    /// Connections in a circle without a component.
+    pub fn trace(&self, element: usize, name: &'a str) -> Result<Trace<'a>, Problem> {
+        let structure = self.structure;
+        let mut steps = Vec::new();
+        // The connector, and whether it is looked at from inside its own system.
+        let mut at = (element, name, structure.elements[element].parent.is_none());
+        loop {
+            let (owner, name, inside) = at;
+            let system = if inside {
+                Some(owner)
+            } else {
+                structure.elements[owner].parent
+            };
+            let end = ((!inside).then_some(owner), name.to_owned());
+            let found = system.and_then(|system| Some((system, *self.feeds.get(&(system, end))?)));
+            let Some((system, (connection, giver, taker))) = found else {
+                steps.reverse();
+                return Ok(Trace {
+                    origin: (owner, name),
+                    steps,
+                });
+            };
+            if steps.len() > self.count {
+                let shown = structure.shown(owner, name);
+                let reason = format!("the connections that feed `{shown}` go in a circle without a component");
+                return Err(structure.problem(connection.line, reason));
+            }
+            steps.push(Step {
+                connection,
+                taker: (owner, &taker.1),
+            });
+            match giver.0 {
+                // Out of a component: there it is made.
+                Some(component) if structure.elements[component].source().is_some() => {
+                    steps.reverse();
+                    return Ok(Trace {
+                        origin: (component, &giver.1),
+                        steps,
+                    });
+                }
+                // Out of a nested system: look inside.
+                Some(nested) => at = (nested, &giver.1, true),
+                // In through the system's own connector: look outside.
+                None => at = (system, &giver.1, false),
+            }
+        }
+    }
+}
+
+/// The unit of a value that has passed `steps`, each of which may give it another one.
+pub fn unit_after<'a>(before: Option<&'a Unit>, taker: Option<&'a Unit>, suppress: bool) -> Option<&'a Unit> {
+    match (taker, suppress) {
+        (Some(unit), _) => Some(unit),
+        (None, false) => before,
+        (None, true) => None,
+    }
+}

@@ -1,0 +1,100 @@
+//! Transformations of values on connections and mappings of parameters.
+
+use roxmltree::Node;
+
+use crate::error::Problem;
+use crate::xml::{Xml, children, elements, truth};
+
+/// What is done to a value on its way, after units were converted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transformation {
+    /// target = factor · source + offset.
+    pub factor: f64,
+    /// See above.
+    pub offset: f64,
+    /// The name of the element, where it is a table.
+    pub table: Option<&'static str>,
+    /// Values of a table by what they become; others stay what they are.
+    pub entries: Vec<(String, String)>,
+}
+
+impl Transformation {
+    /// Everything stays what it is.
+    pub const fn none() -> Transformation {
+        Transformation {
+            factor: 1.0,
+            offset: 0.0,
+            table: None,
+            entries: Vec::new(),
+        }
+    }
+
+    /// The transformation below `node`; the identity where there is none.
+    ///
+    /// # Errors
+    /// A number or a table that is none.
+    pub fn read(xml: Xml<'_>, node: Node<'_, '_>) -> Result<Transformation, Problem> {
+        let mut own = Transformation::none();
+        for element in elements(node) {
+            let table = match element.tag_name().name() {
+                "LinearTransformation" => {
+                    own.factor = xml.number(element, "factor")?.unwrap_or(1.0);
+                    own.offset = xml.number(element, "offset")?.unwrap_or(0.0);
+                    continue;
+                }
+                "BooleanMappingTransformation" => "BooleanMappingTransformation",
+                "IntegerMappingTransformation" => "IntegerMappingTransformation",
+                "EnumerationMappingTransformation" => "EnumerationMappingTransformation",
+                _ => continue,
+            };
+            own.table = Some(table);
+            for entry in children(element, "MapEntry") {
+                let source = xml.needed(entry, "source")?;
+                let target = xml.needed(entry, "target")?;
+                own.entries.push((plain(&source), plain(&target)));
+            }
+        }
+        Ok(own)
+    }
+
+    /// Whether numbers stay what they are.
+    pub fn is_linear_identity(&self) -> bool {
+        self.factor == 1.0 && self.offset == 0.0
+    }
+
+    /// Whether a table changes a value.
+    pub fn maps(&self) -> bool {
+        self.entries.iter().any(|(source, target)| source != target)
+    }
+
+    /// What the table makes of `value`.
+    pub fn mapped(&self, value: &str) -> String {
+        let value = plain(value);
+        let found = self.entries.iter().find(|(source, _)| *source == value);
+        found.map_or(value, |(_, target)| target.clone())
+    }
+}
+
+/// One spelling for truth values and for whole numbers.
+fn plain(text: &str) -> String {
+    let text = text.trim();
+    match (truth(text), text.parse::<i128>()) {
+        (_, Ok(number)) => number.to_string(),
+        (Some(value), _) => value.to_string(),
+        _ => text.to_owned(),
+    }
+}
+
+/// The items of the enumerations of a file: enumeration, item, value.
+pub fn items(root: Node<'_, '_>) -> Vec<(String, String, i64)> {
+    let mut all = Vec::new();
+    for enumeration in children(root, "Enumerations").flat_map(elements) {
+        let name = enumeration.attribute("name").unwrap_or_default();
+        for item in elements(enumeration) {
+            if let (Some(own), Some(Ok(value))) = (item.attribute("name"), item.attribute("value").map(str::parse)) {
+                all.push((name.to_owned(), own.to_owned(), value));
+            }
+        }
+    }
+    all
+}

@@ -1,0 +1,71 @@
+//! `escapement import FILE.ssp`: a scenario out of a system structure.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use lockstep::time::Rational;
+
+use super::project::{File, check_empty, write};
+use crate::arguments::span;
+
+/// Exit code: the package or the folder is not what it should be.
+const REFUSED: i32 = 2;
+
+/// Make a scenario of a system structure (SSP 1.0 or 2.0): a folder with the scenario and its FMUs.
+///
+/// Nested systems are flattened; parameters are filled in. What a scenario cannot express is refused with file and line. Nothing of an FMU runs.
+#[derive(Debug, Args)]
+pub struct ImportArgs {
+    /// The package
+    pub file: PathBuf,
+    /// The folder to write; the name of the package unless given
+    #[arg(long, value_name = "FOLDER")]
+    pub out: Option<PathBuf>,
+    /// The period of all FMUs, such as 10ms; unless given, each has the step of its own default experiment
+    #[arg(long, value_name = "TIME", value_parser = span)]
+    pub period: Option<Rational>,
+    /// Take algebraic loops too: each FMU in one is a period late
+    #[arg(long)]
+    pub open_loops: bool,
+}
+
+/// Imports.
+pub fn run(args: &ImportArgs) -> i32 {
+    match import(args) {
+        Ok(()) => 0,
+        Err(refusal) => {
+            eprintln!("error: {refusal}");
+            REFUSED
+        }
+    }
+}
+
+fn import(args: &ImportArgs) -> Result<(), String> {
+    let stem = args.file.file_stem().map_or(Path::new("system"), Path::new);
+    let folder = args.out.as_deref().unwrap_or(stem);
+    check_empty(folder)?;
+    let options = ssp::Options {
+        period: args.period,
+        open_loops: args.open_loops,
+    };
+    let imported = ssp::import(&args.file, options).map_err(|error| error.to_string())?;
+    for note in &imported.notes {
+        eprintln!("note: {note}");
+    }
+    let mut files = vec![File {
+        path: "scenario.toml".into(),
+        contents: imported.scenario.into_bytes(),
+    }];
+    files.extend(
+        imported
+            .fmus
+            .into_iter()
+            .map(|(path, contents)| File { path, contents }),
+    );
+    let next = [
+        "escapement check scenario.toml",
+        "escapement run scenario.toml --out runs/first",
+        "escapement report runs/first",
+    ];
+    write(folder, "imported", &files, &next)
+}

@@ -1,0 +1,531 @@
+//! System structures become scenarios, which run, and whose tapes are those of scenarios that are written by hand.
+
+use std::path::{Path, PathBuf};
+
+use escapement_tests::fmus::{Recipe, archive};
+use escapement_tests::program::{Folder, Said, orchestrate, root, text};
+
+const SPACES: &str = "xmlns:ssd=\"http://ssp-standard.org/SSP1/SystemStructureDescription\" \
+    xmlns:ssc=\"http://ssp-standard.org/SSP1/SystemStructureCommon\" xmlns:ssv=\"http://ssp-standard.org/SSP1/SystemStructureParameterValues\" \
+    xmlns:ssm=\"http://ssp-standard.org/SSP1/SystemStructureParameterMapping\"";
+
+/// A description with the root system's content.
+fn description(system: &str, rest: &str) -> String {
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<ssd:SystemStructureDescription {SPACES} version=\"1.0\" name=\"Test\">\n\
+         <ssd:System name=\"root\">\n{system}\n</ssd:System>\n{rest}\n</ssd:SystemStructureDescription>\n"
+    )
+}
+
+/// A package of these files beside `SystemStructure.ssd`.
+fn package(folder: &Folder, description: &str, files: &[(&str, Vec<u8>)]) -> PathBuf {
+    let mut entries = vec![("SystemStructure.ssd", description.as_bytes().to_vec())];
+    entries.extend_from_slice(files);
+    let path = folder.path().join("system.ssp");
+    std::fs::write(&path, archive(&entries)).expect("the folder can be written");
+    path
+}
+
+fn read(path: &Path) -> Vec<u8> {
+    std::fs::read(path).expect("the file is there")
+}
+
+/// A mass on a spring (FMI 2.0) and a damper (FMI 3.0), built here.
+fn pair(folder: &Folder) -> (Vec<u8>, Vec<u8>) {
+    let damper = Recipe {
+        damper: true,
+        ..Recipe::new(3)
+    };
+    (
+        read(&Recipe::new(2).build(folder, "spring")),
+        read(&damper.build(folder, "damper")),
+    )
+}
+
+fn import(folder: &Folder, package: &Path, rest: &[&str]) -> Said {
+    let out = folder.path().join("imported");
+    orchestrate(&[&["import", text(package), "--out", text(&out)], rest].concat())
+}
+
+/// Runs the imported scenario in both ways and `by_hand` beside it, and sees that all have one tape.
+fn is_what_is_written_by_hand(folder: &Folder, by_hand: &str) {
+    let imported = folder.path().join("imported/scenario.toml");
+    let checked = orchestrate(&["check", text(&imported)]);
+    assert_eq!(checked.code, Some(0), "{checked:?}");
+    let by_hand = folder.write("imported/by-hand.toml", by_hand);
+    let runs = [
+        ("expected", &by_hand, &[][..]),
+        ("apart", &imported, &[]),
+        ("together", &imported, &["--in-process"]),
+    ];
+    let expected = folder.path().join("expected");
+    for (name, scenario, way) in runs {
+        let out = folder.path().join(name);
+        let said = orchestrate(&[&["run", text(scenario), "--out", text(&out), "--quiet"], way].concat());
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let said = orchestrate(&["compare", text(&expected), text(&out)]);
+        let scenario = String::from_utf8_lossy(&read(&imported)).into_owned();
+        assert_eq!(said.code, Some(0), "{name}: {said:?}\n{scenario}");
+    }
+}
+
+/// Units and a transformation on the way through a nested system, a set of parameters with a prefix, another one with a mapping,
+/// and a parameter that goes through connectors.
+const NESTED: &str = r#"
+<ssd:Connectors>
+  <ssd:Connector name="D" kind="parameter"><ssc:Real unit="N.s/mm"/></ssd:Connector>
+  <ssd:Connector name="idle" kind="input"/>
+  <ssd:Connector name="position" kind="output"/>
+</ssd:Connectors>
+<ssd:ParameterBindings>
+  <ssd:ParameterBinding source="resources/mass.ssv" prefix="mass."/>
+  <ssd:ParameterBinding source="resources/plant%20data.ssv">
+    <ssd:ParameterMapping source="resources/plant.ssm"/>
+  </ssd:ParameterBinding>
+</ssd:ParameterBindings>
+<ssd:Elements>
+  <ssd:Component name="mass" type="application/x-fmu-sharedlibrary" source="resources/spring.fmu">
+    <ssd:Connectors>
+      <ssd:Connector name="f" kind="input"/><ssd:Connector name="x" kind="output"/><ssd:Connector name="v" kind="output"/>
+    </ssd:Connectors>
+    <ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues>
+      <ssv:ParameterSet version="1.0" name="overridden from above"><ssv:Parameters>
+        <ssv:Parameter name="x"><ssv:Real value="0.7"/></ssv:Parameter>
+      </ssv:Parameters></ssv:ParameterSet>
+    </ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>
+  </ssd:Component>
+  <ssd:System name="brake">
+    <ssd:Connectors>
+      <ssd:Connector name="speed" kind="input"><ssc:Real unit="mm/s"/></ssd:Connector>
+      <ssd:Connector name="force" kind="output"/>
+      <ssd:Connector name="c" kind="parameter"/>
+    </ssd:Connectors>
+    <ssd:Elements>
+      <ssd:Component name="damper" source="resources/damper.fmu" implementation="CoSimulation">
+        <ssd:Connectors>
+          <ssd:Connector name="v" kind="input"/><ssd:Connector name="f" kind="output"/><ssd:Connector name="damping" kind="parameter"/>
+        </ssd:Connectors>
+      </ssd:Component>
+    </ssd:Elements>
+    <ssd:Connections>
+      <ssd:Connection startConnector="speed" endElement="damper" endConnector="v">
+        <ssc:LinearTransformation offset="0.01"/>
+      </ssd:Connection>
+      <ssd:Connection startConnector="force" endElement="damper" endConnector="f"/>
+      <ssd:Connection startConnector="c" endElement="damper" endConnector="damping"/>
+    </ssd:Connections>
+  </ssd:System>
+</ssd:Elements>
+<ssd:Connections>
+  <ssd:Connection startElement="mass" startConnector="v" endElement="brake" endConnector="speed">
+    <ssc:LinearTransformation factor="0.5"/>
+  </ssd:Connection>
+  <ssd:Connection startElement="brake" startConnector="force" endElement="mass" endConnector="f"/>
+  <ssd:Connection startConnector="D" endElement="brake" endConnector="c"/>
+  <ssd:Connection startElement="mass" startConnector="x" endConnector="position"/>
+</ssd:Connections>"#;
+
+const NESTED_REST: &str = r#"<ssd:Units>
+  <ssc:Unit name="mm/s"><ssc:BaseUnit m="1" s="-1" factor="0.001"/></ssc:Unit>
+  <ssc:Unit name="N.s/mm"><ssc:BaseUnit kg="1" s="-1" factor="1000"/></ssc:Unit>
+</ssd:Units>
+<ssd:DefaultExperiment startTime="0" stopTime="2"/>"#;
+
+#[test]
+fn nested_system_is_the_scenario_written_by_hand() {
+    let folder = Folder::new("nested");
+    let (spring, damper) = pair(&folder);
+    let set = |content: &str| {
+        format!("<ssv:ParameterSet {SPACES} version=\"1.0\" name=\"p\">{content}</ssv:ParameterSet>").into_bytes()
+    };
+    let of_mass = set(
+        "<ssv:Parameters><ssv:Parameter name=\"x\"><ssv:Real value=\"200\" unit=\"mm\"/></ssv:Parameter>\
+         <ssv:Parameter name=\"elsewhere\"><ssv:Real value=\"1\"/></ssv:Parameter></ssv:Parameters>\
+         <ssv:Units><ssc:Unit name=\"mm\"><ssc:BaseUnit m=\"1\" factor=\"0.001\"/></ssc:Unit></ssv:Units>",
+    );
+    let of_plant = set(
+        "<ssv:Parameters><ssv:Parameter name=\"M\"><ssv:Real value=\"2000\" unit=\"g\"/></ssv:Parameter>\
+         <ssv:Parameter name=\"K\"><ssv:Integer value=\"12\"/></ssv:Parameter><ssv:Parameter name=\"D\"><ssv:Real value=\"9\"/></ssv:Parameter>\
+         <ssv:Parameter name=\"damping\"><ssv:Real value=\"0.0005\"/></ssv:Parameter></ssv:Parameters>\
+         <ssv:Units><ssc:Unit name=\"g\"><ssc:BaseUnit kg=\"1\" factor=\"0.001\"/></ssc:Unit></ssv:Units>",
+    );
+    let mapping = format!(
+        "<ssm:ParameterMapping {SPACES} version=\"1.0\"><ssm:MappingEntry source=\"M\" target=\"mass.mass\"/>\
+         <ssm:MappingEntry source=\"K\" target=\"mass.stiffness\"><ssc:LinearTransformation factor=\"2\" offset=\"1\"/></ssm:MappingEntry>\
+         <ssm:MappingEntry source=\"damping\" target=\"D\"/></ssm:ParameterMapping>"
+    );
+    let files = [
+        ("resources/spring.fmu", spring),
+        ("resources/damper.fmu", damper),
+        ("resources/mass.ssv", of_mass),
+        ("resources/plant data.ssv", of_plant),
+        ("resources/plant.ssm", mapping.into_bytes()),
+    ];
+    let package = package(&folder, &description(NESTED, NESTED_REST), &files);
+    let said = import(&folder, &package, &["--period", "2 ms"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(
+        said.out.contains("fmus/spring.fmu") && said.out.contains("What to do next"),
+        "{said:?}"
+    );
+    assert!(
+        said.err
+            .contains("resources/mass.ssv:1: there is no parameter `mass.elsewhere`"),
+        "{said:?}"
+    );
+    is_what_is_written_by_hand(
+        &folder,
+        r#"
+        duration = "2 s"
+        [participants.mass]
+        period = "2 ms"
+        run.fmu = "fmus/spring.fmu"
+        parameters = { x = "200 mm", mass = "2 kg", stiffness = "25 N/m" }
+        [participants.brake-damper]
+        period = "2 ms"
+        run.fmu = "fmus/damper.fmu"
+        parameters = { damping = "0.5 N s/m" }
+        [connections.speed]
+        from = "mass.outputs"
+        to = "brake-damper.inputs"
+        map = { v = { from = "v", factor = 0.5, offset = "1 cm/s" } }
+        [connections.force]
+        from = "brake-damper.outputs"
+        to = "mass.inputs"
+        map = { f = "f" }
+        "#,
+    );
+    let scenario = String::from_utf8(read(&folder.path().join("imported/scenario.toml"))).expect("text");
+    assert!(scenario.contains("curves = [\"mass.outputs.x\"]"), "{scenario}");
+}
+
+/// Whole numbers, truth values and enumerations between FMUs of other tools, SSP 2.0 with a default namespace, no nesting, values in
+/// the description, tables for values, an experiment that starts later, and no unit anywhere.
+const TYPES: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+<SystemStructureDescription xmlns="http://ssp-standard.org/SSP1/SystemStructureDescription" version="2.0" name="Types"
+  xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+  xmlns:ssm="http://ssp-standard.org/SSP1/SystemStructureParameterMapping">
+<System name="root">
+  <Connectors><Connector name="level" kind="input"><ssc:Float64/></Connector></Connectors>
+  <ParameterBindings><ParameterBinding>
+    <ParameterValues><ssv:ParameterSet version="2.0" name="start"><ssv:Parameters>
+      <ssv:Parameter name="level"><ssv:Float64 value="2.5"/></ssv:Parameter>
+      <ssv:Parameter name="one.two.Int32_input"><ssv:Int32 value="-7"/></ssv:Parameter>
+      <ssv:Parameter name="off"><ssv:Boolean value="0"/></ssv:Parameter>
+      <ssv:Parameter name="choice"><ssv:Enumeration value="first"/></ssv:Parameter>
+      <ssv:Parameter name="one.two.String_input"><ssv:String value="a &quot;b&quot; \ &#10;c"/></ssv:Parameter>
+    </ssv:Parameters></ssv:ParameterSet></ParameterValues>
+    <ParameterMapping><ssm:ParameterMapping version="2.0">
+      <ssm:MappingEntry source="level" target="level"/>
+      <ssm:MappingEntry source="one.two.Int32_input" target="one.two.Int32_input">
+        <ssc:IntegerMappingTransformation><ssc:MapEntry source="-7" target="41"/></ssc:IntegerMappingTransformation>
+      </ssm:MappingEntry>
+      <ssm:MappingEntry source="off" target="one.two.Boolean_input">
+        <ssc:BooleanMappingTransformation><ssc:MapEntry source="false" target="true"/></ssc:BooleanMappingTransformation>
+      </ssm:MappingEntry>
+      <ssm:MappingEntry source="choice" target="one.two.Enumeration_input">
+        <ssc:EnumerationMappingTransformation><ssc:MapEntry source="first" target="Option 2"/></ssc:EnumerationMappingTransformation>
+      </ssm:MappingEntry>
+      <ssm:MappingEntry source="one.two.String_input" target="one.two.String_input"/>
+    </ssm:ParameterMapping></ParameterMapping>
+  </ParameterBinding></ParameterBindings>
+  <Elements>
+    <Component name="one.two" source="./Feedthrough.fmu"><Connectors>
+      <Connector name="Float64_continuous_input" kind="input"/><Connector name="Float64_continuous_output" kind="output"/>
+      <Connector name="Int32_output" kind="output"/><Connector name="Boolean_output" kind="output"/>
+      <Connector name="Enumeration_output" kind="output"/>
+    </Connectors></Component>
+    <Component name="3" source="./Feedthrough.fmu"><Connectors>
+      <Connector name="Float64_continuous_input" kind="input"/><Connector name="Float64_discrete_input" kind="input"/>
+      <Connector name="Int32_input" kind="input"/><Connector name="Boolean_input" kind="input"/><Connector name="Enumeration_input" kind="input"/>
+      <Connector name="Float64_continuous_output" kind="output"/>
+    </Connectors></Component>
+  </Elements>
+  <Connections>
+    <Connection startConnector="level" endElement="one.two" endConnector="Float64_continuous_input">
+      <ssc:LinearTransformation factor="-2" offset="1"/></Connection>
+    <Connection startElement="one.two" startConnector="Int32_output" endElement="3" endConnector="Int32_input"/>
+    <Connection startElement="one.two" startConnector="Int32_output" endElement="3" endConnector="Float64_discrete_input">
+      <ssc:LinearTransformation factor="0.25"/></Connection>
+    <Connection startElement="one.two" startConnector="Boolean_output" endElement="3" endConnector="Boolean_input"/>
+    <Connection startElement="3" startConnector="Enumeration_input" endElement="one.two" endConnector="Enumeration_output"/>
+    <Connection startElement="one.two" startConnector="Float64_continuous_output" endElement="3" endConnector="Float64_continuous_input"/>
+  </Connections>
+</System>
+<DefaultExperiment startTime="0.5" stopTime="1.5"/>
+</SystemStructureDescription>"#;
+
+#[test]
+fn system_of_another_kind_is_its_scenario_too() {
+    let folder = Folder::new("types");
+    let feedthrough = read(&root().join("tests/fmus/reference/fmi3/Feedthrough.fmu"));
+    let package = package(&folder, TYPES, &[("Feedthrough.fmu", feedthrough)]);
+    let said = import(&folder, &package, &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(
+        said.err.contains("`one.two` has outputs with direct feedthrough"),
+        "{said:?}"
+    );
+    is_what_is_written_by_hand(
+        &folder,
+        r#"
+        duration = "1.5 s"
+        [participants.one-two]
+        period = "100 ms"
+        offset = "500 ms"
+        run = { fmu = "fmus/Feedthrough.fmu", ports = { inputs = [] } }
+        [participants.one-two.parameters]
+        Float64_continuous_input = -4.0
+        Int32_input = 41
+        Boolean_input = true
+        Enumeration_input = "Option 2"
+        String_input = "a \"b\" \\ \nc"
+        [participants.fmu-3]
+        period = "100 ms"
+        offset = "500 ms"
+        [participants.fmu-3.run]
+        fmu = "fmus/Feedthrough.fmu"
+        ports.inputs = ["Float64_continuous_input", "Float64_discrete_input", "Enumeration_input", "Int32_input", "Boolean_input"]
+        [connections.all]
+        from = "one-two.outputs"
+        to = "fmu-3.inputs"
+        [connections.all.map]
+        Float64_continuous_input = "Float64_continuous_output"
+        Float64_discrete_input = { from = "Int32_output", factor = 0.25 }
+        Enumeration_input = "Enumeration_output"
+        Int32_input = "Int32_output"
+        Boolean_input = "Boolean_output"
+        "#,
+    );
+}
+
+#[test]
+fn what_is_no_package_is_refused() {
+    let folder = Folder::new("no-package");
+    let refused = |file: &Path, words: &[&str]| {
+        let said = import(&folder, file, &[]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(words.iter().all(|word| said.err.contains(word)), "{words:?}: {said:?}");
+        assert!(!folder.path().join("imported").exists(), "a refusal leaves nothing");
+    };
+    refused(
+        &folder.write("text.ssp", "this is text and no archive"),
+        &["text.ssp", "not a ZIP archive"],
+    );
+    refused(&folder.path().join("missing.ssp"), &["missing.ssp"]);
+    refused(folder.path(), &["not a file"]);
+    let path = folder.path().join("empty.ssp");
+    std::fs::write(&path, archive(&[("readme.txt", b"hello".to_vec())])).expect("written");
+    refused(&path, &["empty.ssp", "no SystemStructure.ssd"]);
+    std::fs::write(&path, archive(&[("../SystemStructure.ssd", Vec::new())])).expect("written");
+    refused(&path, &["leads out of the archive"]);
+    refused(
+        &package(&folder, "<ssd>", &[]),
+        &["system.ssp: SystemStructure.ssd:1", "not XML"],
+    );
+    refused(&package(&folder, "<ssd/>", &[]), &["the root is `ssd`"]);
+    let later = description("", "").replace("version=\"1.0\"", "version=\"3.0\"");
+    refused(
+        &package(&folder, &later, &[]),
+        &["SystemStructure.ssd:2", "SSP version `3.0`"],
+    );
+    refused(
+        &package(&folder, &description("", ""), &[]),
+        &["SystemStructure.ssd:3", "0 components"],
+    );
+    // What is there is not written over.
+    std::fs::create_dir(folder.path().join("full")).expect("made");
+    folder.write("full/x", "x");
+    let full = folder.path().join("full");
+    let said = orchestrate(&["import", text(&path), "--out", text(&full)]);
+    assert!(said.code == Some(2) && said.err.contains("not empty"), "{said:?}");
+}
+
+/// Everything that is wrong is named at once, with its line.
+#[test]
+fn what_cannot_be_expressed_is_refused_with_its_line() {
+    let folder = Folder::new("refusals");
+    let (spring, damper) = pair(&folder);
+    let files = [("a.fmu", spring), ("b.fmu", damper)];
+    let refused = |name: &str, system: &str, rest: &str, words: &[&str]| {
+        let package = package(&folder, &description(system, rest), &files);
+        let said = import(&folder, &package, &[]);
+        assert_eq!(said.code, Some(2), "{name}: {said:?}");
+        let missing: Vec<_> = words.iter().filter(|word| !said.err.contains(**word)).collect();
+        assert!(missing.is_empty(), "{name}: {missing:?} in {}", said.err);
+    };
+    refused(
+        "elements",
+        "<ssd:Elements>\n<ssd:Component name=\"model\" type=\"text/x-modelica\" source=\"a.fmu\"/>\n<ssd:Component name=\"none\"/>\n\
+         <ssd:SignalDictionaryReference name=\"bus\" dictionary=\"d\"/>\n<ssd:Component name=\"out\" source=\"../a.fmu\"/>\n\
+         <ssd:Component name=\"gone\" source=\"c.fmu\"/>\n<ssd:Component name=\"me\" source=\"a.fmu\" implementation=\"ModelExchange\"/>\n\
+         <ssd:Component name=\"me\" source=\"http://host/a.fmu\"/>\n</ssd:Elements><ssd:SignalDictionaries/>",
+        "",
+        &[
+            ":5: the component `model` is a `text/x-modelica`",
+            ":6: the component `none` has no `source`",
+            ":7: `SignalDictionaryReference` is not supported",
+            ":8: the source `../a.fmu`",
+            ":9: the source `c.fmu` is not in the package",
+            ":10: the component `me` is wanted as ModelExchange",
+            ":11: the source `http://host/a.fmu`",
+            ":11: two elements of a system are called `me`",
+            "signal dictionaries are not supported",
+        ],
+    );
+    let parts = "<ssd:Connectors><ssd:Connector name=\"in\" kind=\"input\"/></ssd:Connectors>\n<ssd:Elements>\
+         <ssd:Component name=\"a\" source=\"a.fmu\"><ssd:Connectors><ssd:Connector name=\"f\" kind=\"input\"/>\
+         <ssd:Connector name=\"x\" kind=\"output\"/><ssd:Connector name=\"v\" kind=\"output\"/><ssd:Connector name=\"marker\" kind=\"parameter\"/>\
+         </ssd:Connectors></ssd:Component>\
+         <ssd:Component name=\"b\" source=\"b.fmu\"><ssd:Connectors><ssd:Connector name=\"v\" kind=\"input\"/>\
+         <ssd:Connector name=\"f\" kind=\"output\"/><ssd:Connector name=\"damping\" kind=\"parameter\"/></ssd:Connectors></ssd:Component></ssd:Elements>\n";
+    let with = |connections: &str| format!("{parts}<ssd:Connections>\n{connections}\n</ssd:Connections>");
+    let link = |from: &str, to: &str, rest: &str| {
+        let end = |side: &str, text: &str| match text.split_once('.') {
+            Some((element, connector)) => format!("{side}Element=\"{element}\" {side}Connector=\"{connector}\""),
+            None => format!("{side}Connector=\"{text}\""),
+        };
+        format!(
+            "<ssd:Connection {} {}>{rest}</ssd:Connection>\n",
+            end("start", from),
+            end("end", to)
+        )
+    };
+    refused(
+        "ends",
+        &with(&[link("a.y", "b.v", ""), link("c.x", "b.v", ""), link("a.f", "b.v", "")].concat()),
+        "",
+        &[
+            ":7: `a` has no connector `y`",
+            ":8: `startElement`: there is no element `c`; there is `a`, `b`",
+        ],
+    );
+    refused(
+        "direction",
+        &with(&link("a.f", "b.v", "")),
+        "",
+        &[":7: the kinds of `a.f` and `b.v` do not say"],
+    );
+    refused(
+        "twice",
+        &with(&[link("a.v", "b.v", ""), link("b.v", "in", "")].concat()),
+        "",
+        &[":8: `b.v` is fed by two connections"],
+    );
+    refused(
+        "dimension",
+        &with(&link("a.x", "b.v", "")),
+        "",
+        &[
+            ":7: `a.x` does not become `b.v`",
+            "`m` is no `m/s`",
+            "suppressUnitConversion",
+        ],
+    );
+    let table = "<ssc:BooleanMappingTransformation><ssc:MapEntry source=\"true\" target=\"false\"/></ssc:BooleanMappingTransformation>";
+    refused(
+        "table",
+        &with(&link("a.v", "b.v", table)),
+        "",
+        &[":7: ", "BooleanMappingTransformation cannot be done"],
+    );
+    refused(
+        "parameter",
+        &with(&link("a.v", "b.damping", "")),
+        "",
+        &[":7: `b.damping` is a parameter"],
+    );
+    let indices = link("a.v", "b.v", "").replace("<ssd:Connection ", "<ssd:Connection startIndices=\"1\" ");
+    refused("indices", &with(&indices), "", &[":7: `startIndices`"]);
+    let connectors = parts.replace(
+        "name=\"damping\" kind=\"parameter\"",
+        "name=\"dumping\" kind=\"parameter\"",
+    );
+    refused(
+        "connector",
+        &connectors,
+        "",
+        &["no variable for the connector `b.dumping`; did you mean `damping`?"],
+    );
+    let kinds = parts.replace("name=\"damping\" kind=\"parameter\"", "name=\"damping\" kind=\"input\"");
+    refused("kind", &kinds, "", &["the connector `b.damping` has another kind"]);
+    let bound = |value: &str| {
+        format!(
+            "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version=\"1.0\" name=\"p\"><ssv:Parameters>\n\
+             {value}</ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>{parts}"
+        )
+    };
+    let values = "<ssv:Parameter name=\"a.mass\"><ssv:String value=\"heavy\"/></ssv:Parameter>\n\
+         <ssv:Parameter name=\"b.f\"><ssv:Real value=\"1\"/></ssv:Parameter>\n<ssv:Parameter name=\"a.marker\"><ssv:Real value=\"1\"/></ssv:Parameter>\n";
+    refused(
+        "values",
+        &bound(values),
+        "",
+        &[
+            ":5: the parameter `a.mass`: it is a String, and `mass` of the FMU is a Float64",
+            ":6: the parameter `b.f`: `f` of the FMU cannot be set",
+            ":7: the parameter `a.marker`: it is a Real",
+        ],
+    );
+    refused(
+        "number",
+        &bound("<ssv:Parameter name=\"a.mass\"><ssv:Real value=\"nan\"/></ssv:Parameter>"),
+        "",
+        &[":5: `nan` is no Real"],
+    );
+    refused(
+        "experiment",
+        parts,
+        "<ssd:DefaultExperiment startTime=\"-1\" stopTime=\"2\"/>",
+        &["starts at -1 s"],
+    );
+}
+
+/// What FMUs themselves say of their outputs: values would have to be everywhere at once.
+#[test]
+fn algebraic_loop_is_refused_unless_it_is_opened() {
+    let folder = Folder::new("loop");
+    let file = read(&root().join("tests/fmus/reference/fmi2/Feedthrough.fmu"));
+    let component = |name: &str| {
+        format!(
+            "<ssd:Component name=\"{name}\" source=\"f.fmu\"><ssd:Connectors><ssd:Connector name=\"Float64_continuous_input\" kind=\"input\"/>\
+             <ssd:Connector name=\"Float64_continuous_output\" kind=\"output\"/></ssd:Connectors></ssd:Component>\n"
+        )
+    };
+    let link = |from: &str, to: &str| {
+        format!(
+            "<ssd:Connection startElement=\"{from}\" startConnector=\"Float64_continuous_output\" endElement=\"{to}\" \
+             endConnector=\"Float64_continuous_input\"/>"
+        )
+    };
+    let system = format!(
+        "<ssd:Elements>\n{}{}{}</ssd:Elements><ssd:Connections>{}{}</ssd:Connections>",
+        component("first"),
+        component("second"),
+        component("third"),
+        link("second", "third"),
+        link("third", "second")
+    );
+    let package = package(&folder, &description(&system, ""), &[("f.fmu", file)]);
+    let said = import(&folder, &package, &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err
+            .contains("SystemStructure.ssd:6: `second` -> `third` -> `second` is an algebraic loop"),
+        "{said:?}"
+    );
+    assert!(said.err.contains("--open-loops"), "{said:?}");
+    let said = import(&folder, &package, &["--open-loops"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.err.contains("the default experiment has no stop time"), "{said:?}");
+    let scenario = folder.path().join("imported/scenario.toml");
+    let said = orchestrate(&[
+        "run",
+        text(&scenario),
+        "--in-process",
+        "--quiet",
+        "--out",
+        text(&folder.path().join("run")),
+    ]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+}
