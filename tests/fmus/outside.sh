@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # FMUs of other tools in our runs, and ours in other tools: FMPy validates and drives what `fmu export` makes, libcosim and Ecos step it, and
-# the FMUs of OpenModelica, PythonFMU and PythonFMU3 take part in runs.
+# the FMUs of OpenModelica, PythonFMU and PythonFMU3 take part in runs, and libcosim and we run one system structure.
 #
 #     tests/fmus/outside.sh [ORCHESTRATOR]
 #
@@ -28,6 +28,8 @@ fi
 
 echo "FMUs in"
 "$python" tests/fmus/inside.py "$orchestrator" "$work" "$work/gemseo/gemseo_fmu/problems/fmu_files/linux"
+echo "Systems in"
+"$python" tests/fmus/systems.py "$orchestrator" "$work"
 echo "FMUs out"
 "$python" tests/fmus/outside.py "$orchestrator" "$work"
 "$python" tests/fmus/clients.py "$orchestrator" "$work"

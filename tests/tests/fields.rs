@@ -311,3 +311,24 @@ fn check_and_graph_tell_what_becomes_of_what() {
         "{plan}"
     );
 }
+
+#[test]
+fn degrees_and_millimetres_are_read_in_radians_and_metres() {
+    let example = "examples/fmu/units.toml";
+    let said = orchestrate(&["check", example]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    for words in [
+        "angle [rad] = 0.017453292519943295 * angle [deg]",
+        "length [m] = 0.001 * length [mm]",
+    ] {
+        assert!(said.out.contains(words), "{words}: {said:?}");
+    }
+    let folder = Folder::new("units");
+    for (set, code) in [(None, 0), (Some("participants.sensor.parameters.Float64_continuous_input=91.0"), 3)] {
+        let out = folder.path().join(format!("run-{code}"));
+        let mut arguments = vec!["run", example, "--out", text(&out), "--in-process"];
+        arguments.extend(set.iter().flat_map(|set| ["--set", set]));
+        let said = orchestrate(&arguments);
+        assert_eq!(said.code, Some(code), "{said:?}");
+    }
+}

@@ -313,7 +313,7 @@ fn what_is_no_package_is_refused() {
         &["text.ssp", "not a ZIP archive"],
     );
     refused(&folder.path().join("missing.ssp"), &["missing.ssp"]);
-    refused(folder.path(), &["not a file"]);
+    refused(folder.path(), &["no SystemStructure.ssd"]);
     let path = folder.path().join("empty.ssp");
     std::fs::write(&path, archive(&[("readme.txt", b"hello".to_vec())])).expect("written");
     refused(&path, &["empty.ssp", "no SystemStructure.ssd"]);
@@ -528,4 +528,30 @@ fn algebraic_loop_is_refused_unless_it_is_opened() {
         text(&folder.path().join("run")),
     ]);
     assert_eq!(said.code, Some(0), "{said:?}");
+}
+
+/// The example of the documentation, which is a folder.
+#[test]
+fn unpacked_system_is_imported_too() {
+    let folder = Folder::new("unpacked");
+    let said = import(&folder, &root().join("examples/fmu/system"), &[]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    is_what_is_written_by_hand(
+        &folder,
+        r#"
+        duration = "2 s"
+        [participants.drop-ball]
+        period = "10 ms"
+        run.fmu = "fmus/ball.fmu"
+        parameters = { h = "50 cm", e = 0.6 }
+        [participants.gauge]
+        period = "100 ms"
+        run = { fmu = "fmus/gauge.fmu", ports = { inputs = ["Float64_continuous_input"] } }
+        [connections.height]
+        from = "drop-ball.outputs.h"
+        to = "gauge.inputs.Float64_continuous_input"
+        factor = "100 1/m"
+        offset = 2.0
+        "#,
+    );
 }

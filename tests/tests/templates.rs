@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use escapement_tests::program::{Said, built, orchestrate, orchestrator, root, text};
+use escapement_tests::fmus::Recipe;
+use escapement_tests::program::{Folder, Said, built, orchestrate, orchestrator, root, text};
 
 /// A folder outside of the workspace.
 struct Outside(PathBuf);
@@ -77,9 +78,9 @@ fn files(folder: &Path) -> Vec<String> {
     found
 }
 
-/// Writes `template` into a folder of that name and does what is printed then.
-fn follow(outside: &Outside, template: &str, folder: &str) -> Said {
-    let said = outside.escapement(&["new", folder, "--template", template]);
+/// Writes `template` into a folder of that name, from `given` files, and does what is printed then.
+fn follow(outside: &Outside, template: &str, folder: &str, given: &[&str]) -> Said {
+    let said = outside.escapement(&[&["new", folder, "--template", template], given].concat());
     assert_eq!(said.code, Some(0), "{said:?}");
     let listed = said.out.lines().take_while(|line| !line.is_empty());
     let mut listed: Vec<&str> = listed
@@ -105,7 +106,7 @@ fn same_tape(a: &Path, b: &Path) {
 #[test]
 fn the_capture_runs_from_its_own_folder() {
     let outside = Outside::new();
-    follow(&outside, "capture", "a capture");
+    follow(&outside, "capture", "a capture", &[]);
     let project = outside.0.join("a capture");
     for folder in ["scenarios", "campaigns", "models", "gains"] {
         assert_eq!(
@@ -140,7 +141,7 @@ fn the_capture_runs_from_its_own_folder() {
 #[test]
 fn the_spring_is_the_example_without_a_program_of_its_own() {
     let outside = Outside::new();
-    follow(&outside, "spring", "spring");
+    follow(&outside, "spring", "spring", &[]);
     let example = outside.0.join("example");
     let scenario = std::fs::read_to_string(root().join("examples/spring/spring.toml")).expect("the example is there");
     let program = text(&built().join("spring")).to_owned();
@@ -175,9 +176,56 @@ fn the_spring_is_the_example_without_a_program_of_its_own() {
 }
 
 #[test]
+fn fmus_are_connected_where_names_and_units_fit() {
+    let outside = Outside::new();
+    let built = Folder::new("fmu-template");
+    let damper = Recipe {
+        damper: true,
+        ..Recipe::new(3)
+    };
+    let (spring, damper) = (Recipe::new(2).build(&built, "mass"), damper.build(&built, "brake.v2"));
+    follow(&outside, "fmu", "coupled", &[text(&spring), text(&damper)]);
+    // The files lie in the project: it needs nothing of where they came from.
+    let by_hand = outside.0.join("coupled/by-hand.toml");
+    let scenario = "duration = \"10 s\"\n[participants.mass]\nperiod = \"10 ms\"\nrun.fmu = \"fmus/mass.fmu\"\n\
+                    [participants.brake-v2]\nperiod = \"10 ms\"\nrun.fmu = \"fmus/brake-v2.fmu\"\n\
+                    [connections.v]\nfrom = \"mass.outputs.v\"\nto = \"brake-v2.inputs.v\"\n\
+                    [connections.f]\nfrom = \"brake-v2.outputs.f\"\nto = \"mass.inputs.f\"\n";
+    std::fs::write(&by_hand, scenario).expect("the project can be written");
+    let expected = outside.0.join("expected");
+    let said = orchestrate(&["run", text(&by_hand), "--out", text(&expected), "--quiet"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    same_tape(&expected, &outside.0.join("coupled/runs/first"));
+    // Two masses: nothing has the name of the input, but the damper has a force to give, which is suggested.
+    let reference = root().join("tests/fmus/reference/fmi3/Feedthrough.fmu");
+    let given = [text(&damper), text(&damper), text(&spring), text(&reference)];
+    follow(&outside, "fmu", "apart", &given);
+    let scenario = std::fs::read_to_string(outside.0.join("apart/scenario.toml")).expect("it was written");
+    for words in [
+        "[participants.brake-v2-2]",
+        "[connections.mass-to-brake-v2-2.map]\nv = \"v\"",
+        "\"damping\" = \"0.5 N.s/m\"",
+        "#   from = \"brake-v2.outputs\"\n#   to = \"mass.inputs\"\n#   map = { f = \"f\" }",
+        "no source for \"Boolean_input\": no output of another FMU has its name, or its unit",
+    ] {
+        let found = scenario.contains(words) || scenario.contains(&words.replace("\"damping\"", "damping"));
+        assert!(found, "{words} in\n{scenario}");
+    }
+    // What is suggested holds once it is no comment.
+    let uncommented = scenario.replacen("# ports", "ports", 1).replacen("ports = { inputs = [] }", "ports = { inputs = [\"f\"] }", 1);
+    let at = uncommented.find("#   [connections.feed-1-0]").expect("the suggestion is there");
+    let lines: Vec<&str> = uncommented[at..].lines().take(4).map(|line| line.trim_start_matches("#   ")).collect();
+    let chosen = outside.0.join("apart/chosen.toml");
+    std::fs::write(&chosen, format!("{uncommented}\n{}\n", lines.join("\n"))).expect("the project can be written");
+    let said = orchestrate(&["check", text(&chosen)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.out.contains("feed-1-0"), "{said:?}");
+}
+
+#[test]
 fn a_program_of_ones_own_builds_and_runs() {
     let outside = Outside::new();
-    let done = follow(&outside, "rust", "own-lander");
+    let done = follow(&outside, "rust", "own-lander", &[]);
     assert!(done.out.contains("run folder: runs/lander"), "{done:?}");
     let version = outside.shell("cd own-lander; cargo run --release --quiet -- --version");
     assert!(
@@ -203,7 +251,7 @@ fn what_cannot_be_written_is_refused_with_what_can_be_done() {
     refuse(&["new", "full/x"], &["full/x: it is a file"]);
     refuse(
         &["new", "it", "--template", "boat"],
-        &["boat", "`capture`, `spring`, `rust`"],
+        &["boat", "`capture`, `spring`, `fmu`, `rust`"],
     );
     refuse(&["new", "it", "--escapement", "."], &["--escapement", "`capture`"]);
     refuse(
@@ -211,10 +259,13 @@ fn what_cannot_be_written_is_refused_with_what_can_be_done() {
         &["--escapement full", "crates/escapement/Cargo.toml"],
     );
     refuse(&["new"], &["FOLDER"]);
+    refuse(&["new", "it", "--template", "fmu"], &["--template fmu: name the FMUs"]);
+    refuse(&["new", "it", "--template", "fmu", "full/x"], &["full/x", "not a ZIP archive"]);
+    refuse(&["new", "it", "--template", "spring", "full/x"], &["full/x", "takes no files"]);
     assert_eq!(files(&outside.0), ["full/x"], "a refusal leaves nothing");
     let said = outside.escapement(&["new", "--list"]);
     let names: Vec<&str> = said.out.lines().filter_map(|line| line.split(' ').next()).collect();
-    assert_eq!((said.code, names), (Some(0), vec!["capture", "spring", "rust"]));
+    assert_eq!((said.code, names), (Some(0), vec!["capture", "spring", "fmu", "rust"]));
     // Where one is, and where the address of a repository is enough.
     std::fs::create_dir(outside.0.join("here")).expect("a folder");
     let said = outside.shell("cd here; escapement new . --template rust --escapement https://host/escapement.git");

@@ -188,7 +188,10 @@ impl Draft<'_> {
         };
         let fed: Vec<&str> = all.iter().filter(is_fed).map(|one| one.name.as_str()).collect();
         if fed.len() < all.len() {
-            text.push_str("# All other inputs keep their start values.\n");
+            text.push_str(match fed.is_empty() {
+                true => "# Nothing feeds it: its inputs keep their start values.\n",
+                false => "# All other inputs keep their start values.\n",
+            });
             let _ = writeln!(text, "ports = {{ inputs = {} }}", list(&fed));
         }
         let sources = self.wires.iter().map(|wire| &wire.from);

@@ -63,7 +63,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
     });
     for one in texts {
         problems.push(format!(
-            "`{}` is a {}, which is no signal here: it keeps its start value",
+            "`{}` is a {}, which is no signal, as it has no fixed size: it keeps its start value",
             one.name,
             one.kind.name()
         ));
@@ -208,33 +208,41 @@ fn scenario(model: &Model, file: &Path) -> String {
     if inputs {
         text.push_str("# Nothing feeds it: its inputs keep their start values. Without this line the port `inputs` must be connected.\nrun.ports.inputs = []\n");
     }
-    let parameters = about
-        .variables
-        .iter()
-        .filter(|one| one.causality == Causality::Parameter && one.settable().is_ok());
-    let lines: Vec<String> = parameters.filter_map(|one| line(model, one)).take(20).collect();
-    if !lines.is_empty() {
-        let _ = write!(text, "\n[participants.{name}.parameters]\n{}", lines.concat());
+    let parameters = written(about);
+    if !parameters.is_empty() {
+        let _ = writeln!(text, "\n[participants.{name}.parameters]");
+    }
+    for (key, value) in parameters {
+        let _ = writeln!(text, "{} = {value}", Value::String(key));
     }
     text
 }
 
-/// A parameter at its start value, as a line of a scenario.
-fn line(model: &Model, one: &Variable) -> Option<String> {
+/// The first parameters at their start values, as a scenario writes them.
+pub fn written(about: &Description) -> Vec<(String, Value)> {
+    let own = about
+        .variables
+        .iter()
+        .filter(|one| one.causality == Causality::Parameter && one.settable().is_ok());
+    own.filter_map(|one| Some((one.name.clone(), start(about, one)?)))
+        .take(20)
+        .collect()
+}
+
+/// The start value of a parameter that is no array.
+fn start(about: &Description, one: &Variable) -> Option<Value> {
     let start = one.start.first().filter(|_| one.extents.is_empty())?;
-    let key = Value::String(one.name.clone()).to_string();
-    let value = match one.kind {
+    Some(match one.kind {
         kind if kind.is_float() => {
             let number: f64 = start.parse().ok()?;
-            match model.description.unit(one) {
-                None => format!("{number:?}"),
-                Some(unit) if unit.of_port().unit == "1" => format!("{number:?}"),
-                Some(unit) => Value::String(format!("{number:?} {}", unit.name)).to_string(),
+            match about.unit(one) {
+                Some(unit) if unit.of_port().unit != "1" => Value::String(format!("{number:?} {}", unit.name)),
+                _ => Value::Float(number),
             }
         }
-        Type::Boolean => (start == "true" || start == "1").to_string(),
-        Type::String | Type::Binary => Value::String(start.clone()).to_string(),
-        _ => start.clone(),
-    };
-    Some(format!("{key} = {value}\n"))
+        Type::Boolean => Value::Boolean(start == "true" || start == "1"),
+        Type::String | Type::Binary => Value::String(start.clone()),
+        // TOML's integers end at 2^63.
+        _ => start.parse().map_or_else(|_| Value::String(start.clone()), Value::Integer),
+    })
 }

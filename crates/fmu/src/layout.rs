@@ -243,7 +243,7 @@ impl<'a> Planner<'a> {
         let version = self.description.version;
         let Some(element) = element(version, first.kind) else {
             return Err(format!(
-                "`{}` is a {}, which is no signal; it keeps its start value",
+                "`{}` is a {}, which is no signal, as it has no fixed size; it keeps its start value",
                 first.name,
                 first.kind.name()
             ));

@@ -39,7 +39,7 @@ pub struct Imported {
     pub notes: Vec<String>,
 }
 
-/// Reads a package.
+/// Reads a package: an archive, or a folder with what is in one.
 ///
 /// # Errors
 /// Everything that is wrong with it or cannot be expressed, with file and line.
@@ -47,9 +47,8 @@ pub fn import(file: &Path, options: Options) -> Result<Imported, SspError> {
     let path = || file.to_owned();
     let io = |source| SspError::Io { path: path(), source };
     let about = std::fs::metadata(file).map_err(io)?;
-    if !about.is_file() {
-        let reason = "it is not a file: an SSP is a ZIP archive whose name ends with .ssp".to_owned();
-        return Err(SspError::Missing { path: path(), reason });
+    if about.is_dir() {
+        return import_package(file, &Package::Folder(path()), options);
     }
     if about.len() > FILE_MAX {
         let reason = format!("it has {} bytes; at most {FILE_MAX} are read", about.len());
@@ -70,7 +69,7 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
     let refused = |problems| SspError::Refused { path: path(), problems };
     let description = package.file(DESCRIPTION).ok_or_else(|| SspError::Missing {
         path: path(),
-        reason: format!("it has no {DESCRIPTION}: it is an archive, but no SSP"),
+        reason: format!("it has no {DESCRIPTION}, which every SSP has"),
     })?;
     let structure = read(package, &description.map_err(zip)?).map_err(refused)?;
     let mut models: BTreeMap<&str, (Model, Vec<u8>)> = BTreeMap::new();
@@ -92,13 +91,11 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
     if !flat.problems.is_empty() {
         return Err(refused(std::mem::take(&mut flat.problems)));
     }
-    notes(&structure, &components, &mut flat);
+    notes(&structure, &components, options, &mut flat);
     let files = files(models.keys().copied());
     let notes = flat.notes.clone();
     let scenario = draft(&structure, &components, flat, &files, options).text();
-    let fmus = models
-        .into_iter()
-        .map(|(source, (_, contents))| (files[source].clone(), contents));
+    let fmus = models.into_iter().map(|(source, (_, contents))| (files[source].clone(), contents));
     Ok(Imported {
         scenario,
         fmus: fmus.collect(),
@@ -107,31 +104,26 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
 }
 
 /// What a scenario cannot have.
-fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize], options: Options, flat: &mut Flat) {
+fn limits(
+    structure: &Structure,
+    components: &[(usize, &Model)],
+    circle: &[usize],
+    options: Options,
+    flat: &mut Flat,
+) {
     let mut refuse = |line: u32, reason: String| flat.problems.push(structure.problem(line, reason));
     let root = structure.elements[0].line;
     if components.is_empty() || components.len() > PARTS_MAX {
         let count = components.len();
-        refuse(
-            root,
-            format!("the system has {count} components; a scenario has 1 to {PARTS_MAX} participants"),
-        );
+        refuse(root, format!("the system has {count} components; a scenario has 1 to {PARTS_MAX} participants"));
     }
     let (start, stop) = (structure.start.unwrap_or(0.0), structure.stop);
     if start < 0.0 || stop.is_some_and(|stop| stop <= start) {
         let stop = stop.map_or("not given".to_owned(), |stop| stop.to_string());
-        refuse(
-            root,
-            format!(
-                "the default experiment starts at {start} s and its end is {stop}; a run goes from 0 s or later to a later end"
-            ),
-        );
+        refuse(root, format!("the default experiment starts at {start} s and its end is {stop}; a run goes from 0 s or later to a later end"));
     }
     if let (false, [first, ..]) = (options.open_loops, circle) {
-        let shown = circle
-            .iter()
-            .chain([first])
-            .map(|&one| structure.path(components[one].0));
+        let shown = circle.iter().chain([first]).map(|&one| structure.path(components[one].0));
         let shown: Vec<String> = shown.map(|name| format!("`{name}`")).collect();
         refuse(
             structure.elements[components[*first].0].line,
@@ -145,24 +137,21 @@ fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize
 }
 
 /// What somebody might expect to be otherwise.
-fn notes(structure: &Structure, components: &[(usize, &Model)], flat: &mut Flat) {
+fn notes(structure: &Structure, components: &[(usize, &Model)], options: Options, flat: &mut Flat) {
     if structure.stop.is_none() {
-        flat.notes.push(format!(
-            "the default experiment has no stop time: the duration is {DURATION} s"
-        ));
+        flat.notes.push(format!("the default experiment has no stop time: the duration is {DURATION} s"));
     }
     for (number, (element, model)) in components.iter().enumerate() {
         let name = structure.path(*element);
-        if model.description.experiment.step.is_none() && model.description.abilities.fixed_step.is_none() {
-            flat.notes.push(format!(
-                "the FMU of `{name}` names no step: unless --period says another one, its period is 10 ms"
-            ));
+        let about = &model.description;
+        if options.period.is_none() && about.experiment.step.is_none() && about.abilities.fixed_step.is_none() {
+            flat.notes.push(format!("the FMU of `{name}` names no step: its period is 10 ms; --period says another one"));
         }
         if let Err(error) = model.library() {
             flat.notes.push(format!("`{name}`: {error}"));
         }
         let through = flat.wires.iter().any(|wire| {
-            let output = model.description.variable(&wire.from.1);
+            let output = about.variable(&wire.from.1);
             wire.from.0 == number && output.is_some_and(|output| output.feedthrough)
         });
         if through {

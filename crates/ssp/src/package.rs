@@ -1,6 +1,8 @@
 //! The files of a package.
 
 use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
 
 use fmu::{Archive, ZipError};
 
@@ -9,7 +11,9 @@ use fmu::{Archive, ZipError};
 pub enum Package {
     /// In an archive.
     Archive(Archive),
-    /// As they are.
+    /// Unpacked.
+    Folder(PathBuf),
+    /// In memory.
     Files(BTreeMap<String, Vec<u8>>),
 }
 
@@ -18,6 +22,7 @@ impl Package {
     pub fn has(&self, name: &str) -> bool {
         match self {
             Package::Archive(archive) => archive.has(name),
+            Package::Folder(folder) => folder.join(name).is_file(),
             Package::Files(files) => files.contains_key(name),
         }
     }
@@ -26,6 +31,11 @@ impl Package {
     pub fn file(&self, name: &str) -> Option<Result<Vec<u8>, ZipError>> {
         match self {
             Package::Archive(archive) => archive.file(name),
+            Package::Folder(folder) => {
+                let path = folder.join(name);
+                let read = path.is_file().then(|| fs::read(&path));
+                read.map(|read| read.map_err(|source| ZipError::Io { path, source }))
+            }
             Package::Files(files) => files.get(name).cloned().map(Ok),
         }
     }

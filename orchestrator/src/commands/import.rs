@@ -16,7 +16,7 @@ const REFUSED: i32 = 2;
 /// Nested systems are flattened; parameters are filled in. What a scenario cannot express is refused with file and line. Nothing of an FMU runs.
 #[derive(Debug, Args)]
 pub struct ImportArgs {
-    /// The package
+    /// The package, or a folder with what is in one
     pub file: PathBuf,
     /// The folder to write; the name of the package unless given
     #[arg(long, value_name = "FOLDER")]

@@ -40,7 +40,7 @@ pub(super) fn files(project: &Project<'_>) -> Result<Vec<File>, String> {
         about: &model.description,
         period: format!("{} s", fmu::period(&model.description)),
         offset: None,
-        parameters: Vec::new(),
+        parameters: fmu::written(&model.description),
     });
     let stops = models
         .iter()

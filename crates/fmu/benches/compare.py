@@ -1,0 +1,165 @@
+"""Two FMUs feed each other 27 variables each way: what a step costs, in several tools in turn.
+
+    compare.py ESCAPEMENT FOLDER ROUNDS
+"""
+
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+from statistics import median
+
+from ecospy import EcosSimulation, EcosSimulationStructure
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+from libcosimpy.CosimSlave import CosimLocalSlave
+
+escapement, work, rounds = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
+COUNT, STEP = 27, 1e-3
+# Few enough that a round takes a second or so in each of them.
+BARE, OURS, THEIRS, PYTHON = 2_000_000, 100_000, 50_000, 10_000
+
+
+def fmu():
+    variables = "".join(
+        f'<ScalarVariable name="{name}{number}" valueReference="{first + number}" causality="{causality}" {more}>'
+        f"<Real {start}/></ScalarVariable>"
+        for first, name, causality, more, start in [
+            (0, "u", "input", 'variability="continuous"', 'start="0"'),
+            (COUNT, "y", "output", 'variability="continuous" initial="exact"', 'start="0"'),
+        ]
+        for number in range(COUNT)
+    )
+    outputs = "".join(f'<Unknown index="{COUNT + number + 1}" dependencies=""/>' for number in range(COUNT))
+    text = (
+        '<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="2.0" modelName="exchange" guid="{exchange}">'
+        '<CoSimulation modelIdentifier="exchange" canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true" '
+        f'canSerializeFMUstate="true"/><ModelVariables>{variables}</ModelVariables>'
+        f"<ModelStructure><Outputs>{outputs}</Outputs></ModelStructure></fmiModelDescription>"
+    )
+    path = work / "exchange.fmu"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", text)
+        archive.write(work / "exchange.so", "binaries/linux64/exchange.so")
+    return path
+
+
+FMU = fmu()
+OTHER = work / "exchange-other.fmu"
+OTHER.write_bytes(FMU.read_bytes())
+
+
+def bare():
+    said = subprocess.run(
+        [work / "bare", work / "exchange.so", work / "exchange-two.so", str(BARE)], check=True, capture_output=True, text=True
+    )
+    return float(said.stdout.split()[0]) / BARE
+
+
+def scenario():
+    pairs = "\n".join(f'u{number} = "y{number}"' for number in range(COUNT))
+    parts = "".join(f'[participants.{name}]\nperiod = "1 ms"\nrun.fmu = "exchange.fmu"\n' for name in ("one", "two"))
+    links = "".join(
+        f'[connections.{a}-{b}]\nfrom = "{a}.outputs"\nto = "{b}.inputs"\n[connections.{a}-{b}.map]\n{pairs}\n'
+        for a, b in (("one", "two"), ("two", "one"))
+    )
+    (work / "exchange.toml").write_text('duration = "1 s"\n' + parts + links)
+    return work / "exchange.toml"
+
+
+def ours(*more):
+    """The time of many steps less that of few: without start and end."""
+
+    def run(steps):
+        out = Path("/dev/shm") / f"escapement-compare-{steps}"
+        begin = time.perf_counter()
+        subprocess.run(
+            [escapement, "run", scenario(), "--quiet", "--duration", f"{steps} ms", "--out", out, "--force", *more], check=True
+        )
+        spent = time.perf_counter() - begin
+        subprocess.run(["rm", "-rf", out], check=True)
+        return spent
+
+    few = OURS // 10
+    return (run(OURS) - run(few)) / (OURS - few)
+
+
+def libcosim():
+    log_output_level(CosimLogLevel.WARNING)
+    execution = CosimExecution.from_step_size(step_size=int(STEP * 1e9))
+    numbers = [execution.add_local_slave(local_slave=CosimLocalSlave(fmu_path=str(one), instance_name=name)) for one, name in ((FMU, "one"), (OTHER, "two"))]
+    for source, target in (numbers, numbers[::-1]):
+        for number in range(COUNT):
+            execution.connect_real_variables(
+                output_slave_index=source, output_variable_reference=COUNT + number, input_slave_index=target, input_variable_reference=number
+            )
+    execution.step()
+    begin = time.perf_counter()
+    execution.step(step_count=THEIRS)
+    return (time.perf_counter() - begin) / THEIRS
+
+
+def ecos():
+    with EcosSimulationStructure() as structure:
+        structure.add_model("one", str(FMU))
+        structure.add_model("two", str(OTHER))
+        for source, target in (("one", "two"), ("two", "one")):
+            for number in range(COUNT):
+                structure.make_real_connection(f"{source}::y{number}", f"{target}::u{number}")
+        with EcosSimulation(structure=structure, step_size=STEP) as simulation:
+            simulation.init()
+            simulation.step()
+            begin = time.perf_counter()
+            simulation.step(THEIRS)
+            spent = time.perf_counter() - begin
+            simulation.terminate()
+    return spent / THEIRS
+
+
+def fmpy():
+    models = []
+    for name, file in (("one", FMU), ("two", OTHER)):
+        description = read_model_description(str(file))
+        model = FMU2Slave(guid=description.guid, unzipDirectory=extract(str(file)), modelIdentifier="exchange", instanceName=name)
+        model.instantiate()
+        model.setupExperiment(startTime=0.0)
+        model.enterInitializationMode()
+        model.exitInitializationMode()
+        models.append(model)
+    one, two = models
+    inputs, outputs = list(range(COUNT)), list(range(COUNT, 2 * COUNT))
+    begin = time.perf_counter()
+    for step in range(PYTHON):
+        a, b = one.getReal(outputs), two.getReal(outputs)
+        two.setReal(inputs, a)
+        one.setReal(inputs, b)
+        for model in models:
+            model.doStep(currentCommunicationPoint=step * STEP, communicationStepSize=STEP)
+    spent = time.perf_counter() - begin
+    for model in models:
+        model.terminate()
+        model.freeInstance()
+    return spent / PYTHON
+
+
+TOOLS = {
+    "bare calls": bare,
+    "ours, one process": lambda: ours("--in-process"),
+    "ours, a process each": ours,
+    "libcosim, one process": libcosim,
+    "Ecos, one process": ecos,
+    "FMPy, called from Python": fmpy,
+}
+measured = {name: [] for name in TOOLS}
+for _ in range(rounds):
+    for name, measure in TOOLS.items():
+        measured[name].append(measure() * 1e6)
+print(f"two FMUs, {COUNT} variables each way, a step of both; {rounds} rounds: least, median and largest, µs, and medians of ratios")
+for name, all_of in measured.items():
+    calls = median(own / one for own, one in zip(all_of, measured["bare calls"]))
+    inside = median(own / one for own, one in zip(all_of, measured["ours, one process"]))
+    row = f"{min(all_of):9.3f} {median(all_of):9.3f} {max(all_of):9.3f}"
+    print(f"  {name:<26} {row}   {calls:8.2f} times bare calls {inside:8.2f} times ours in one process")

@@ -1,0 +1,74 @@
+//! FMUs come and go in one process, as the points of a campaign do in a worker: nothing of them stays. The figures are those of the C
+//! library's allocator and of `/proc/self`, which no other test of this file disturbs, and which take no time into account.
+
+use std::path::Path;
+
+use escapement_tests::fmus::Recipe;
+use escapement_tests::program::Folder;
+use lockstep::participant::{Inputs, Outputs, Setup, Step};
+
+/// Caches and tables have their size by then.
+const FIRST: u64 = 100;
+const MANY: u64 = 1000;
+/// What may come and go besides: the first block that an instance of the smallest FMU leaks a thousand times is larger.
+const SLACK: usize = 64 << 10;
+
+/// Makes an FMU, steps it a little, saves it and drops it.
+fn once(file: &Path, number: u64) {
+    let setup = Setup {
+        name: format!("it-{number}"),
+        parameters: toml::Table::new(),
+        seed: number,
+        period: 0.01,
+        offset: 0.0,
+    };
+    let mut it = fmu::participant(file, "", &setup, false).expect("it is healthy");
+    let interface = it.interface();
+    let (inputs, mut outputs) = (Inputs::zeroed(&interface), Outputs::zeroed(&interface));
+    it.initialise(0.0, &mut outputs).expect("it starts");
+    for index in 0..5 {
+        let step = Step {
+            index,
+            t: index as f64 * 0.01,
+            t_next: (index + 1) as f64 * 0.01,
+            period: 0.01,
+        };
+        it.step(&step, &inputs, &mut outputs).expect("it steps");
+    }
+    let state = it.save().expect("it is saved");
+    it.restore(&state).expect("it goes back");
+}
+
+/// Bytes that are taken from the heap, by the libraries of FMUs too; pages of the process; what is mapped of FMUs; open files.
+fn figures() -> (usize, usize, usize, usize) {
+    // SAFETY: it only reads the allocator's counters.
+    let heap = unsafe { libc::mallinfo2() };
+    let statm = std::fs::read_to_string("/proc/self/statm").expect("Linux has it");
+    let pages = statm.split_whitespace().nth(1).and_then(|pages| pages.parse().ok());
+    let maps = std::fs::read_to_string("/proc/self/maps").expect("Linux has it");
+    let mapped = maps.lines().filter(|line| line.contains(fmu::FOLDER)).count();
+    let files = std::fs::read_dir("/proc/self/fd").expect("Linux has it").count();
+    (heap.uordblks + heap.hblkhd, pages.expect("a number"), mapped, files)
+}
+
+#[test]
+fn thousand_instances_leave_nothing_behind() {
+    let folder = Folder::new("instances");
+    // One that saves itself, and one that is brought back by being started again.
+    for (version, state) in [(2, true), (3, false)] {
+        let recipe = Recipe {
+            state,
+            ..Recipe::new(version)
+        };
+        let file = recipe.build(&folder, &format!("spring-{version}"));
+        (0..FIRST).for_each(|number| once(&file, number));
+        let before = figures();
+        (0..MANY).for_each(|number| once(&file, number));
+        let after = figures();
+        let shown = format!("FMI {version}, state functions: {state}: {before:?}, then {after:?}");
+        assert!(after.0 <= before.0 + SLACK, "bytes of the heap: {shown}");
+        // 16 MiB of 4 KiB pages: a library that stays takes 5 of them.
+        assert!(after.1 <= before.1 + 4096, "pages: {shown}");
+        assert_eq!((after.2, after.3), (0, before.3), "mapped libraries and open files: {shown}");
+    }
+}
