@@ -341,20 +341,23 @@ fn what_is_no_package_is_refused() {
     assert!(said.code == Some(2) && said.err.contains("not empty"), "{said:?}");
 }
 
+/// Sees that a package with a mass on a spring (`a.fmu`) and a damper (`b.fmu`) is refused in these words.
+fn refused(folder: &Folder, name: &str, system: &str, rest: &str, words: &[&str]) {
+    let (spring, damper) = pair(folder);
+    let files = [("a.fmu", spring), ("b.fmu", damper)];
+    let package = package(folder, &description(system, rest), &files);
+    let said = import(folder, &package, &[]);
+    assert_eq!(said.code, Some(2), "{name}: {said:?}");
+    let missing: Vec<_> = words.iter().filter(|word| !said.err.contains(**word)).collect();
+    assert!(missing.is_empty(), "{name}: {missing:?} in {}", said.err);
+}
+
 /// Everything that is wrong is named at once, with its line.
 #[test]
-fn what_cannot_be_expressed_is_refused_with_its_line() {
-    let folder = Folder::new("refusals");
-    let (spring, damper) = pair(&folder);
-    let files = [("a.fmu", spring), ("b.fmu", damper)];
-    let refused = |name: &str, system: &str, rest: &str, words: &[&str]| {
-        let package = package(&folder, &description(system, rest), &files);
-        let said = import(&folder, &package, &[]);
-        assert_eq!(said.code, Some(2), "{name}: {said:?}");
-        let missing: Vec<_> = words.iter().filter(|word| !said.err.contains(**word)).collect();
-        assert!(missing.is_empty(), "{name}: {missing:?} in {}", said.err);
-    };
+fn elements_that_are_no_fmus_are_refused_all_at_once() {
+    let folder = Folder::new("elements");
     refused(
+        &folder,
         "elements",
         "<ssd:Elements>\n<ssd:Component name=\"model\" type=\"text/x-modelica\" source=\"a.fmu\"/>\n<ssd:Component name=\"none\"/>\n\
          <ssd:SignalDictionaryReference name=\"bus\" dictionary=\"d\"/>\n<ssd:Component name=\"out\" source=\"../a.fmu\"/>\n\
@@ -373,6 +376,12 @@ fn what_cannot_be_expressed_is_refused_with_its_line() {
             "signal dictionaries are not supported",
         ],
     );
+}
+
+#[test]
+fn what_cannot_be_expressed_is_refused_with_its_line() {
+    let folder = Folder::new("refusals");
+    let refused = |name: &str, system: &str, rest: &str, words: &[&str]| refused(&folder, name, system, rest, words);
     let parts = "<ssd:Connectors><ssd:Connector name=\"in\" kind=\"input\"/></ssd:Connectors>\n<ssd:Elements>\
          <ssd:Component name=\"a\" source=\"a.fmu\"><ssd:Connectors><ssd:Connector name=\"f\" kind=\"input\"/>\
          <ssd:Connector name=\"x\" kind=\"output\"/><ssd:Connector name=\"v\" kind=\"output\"/><ssd:Connector name=\"marker\" kind=\"parameter\"/>\
@@ -545,7 +554,7 @@ fn unpacked_system_is_imported_too() {
         run.fmu = "fmus/ball.fmu"
         parameters = { h = "50 cm", e = 0.6 }
         [participants.gauge]
-        period = "100 ms"
+        period = "10 ms"
         run = { fmu = "fmus/gauge.fmu", ports = { inputs = ["Float64_continuous_input"] } }
         [connections.height]
         from = "drop-ball.outputs.h"

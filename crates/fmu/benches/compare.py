@@ -3,6 +3,7 @@
     compare.py ESCAPEMENT FOLDER ROUNDS
 """
 
+import resource
 import subprocess
 import sys
 import time
@@ -21,6 +22,21 @@ escapement, work, rounds = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
 COUNT, STEP = 27, 1e-3
 # Few enough that a round takes a second or so in each of them.
 BARE, OURS, THEIRS, PYTHON = 2_000_000, 100_000, 50_000, 10_000
+
+
+class Clock:
+    """Wall time and processor time since it was made: of this process, or of those that it waited for."""
+
+    def __init__(self, children=False):
+        self.children = children
+        self.begin = self.now()
+
+    def now(self):
+        used = resource.getrusage(resource.RUSAGE_CHILDREN if self.children else resource.RUSAGE_SELF)
+        return time.perf_counter(), used.ru_utime + used.ru_stime
+
+    def spent(self, steps):
+        return [(end - begin) / steps for begin, end in zip(self.begin, self.now())]
 
 
 def fmu():
@@ -56,7 +72,8 @@ def bare():
     said = subprocess.run(
         [work / "bare", work / "exchange.so", work / "exchange-two.so", str(BARE)], check=True, capture_output=True, text=True
     )
-    return float(said.stdout.split()[0]) / BARE
+    wall, processor, _ = map(float, said.stdout.split())
+    return [wall / BARE, processor / BARE]
 
 
 def scenario():
@@ -75,16 +92,16 @@ def ours(*more):
 
     def run(steps):
         out = Path("/dev/shm") / f"escapement-compare-{steps}"
-        begin = time.perf_counter()
+        clock = Clock(children=True)
         subprocess.run(
             [escapement, "run", scenario(), "--quiet", "--duration", f"{steps} ms", "--out", out, "--force", *more], check=True
         )
-        spent = time.perf_counter() - begin
+        spent = clock.spent(1)
         subprocess.run(["rm", "-rf", out], check=True)
         return spent
 
     few = OURS // 10
-    return (run(OURS) - run(few)) / (OURS - few)
+    return [(many - less) / (OURS - few) for many, less in zip(run(OURS), run(few))]
 
 
 def libcosim():
@@ -97,9 +114,9 @@ def libcosim():
                 output_slave_index=source, output_variable_reference=COUNT + number, input_slave_index=target, input_variable_reference=number
             )
     execution.step()
-    begin = time.perf_counter()
+    clock = Clock()
     execution.step(step_count=THEIRS)
-    return (time.perf_counter() - begin) / THEIRS
+    return clock.spent(THEIRS)
 
 
 def ecos():
@@ -112,11 +129,11 @@ def ecos():
         with EcosSimulation(structure=structure, step_size=STEP) as simulation:
             simulation.init()
             simulation.step()
-            begin = time.perf_counter()
+            clock = Clock()
             simulation.step(THEIRS)
-            spent = time.perf_counter() - begin
+            spent = clock.spent(THEIRS)
             simulation.terminate()
-    return spent / THEIRS
+    return spent
 
 
 def fmpy():
@@ -131,18 +148,18 @@ def fmpy():
         models.append(model)
     one, two = models
     inputs, outputs = list(range(COUNT)), list(range(COUNT, 2 * COUNT))
-    begin = time.perf_counter()
+    clock = Clock()
     for step in range(PYTHON):
         a, b = one.getReal(outputs), two.getReal(outputs)
         two.setReal(inputs, a)
         one.setReal(inputs, b)
         for model in models:
             model.doStep(currentCommunicationPoint=step * STEP, communicationStepSize=STEP)
-    spent = time.perf_counter() - begin
+    spent = clock.spent(PYTHON)
     for model in models:
         model.terminate()
         model.freeInstance()
-    return spent / PYTHON
+    return spent
 
 
 TOOLS = {
@@ -156,10 +173,14 @@ TOOLS = {
 measured = {name: [] for name in TOOLS}
 for _ in range(rounds):
     for name, measure in TOOLS.items():
-        measured[name].append(measure() * 1e6)
+        measured[name].append([seconds * 1e6 for seconds in measure()])
 print(f"two FMUs, {COUNT} variables each way, a step of both; {rounds} rounds: least, median and largest, µs, and medians of ratios")
-for name, all_of in measured.items():
-    calls = median(own / one for own, one in zip(all_of, measured["bare calls"]))
-    inside = median(own / one for own, one in zip(all_of, measured["ours, one process"]))
-    row = f"{min(all_of):9.3f} {median(all_of):9.3f} {max(all_of):9.3f}"
-    print(f"  {name:<26} {row}   {calls:8.2f} times bare calls {inside:8.2f} times ours in one process")
+for kind, title in enumerate(["wall time", "processor time of all processes"]):
+    print(title)
+    for name, rows in measured.items():
+        own = [row[kind] for row in rows]
+        beside = [
+            median(one / other[kind] for one, other in zip(own, measured[reference])) for reference in ("bare calls", "ours, one process")
+        ]
+        figures = f"{min(own):9.3f} {median(own):9.3f} {max(own):9.3f}"
+        print(f"  {name:<26} {figures}   {beside[0]:8.2f} times bare calls {beside[1]:8.2f} times ours in one process")

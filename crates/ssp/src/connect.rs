@@ -1,8 +1,6 @@
 //! The flattened system: which variable of which FMU feeds which one, and what else is set.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
-
-use fmu::{Causality, Conversion, Model, Unit, Variable, Wire, element};
+use fmu::{Causality, Conversion, Description, Model, Unit, Variable, Wire, element};
 use toml::Value;
 
 use crate::error::Problem;
@@ -30,22 +28,25 @@ pub struct Flat {
 /// A structure with the FMUs of its components.
 pub struct System<'a> {
     structure: &'a Structure,
-    /// The components by their numbers among the elements.
-    numbers: HashMap<usize, usize>,
+    /// The number of each element among the components, where it is one.
+    numbers: Vec<Option<usize>>,
     models: Vec<&'a Model>,
     network: Network<'a>,
     flat: Flat,
     /// Between components, by outputs with direct feedthrough.
-    through: BTreeSet<(usize, usize)>,
+    through: Vec<(usize, usize)>,
 }
 
 /// Flattens a structure; `components` are the elements that are components, each with its FMU.
 pub fn flatten<'a>(structure: &'a Structure, components: &[(usize, &'a Model)]) -> (Flat, Vec<usize>) {
     let (network, problems) = Network::new(structure);
-    let numbers = components.iter().enumerate();
+    let mut numbers = vec![None; structure.elements.len()];
+    for (number, (element, _)) in components.iter().enumerate() {
+        numbers[*element] = Some(number);
+    }
     let mut system = System {
         structure,
-        numbers: numbers.map(|(number, (element, _))| (*element, number)).collect(),
+        numbers,
         models: components.iter().map(|(_, model)| *model).collect(),
         network,
         flat: Flat {
@@ -53,7 +54,7 @@ pub fn flatten<'a>(structure: &'a Structure, components: &[(usize, &'a Model)]) 
             problems,
             ..Flat::default()
         },
-        through: BTreeSet::new(),
+        through: Vec::new(),
     };
     for (element, _) in components {
         system.check_connectors(*element);
@@ -66,9 +67,15 @@ pub fn flatten<'a>(structure: &'a Structure, components: &[(usize, &'a Model)]) 
 }
 
 impl<'a> System<'a> {
+    /// The FMU of an element, and the element's number among the components.
+    fn component(&self, element: usize) -> Option<(usize, &'a Description)> {
+        let number = self.numbers[element]?;
+        let model: &'a Model = self.models[number];
+        Some((number, &model.description))
+    }
+
     fn variable(&self, element: usize, name: &str) -> Option<&'a Variable> {
-        let model: &'a Model = self.models[*self.numbers.get(&element)?];
-        model.description.variable(name)
+        self.component(element)?.1.variable(name)
     }
 
     /// The unit of a connector: its own, else that of the FMU's variable.
@@ -78,8 +85,8 @@ impl<'a> System<'a> {
             .connector(name)
             .and_then(|one| one.unit.as_ref());
         own.or_else(|| {
-            let model: &'a Model = self.models[*self.numbers.get(&element)?];
-            model.description.unit(model.description.variable(name)?)
+            let (_, about) = self.component(element)?;
+            about.unit(about.variable(name)?)
         })
     }
 
@@ -91,11 +98,11 @@ impl<'a> System<'a> {
     /// That the connectors of a component are those of its FMU.
     fn check_connectors(&mut self, element: usize) {
         let structure = self.structure;
-        let model = self.models[self.numbers[&element]];
+        let Some((_, about)) = self.component(element) else { return };
         for connector in &structure.elements[element].connectors {
             let shown = structure.shown(element, &connector.name);
-            let Some(variable) = model.description.variable(&connector.name) else {
-                let known = model.description.variables.iter().map(|one| one.name.as_str());
+            let Some(variable) = about.variable(&connector.name) else {
+                let known = about.variables.iter().map(|one| one.name.as_str());
                 let known = fmu::nearest(&connector.name, known).unwrap_or_default();
                 let reason = format!("the FMU has no variable for the connector `{shown}`; did you mean `{known}`?");
                 self.refuse(connector.line, reason);
@@ -119,7 +126,7 @@ impl<'a> System<'a> {
                 );
                 self.refuse(connector.line, reason);
             }
-            let theirs = model.description.unit(variable);
+            let theirs = about.unit(variable);
             if let (Some(ours), Some(theirs)) = (&connector.unit, theirs) {
                 let mut line = Line::new();
                 let same = line.convert(Some(ours), Some(theirs)).is_ok() && (line.at(1.0) - 1.0).abs() < 1e-6;
@@ -149,41 +156,35 @@ impl<'a> System<'a> {
             );
             self.flat.notes.push(note);
         }
-        let mut settings: BTreeMap<(usize, String), Value> = BTreeMap::new();
         // Bound to variables themselves.
         for ((element, name), bound) in &values {
-            let Some(variable) = self.variable(*element, name) else {
+            let Some((variable, (part, about))) = self.variable(*element, name).zip(self.component(*element)) else {
                 continue;
             };
             let way = [(bound.suppress, &bound.transformation, self.unit(*element, name))];
-            let model = self.models[self.numbers[element]];
-            match setting(&model.description, variable, &bound.given, &way) {
-                Ok(value) => drop(settings.insert((self.numbers[element], name.clone()), value)),
+            match setting(about, variable, &bound.given, &way) {
+                Ok(value) => self.flat.settings[part].push((name.clone(), value)),
                 Err(problem) => self.flat.problems.push(problem),
             }
         }
         for (number, element) in structure.elements.iter().enumerate() {
-            let Some(part) = self.numbers.get(&number).copied() else {
+            let Some(part) = self.numbers[number] else {
                 continue;
             };
-            for connector in &element.connectors {
-                let taken = connector.kind != Kind::Output;
-                if !taken {
-                    continue;
-                }
+            for connector in element.connectors.iter().filter(|one| one.kind != Kind::Output) {
                 match self.network.trace(number, &connector.name) {
                     Ok(trace) if trace.steps.is_empty() => {}
                     Ok(trace) => {
                         if let Some(value) = self.fed((number, &connector.name), &trace, &values) {
-                            settings.insert((part, connector.name.clone()), value);
+                            // What comes through connectors is set further up.
+                            let settings = &mut self.flat.settings[part];
+                            settings.retain(|(name, _)| *name != connector.name);
+                            settings.push((connector.name.clone(), value));
                         }
                     }
                     Err(problem) => self.flat.problems.push(problem),
                 }
             }
-        }
-        for ((part, name), value) in settings {
-            self.flat.settings[part].push((name, value));
         }
         self.root_outputs();
     }
@@ -226,8 +227,7 @@ impl<'a> System<'a> {
             let unit = self.unit(step.taker.0, step.taker.1);
             (step.connection.suppress, &step.connection.transformation, unit)
         }));
-        let model = self.models[self.numbers[&taker.0]];
-        match setting(&model.description, variable, &bound.given, &way) {
+        match setting(self.component(taker.0)?.1, variable, &bound.given, &way) {
             Ok(value) => Some(value),
             Err(problem) => {
                 self.flat.problems.push(problem);
@@ -260,8 +260,8 @@ impl<'a> System<'a> {
 
     fn wire(&mut self, taker: (usize, &'a str), input: &Variable, trace: &Trace<'a>) -> Result<(), String> {
         let (origin, name) = trace.origin;
-        let (from, to) = (self.numbers[&origin], self.numbers[&taker.0]);
-        let (sends, takes) = (&self.models[from].description, &self.models[to].description);
+        let ends = self.component(origin).zip(self.component(taker.0));
+        let ((from, sends), (to, takes)) = ends.ok_or("one of them is no component")?;
         let output = sends.variable(name).ok_or("the FMU has no such variable")?;
         let kinds = (output.kind.name(), input.kind.name());
         let elements = element(sends.version, output.kind).zip(element(takes.version, input.kind));
@@ -274,7 +274,7 @@ impl<'a> System<'a> {
             return Err(format!("they have {} and {} dimensions", shapes.0, shapes.1));
         }
         let line = self.line(trace)?;
-        let port = |about: &fmu::Description, one: &Variable| {
+        let port = |about: &Description, one: &Variable| {
             about.unit(one).map_or_else(|| Conversion::none("1"), Unit::of_port)
         };
         let (factor, offset) = line.between(&port(sends, output), &port(takes, input))?;
@@ -284,8 +284,8 @@ impl<'a> System<'a> {
                 kinds.1
             ));
         }
-        if output.feedthrough {
-            self.through.insert((from, to));
+        if output.feedthrough && !self.through.contains(&(from, to)) {
+            self.through.push((from, to));
         }
         self.flat.wires.push(Wire {
             from: (from, name.to_owned()),
@@ -310,7 +310,7 @@ impl<'a> System<'a> {
                 }
             };
             let (origin, name) = trace.origin;
-            let part = self.numbers.get(&origin).copied();
+            let part = self.numbers[origin];
             let signal = self.variable(origin, name).and_then(|variable| {
                 let version = self.models[part?].description.version;
                 element(version, variable.kind)
@@ -339,11 +339,11 @@ impl<'a> System<'a> {
 }
 
 /// Components that feed each other in a circle, in order; empty where there is none.
-fn circle(count: usize, edges: &BTreeSet<(usize, usize)>) -> Vec<usize> {
+fn circle(count: usize, edges: &[(usize, usize)]) -> Vec<usize> {
     // Whoever feeds nobody any more is in no circle.
     let mut alive = vec![true; count];
     let feeds = |alive: &[bool], one: usize| {
-        let own = edges.range((one, 0)..=(one, usize::MAX));
+        let own = edges.iter().filter(|(from, _)| *from == one);
         own.map(|(_, to)| *to).find(|to| alive[*to])
     };
     while let Some(end) = (0..count).find(|&one| alive[one] && feeds(&alive, one).is_none()) {

@@ -1,6 +1,5 @@
 //! From a package to a scenario.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use fmu::{Archive, Draft, Model, Names, Part};
@@ -72,19 +71,22 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
         reason: format!("it has no {DESCRIPTION}, which every SSP has"),
     })?;
     let structure = read(package, &description.map_err(zip)?).map_err(refused)?;
-    let mut models: BTreeMap<&str, (Model, Vec<u8>)> = BTreeMap::new();
+    let mut models: Vec<Taken<'_>> = Vec::new();
+    let mut names = Names::default();
     for source in structure.elements.iter().filter_map(|one| one.source()) {
-        if !models.contains_key(source)
+        if models.iter().all(|taken| taken.source != source)
             && let Some(contents) = package.file(source)
         {
             let contents = contents.map_err(zip)?;
             let model = Model::read(file.join(source), contents.clone())?;
-            models.insert(source, (model, contents));
+            let last = source.rsplit('/').next().unwrap_or(source);
+            let file = format!("fmus/{}.fmu", names.pick(last.strip_suffix(".fmu").unwrap_or(last)));
+            models.push(Taken { source, file, model, contents });
         }
     }
     let components = structure.elements.iter().enumerate();
     let components: Vec<(usize, &Model)> = components
-        .filter_map(|(number, one)| Some((number, &models.get(one.source()?)?.0)))
+        .filter_map(|(number, one)| Some((number, &find(&models, one.source()?)?.model)))
         .collect();
     let (mut flat, circle) = flatten(&structure, &components);
     limits(&structure, &components, &circle, options, &mut flat);
@@ -92,10 +94,9 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
         return Err(refused(std::mem::take(&mut flat.problems)));
     }
     notes(&structure, &components, options, &mut flat);
-    let files = files(models.keys().copied());
     let notes = flat.notes.clone();
-    let scenario = draft(&structure, &components, flat, &files, options).text();
-    let fmus = models.into_iter().map(|(source, (_, contents))| (files[source].clone(), contents));
+    let scenario = draft(&structure, &components, flat, &models, options).text();
+    let fmus = models.into_iter().map(|taken| (taken.file, taken.contents));
     Ok(Imported {
         scenario,
         fmus: fmus.collect(),
@@ -163,22 +164,24 @@ fn notes(structure: &Structure, components: &[(usize, &Model)], options: Options
     }
 }
 
-/// A file in the scenario's folder for each FMU of the package.
-fn files<'a>(sources: impl Iterator<Item = &'a str>) -> BTreeMap<String, String> {
-    let mut names = Names::default();
-    let named = sources.map(|source| {
-        let last = source.rsplit('/').next().unwrap_or(source);
-        let stem = last.strip_suffix(".fmu").unwrap_or(last);
-        (source.to_owned(), format!("fmus/{}.fmu", names.pick(stem)))
-    });
-    named.collect()
+/// An FMU of the package.
+struct Taken<'a> {
+    source: &'a str,
+    /// Where it is put, from the scenario's folder.
+    file: String,
+    model: Model,
+    contents: Vec<u8>,
+}
+
+fn find<'a>(models: &'a [Taken<'_>], source: &str) -> Option<&'a Taken<'a>> {
+    models.iter().find(|taken| taken.source == source)
 }
 
 fn draft<'a>(
     structure: &Structure,
     components: &[(usize, &'a Model)],
     flat: Flat,
-    files: &BTreeMap<String, String>,
+    models: &[Taken<'_>],
     options: Options,
 ) -> Draft<'a> {
     let start = structure.start.filter(|start| *start > 0.0);
@@ -190,7 +193,7 @@ fn draft<'a>(
         let source = structure.elements[*element].source().unwrap_or_default();
         Part {
             name: names.pick(&path.replace('.', "-")),
-            file: files.get(source).cloned().unwrap_or_default(),
+            file: find(models, source).map(|taken| taken.file.clone()).unwrap_or_default(),
             about: &model.description,
             period: match options.period {
                 Some(period) => period.to_string(),

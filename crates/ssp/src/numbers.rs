@@ -93,9 +93,10 @@ impl Line {
             false => convert(&format!("1 {}", from.unit), &to.unit).map(|(numbers, _)| numbers[0]),
         };
         let Ok(natural) = natural else {
-            let text = format!("{scale:?} {} {}", to.unit, inverse(&from.unit));
+            let made = if to.unit == "1" { "" } else { &to.unit };
+            let text = format!("{scale:?} {}", format!("{made} {}", inverse(&from.unit)).trim());
             return match convert(&format!("{text} {}", from.unit), &to.unit) {
-                Ok(_) => Ok((Some(Value::String(text.trim_end().to_owned())), offset)),
+                Ok(_) => Ok((Some(Value::String(text)), offset)),
                 Err(error) => Err(error.to_string()),
             };
         };

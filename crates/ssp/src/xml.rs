@@ -27,6 +27,16 @@ pub fn parse<T>(
     bytes: &[u8],
     read: impl for<'d> FnOnce(Xml<'d>, Node<'d, 'd>) -> Result<T, Problem>,
 ) -> Result<T, Problem> {
+    let document = document(file, bytes)?;
+    let xml = Xml {
+        file,
+        document: &document,
+    };
+    read(xml, document.root_element())
+}
+
+/// The bytes of `file` as a tree.
+fn document<'a>(file: &str, bytes: &'a [u8]) -> Result<Document<'a>, Problem> {
     let problem = |line, reason| Problem {
         file: file.to_owned(),
         line,
@@ -42,13 +52,8 @@ pub fn parse<T>(
         nodes_limit: NODES_MAX,
         ..ParsingOptions::default()
     };
-    let document = Document::parse_with_options(text, options)
-        .map_err(|error| problem(error.pos().row, format!("it is not XML: {error}")))?;
-    let xml = Xml {
-        file,
-        document: &document,
-    };
-    read(xml, document.root_element())
+    Document::parse_with_options(text, options)
+        .map_err(|error| problem(error.pos().row, format!("it is not XML: {error}")))
 }
 
 /// The children of `node` that are called `name`, whatever prefix their namespace has.
