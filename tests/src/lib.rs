@@ -7,6 +7,7 @@ pub mod liar;
 pub mod long;
 pub mod machine;
 pub mod modules;
+pub mod packages;
 pub mod page;
 pub mod parts;
 pub mod program;

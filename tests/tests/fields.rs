@@ -324,7 +324,10 @@ fn degrees_and_millimetres_are_read_in_radians_and_metres() {
         assert!(said.out.contains(words), "{words}: {said:?}");
     }
     let folder = Folder::new("units");
-    for (set, code) in [(None, 0), (Some("participants.sensor.parameters.Float64_continuous_input=91.0"), 3)] {
+    for (set, code) in [
+        (None, 0),
+        (Some("participants.sensor.parameters.Float64_continuous_input=91.0"), 3),
+    ] {
         let out = folder.path().join(format!("run-{code}"));
         let mut arguments = vec!["run", example, "--out", text(&out), "--in-process"];
         arguments.extend(set.iter().flat_map(|set| ["--set", set]));

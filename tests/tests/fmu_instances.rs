@@ -69,6 +69,10 @@ fn thousand_instances_leave_nothing_behind() {
         assert!(after.0 <= before.0 + SLACK, "bytes of the heap: {shown}");
         // 16 MiB of 4 KiB pages: a library that stays takes 5 of them.
         assert!(after.1 <= before.1 + 4096, "pages: {shown}");
-        assert_eq!((after.2, after.3), (0, before.3), "mapped libraries and open files: {shown}");
+        assert_eq!(
+            (after.2, after.3),
+            (0, before.3),
+            "mapped libraries and open files: {shown}"
+        );
     }
 }

@@ -212,9 +212,18 @@ fn fmus_are_connected_where_names_and_units_fit() {
         assert!(found, "{words} in\n{scenario}");
     }
     // What is suggested holds once it is no comment.
-    let uncommented = scenario.replacen("# ports", "ports", 1).replacen("ports = { inputs = [] }", "ports = { inputs = [\"f\"] }", 1);
-    let at = uncommented.find("#   [connections.feed-1-0]").expect("the suggestion is there");
-    let lines: Vec<&str> = uncommented[at..].lines().take(4).map(|line| line.trim_start_matches("#   ")).collect();
+    let uncommented =
+        scenario
+            .replacen("# ports", "ports", 1)
+            .replacen("ports = { inputs = [] }", "ports = { inputs = [\"f\"] }", 1);
+    let at = uncommented
+        .find("#   [connections.feed-1-0]")
+        .expect("the suggestion is there");
+    let lines: Vec<&str> = uncommented[at..]
+        .lines()
+        .take(4)
+        .map(|line| line.trim_start_matches("#   "))
+        .collect();
     let chosen = outside.0.join("apart/chosen.toml");
     std::fs::write(&chosen, format!("{uncommented}\n{}\n", lines.join("\n"))).expect("the project can be written");
     let said = orchestrate(&["check", text(&chosen)]);
@@ -260,8 +269,14 @@ fn what_cannot_be_written_is_refused_with_what_can_be_done() {
     );
     refuse(&["new"], &["FOLDER"]);
     refuse(&["new", "it", "--template", "fmu"], &["--template fmu: name the FMUs"]);
-    refuse(&["new", "it", "--template", "fmu", "full/x"], &["full/x", "not a ZIP archive"]);
-    refuse(&["new", "it", "--template", "spring", "full/x"], &["full/x", "takes no files"]);
+    refuse(
+        &["new", "it", "--template", "fmu", "full/x"],
+        &["full/x", "not a ZIP archive"],
+    );
+    refuse(
+        &["new", "it", "--template", "spring", "full/x"],
+        &["full/x", "takes no files"],
+    );
     assert_eq!(files(&outside.0), ["full/x"], "a refusal leaves nothing");
     let said = outside.escapement(&["new", "--list"]);
     let names: Vec<&str> = said.out.lines().filter_map(|line| line.split(' ').next()).collect();

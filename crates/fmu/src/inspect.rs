@@ -243,6 +243,8 @@ fn start(about: &Description, one: &Variable) -> Option<Value> {
         Type::Boolean => Value::Boolean(start == "true" || start == "1"),
         Type::String | Type::Binary => Value::String(start.clone()),
         // TOML's integers end at 2^63.
-        _ => start.parse().map_or_else(|_| Value::String(start.clone()), Value::Integer),
+        _ => start
+            .parse()
+            .map_or_else(|_| Value::String(start.clone()), Value::Integer),
     })
 }

@@ -98,7 +98,9 @@ impl<'a> System<'a> {
     /// That the connectors of a component are those of its FMU.
     fn check_connectors(&mut self, element: usize) {
         let structure = self.structure;
-        let Some((_, about)) = self.component(element) else { return };
+        let Some((_, about)) = self.component(element) else {
+            return;
+        };
         for connector in &structure.elements[element].connectors {
             let shown = structure.shown(element, &connector.name);
             let Some(variable) = about.variable(&connector.name) else {
@@ -274,9 +276,8 @@ impl<'a> System<'a> {
             return Err(format!("they have {} and {} dimensions", shapes.0, shapes.1));
         }
         let line = self.line(trace)?;
-        let port = |about: &Description, one: &Variable| {
-            about.unit(one).map_or_else(|| Conversion::none("1"), Unit::of_port)
-        };
+        let port =
+            |about: &Description, one: &Variable| about.unit(one).map_or_else(|| Conversion::none("1"), Unit::of_port);
         let (factor, offset) = line.between(&port(sends, output), &port(takes, input))?;
         if !input.kind.is_float() && (factor.is_some() || offset.is_some()) {
             return Err(format!(

@@ -81,7 +81,12 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
             let model = Model::read(file.join(source), contents.clone())?;
             let last = source.rsplit('/').next().unwrap_or(source);
             let file = format!("fmus/{}.fmu", names.pick(last.strip_suffix(".fmu").unwrap_or(last)));
-            models.push(Taken { source, file, model, contents });
+            models.push(Taken {
+                source,
+                file,
+                model,
+                contents,
+            });
         }
     }
     let components = structure.elements.iter().enumerate();
@@ -105,26 +110,31 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
 }
 
 /// What a scenario cannot have.
-fn limits(
-    structure: &Structure,
-    components: &[(usize, &Model)],
-    circle: &[usize],
-    options: Options,
-    flat: &mut Flat,
-) {
+fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize], options: Options, flat: &mut Flat) {
     let mut refuse = |line: u32, reason: String| flat.problems.push(structure.problem(line, reason));
     let root = structure.elements[0].line;
     if components.is_empty() || components.len() > PARTS_MAX {
         let count = components.len();
-        refuse(root, format!("the system has {count} components; a scenario has 1 to {PARTS_MAX} participants"));
+        refuse(
+            root,
+            format!("the system has {count} components; a scenario has 1 to {PARTS_MAX} participants"),
+        );
     }
     let (start, stop) = (structure.start.unwrap_or(0.0), structure.stop);
     if start < 0.0 || stop.is_some_and(|stop| stop <= start) {
         let stop = stop.map_or("not given".to_owned(), |stop| stop.to_string());
-        refuse(root, format!("the default experiment starts at {start} s and its end is {stop}; a run goes from 0 s or later to a later end"));
+        refuse(
+            root,
+            format!(
+                "the default experiment starts at {start} s and its end is {stop}; a run goes from 0 s or later to a later end"
+            ),
+        );
     }
     if let (false, [first, ..]) = (options.open_loops, circle) {
-        let shown = circle.iter().chain([first]).map(|&one| structure.path(components[one].0));
+        let shown = circle
+            .iter()
+            .chain([first])
+            .map(|&one| structure.path(components[one].0));
         let shown: Vec<String> = shown.map(|name| format!("`{name}`")).collect();
         refuse(
             structure.elements[components[*first].0].line,
@@ -140,13 +150,17 @@ fn limits(
 /// What somebody might expect to be otherwise.
 fn notes(structure: &Structure, components: &[(usize, &Model)], options: Options, flat: &mut Flat) {
     if structure.stop.is_none() {
-        flat.notes.push(format!("the default experiment has no stop time: the duration is {DURATION} s"));
+        flat.notes.push(format!(
+            "the default experiment has no stop time: the duration is {DURATION} s"
+        ));
     }
     for (number, (element, model)) in components.iter().enumerate() {
         let name = structure.path(*element);
         let about = &model.description;
         if options.period.is_none() && about.experiment.step.is_none() && about.abilities.fixed_step.is_none() {
-            flat.notes.push(format!("the FMU of `{name}` names no step: its period is 10 ms; --period says another one"));
+            flat.notes.push(format!(
+                "the FMU of `{name}` names no step: its period is 10 ms; --period says another one"
+            ));
         }
         if let Err(error) = model.library() {
             flat.notes.push(format!("`{name}`: {error}"));

@@ -1,0 +1,60 @@
+//! Packages of system structures (SSP) that tests make, and their import.
+
+use std::path::{Path, PathBuf};
+
+use crate::fmus::{Recipe, archive};
+use crate::program::{Folder, Said, orchestrate, text};
+
+/// The namespaces of the standard's files.
+pub const SPACES: &str = "xmlns:ssd=\"http://ssp-standard.org/SSP1/SystemStructureDescription\" \
+    xmlns:ssc=\"http://ssp-standard.org/SSP1/SystemStructureCommon\" xmlns:ssv=\"http://ssp-standard.org/SSP1/SystemStructureParameterValues\" \
+    xmlns:ssm=\"http://ssp-standard.org/SSP1/SystemStructureParameterMapping\"";
+
+/// A description with the root system's content.
+pub fn description(system: &str, rest: &str) -> String {
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<ssd:SystemStructureDescription {SPACES} version=\"1.0\" name=\"Test\">\n\
+         <ssd:System name=\"root\">\n{system}\n</ssd:System>\n{rest}\n</ssd:SystemStructureDescription>\n"
+    )
+}
+
+/// A package of these files beside `SystemStructure.ssd`.
+///
+/// # Panics
+/// When the folder cannot be written.
+pub fn package(folder: &Folder, description: &str, files: &[(&str, Vec<u8>)]) -> PathBuf {
+    let mut entries = vec![("SystemStructure.ssd", description.as_bytes().to_vec())];
+    entries.extend_from_slice(files);
+    let path = folder.path().join("system.ssp");
+    std::fs::write(&path, archive(&entries)).expect("the folder can be written");
+    path
+}
+
+/// The contents of a file.
+///
+/// # Panics
+/// When it is not there.
+pub fn read(path: &Path) -> Vec<u8> {
+    std::fs::read(path).expect("the file is there")
+}
+
+/// A mass on a spring (FMI 2.0) and a damper (FMI 3.0), built here.
+///
+/// # Panics
+/// When there is no C compiler.
+pub fn pair(folder: &Folder) -> (Vec<u8>, Vec<u8>) {
+    let damper = Recipe {
+        damper: true,
+        ..Recipe::new(3)
+    };
+    (
+        read(&Recipe::new(2).build(folder, "spring")),
+        read(&damper.build(folder, "damper")),
+    )
+}
+
+/// Imports a package into the folder `imported`.
+pub fn import(folder: &Folder, package: &Path, rest: &[&str]) -> Said {
+    let out = folder.path().join("imported");
+    orchestrate(&[&["import", text(package), "--out", text(&out)], rest].concat())
+}

@@ -1,0 +1,249 @@
+//! What is no system structure, and what a scenario cannot express, is refused with file and line.
+
+use std::path::Path;
+
+use escapement_tests::fmus::archive;
+use escapement_tests::packages::{description, import, package, pair, read};
+use escapement_tests::program::{Folder, orchestrate, root, text};
+
+#[test]
+fn what_is_no_package_is_refused() {
+    let folder = Folder::new("no-package");
+    let refused = |file: &Path, words: &[&str]| {
+        let said = import(&folder, file, &[]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        assert!(words.iter().all(|word| said.err.contains(word)), "{words:?}: {said:?}");
+        assert!(!folder.path().join("imported").exists(), "a refusal leaves nothing");
+    };
+    refused(
+        &folder.write("text.ssp", "this is text and no archive"),
+        &["text.ssp", "not a ZIP archive"],
+    );
+    refused(&folder.path().join("missing.ssp"), &["missing.ssp"]);
+    refused(folder.path(), &["no SystemStructure.ssd"]);
+    let path = folder.path().join("empty.ssp");
+    std::fs::write(&path, archive(&[("readme.txt", b"hello".to_vec())])).expect("written");
+    refused(&path, &["empty.ssp", "no SystemStructure.ssd"]);
+    std::fs::write(&path, archive(&[("../SystemStructure.ssd", Vec::new())])).expect("written");
+    refused(&path, &["leads out of the archive"]);
+    refused(
+        &package(&folder, "<ssd>", &[]),
+        &["system.ssp: SystemStructure.ssd:1", "not XML"],
+    );
+    refused(&package(&folder, "<ssd/>", &[]), &["the root is `ssd`"]);
+    let later = description("", "").replace("version=\"1.0\"", "version=\"3.0\"");
+    refused(
+        &package(&folder, &later, &[]),
+        &["SystemStructure.ssd:2", "SSP version `3.0`"],
+    );
+    refused(
+        &package(&folder, &description("", ""), &[]),
+        &["SystemStructure.ssd:3", "0 components"],
+    );
+    // What is there is not written over.
+    std::fs::create_dir(folder.path().join("full")).expect("made");
+    folder.write("full/x", "x");
+    let full = folder.path().join("full");
+    let said = orchestrate(&["import", text(&path), "--out", text(&full)]);
+    assert!(said.code == Some(2) && said.err.contains("not empty"), "{said:?}");
+}
+
+/// Sees that a package with a mass on a spring (`a.fmu`) and a damper (`b.fmu`) is refused in these words.
+fn refused(folder: &Folder, name: &str, system: &str, rest: &str, words: &[&str]) {
+    let (spring, damper) = pair(folder);
+    let files = [("a.fmu", spring), ("b.fmu", damper)];
+    let package = package(folder, &description(system, rest), &files);
+    let said = import(folder, &package, &[]);
+    assert_eq!(said.code, Some(2), "{name}: {said:?}");
+    let missing: Vec<_> = words.iter().filter(|word| !said.err.contains(**word)).collect();
+    assert!(missing.is_empty(), "{name}: {missing:?} in {}", said.err);
+}
+
+/// Everything that is wrong is named at once, with its line.
+#[test]
+fn elements_that_are_no_fmus_are_refused_all_at_once() {
+    let folder = Folder::new("elements");
+    refused(
+        &folder,
+        "elements",
+        "<ssd:Elements>\n<ssd:Component name=\"model\" type=\"text/x-modelica\" source=\"a.fmu\"/>\n<ssd:Component name=\"none\"/>\n\
+         <ssd:SignalDictionaryReference name=\"bus\" dictionary=\"d\"/>\n<ssd:Component name=\"out\" source=\"../a.fmu\"/>\n\
+         <ssd:Component name=\"gone\" source=\"c.fmu\"/>\n<ssd:Component name=\"me\" source=\"a.fmu\" implementation=\"ModelExchange\"/>\n\
+         <ssd:Component name=\"me\" source=\"http://host/a.fmu\"/>\n</ssd:Elements><ssd:SignalDictionaries/>",
+        "",
+        &[
+            ":5: the component `model` is a `text/x-modelica`",
+            ":6: the component `none` has no `source`",
+            ":7: `SignalDictionaryReference` is not supported",
+            ":8: the source `../a.fmu`",
+            ":9: the source `c.fmu` is not in the package",
+            ":10: the component `me` is wanted as ModelExchange",
+            ":11: the source `http://host/a.fmu`",
+            ":11: two elements of a system are called `me`",
+            "signal dictionaries are not supported",
+        ],
+    );
+}
+
+/// The two of [`refused`] as components `a` and `b`, which end on line 5.
+const PARTS: &str = "<ssd:Connectors><ssd:Connector name=\"in\" kind=\"input\"/></ssd:Connectors>\n<ssd:Elements>\
+     <ssd:Component name=\"a\" source=\"a.fmu\"><ssd:Connectors><ssd:Connector name=\"f\" kind=\"input\"/>\
+     <ssd:Connector name=\"x\" kind=\"output\"/><ssd:Connector name=\"v\" kind=\"output\"/><ssd:Connector name=\"marker\" kind=\"parameter\"/>\
+     </ssd:Connectors></ssd:Component>\
+     <ssd:Component name=\"b\" source=\"b.fmu\"><ssd:Connectors><ssd:Connector name=\"v\" kind=\"input\"/>\
+     <ssd:Connector name=\"f\" kind=\"output\"/><ssd:Connector name=\"damping\" kind=\"parameter\"/></ssd:Connectors></ssd:Component></ssd:Elements>\n";
+
+#[test]
+fn what_cannot_be_expressed_is_refused_with_its_line() {
+    let folder = Folder::new("refusals");
+    let refused = |name: &str, system: &str, words: &[&str]| refused(&folder, name, system, "", words);
+    let with = |connections: &str| format!("{PARTS}<ssd:Connections>\n{connections}\n</ssd:Connections>");
+    let link = |from: &str, to: &str, rest: &str| {
+        let end = |side: &str, text: &str| match text.split_once('.') {
+            Some((element, connector)) => format!("{side}Element=\"{element}\" {side}Connector=\"{connector}\""),
+            None => format!("{side}Connector=\"{text}\""),
+        };
+        format!(
+            "<ssd:Connection {} {}>{rest}</ssd:Connection>\n",
+            end("start", from),
+            end("end", to)
+        )
+    };
+    refused(
+        "ends",
+        &with(&[link("a.y", "b.v", ""), link("c.x", "b.v", ""), link("a.f", "b.v", "")].concat()),
+        &[
+            ":7: `a` has no connector `y`",
+            ":8: `startElement`: there is no element `c`; there is `a`, `b`",
+        ],
+    );
+    refused(
+        "direction",
+        &with(&link("a.f", "b.v", "")),
+        &[":7: the kinds of `a.f` and `b.v` do not say"],
+    );
+    refused(
+        "twice",
+        &with(&[link("a.v", "b.v", ""), link("b.v", "in", "")].concat()),
+        &[":8: `b.v` is fed by two connections"],
+    );
+    refused(
+        "dimension",
+        &with(&link("a.x", "b.v", "")),
+        &[
+            ":7: `a.x` does not become `b.v`",
+            "`m` is no `m/s`",
+            "suppressUnitConversion",
+        ],
+    );
+    let table = "<ssc:BooleanMappingTransformation><ssc:MapEntry source=\"true\" target=\"false\"/></ssc:BooleanMappingTransformation>";
+    refused(
+        "table",
+        &with(&link("a.v", "b.v", table)),
+        &[":7: ", "BooleanMappingTransformation cannot be done"],
+    );
+    refused(
+        "parameter",
+        &with(&link("a.v", "b.damping", "")),
+        &[":7: `b.damping` is a parameter"],
+    );
+    let indices = link("a.v", "b.v", "").replace("<ssd:Connection ", "<ssd:Connection startIndices=\"1\" ");
+    refused("indices", &with(&indices), &[":7: `startIndices`"]);
+}
+
+#[test]
+fn what_does_not_fit_the_fmus_is_refused_with_its_line() {
+    let folder = Folder::new("unfit");
+    let refused = |name: &str, system: &str, rest: &str, words: &[&str]| refused(&folder, name, system, rest, words);
+    let connectors = PARTS.replace(
+        "name=\"damping\" kind=\"parameter\"",
+        "name=\"dumping\" kind=\"parameter\"",
+    );
+    refused(
+        "connector",
+        &connectors,
+        "",
+        &["no variable for the connector `b.dumping`; did you mean `damping`?"],
+    );
+    let kinds = PARTS.replace("name=\"damping\" kind=\"parameter\"", "name=\"damping\" kind=\"input\"");
+    refused("kind", &kinds, "", &["the connector `b.damping` has another kind"]);
+    let bound = |value: &str| {
+        format!(
+            "<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version=\"1.0\" name=\"p\"><ssv:Parameters>\n\
+             {value}</ssv:Parameters></ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>{PARTS}"
+        )
+    };
+    let values = "<ssv:Parameter name=\"a.mass\"><ssv:String value=\"heavy\"/></ssv:Parameter>\n\
+         <ssv:Parameter name=\"b.f\"><ssv:Real value=\"1\"/></ssv:Parameter>\n<ssv:Parameter name=\"a.marker\"><ssv:Real value=\"1\"/></ssv:Parameter>\n";
+    refused(
+        "values",
+        &bound(values),
+        "",
+        &[
+            ":5: the parameter `a.mass`: it is a String, and `mass` of the FMU is a Float64",
+            ":6: the parameter `b.f`: `f` of the FMU cannot be set",
+            ":7: the parameter `a.marker`: it is a Real",
+        ],
+    );
+    refused(
+        "number",
+        &bound("<ssv:Parameter name=\"a.mass\"><ssv:Real value=\"nan\"/></ssv:Parameter>"),
+        "",
+        &[":5: `nan` is no Real"],
+    );
+    refused(
+        "experiment",
+        PARTS,
+        "<ssd:DefaultExperiment startTime=\"-1\" stopTime=\"2\"/>",
+        &["starts at -1 s"],
+    );
+}
+
+/// What FMUs themselves say of their outputs: values would have to be everywhere at once.
+#[test]
+fn algebraic_loop_is_refused_unless_it_is_opened() {
+    let folder = Folder::new("loop");
+    let file = read(&root().join("tests/fmus/reference/fmi2/Feedthrough.fmu"));
+    let component = |name: &str| {
+        format!(
+            "<ssd:Component name=\"{name}\" source=\"f.fmu\"><ssd:Connectors><ssd:Connector name=\"Float64_continuous_input\" kind=\"input\"/>\
+             <ssd:Connector name=\"Float64_continuous_output\" kind=\"output\"/></ssd:Connectors></ssd:Component>\n"
+        )
+    };
+    let link = |from: &str, to: &str| {
+        format!(
+            "<ssd:Connection startElement=\"{from}\" startConnector=\"Float64_continuous_output\" endElement=\"{to}\" \
+             endConnector=\"Float64_continuous_input\"/>"
+        )
+    };
+    let system = format!(
+        "<ssd:Elements>\n{}{}{}</ssd:Elements><ssd:Connections>{}{}</ssd:Connections>",
+        component("first"),
+        component("second"),
+        component("third"),
+        link("second", "third"),
+        link("third", "second")
+    );
+    let package = package(&folder, &description(&system, ""), &[("f.fmu", file)]);
+    let said = import(&folder, &package, &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err
+            .contains("SystemStructure.ssd:6: `second` -> `third` -> `second` is an algebraic loop"),
+        "{said:?}"
+    );
+    assert!(said.err.contains("--open-loops"), "{said:?}");
+    let said = import(&folder, &package, &["--open-loops"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    assert!(said.err.contains("the default experiment has no stop time"), "{said:?}");
+    let scenario = folder.path().join("imported/scenario.toml");
+    let said = orchestrate(&[
+        "run",
+        text(&scenario),
+        "--in-process",
+        "--quiet",
+        "--out",
+        text(&folder.path().join("run")),
+    ]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+}
