@@ -1,5 +1,6 @@
 """Messages: layout, values, and what they refuse."""
 
+import enum
 import pickle
 
 import numpy as np
@@ -19,7 +20,7 @@ def test_message_describes_itself_as_the_wire_wants_it():
     assert Pose.dtype.itemsize == 24 + 72 + 8 + 8
     assert [part["offset"] for part in Pose.descriptor["fields"]] == [0, 24, 96, 104]
     assert Pose.descriptor["fields"][0] == {
-        "name": "p_NB_N", "element": "f64", "shape": [3], "unit": "m", "frame": "N", "offset": 0,
+        "name": "p_NB_N", "element": "f64", "shape": [3], "unit": "m", "frame": "N", "offset": 0, "values": [],
     }
     assert esc.Message.of(Pose.descriptor).descriptor == Pose.descriptor
 
@@ -37,6 +38,45 @@ def test_values_are_written_into_memory_that_stays():
     assert np.frombuffer(bytes(pose), Pose.dtype)[0] == pose.array
     again = pickle.loads(pickle.dumps(pose))
     assert again == pose and again is not pose
+
+
+class Phase(enum.IntEnum):
+    Idle = 0
+    Spray = 4
+    Dry = 250
+
+
+class Report(esc.Message):
+    level = esc.Field("m", element="u16")
+    drift = esc.Field("1", element="i16")
+    trim = esc.Field("1", element="i8", shape=2)
+    phase = esc.Field(element=Phase)
+    recent = esc.Field(element=Phase, shape=3)
+    armed = esc.Field(element=bool)
+    doors = esc.Field(element="bool", shape=3)
+
+
+def test_named_values_truth_values_and_small_numbers_are_fields():
+    assert Report.dtype.itemsize == 14
+    phase = Report.descriptor["fields"][3]
+    assert phase["values"] == [{"name": "Idle", "value": 0}, {"name": "Spray", "value": 4}, {"name": "Dry", "value": 250}]
+    report = Report(level=65535, drift=-300, trim=[-128, 127], phase=Phase.Dry, armed=True, doors=[True, False, True])
+    assert report.phase is Phase.Dry and report["phase"] is Phase.Dry and report.armed is True
+    report.phase = "Spray"
+    report.recent = [Phase.Dry, Phase.Idle, Phase.Spray]
+    assert report.phase is Phase.Spray and report.recent.tolist() == [250, 0, 4]
+    assert report.doors.dtype == bool and report.trim.tolist() == [-128, 127] and report.drift == -300
+    other = esc.Message.of(Report.descriptor)
+    assert other.descriptor == Report.descriptor
+    again = other(phase="Dry")
+    assert again.phase.name == "Dry" and again.phase == 250 and pickle.loads(pickle.dumps(report)) == report
+    for value in (3, "Rinse"):
+        with pytest.raises(esc.MessageError, match="`phase` cannot be .*: it is one of Idle, Spray, Dry"):
+            report.phase = value
+    with pytest.raises(esc.MessageError, match="no value 0"):
+        esc.Field(element=enum.IntEnum("Bad", [("one", 1)]))
+    with pytest.raises(esc.MessageError, match="no unit"):
+        esc.Field("m", element=bool)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,8 @@ PROTOCOL = 7
 SAMPLED, CONTINUOUS = 0, 1
 NOTE = 2**64 - 1
 LINE = 64
-ELEMENTS = "dfqiQIB"  # struct's letters for the elements f64, f32, i64, i32, u64, u32, u8
+ELEMENTS = "dfqiQIBbhH?"  # struct's letters for the elements f64, f32, i64, i32, u64, u32, u8, i8, i16, u16, bool
+ENUM = len(ELEMENTS)  # an enumeration: a byte, with the names of its values
 U64 = 2**64 - 1
 
 
@@ -144,27 +145,35 @@ def items(encoded):
 
 
 class Message:
-    """The layout of a port: rows of name, element (a letter of ELEMENTS), extents, unit, frame."""
+    """The layout of a port: rows of name, element (a letter of ELEMENTS, or the names of an enumeration by their values), extents,
+    unit, frame."""
 
     def __init__(self, name, *fields):
         self.name, self.fields = name, fields
-        self.format, self.described = "<", []
+        self.format, self.described, self.allowed = "<", [], []
         for field, letter, extents, unit, frame in fields:
+            values = letter if isinstance(letter, dict) else {}
+            letter = "B" if values else letter
             count = 1
             for extent in extents:
                 count *= extent
             offset, self.format = struct.calcsize(self.format), f"{self.format}{count}{letter}"
             shape = items(struct.pack("<I", extent) for extent in extents)
-            code = struct.pack("<I", ELEMENTS.index(letter))
-            self.described.append(text(field) + code + shape + text(unit) + text(frame) + struct.pack("<I", offset))
+            code = struct.pack("<I", ENUM if values else ELEMENTS.index(letter))
+            named = items(text(name) + struct.pack("<B", value) for value, name in values.items())
+            self.described.append(text(field) + code + shape + text(unit) + text(frame) + struct.pack("<I", offset) + named)
+            if values or letter == "?":
+                self.allowed.append((range(offset, offset + count), values or (0, 1)))
         self.size = struct.calcsize(self.format)
 
     def encode(self):
         return text(self.name) + struct.pack("<I", self.size) + items(self.described)
 
-    def finite(self, payload):
+    def valid(self, payload):
+        """Whether all numbers are finite, and bytes with a meaning have one of theirs."""
         values = struct.unpack(self.format, payload)
-        return all(value - value == 0 for value in values)
+        named = all(payload[at] in allowed for places, allowed in self.allowed for at in places)
+        return named and all(value - value == 0 for value in values)
 
 
 # Which sample an activation reads: section 3.
@@ -484,15 +493,15 @@ class Session:
             if not link["received"] < index <= read or stamp != link["visibility"].instant(index):
                 raise ValueError(f"`{link['from']}` sent sample #{index} stamped {stamp} where #{read} is due")
             self.payloads[port], link["received"] = payload, index
-            if not message.finite(payload):
-                raise ValueError(f"`{link['from']}` sent sample #{index} with a value that is not finite")
+            if not message.valid(payload):
+                raise ValueError(f"`{link['from']}` sent sample #{index} with a value that its type does not have")
 
     def publish(self, index):
         stamp, entries = self.instant(index), []
         for (stream, _), (name, message), values in zip(self.outputs, self.model.outputs, self.values):
             payload = struct.pack(message.format, *values)
-            if not message.finite(payload):
-                raise ValueError(f"its output `{name}` is not finite")
+            if not message.valid(payload):
+                raise ValueError(f"its output `{name}` has a value that its type does not have")
             entries.append((stream, index, stamp, payload))
         self.record.append(entries, lambda: self.wait(4))
         for output, ((_, consumers), (_, _, _, payload)) in enumerate(zip(self.outputs, entries)):

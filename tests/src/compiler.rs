@@ -112,6 +112,8 @@ pub fn examples() -> &'static Workshop {
         );
         workshop.plugin("examples/cpp/spring.cpp", "cpp/libspring.so", &[]);
         workshop.plugin("examples/cpp/loop.cpp", "cpp/libloop.so", &[]);
+        workshop.plugin("examples/cpp/operator.cpp", "cpp/liboperator.so", &[]);
+        workshop.plugin("examples/c/crossing.c", "c/libcrossing.so", &[]);
         workshop
     })
 }

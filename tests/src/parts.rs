@@ -65,7 +65,7 @@ impl Participant for Oscillator {
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
-        self.motion = *bytemuck::try_from_bytes(state).map_err(|error| error.to_string())?;
+        self.motion = *bytemuck::checked::try_from_bytes(state).map_err(|error| error.to_string())?;
         Ok(())
     }
 }

@@ -143,7 +143,12 @@ impl Plain<'_> {
         let fields = self.list(|this| {
             let (name, element) = (this.text(), this.u32());
             let shape = this.list(Self::u32);
-            serde_json::json!([name, element, shape, this.text(), this.text(), this.u32()])
+            let field = [this.text(), this.text()];
+            let (offset, values) = (
+                this.u32(),
+                this.list(|this| serde_json::json!([this.text(), this.u8()])),
+            );
+            serde_json::json!([name, element, shape, field[0], field[1], offset, values])
         });
         serde_json::json!([name, size, fields])
     }
@@ -216,7 +221,7 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     assert_eq!(interface[1][0][0], "motion");
     assert_eq!(
         interface[1][0][1][2][0],
-        serde_json::json!(["position", 0, [], "m", "N", 0])
+        serde_json::json!(["position", 0, [], "m", "N", 0, []])
     );
     assert_eq!(interface[1][0][2], 1);
     // One link, into input 0: number 0 from the plant, 2 ms late with up to 1 ms more.

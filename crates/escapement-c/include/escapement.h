@@ -49,6 +49,11 @@ typedef int32_t escapement_status;
 #define ESCAPEMENT_U64 5u
 #define ESCAPEMENT_U32 6u
 #define ESCAPEMENT_U8 7u
+#define ESCAPEMENT_I8 8u
+#define ESCAPEMENT_I16 9u
+#define ESCAPEMENT_U16 10u
+#define ESCAPEMENT_BOOL 11u /* a byte: 0 or 1, as bool of C and C++ */
+#define ESCAPEMENT_ENUM 12u /* a byte: one of named values, one of which is 0 */
 
 #define ESCAPEMENT_RANK_MAX 4
 
@@ -58,7 +63,7 @@ typedef int32_t escapement_status;
 /* A field of a message. */
 typedef struct escapement_field {
     const char *name;
-    const char *unit;                     /* such as "N m"; "1" for a pure number */
+    const char *unit;                     /* such as "N m"; "1" for a pure number; of an ESCAPEMENT_ENUM its values: "closed = 0, open = 1" */
     const char *frame;                    /* of a vector's components; "" or NULL where that means nothing */
     uint32_t element;                     /* ESCAPEMENT_F64 … */
     uint32_t offset;                      /* in the struct */
@@ -229,6 +234,17 @@ const escapement_participant *escapement_plugin(uint32_t index);
           ? (uint32_t)(sizeof(((type *)0)->field) / ESCAPEMENT_SIZE_(((type *)0)->field))                                      \
           : 0u}}
 
+/* An enumeration: a field of one byte, or a list of them, with the names of its values, one of which is 0.
+ *
+ *     enum { CLOSED, OPEN };
+ *     typedef struct { uint8_t valve; } Tank;
+ *     ESCAPEMENT_MESSAGE(Tank, ESCAPEMENT_ENUM_FIELD(Tank, valve, "closed = 0, open = 1"));
+ */
+#define ESCAPEMENT_ENUM_FIELD(type, field, values)                                                                             \
+    {#field, values, "", _Generic(((type *)0)->field, unsigned char: ESCAPEMENT_ENUM, unsigned char *: ESCAPEMENT_ENUM),         \
+     offsetof(type, field), ESCAPEMENT_RANK_(((type *)0)->field),                                                              \
+     {ESCAPEMENT_RANK_(((type *)0)->field) ? (uint32_t)sizeof(((type *)0)->field) : 0u}}
+
 /* A field that is a matrix: double field[rows][columns]. */
 #define ESCAPEMENT_MATRIX(type, field, unit, frame)                                                                            \
     {#field, unit, frame, ESCAPEMENT_ELEMENT_(((type *)0)->field[0]), offsetof(type, field), 2u,                               \
@@ -240,13 +256,15 @@ const escapement_participant *escapement_plugin(uint32_t index);
         long: ESCAPEMENT_I64, long *: ESCAPEMENT_I64, long long: ESCAPEMENT_I64, long long *: ESCAPEMENT_I64,                  \
         int: ESCAPEMENT_I32, int *: ESCAPEMENT_I32, unsigned long: ESCAPEMENT_U64, unsigned long *: ESCAPEMENT_U64,            \
         unsigned long long: ESCAPEMENT_U64, unsigned long long *: ESCAPEMENT_U64, unsigned: ESCAPEMENT_U32,                    \
-        unsigned *: ESCAPEMENT_U32, unsigned char: ESCAPEMENT_U8, unsigned char *: ESCAPEMENT_U8)
+        unsigned *: ESCAPEMENT_U32, unsigned char: ESCAPEMENT_U8, unsigned char *: ESCAPEMENT_U8, signed char: ESCAPEMENT_I8,  \
+        signed char *: ESCAPEMENT_I8, short: ESCAPEMENT_I16, short *: ESCAPEMENT_I16, unsigned short: ESCAPEMENT_U16,           \
+        unsigned short *: ESCAPEMENT_U16, _Bool: ESCAPEMENT_BOOL, _Bool *: ESCAPEMENT_BOOL)
 #define ESCAPEMENT_RANK_(value)                                                                                                \
     _Generic((value), double: 0u, float: 0u, long: 0u, long long: 0u, int: 0u, unsigned long: 0u, unsigned long long: 0u,      \
-        unsigned: 0u, unsigned char: 0u, default: 1u)
+        unsigned: 0u, unsigned char: 0u, signed char: 0u, short: 0u, unsigned short: 0u, _Bool: 0u, default: 1u)
 #define ESCAPEMENT_SIZE_(value)                                                                                                \
     _Generic((value), double *: 8u, long *: 8u, long long *: 8u, unsigned long *: 8u, unsigned long long *: 8u, float *: 4u,   \
-        int *: 4u, unsigned *: 4u, default: 1u)
+        int *: 4u, unsigned *: 4u, short *: 2u, unsigned short *: 2u, default: 1u)
 
 /* Ports, in `describe`. */
 #define ESCAPEMENT_INPUT(host, name, type) ((host)->input((host), (name), &type##_message, 1u))

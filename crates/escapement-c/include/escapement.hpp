@@ -64,6 +64,10 @@ template <> struct Element<unsigned long> { static constexpr uint32_t value = ES
 template <> struct Element<unsigned long long> { static constexpr uint32_t value = ESCAPEMENT_U64; };
 template <> struct Element<unsigned> { static constexpr uint32_t value = ESCAPEMENT_U32; };
 template <> struct Element<unsigned char> { static constexpr uint32_t value = ESCAPEMENT_U8; };
+template <> struct Element<signed char> { static constexpr uint32_t value = ESCAPEMENT_I8; };
+template <> struct Element<short> { static constexpr uint32_t value = ESCAPEMENT_I16; };
+template <> struct Element<unsigned short> { static constexpr uint32_t value = ESCAPEMENT_U16; };
+template <> struct Element<bool> { static constexpr uint32_t value = ESCAPEMENT_BOOL; };
 
 template <class T, std::size_t... I>
 constexpr escapement_field field(const char *name, const char *unit, const char *frame, std::size_t offset, std::index_sequence<I...>) {
@@ -74,6 +78,22 @@ constexpr escapement_field field(const char *name, const char *unit, const char 
 
 template <class T> constexpr escapement_field field(const char *name, const char *unit, const char *frame, std::size_t offset) {
     return field<T>(name, unit, frame, offset, std::make_index_sequence<std::rank_v<T>>{});
+}
+
+} // namespace detail
+
+namespace detail {
+
+// An enumeration has its values where others have a unit.
+template <class T> constexpr escapement_field named(const char *name, const char *values, std::size_t offset) {
+    using One = std::remove_all_extents_t<T>;
+    static_assert(sizeof(One) == 1 && (std::is_enum_v<One> || std::is_same_v<One, unsigned char>),
+                  "an enumeration has one byte: enum class Mode : uint8_t");
+    using Bytes = std::conditional_t<std::is_array_v<T>, unsigned char[std::extent_v<T> ? std::extent_v<T> : 1], unsigned char>;
+    static_assert(std::rank_v<T> <= 1, "a list of values has one extent");
+    escapement_field made = field<Bytes>(name, values, "", offset);
+    made.element = ESCAPEMENT_ENUM;
+    return made;
 }
 
 } // namespace detail
@@ -364,9 +384,12 @@ template <class T> struct Table {
     }                                                                                                                          \
     static_assert(true, "")
 
-// A field: a number, or an array of numbers with up to four extents.
+// A field: a number, a bool, or an array of them with up to four extents.
 #define ESCAPEMENT_FIELD(type, field_, unit, frame)                                                                            \
     ::escapement::detail::field<decltype(type::field_)>(#field_, unit, frame, offsetof(type, field_))
+// An enumeration, or a list of values: enum class Valve : uint8_t { closed, open }; … ESCAPEMENT_ENUM_FIELD(Tank, valve, "closed = 0, open = 1")
+#define ESCAPEMENT_ENUM_FIELD(type, field_, values)                                                                            \
+    ::escapement::detail::named<decltype(type::field_)>(#field_, values, offsetof(type, field_))
 #define ESCAPEMENT_MATRIX(type, field_, unit, frame) ESCAPEMENT_FIELD(type, field_, unit, frame)
 
 // The table of a class, under the name by which scenarios know the participant.

@@ -114,7 +114,7 @@ pub use engine::run::run;
 #[doc(hidden)]
 pub use fmu_export;
 pub use lockstep;
-pub use lockstep::message;
+pub use lockstep::{enumeration, message};
 pub use orchestrator::{Program, VERSION};
 pub use plugin;
 pub use tape;

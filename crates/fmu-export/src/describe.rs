@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-use lockstep::port::Element;
+use lockstep::port::{Element, EnumValue};
 use lockstep::time::Rational;
 
 use crate::kind::{Kind, Version};
@@ -93,6 +93,8 @@ pub fn describe(about: &About, ports: &Ports, parameters: &[Parameter], variable
     }
     text.push_str("/>\n");
     units(&mut text, variables, parameters);
+    let types = types(variables);
+    definitions(&mut text, three, &types);
     text.push_str("  <LogCategories>\n");
     for (name, _) in CATEGORIES {
         let _ = writeln!(text, "    <Category name=\"{name}\"/>");
@@ -106,9 +108,9 @@ pub fn describe(about: &About, ports: &Ports, parameters: &[Parameter], variable
     text.push_str("  <ModelVariables>\n");
     for (reference, variable) in variables.iter().enumerate() {
         if three {
-            variable_three(&mut text, reference, variable, ports, parameters);
+            variable_three(&mut text, reference, variable, ports, parameters, &types);
         } else {
-            variable_two(&mut text, reference, variable, ports, parameters);
+            variable_two(&mut text, reference, variable, ports, parameters, &types);
         }
     }
     text.push_str("  </ModelVariables>\n");
@@ -147,6 +149,50 @@ fn units(text: &mut String, variables: &[Variable], parameters: &[Parameter]) {
     text.push_str("  </UnitDefinitions>\n");
 }
 
+/// The enumerations, each once, in the order in which variables have them.
+fn types(variables: &[Variable]) -> Vec<&[EnumValue]> {
+    let mut all: Vec<&[EnumValue]> = Vec::new();
+    for variable in variables.iter().filter(|one| one.kind == Kind::Enumeration) {
+        if !all.contains(&&variable.items[..]) {
+            all.push(&variable.items);
+        }
+    }
+    all
+}
+
+/// The name of the type of a variable's enumeration.
+fn type_name(variable: &Variable, types: &[&[EnumValue]]) -> String {
+    let place = types.iter().position(|items| **items == variable.items[..]);
+    match place.filter(|_| variable.kind == Kind::Enumeration) {
+        Some(place) => format!(" declaredType=\"Enumeration{}\"", place + 1),
+        None => String::new(),
+    }
+}
+
+fn definitions(text: &mut String, three: bool, types: &[&[EnumValue]]) {
+    if types.is_empty() {
+        return;
+    }
+    text.push_str("  <TypeDefinitions>\n");
+    for (place, items) in types.iter().enumerate() {
+        let (open, close) = if three {
+            (
+                format!("<EnumerationType name=\"Enumeration{}\">", place + 1),
+                "</EnumerationType>",
+            )
+        } else {
+            let open = format!("<SimpleType name=\"Enumeration{}\"><Enumeration>", place + 1);
+            (open, "</Enumeration></SimpleType>")
+        };
+        let _ = write!(text, "    {open}");
+        for item in *items {
+            let _ = write!(text, "<Item name=\"{}\" value=\"{}\"/>", quoted(&item.name), item.value);
+        }
+        let _ = writeln!(text, "{close}");
+    }
+    text.push_str("  </TypeDefinitions>\n");
+}
+
 /// Causality, variability and `initial`.
 fn nature(variable: &Variable, ports: &Ports) -> (&'static str, &'static str, Option<&'static str>) {
     let changing = if variable.kind.is_float() && !ports.discrete {
@@ -183,7 +229,8 @@ fn start(variable: &Variable, parameters: &[Parameter]) -> Option<String> {
     let one = |bytes: &[u8]| match variable.kind {
         Kind::Number(Element::F64) => format!("{:?}", Element::F64.to_f64(bytes)),
         Kind::Number(Element::F32) => format!("{:?}", Element::F32.to_f64(bytes) as f32),
-        Kind::Number(element) => crate::kind::whole(element, bytes).to_string(),
+        Kind::Number(element) => element.whole(bytes).to_string(),
+        Kind::Enumeration => bytes[0].to_string(),
         Kind::Boolean => (bytes[0] != 0).to_string(),
         Kind::Text => String::new(),
     };
@@ -199,7 +246,14 @@ fn unit_of(variable: &Variable) -> String {
     }
 }
 
-fn variable_two(text: &mut String, reference: usize, variable: &Variable, ports: &Ports, parameters: &[Parameter]) {
+fn variable_two(
+    text: &mut String,
+    reference: usize,
+    variable: &Variable,
+    ports: &Ports,
+    parameters: &[Parameter],
+    types: &[&[EnumValue]],
+) {
     let (causality, variability, initial) = nature(variable, ports);
     let _ = writeln!(
         text,
@@ -212,22 +266,31 @@ fn variable_two(text: &mut String, reference: usize, variable: &Variable, ports:
     let kind = variable.kind.name(Version::Two);
     let _ = writeln!(
         text,
-        "      <{kind}{}{start}/>\n    </ScalarVariable>",
+        "      <{kind}{}{}{start}/>\n    </ScalarVariable>",
+        type_name(variable, types),
         unit_of(variable)
     );
 }
 
-fn variable_three(text: &mut String, reference: usize, variable: &Variable, ports: &Ports, parameters: &[Parameter]) {
+fn variable_three(
+    text: &mut String,
+    reference: usize,
+    variable: &Variable,
+    ports: &Ports,
+    parameters: &[Parameter],
+    types: &[&[EnumValue]],
+) {
     let (causality, variability, initial) = nature(variable, ports);
     let kind = variable.kind.name(Version::Three);
     let start = start(variable, parameters);
     let written = start.as_ref().filter(|_| variable.kind != Kind::Text);
     let _ = write!(
         text,
-        "    <{kind} name=\"{}\" valueReference=\"{reference}\"{} causality=\"{causality}\" variability=\"{variability}\"{}{}{}",
+        "    <{kind} name=\"{}\" valueReference=\"{reference}\"{} causality=\"{causality}\" variability=\"{variability}\"{}{}{}{}",
         quoted(&variable.name),
         attribute("description", &variable.description),
         attribute("initial", initial.unwrap_or_default()),
+        type_name(variable, types),
         unit_of(variable),
         written.map_or_else(String::new, |start| attribute("start", start)),
     );

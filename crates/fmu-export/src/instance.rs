@@ -296,8 +296,9 @@ impl Instance {
             let size = kind.size();
             let mut values = vec![0; len * size];
             for (from, to) in own.chunks_exact(each).zip(values.chunks_exact_mut(size)) {
-                let taken = kind.take(from, native, to);
-                taken.map_err(|refusal| named(&self.variables[number].name, refusal))?;
+                let variable = &self.variables[number];
+                let taken = kind.take(from, native, to).and_then(|()| variable.check(to));
+                taken.map_err(|refusal| named(&variable.name, refusal))?;
             }
             match place {
                 Place::Input(port, at) => self.body.set(port, at, &values),

@@ -20,6 +20,8 @@ pub enum Kind {
     Number(Element),
     /// A truth value, one byte.
     Boolean,
+    /// An enumeration, one byte: the standard's functions have an Integer (FMI 2.0) or an Int64 (FMI 3.0) for it.
+    Enumeration,
     /// A text.
     Text,
 }
@@ -62,7 +64,7 @@ impl Kind {
     pub fn size(self) -> usize {
         match self {
             Kind::Number(element) => element.size(),
-            Kind::Boolean => 1,
+            Kind::Boolean | Kind::Enumeration => 1,
             Kind::Text => 0,
         }
     }
@@ -77,7 +79,8 @@ impl Kind {
         match (version, self) {
             (_, Kind::Text) => Native::Text,
             (Version::Two, Kind::Number(Element::F64 | Element::F32)) => Native::Float64,
-            (Version::Two, Kind::Number(_)) => Native::Int32,
+            (Version::Two, Kind::Number(_) | Kind::Enumeration) => Native::Int32,
+            (Version::Three, Kind::Enumeration) => Native::Int64,
             (Version::Two, Kind::Boolean) => Native::Boolean32,
             (Version::Three, Kind::Boolean) => Native::Boolean8,
             (Version::Three, Kind::Number(element)) => match element {
@@ -87,13 +90,28 @@ impl Kind {
                 Element::I32 => Native::Int32,
                 Element::U64 => Native::UInt64,
                 Element::U32 => Native::UInt32,
-                Element::U8 => Native::UInt8,
+                Element::I16 => Native::Int16,
+                Element::U16 => Native::UInt16,
+                Element::I8 => Native::Int8,
+                Element::U8 | Element::Bool | Element::Enum => Native::UInt8,
             },
+        }
+    }
+
+    /// The type of a field's elements.
+    pub fn of(element: Element) -> Kind {
+        match element {
+            Element::Bool => Kind::Boolean,
+            Element::Enum => Kind::Enumeration,
+            number => Kind::Number(number),
         }
     }
 
     /// The name of the type in a model description.
     pub fn name(self, version: Version) -> &'static str {
+        if self == Kind::Enumeration {
+            return "Enumeration";
+        }
         match self.native(version) {
             Native::Float64 if version == Version::Two => "Real",
             Native::Int32 if version == Version::Two => "Integer",
@@ -122,9 +140,13 @@ impl Kind {
             (Kind::Number(Element::F32), Native::Float64) => {
                 to.copy_from_slice(&Element::F32.to_f64(from).to_le_bytes());
             }
+            (Kind::Enumeration, Native::Int32 | Native::Int64) => {
+                to.fill(0);
+                to[0] = from[0];
+            }
             (Kind::Boolean, Native::Boolean32) => to.copy_from_slice(&i32::from(from[0] != 0).to_le_bytes()),
             (Kind::Number(element), Native::Int32) if element != Element::I32 => {
-                let value = whole(element, from);
+                let value = element.whole(from);
                 let short = i32::try_from(value).map_err(|_| {
                     Refusal::error(format!(
                         "{value} does not fit into an Integer of FMI 2.0: export it for FMI 3.0"
@@ -161,16 +183,22 @@ impl Kind {
             (Kind::Number(Element::F32), Native::Float64) => {
                 Element::F32.put(Element::F64.to_f64(from), &mut to[..size])
             }
+            (Kind::Enumeration, Native::Int32 | Native::Int64) => {
+                // Which bytes it has is for the field to say; what is more than a byte is none of them.
+                if from[1..].iter().any(|byte| *byte != 0) {
+                    let refused = "cannot be set to a number that is no item of its enumeration";
+                    return Err(Refusal::discard(refused.to_owned()));
+                }
+                to[0] = from[0];
+            }
             (Kind::Boolean, Native::Boolean32) => to[0] = u8::from(from.iter().any(|byte| *byte != 0)),
             (Kind::Boolean, Native::Boolean8) => to[0] = u8::from(from[0] != 0),
             (Kind::Number(element), Native::Int32) if element != Element::I32 => {
                 let value = i128::from(i32::from_le_bytes([from[0], from[1], from[2], from[3]]));
-                let range = match element {
-                    Element::U8 => 0..=i128::from(u8::MAX),
-                    Element::U32 | Element::U64 => 0..=i128::from(u64::MAX),
-                    _ => i128::MIN..=i128::MAX,
-                };
-                if !range.contains(&value) {
+                if element
+                    .range()
+                    .is_some_and(|(least, most)| !(least..=most).contains(&value))
+                {
                     let text = format!("cannot be set to {value}: it is a {}", element.name());
                     return Err(Refusal::discard(text));
                 }
@@ -180,16 +208,6 @@ impl Kind {
         }
         Ok(())
     }
-}
-
-/// A whole number of a payload.
-pub fn whole(element: Element, from: &[u8]) -> i128 {
-    let size = element.size();
-    let signed = matches!(element, Element::I32 | Element::I64);
-    let fill = if signed && from[size - 1] & 0x80 != 0 { 0xff } else { 0 };
-    let mut wide = [fill; 16];
-    wide[..size].copy_from_slice(&from[..size]);
-    i128::from_le_bytes(wide)
 }
 
 #[cfg(test)]

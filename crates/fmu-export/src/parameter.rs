@@ -70,8 +70,9 @@ impl Parameter {
         let one = |bytes: &[u8]| match self.kind {
             Kind::Boolean => Value::Boolean(bytes[0] != 0),
             Kind::Number(Element::F64) => Value::Float(Element::F64.to_f64(bytes)),
-            Kind::Number(element) => Value::Integer(crate::kind::whole(element, bytes) as i64),
-            Kind::Text => Value::String(String::new()),
+            Kind::Number(element) => Value::Integer(element.whole(bytes) as i64),
+            // No parameter is one.
+            Kind::Enumeration | Kind::Text => Value::String(String::new()),
         };
         let all: Vec<Value> = bytes.chunks_exact(size).map(one).collect();
         if unit::is_unit(&self.unit) {
@@ -133,7 +134,7 @@ pub fn seed_of(all: &[Parameter], seed: u64) -> Result<u64, String> {
     let Some(Held::Bytes(bytes)) = all.iter().find(|one| one.name == SEED).map(|one| &one.held) else {
         return Ok(seed);
     };
-    let value = crate::kind::whole(Element::I32, bytes);
+    let value = Element::I32.whole(bytes);
     u64::try_from(value).map_err(|_| format!("the seed is {value}; it must not be negative"))
 }
 

@@ -1,9 +1,10 @@
 //! The variables of an exported FMU: every field of its ports, the parameters that are numbers, and the time.
 
-use lockstep::port::{Descriptor, Element};
+use lockstep::port::{Descriptor, Element, EnumValue};
 
 use crate::kind::{Kind, Version};
 use crate::parameter::Parameter;
+use crate::refusal::Refusal;
 
 /// Where the value of a variable is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +32,8 @@ pub struct Variable {
     pub place: Place,
     /// Its type.
     pub kind: Kind,
+    /// The items of an enumeration.
+    pub items: Vec<EnumValue>,
     /// Its extents; empty for a number.
     pub extents: Vec<u32>,
     /// How many elements it has.
@@ -39,6 +42,22 @@ pub struct Variable {
     pub unit: String,
     /// The first element's number among the parameter's, where it is one scalar of a list.
     pub first: usize,
+}
+
+impl Variable {
+    /// That an element of an enumeration is one of its items.
+    ///
+    /// # Errors
+    /// What it cannot be set to.
+    pub fn check(&self, element: &[u8]) -> Result<(), Refusal> {
+        let byte = element.first().copied().unwrap_or_default();
+        if self.kind != Kind::Enumeration || self.items.iter().any(|item| item.value == byte) {
+            return Ok(());
+        }
+        Err(Refusal::discard(format!(
+            "cannot be set to {byte}, which is no item of its enumeration"
+        )))
+    }
 }
 
 /// A port.
@@ -75,6 +94,7 @@ pub fn variables(version: Version, ports: &Ports, parameters: &[Parameter]) -> V
             description: "Simulated time".into(),
             place: Place::Time,
             kind: Kind::Number(Element::F64),
+            items: Vec::new(),
             extents: Vec::new(),
             len: 1,
             unit: "s".into(),
@@ -87,6 +107,7 @@ pub fn variables(version: Version, ports: &Ports, parameters: &[Parameter]) -> V
             description: String::new(),
             place: Place::Parameter(number),
             kind: parameter.kind,
+            items: Vec::new(),
             extents: parameter.extents.clone(),
             len: parameter.len(),
             unit: parameter.unit.clone(),
@@ -106,6 +127,7 @@ pub fn variables(version: Version, ports: &Ports, parameters: &[Parameter]) -> V
             description: "Figure of merit of what has been simulated so far; NaN where it is not known".into(),
             place: Place::Figure(number),
             kind: Kind::Number(Element::F64),
+            items: Vec::new(),
             extents: Vec::new(),
             len: 1,
             unit: unit.clone(),
@@ -127,7 +149,8 @@ fn fields(version: Version, all: &mut Vec<Variable>, port: &Port, place: impl Fn
             name: format!("{}.{}", port.name, field.name),
             description,
             place: place(offset),
-            kind: Kind::Number(field.element),
+            kind: Kind::of(field.element),
+            items: field.values.clone(),
             extents: field.shape.clone(),
             len: field.len(),
             unit: field.unit.clone(),

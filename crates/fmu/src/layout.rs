@@ -5,6 +5,7 @@ use lockstep::port::{Descriptor, Element, Field};
 
 use crate::abi::{Native, Values};
 use crate::description::{Causality, Conversion, Description, Type, Variable, Version};
+use crate::items::Items;
 use crate::names::unknown;
 use crate::options::{FieldEntry, Options};
 use crate::settings::Settings;
@@ -30,6 +31,7 @@ struct Slot {
     first: usize,
     len: usize,
     conversion: Option<(f64, f64)>,
+    items: Items,
     name: String,
 }
 
@@ -52,14 +54,18 @@ pub struct Layout {
     pub outputs: Vec<Transfer>,
 }
 
-/// The element of a field for variables of `kind`; nothing for what is no signal.
+/// The element of a field for variables of `kind`, those of an enumeration as numbers; nothing for what is no signal.
 pub fn element(version: Version, kind: Type) -> Option<Element> {
     Some(match kind {
         Type::Float64 => Element::F64,
         Type::Float32 => Element::F32,
-        Type::Int8 | Type::Int16 | Type::Int32 => Element::I32,
-        Type::UInt8 | Type::Boolean => Element::U8,
-        Type::UInt16 | Type::UInt32 => Element::U32,
+        Type::Int8 => Element::I8,
+        Type::Int16 => Element::I16,
+        Type::Int32 => Element::I32,
+        Type::UInt8 => Element::U8,
+        Type::UInt16 => Element::U16,
+        Type::UInt32 => Element::U32,
+        Type::Boolean => Element::Bool,
         Type::Int64 => Element::I64,
         Type::UInt64 => Element::U64,
         Type::Enumeration if version == Version::Two => Element::I32,
@@ -160,12 +166,16 @@ impl Layout {
     }
 
     /// Writes the values into the payloads of the output ports.
-    pub fn write(&self, outputs: &mut Outputs) {
+    ///
+    /// # Errors
+    /// Names a value that is no item of its enumeration.
+    pub fn write(&self, outputs: &mut Outputs) -> Result<(), String> {
         for transfer in &self.outputs {
             for slot in &transfer.slots {
-                slot.write(&transfer.values, outputs.bytes_mut(slot.port));
+                slot.write(&transfer.values, outputs.bytes_mut(slot.port))?;
             }
         }
+        Ok(())
     }
 }
 
@@ -250,10 +260,10 @@ impl<'a> Planner<'a> {
         };
         if let Some(other) = variables
             .iter()
-            .find(|one| (one.kind, &one.unit) != (first.kind, &first.unit))
+            .find(|one| (one.kind, &one.unit, &one.items) != (first.kind, &first.unit, &first.items))
         {
             return Err(format!(
-                "`{}` and `{}` have different types or units and cannot be one field",
+                "`{}` and `{}` have different types, items or units and cannot be one field",
                 first.name, other.name
             ));
         }
@@ -285,6 +295,15 @@ impl<'a> Planner<'a> {
                 first.kind.name()
             ));
         }
+        let items = Items::of(first);
+        let element = if items.values.is_empty() {
+            element
+        } else {
+            Element::Enum
+        };
+        if !element.is_number() && conversion.unit != "1" {
+            return Err(format!("`{}` is a {} and has no unit", first.name, first.kind.name()));
+        }
         let field = Field {
             name,
             element,
@@ -292,6 +311,7 @@ impl<'a> Planner<'a> {
             unit: conversion.unit.clone(),
             frame: frame.to_owned(),
             offset: 0,
+            values: items.values,
         };
         Ok(Planned {
             field,
@@ -339,6 +359,7 @@ impl<'a> Planner<'a> {
                 unit: "1".into(),
                 frame: String::new(),
                 offset: offset as u32,
+                values: Vec::new(),
             });
         }
         let descriptor = Descriptor {
@@ -404,6 +425,7 @@ impl<'a> Planner<'a> {
                 first,
                 len: each,
                 conversion: (!conversion.is_none()).then_some((conversion.factor, conversion.offset)),
+                items: Items::of(variable),
                 name: variable.name.clone(),
             });
         }
@@ -427,44 +449,27 @@ impl Slot {
                     let value = f64::from(f32::from_le_bytes(own.try_into().unwrap_or_default()));
                     bytes[..4].copy_from_slice(&(((value - shift) / factor) as f32).to_ne_bytes());
                 }
-                // The same representation.
-                (native, _) if native.size() == size && !matches!(native, Native::Bool8) => {
-                    bytes[..size].copy_from_slice(own)
+                // Bytes that have been looked at as they came in; a truth value of FMI 2.0 has four.
+                _ if self.element == Element::Enum => {
+                    let value = self.items.own(own[0]).ok_or_else(|| {
+                        let name = &self.name;
+                        format!("the input `{name}` is {}, which is no item of its enumeration", own[0])
+                    })?;
+                    bytes = value.to_le_bytes();
                 }
-                (native, _) => {
-                    let value = self.element.to_f64(own);
-                    bytes = self.narrowed(native, value)?;
-                }
+                _ => bytes[..size].copy_from_slice(own),
             }
             values.put(self.first + index, &bytes);
         }
         Ok(())
     }
 
-    /// Small integers and booleans, which stand in a larger element.
-    fn narrowed(&self, native: Native, value: f64) -> Result<[u8; 8], String> {
-        let (least, largest) = match native {
-            Native::I8 => (f64::from(i8::MIN), f64::from(i8::MAX)),
-            Native::I16 => (f64::from(i16::MIN), f64::from(i16::MAX)),
-            Native::U16 => (0.0, f64::from(u16::MAX)),
-            _ => (0.0, 1.0),
-        };
-        if !(least..=largest).contains(&value) {
-            return Err(format!(
-                "the input `{}` is {value}; from {least} to {largest} is allowed",
-                self.name
-            ));
-        }
-        Ok((value as i64).to_le_bytes())
-    }
-
-    fn write(&self, values: &Values, payload: &mut [u8]) {
+    fn write(&self, values: &Values, payload: &mut [u8]) -> Result<(), String> {
         let size = self.element.size();
         for index in 0..self.len {
             let bytes = values.bytes(self.first + index);
             let at = self.offset + index * size;
             let own = &mut payload[at..at + size];
-            let (one, two) = ([bytes[0]], [bytes[0], bytes[1]]);
             let four = [bytes[0], bytes[1], bytes[2], bytes[3]];
             match (values.native, self.conversion) {
                 (Native::F64, Some((factor, shift))) => {
@@ -474,14 +479,22 @@ impl Slot {
                     let value = f64::from(f32::from_ne_bytes(four)) * factor + shift;
                     own.copy_from_slice(&(value as f32).to_le_bytes());
                 }
-                (Native::I8, _) => own.copy_from_slice(&i32::from(i8::from_ne_bytes(one)).to_le_bytes()),
-                (Native::I16, _) => own.copy_from_slice(&i32::from(i16::from_ne_bytes(two)).to_le_bytes()),
-                (Native::U16, _) => own.copy_from_slice(&u32::from(u16::from_ne_bytes(two)).to_le_bytes()),
+                (native, _) if self.element == Element::Enum => {
+                    let value = match native {
+                        Native::I32 => i64::from(i32::from_ne_bytes(four)),
+                        _ => i64::from_ne_bytes(bytes),
+                    };
+                    own[0] = self.items.byte(value).ok_or_else(|| {
+                        let name = &self.name;
+                        format!("its output `{name}` is {value}, which is no item of its enumeration")
+                    })?;
+                }
                 // Whatever is not false is true.
                 (Native::Bool32, _) => own[0] = u8::from(i32::from_ne_bytes(four) != 0),
                 (Native::Bool8, _) => own[0] = u8::from(bytes[0] != 0),
                 _ => own.copy_from_slice(&bytes[..size]),
             }
         }
+        Ok(())
     }
 }

@@ -10,6 +10,7 @@ mod draft;
 mod history;
 mod inspect;
 mod instance;
+mod items;
 mod layout;
 mod model;
 mod names;

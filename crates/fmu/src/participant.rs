@@ -141,12 +141,12 @@ impl Fmu {
         running.set(&mut layout.inputs)?;
         if self.feedthrough {
             running.get(&mut layout.outputs)?;
-            layout.write(outputs);
+            layout.write(outputs)?;
             running.step(t, self.period)?;
         } else {
             running.step(t, self.period)?;
             running.get(&mut layout.outputs)?;
-            layout.write(outputs);
+            layout.write(outputs)?;
         }
         if let Some(history) = &mut self.history {
             let ports = 0..layout.interface.inputs.len();
@@ -206,7 +206,7 @@ impl Participant for Fmu {
             && let Some(running) = &mut self.running
         {
             running.get(&mut self.layout.outputs)?;
-            self.layout.write(outputs);
+            self.layout.write(outputs)?;
         }
         Ok(())
     }

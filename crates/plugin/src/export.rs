@@ -202,7 +202,20 @@ unsafe fn tell(host: *const Host, offered: &Host, interface: &Interface) -> Resu
 
 fn with_message(descriptor: &Descriptor, give: impl FnOnce(*const Message) -> Status) -> Result<Status, String> {
     let words: Vec<[CString; 3]> = (descriptor.fields.iter())
-        .map(|field| [text(&field.name), text(&field.unit), text(&field.frame)])
+        .map(|field| {
+            // An enumeration has its values where others have a unit.
+            let unit = match &field.values[..] {
+                [] => text(&field.unit),
+                values => {
+                    let each: Vec<String> = values
+                        .iter()
+                        .map(|one| format!("{} = {}", one.name, one.value))
+                        .collect();
+                    text(&each.join(", "))
+                }
+            };
+            [text(&field.name), unit, text(&field.frame)]
+        })
         .collect();
     let mut fields = Vec::new();
     for (field, [name, unit, frame]) in descriptor.fields.iter().zip(&words) {

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use lockstep::participant::{Input, Interface, Kind, Output, ParameterError, Setup};
-use lockstep::port::{Descriptor, Field};
+use lockstep::port::{Descriptor, Element, EnumValue, Field};
 use lockstep::random::Stream;
 
 use crate::parameters::{Found, Parameters};
@@ -225,11 +225,16 @@ unsafe fn descriptor(message: *const Message) -> Result<Descriptor, String> {
                 table::RANK_MAX
             ))
         })?;
+        let (unit, values) = match element {
+            Element::Enum => ("1", EnumValue::list(unit).map_err(odd)?),
+            _ => (unit, Vec::new()),
+        };
         fields.push(Field {
             name: own.to_owned(),
             element: *element,
             shape: shape.to_vec(),
             unit: unit.to_owned(),
+            values,
             // SAFETY: as above.
             frame: unsafe { word(field.frame) }.unwrap_or_default().to_owned(),
             offset: field.offset,

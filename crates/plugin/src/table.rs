@@ -20,8 +20,8 @@ pub const SAMPLED: u32 = 1;
 /// Integrates from t to the next instant: [`lockstep::participant::Kind::Continuous`].
 pub const CONTINUOUS: u32 = 2;
 
-/// The element types of fields: f64, f32, i64, i32, u64, u32, u8 are 1 to 7.
-pub const ELEMENTS: [lockstep::port::Element; 7] = {
+/// The element types of fields: f64, f32, i64, i32, u64, u32, u8, i8, i16, u16, bool, enum are 1 to 12.
+pub const ELEMENTS: [lockstep::port::Element; 12] = {
     use lockstep::port::Element;
     [
         Element::F64,
@@ -31,6 +31,11 @@ pub const ELEMENTS: [lockstep::port::Element; 7] = {
         Element::U64,
         Element::U32,
         Element::U8,
+        Element::I8,
+        Element::I16,
+        Element::U16,
+        Element::Bool,
+        Element::Enum,
     ]
 };
 
@@ -43,7 +48,8 @@ pub const RANK_MAX: usize = 4;
 pub struct Field {
     /// Its name, unique in the message.
     pub name: *const c_char,
-    /// The unit of every element; `1` for a pure number.
+    /// The unit of every element; `1` for a pure number and for a truth value. Of an enumeration its values with their names:
+    /// `closed = 0, open = 1`.
     pub unit: *const c_char,
     /// The frame in which a vector's components are given; empty or null where that means nothing.
     pub frame: *const c_char,

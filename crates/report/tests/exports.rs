@@ -52,6 +52,7 @@ fn spec(port: &str, fields: &[(&str, Element, &[u32], &str)]) -> StreamSpec {
             unit: (*unit).to_owned(),
             frame: String::new(),
             offset: size,
+            values: Vec::new(),
         };
         size += (field.len() * element.size()) as u32;
         field

@@ -20,6 +20,7 @@ fn stream(doubles: u32) -> StreamSpec {
             unit: "1".into(),
             frame: String::new(),
             offset: 0,
+            values: Vec::new(),
         }],
     };
     StreamSpec::new("plant", "truth", descriptor, Rational::ZERO, Rational::from_millis(1))

@@ -174,6 +174,7 @@ mod tests {
             unit: "m".into(),
             frame: String::new(),
             offset,
+            values: Vec::new(),
         };
         let descriptor = Descriptor {
             name: "M".into(),

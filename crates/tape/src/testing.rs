@@ -20,6 +20,7 @@ pub(crate) fn spec(participant: &str, port: &str, n: u32) -> StreamSpec {
             unit: "m".into(),
             frame: "N".into(),
             offset: 0,
+            values: Vec::new(),
         }],
     };
     StreamSpec::new(participant, port, descriptor, Rational::ZERO, Rational::from_millis(1))

@@ -33,6 +33,9 @@ pub struct MeasureArgs {
     /// A field, or an element of one, such as plant.motion.position or plant.motion.velocity[2]
     #[arg(long, value_name = "FIELD", requires = "compute", conflicts_with = "measures")]
     pub of: Option<String>,
+    /// The value of an enumeration that is asked for: the signal is 1 where the field has it and 0 elsewhere
+    #[arg(long, value_name = "NAME", requires = "of")]
+    pub is: Option<String>,
     /// What is taken from it: another field of the same shape
     #[arg(long, value_name = "FIELD", requires = "of")]
     pub minus: Option<String>,
@@ -140,6 +143,7 @@ impl MeasureArgs {
         let mut table = Table::new();
         table.insert("of".into(), Value::String(of.to_owned()));
         for (key, text) in [
+            ("is", &self.is),
             ("minus", &self.minus),
             ("through", &self.through),
             ("compute", &self.compute),

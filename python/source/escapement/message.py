@@ -1,5 +1,6 @@
 """Messages: what travels between participants, as classes over numpy memory."""
 
+import enum
 import operator
 
 import numpy as np
@@ -15,15 +16,44 @@ ELEMENTS = {
     "u64": ("<u8", "Q"),
     "u32": ("<u4", "I"),
     "u8": ("|u1", "B"),
+    "i8": ("|i1", "b"),
+    "i16": ("<i2", "h"),
+    "u16": ("<u2", "H"),
+    "bool": ("|b1", "?"),
+    "enum": ("|u1", "B"),
 }
+# What separates names of values where a list of them is a text.
+_SEPARATORS = "|,="
+
+
+def _values(cls):
+    """The values of an enumeration as descriptors have them."""
+    values = [{"name": member.name, "value": int(member)} for member in cls]
+    for one in values:
+        if not 0 <= one["value"] <= 255 or any(mark in one["name"] for mark in _SEPARATORS):
+            raise MessageError(f"`{cls.__name__}.{one['name']}` cannot be {one['value']}: an enumeration has names for bytes, 0 to 255")
+    if all(one["value"] for one in values):
+        raise MessageError(f"`{cls.__name__}` has no value 0, which an input shows before its first sample: name it")
+    return values
 
 
 class Field:
-    """A field of a message: its unit, the frame of a vector, its shape (`()`, `3`, `(3, 3)`) and its element type (`"f64"`, …)."""
+    """A field of a message: its unit, the frame of a vector, its shape (`()`, `3`, `(3, 3)`) and its element type: `"f64"`, …, `"i8"`,
+    `"bool"` or `bool`, or a class of `enum.IntEnum` with a value 0, whose members are the values of one byte."""
 
-    __slots__ = ("unit", "frame", "shape", "element")
+    __slots__ = ("unit", "frame", "shape", "element", "values")
 
     def __init__(self, unit="1", frame="", shape=(), element="f64"):
+        self.values = None
+        if element is bool:
+            element = "bool"
+        elif isinstance(element, type) and issubclass(element, enum.IntEnum):
+            _values(element)
+            element, self.values = "enum", element
+        elif element == "enum":
+            raise MessageError("an enumeration is declared with its class: element=Mode, with class Mode(enum.IntEnum)")
+        if element in ("bool", "enum") and str(unit) != "1":
+            raise MessageError(f"a bool or an enumeration has no unit, and {unit!r} was given")
         if element not in ELEMENTS:
             raise MessageError(f"there is no element type {element!r}; there is {', '.join(ELEMENTS)}")
         shape = (shape,) if isinstance(shape, int) else tuple(shape)
@@ -40,6 +70,37 @@ class Field:
         )
 
     __hash__ = None
+
+
+def _member(cls, name, value):
+    """The member of an enumeration that `value` is: itself, its name or its number."""
+    try:
+        return cls[value] if isinstance(value, str) else cls(value)
+    except (KeyError, ValueError):
+        known = ", ".join(member.name for member in cls)
+        raise MessageError(f"`{name}` cannot be {value!r}: it is one of {known}") from None
+
+
+def _named(name, view, at, cls):
+    """The property of an enumeration: a member of its class. A name does for writing."""
+    members = {int(member): member for member in cls}
+
+    def get(message):
+        return members[getattr(message, view)[at]]
+
+    def put(message, value):
+        try:
+            getattr(message, view)[at] = _member(cls, name, value)
+        except TypeError as error:
+            raise _refused(message, name, value, error) from None
+
+    return property(get, put)
+
+
+def _property(name, view, at, field):
+    if field.shape:
+        return _array(name, view, field.shape)
+    return _named(name, view, at, field.values) if field.values else _scalar(name, view, at)
 
 
 def _scalar(name, view, at):
@@ -120,7 +181,7 @@ class Message:
             raise MessageError(f"`{cls.__name__}`: a field cannot be called `{taken[0]}`; make the message with `Message.of`")
         cls._describe(name, [(key, field) for key, field in own.items()])
         for view, key, at, field in cls._places:
-            setattr(cls, key, _array(key, view, field.shape) if field.shape else _scalar(key, view, at))
+            setattr(cls, key, _property(key, view, at, field))
 
     @classmethod
     def _describe(cls, name, own):
@@ -142,9 +203,10 @@ class Message:
                     "unit": field.unit,
                     "frame": field.frame,
                     "offset": offset,
+                    "values": _values(field.values) if field.values else [],
                 }
             )
-            view = f"_field_{number}" if field.shape else f"_scalars_{letter}"
+            view = f"_field_{number}" if field.shape else f"_scalars_{'truth' if letter == '?' else letter}"
             places.append((view, key, offset // size, field))
             offset += size * int(np.prod(field.shape, dtype=int))
         if offset % largest:
@@ -160,13 +222,13 @@ class Message:
         with `message["name"]`."""
         made = type(str(descriptor["name"]), (Message,), {"_esc_described": True})
         own = [
-            (part["name"], Field(part["unit"], part.get("frame", ""), tuple(part["shape"]), part["element"]))
+            (part["name"], Field(part["unit"], part.get("frame", ""), tuple(part["shape"]), element_of(part)))
             for part in descriptor["fields"]
         ]
         made._describe(descriptor["name"], own)
         for view, key, at, field in made._places:
             if key.isidentifier() and key not in ("fields", "dtype", "descriptor", "array") and not key.startswith("_"):
-                setattr(made, key, _array(key, view, field.shape) if field.shape else _scalar(key, view, at))
+                setattr(made, key, _property(key, view, at, field))
         return made
 
     def __init__(self, **values):
@@ -199,14 +261,15 @@ class Message:
     def __getitem__(self, key):
         if key not in self.fields:
             raise KeyError(key)
-        value = self.array[key]
-        return value if self.fields[key].shape else value.item()
+        value, field = self.array[key], self.fields[key]
+        if field.shape:
+            return value
+        return field.values(value.item()) if field.values else value.item()
 
     def __setitem__(self, key, value):
         for view, name, at, field in self._places:
             if name == key:
-                prop = _array(key, view, field.shape) if field.shape else _scalar(key, view, at)
-                prop.fset(self, value)
+                _property(key, view, at, field).fset(self, value)
                 return
         raise KeyError(key)
 
@@ -237,6 +300,13 @@ def _again(cls, payload):
     message = cls()
     message._set_bytes(payload)
     return message
+
+
+def element_of(part):
+    """What `Field` takes as the element of a described field: its type, or a class of the values of an enumeration."""
+    if part["element"] != "enum":
+        return part["element"]
+    return enum.IntEnum(part["name"], [(one["name"], one["value"]) for one in part["values"]])
 
 
 def dtype_of(descriptor):

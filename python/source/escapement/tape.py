@@ -53,6 +53,18 @@ class Stream:
         """The frame of a field; empty where that means nothing."""
         return self._part(field)["frame"]
 
+    def values(self, field):
+        """The values of an enumeration: a dictionary from number to name; empty for every other type."""
+        return {one["value"]: one["name"] for one in self._part(field).get("values", ())}
+
+    def names(self, field):
+        """The samples of an enumeration by their names, as an array of texts."""
+        values = self.values(field)
+        if not values:
+            raise TapeError(f"`{field}` of `{self.name}` is no enumeration: it is {self._part(field)['element']}")
+        table = np.array([values.get(number, "") for number in range(256)])
+        return table[self[field]]
+
     @property
     def message(self):
         """The message class of the samples."""
@@ -96,6 +108,11 @@ class Stream:
                 names = [name + "".join(f"[{at}]" for at in index) for index in np.ndindex(*part["shape"])]
             for column, key in enumerate(names):
                 columns[key] = values[:, column]
+                if names_of := self.values(name):
+                    numbers = list(names_of)
+                    codes = np.searchsorted(np.sort(numbers), columns[key])
+                    categories = [names_of[number] for number in sorted(numbers)]
+                    columns[key] = pandas.Categorical.from_codes(codes, categories)
                 units[key], frames[key] = part["unit"], part["frame"]
         frame = pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
         frame.attrs = {"stream": self.name, "units": units, "frames": frames}
@@ -109,6 +126,9 @@ class Stream:
         for name, part in self.fields.items():
             inner = [f"{name}_{axis}" for axis in range(len(part["shape"]))]
             about = {"units": part["unit"]} | ({"frame": part["frame"]} if part["frame"] else {})
+            if values := self.values(name):
+                # As the conventions for climate and forecast data have it.
+                about |= {"flag_values": np.array(list(values), np.uint8), "flag_meanings": " ".join(n.replace(" ", "_") for n in values.values())}
             # The stamps have this name.
             variables["t_2" if name == "t" else name] = (["t", *inner], self[name], about)
         stamps = ("t", self.t, {"units": "s"})

@@ -9,12 +9,18 @@ pub struct Reading {
     pub stream: usize,
     /// Which elements.
     pub slots: Vec<Slot>,
+    /// The value of an enumeration that is asked for: an element is then 1 where it has it, and 0 elsewhere.
+    pub is: Option<f64>,
 }
 
 impl Reading {
     /// Puts the elements of `payload` behind `out`. Integers become doubles: those beyond 2^53 are rounded.
     pub(super) fn read(&self, payload: &[u8], out: &mut impl Extend<f64>) {
-        out.extend(self.slots.iter().map(|slot| slot.value(payload)));
+        let value = |slot: &Slot| match self.is {
+            Some(is) => f64::from(u8::from(slot.value(payload) == is)),
+            None => slot.value(payload),
+        };
+        out.extend(self.slots.iter().map(value));
     }
 }
 

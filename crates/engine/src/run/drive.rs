@@ -243,14 +243,8 @@ impl Run {
             let reason = format!("its payload has {} bytes, not {}", descriptor.size, bytes.len());
             return Err(refuse(reason));
         }
-        for field in &descriptor.fields {
-            let odd = (0..field.len()).find(|&at| !field.value(bytes, at).is_finite());
-            if let Some(at) = odd {
-                let (name, value) = (field.element_name(at), field.value(bytes, at));
-                return Err(refuse(format!(
-                    "cannot be set to {name} = {value}: a value must be finite"
-                )));
-            }
+        if let Some(invalid) = descriptor.invalid(bytes).next() {
+            return Err(refuse(format!("cannot be set to {}", invalid.words("a value"))));
         }
         let event = inputs::event(&self.course.plan, self.now(), input, bytes);
         self.course.recorder().event(&event)?;

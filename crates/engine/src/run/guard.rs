@@ -1,31 +1,58 @@
 //! Lies that have the form of the truth: values out of their range, and outputs that do not change any more.
 
 use lockstep::fault::Slot;
-use lockstep::port::Descriptor;
+use lockstep::port::{Descriptor, Field};
 use lockstep::time::{Ticks, Timebase};
+
+/// What the elements must not be.
+#[derive(Debug, Clone, Default)]
+pub struct Forbidden {
+    /// Numbers outside of this, in the unit of the field.
+    pub range: Option<(f64, f64)>,
+    /// These values of a truth value or an enumeration.
+    pub never: Vec<f64>,
+}
 
 /// Watches some elements of one stream.
 pub struct Watch {
     name: String,
     /// The number of the stream.
     pub(super) stream: usize,
-    /// The elements with their names and units.
-    elements: Vec<(Slot, String, String)>,
-    range: Option<(f64, f64)>,
+    elements: Vec<Element>,
+    forbidden: Forbidden,
     frozen_for: Option<Ticks>,
     /// The bytes of the elements as they were last, and since when.
     held: Option<(Vec<u8>, Ticks)>,
 }
 
+/// An element with its name, and the field that it is of.
+struct Element {
+    slot: Slot,
+    name: String,
+    unit: String,
+    field: Field,
+}
+
+impl Element {
+    /// `q_m[3] = 0.25 rad`, `mode = fault`
+    fn words(&self, payload: &[u8]) -> String {
+        let value = self.slot.value(payload);
+        match self.field.name_of(value) {
+            Some(name) => format!("{} = {name}", self.name),
+            None => format!("{} = {value}{}", self.name, self.unit),
+        }
+    }
+}
+
 impl Watch {
-    /// A guard called `name` over the elements `slots` of the payload `descriptor` of stream number `stream`: they must lie
-    /// in `range` (in the field's unit), and must not be the same for `frozen_for` ticks or longer.
+    /// A guard called `name` over the elements `slots` of the payload `descriptor` of stream number `stream`: they must
+    /// not be what is `forbidden`, and must not be the same for `frozen_for` ticks or longer.
     pub fn new(
         name: String,
         stream: usize,
         descriptor: &Descriptor,
         slots: Vec<Slot>,
-        range: Option<(f64, f64)>,
+        forbidden: Forbidden,
         frozen_for: Option<Ticks>,
     ) -> Watch {
         let all = descriptor.fields.iter().flat_map(|field| {
@@ -34,15 +61,21 @@ impl Watch {
             } else {
                 format!(" {}", field.unit)
             };
-            (0..field.len()).map(move |at| (field.element_name(at), unit.clone()))
+            (0..field.len()).map(move |at| (field.element_name(at), unit.clone(), field.clone()))
         });
         let all = Slot::all(descriptor).into_iter().zip(all);
         let elements = all.filter(|(slot, _)| slots.contains(slot));
+        let element = |(slot, (name, unit, field))| Element {
+            slot,
+            name,
+            unit,
+            field,
+        };
         Watch {
             name,
             stream,
-            elements: elements.map(|(slot, (name, unit))| (slot, name, unit)).collect(),
-            range,
+            elements: elements.map(element).collect(),
+            forbidden,
             frozen_for,
             held: None,
         }
@@ -51,18 +84,27 @@ impl Watch {
     /// What is wrong with sample number `index`, stamped `stamp`, if anything is. To be called for each sample in turn.
     pub(super) fn look(&mut self, index: u64, stamp: Ticks, payload: &[u8], timebase: Timebase) -> Option<String> {
         let (guard, t) = (&self.name, timebase.seconds(stamp));
-        if let Some((low, high)) = self.range {
-            for (slot, name, unit) in &self.elements {
-                let value = slot.value(payload);
-                if !(low..=high).contains(&value) {
-                    return Some(format!(
-                        "sample #{index} at t = {t} s with {name} = {value}{unit}, outside of {low} to {high}{unit} (guard `{guard}`)"
-                    ));
-                }
+        if let Some((low, high)) = self.forbidden.range {
+            let outside = |element: &&Element| !(low..=high).contains(&element.slot.value(payload));
+            if let Some(element) = self.elements.iter().find(outside) {
+                let (words, unit) = (element.words(payload), &element.unit);
+                return Some(format!(
+                    "sample #{index} at t = {t} s with {words}, outside of {low} to {high}{unit} (guard `{guard}`)"
+                ));
             }
         }
+        let forbidden = |element: &&Element| self.forbidden.never.contains(&element.slot.value(payload));
+        if let Some(element) = self.elements.iter().find(forbidden) {
+            let words = element.words(payload);
+            return Some(format!(
+                "sample #{index} at t = {t} s with {words}, which must never be (guard `{guard}`)"
+            ));
+        }
         let frozen_for = self.frozen_for?;
-        let bytes = || self.elements.iter().flat_map(|(slot, ..)| &payload[slot.range()]);
+        let bytes = || {
+            let slots = self.elements.iter().map(|element| element.slot);
+            slots.flat_map(|slot| &payload[slot.range()])
+        };
         match &mut self.held {
             Some((held, since)) if held.iter().eq(bytes()) => {
                 if stamp - *since < frozen_for {
@@ -70,10 +112,8 @@ impl Watch {
                 }
                 let (first, more) = match &self.elements[..] {
                     [] => return None,
-                    [(slot, name, unit)] => (format!("{name} = {}{unit}", slot.value(payload)), ""),
-                    [(slot, name, unit), ..] => {
-                        (format!("{name} = {}{unit}", slot.value(payload)), " and the rest of it")
-                    }
+                    [element] => (element.words(payload), ""),
+                    [element, ..] => (element.words(payload), " and the rest of it"),
                 };
                 Some(format!(
                     "sample #{index} at t = {t} s frozen: {first}{more} has not changed since t = {} s (guard `{guard}`)",

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use lockstep::plan::{Plan, Position};
-use lockstep::port::{Descriptor, Element};
+use lockstep::port::{Descriptor, Element, Field};
 use lockstep::time::Rational;
 use tape::{Event, EventKind};
 use toml::{Table, Value};
@@ -71,10 +71,9 @@ pub(super) fn event(plan: &Plan, time: Rational, (participant, input): (usize, u
 fn fields(descriptor: &Descriptor, payload: &[u8]) -> Table {
     let fields = descriptor.fields.iter().map(|field| {
         let bytes = payload[field.range()].chunks_exact(field.element.size());
-        let values = bytes.enumerate().map(|(at, bytes)| match field.element {
-            Element::F64 | Element::F32 => Value::Float(field.value(payload, at)),
-            _ => whole(field.element, bytes),
-        });
+        let values = bytes
+            .enumerate()
+            .map(|(at, bytes)| value(field, field.value(payload, at), bytes));
         let mut values: Vec<Value> = values.collect();
         let value = match (field.shape.is_empty(), values.pop()) {
             (true, Some(value)) => value,
@@ -88,19 +87,17 @@ fn fields(descriptor: &Descriptor, payload: &[u8]) -> Table {
     fields.collect()
 }
 
-/// A whole number; as text where TOML's numbers end.
-fn whole(element: Element, bytes: &[u8]) -> Value {
-    let mut wide = [0; 8];
-    wide[..bytes.len()].copy_from_slice(bytes);
-    let signed = match element {
-        Element::I32 => i64::from(i32::from_le_bytes([wide[0], wide[1], wide[2], wide[3]])),
-        Element::U64 => match i64::try_from(u64::from_le_bytes(wide)) {
-            Ok(small) => small,
-            Err(_) => return Value::String(u64::from_le_bytes(wide).to_string()),
-        },
-        _ => i64::from_le_bytes(wide),
-    };
-    Value::Integer(signed)
+/// One element: as a name where it has one, as text where TOML's numbers end.
+fn value(field: &Field, number: f64, bytes: &[u8]) -> Value {
+    match (field.element, field.name_of(number)) {
+        (Element::F64 | Element::F32, _) => Value::Float(number),
+        (Element::Bool, _) => Value::Boolean(number != 0.0),
+        (_, Some(name)) => Value::String(name.to_owned()),
+        (element, None) => {
+            let whole = element.whole(bytes);
+            i64::try_from(whole).map_or_else(|_| Value::String(whole.to_string()), Value::Integer)
+        }
+    }
 }
 
 /// The number of the participant and of its input called `PARTICIPANT.INPUT`, which nobody feeds.
@@ -146,6 +143,16 @@ pub(super) fn find(plan: &Plan, port: &str) -> Result<(usize, usize), RunFailure
 mod tests {
     use super::*;
 
+    lockstep::enumeration! {
+        /// Named values.
+        pub enum Mode {
+            /// Nothing.
+            Off = 0,
+            /// Something.
+            On = 9,
+        }
+    }
+
     lockstep::message! {
         /// One of each.
         pub struct All {
@@ -159,6 +166,16 @@ mod tests {
             pub single: f32 = "1",
             /// Short.
             pub short: i32 = "1",
+            /// Shorter.
+            pub shorter: [i16; 2] = "1",
+            /// Above zero.
+            pub above: u16 = "1",
+            /// Shortest.
+            pub shortest: i8 = "1",
+            /// Named.
+            pub mode: Mode = "1",
+            /// True or false.
+            pub truths: [bool; 8] = "1",
         }
     }
 
@@ -172,6 +189,11 @@ mod tests {
             below: i64::MIN,
             single: 0.1,
             short: -7,
+            shorter: [i16::MIN, 300],
+            above: u16::MAX,
+            shortest: -1,
+            mode: Mode::On,
+            truths: [true, false, true, true, false, false, true, false],
         };
         let payload = Payload::of(&value);
         let text = format!("x = {}", Value::Table(fields(&All::descriptor(), payload.bytes())));

@@ -104,6 +104,7 @@ mod tests {
             unit: "m".into(),
             frame: String::new(),
             offset: 0,
+            values: Vec::new(),
         };
         let descriptor = Descriptor {
             name: "M".into(),

@@ -60,7 +60,7 @@ pub use branch::{Branch, branch};
 pub use bus::guard as guard_memory;
 pub use child::{own_program, start_instead, tie};
 pub use drive::{Checkpoint, Instantlike};
-pub(crate) use guard::Watch;
+pub(crate) use guard::{Forbidden, Watch};
 pub use handle::Run;
 pub use kept::Kept;
 pub use newest::Sample;

@@ -13,7 +13,8 @@ use super::faults::values;
 use super::names::{Names, unknown};
 use super::ports::{not_a_port, port};
 use super::source::{Source, typed};
-use crate::run::Watch;
+use super::symbols::symbols;
+use crate::run::{Forbidden, Watch};
 
 /// One section as it is written.
 #[derive(Debug, Clone, Deserialize, Serialize)]
@@ -22,6 +23,7 @@ struct GuardEntry {
     output: String,
     field: Option<String>,
     range: Option<Value>,
+    never: Option<Value>,
     frozen_for: Option<Rational>,
 }
 
@@ -33,6 +35,7 @@ pub(super) struct Guard {
     port: (String, String),
     field: Option<String>,
     range: Option<Value>,
+    never: Option<Value>,
     frozen_for: Option<Rational>,
 }
 
@@ -70,12 +73,17 @@ impl Guard {
         if !participants.contains(&port.0) {
             return Err(("output", participants.unknown("participant", &port.0)));
         }
-        if entry.range.is_none() && entry.frozen_for.is_none() {
-            let reason = "guards against nothing: write range = \"[-10, 10] N m\", frozen-for = \"1 s\", or both";
+        if entry.range.is_none() && entry.frozen_for.is_none() && entry.never.is_none() {
+            let reason = "guards against nothing: write range = \"[-10, 10] N m\", never = \"fault\" (of an enumeration), frozen-for = \
+                          \"1 s\", or several of them";
             return Err(("", reason.into()));
         }
         if entry.range.is_some() && entry.field.is_none() {
             let reason = "`field` is missing: a range is one of a field, which has a unit";
+            return Err(("", reason.into()));
+        }
+        if entry.never.is_some() && entry.field.is_none() {
+            let reason = "`field` is missing: `never` names values of a bool or an enumeration";
             return Err(("", reason.into()));
         }
         if let Some(time) = entry.frozen_for.filter(|time| !time.is_positive()) {
@@ -86,6 +94,7 @@ impl Guard {
             port,
             field: entry.field,
             range: entry.range,
+            never: entry.never,
             frozen_for: entry.frozen_for,
         })
     }
@@ -125,6 +134,22 @@ impl Guard {
                 format!("{value} is not a range: write two bounds, the lower one first, such as \"[-10, 10] {unit}\""),
             )),
         };
+        if let (Some(_), Some(field)) = (&self.range, field.filter(|field| !field.element.is_number())) {
+            let reason =
+                format!("`{field}` has no range: name the values that it must not have, such as never = \"fault\"");
+            return Err(("range", reason));
+        }
+        let never = match (&self.never, field) {
+            (Some(value), Some(field)) if !field.element.is_number() => {
+                let values = symbols(value, field, value.as_array().map_or(1, Vec::len));
+                values.map_err(|reason| ("never", format!("`{field}`: {reason}")))?
+            }
+            (Some(_), Some(field)) => {
+                let reason = format!("`{field}` is made of numbers, which have a `range`");
+                return Err(("never", reason));
+            }
+            _ => Vec::new(),
+        };
         let range = match (&self.range, field) {
             (Some(value), Some(field)) => Some(bounds(value, &field.unit)?),
             _ => None,
@@ -133,7 +158,8 @@ impl Guard {
         let frozen_for = self.frozen_for.map(ticks).transpose();
         let frozen_for = frozen_for.map_err(|error| ("frozen-for", error.to_string()))?;
         let (name, stream) = (self.name.clone(), own.first_stream as usize + position);
-        Ok(Some(Watch::new(name, stream, descriptor, slots, range, frozen_for)))
+        let forbidden = Forbidden { range, never };
+        Ok(Some(Watch::new(name, stream, descriptor, slots, forbidden, frozen_for)))
     }
 }
 
@@ -147,6 +173,7 @@ impl Guard {
             Some(range) => words += &format!(" within {range}"),
             None => {}
         }
+        words.extend(self.never.iter().map(|never| format!(" never {never}")));
         words.extend(self.frozen_for.map(|time| format!(", not frozen for {time}")));
         words
     }

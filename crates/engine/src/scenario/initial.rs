@@ -4,6 +4,8 @@ use lockstep::plan::Initial;
 use lockstep::port::{Descriptor, Element, Field};
 use toml::Value;
 
+use super::symbols::symbol;
+
 /// Reads `"zero"`, `"first-sample"` or a table of fields, in the units of the descriptor.
 pub(super) fn initial(value: &Value, descriptor: &Descriptor) -> Result<Initial, String> {
     match value {
@@ -54,7 +56,11 @@ fn write(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
         ));
     }
     for (number, slot) in numbers.iter().zip(bytes.chunks_exact_mut(field.element.size())) {
-        put(number, field.element, slot).map_err(|reason| format!("`{}`: {reason} ({field})", field.name))?;
+        let put = match field.element {
+            Element::Bool | Element::Enum => symbol(number, field).map(|byte| slot.fill(byte)),
+            element => put(number, element, slot),
+        };
+        put.map_err(|reason| format!("`{}`: {reason} ({field})", field.name))?;
     }
     Ok(())
 }
@@ -68,25 +74,18 @@ fn flatten<'a>(value: &'a Value, into: &mut Vec<&'a Value>) {
 
 /// Writes `number` exactly, or says why an element cannot hold it.
 fn put(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> {
-    let range = match element {
-        Element::F64 | Element::F32 => {
-            let value = match number {
-                Value::Float(value) => *value,
-                Value::Integer(value) => *value as f64,
-                other => return Err(format!("`{other}` is not a number")),
-            };
-            let finite = value.is_finite() && (element == Element::F64 || (value as f32).is_finite());
-            if !finite {
-                return Err(format!("`{number}` is not a finite number of this type"));
-            }
-            element.put(value, slot);
-            return Ok(());
+    let Some((least, most)) = element.range() else {
+        let value = match number {
+            Value::Float(value) => *value,
+            Value::Integer(value) => *value as f64,
+            other => return Err(format!("`{other}` is not a number")),
+        };
+        let finite = value.is_finite() && (element == Element::F64 || (value as f32).is_finite());
+        if !finite {
+            return Err(format!("`{number}` is not a finite number of this type"));
         }
-        Element::I64 => i128::from(i64::MIN)..=i128::from(i64::MAX),
-        Element::I32 => i128::from(i32::MIN)..=i128::from(i32::MAX),
-        Element::U64 => 0..=i128::from(u64::MAX),
-        Element::U32 => 0..=i128::from(u32::MAX),
-        Element::U8 => 0..=i128::from(u8::MAX),
+        element.put(value, slot);
+        return Ok(());
     };
     let whole = match number {
         Value::Integer(value) => Some(i128::from(*value)),
@@ -95,13 +94,9 @@ fn put(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> 
         Value::String(text) => text.parse().ok(),
         _ => None,
     };
-    let whole = whole.filter(|whole| range.contains(whole)).ok_or_else(|| {
-        format!(
-            "`{number}` is not a whole number from {} to {}",
-            range.start(),
-            range.end()
-        )
-    })?;
+    let whole = whole
+        .filter(|whole| (least..=most).contains(whole))
+        .ok_or_else(|| format!("`{number}` is not a whole number from {least} to {most}"))?;
     slot.copy_from_slice(&whole.to_le_bytes()[..slot.len()]);
     Ok(())
 }
@@ -133,6 +128,8 @@ mod tests {
         );
         assert_eq!(put_into(Element::I32, "-7"), Ok((-7_i32).to_le_bytes().to_vec()));
         assert_eq!(put_into(Element::U8, "255.0"), Ok(vec![255]));
+        assert_eq!(put_into(Element::I8, "-128"), Ok(vec![0x80]));
+        assert_eq!(put_into(Element::U16, "65535"), Ok(vec![0xff, 0xff]));
         assert_eq!(put_into(Element::F64, "2"), Ok(2.0_f64.to_le_bytes().to_vec()));
         for (element, text) in [
             (Element::F64, "nan"),
@@ -140,6 +137,9 @@ mod tests {
             (Element::F32, "1e300"),
             (Element::F64, "true"),
             (Element::U8, "256"),
+            (Element::I8, "128"),
+            (Element::I16, "40000"),
+            (Element::U16, "-1"),
             (Element::U64, "-1"),
             (Element::I32, "0.5"),
             (Element::I64, "1e19"),

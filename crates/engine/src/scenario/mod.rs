@@ -21,6 +21,7 @@ mod recorded;
 mod resolve;
 mod run_table;
 mod source;
+mod symbols;
 mod types;
 mod value;
 

@@ -321,6 +321,7 @@ fn unknown_payload() -> Descriptor {
         unit: "1".into(),
         frame: String::new(),
         offset: 0,
+        values: Vec::new(),
     };
     Descriptor {
         name: "unknown".into(),

@@ -21,6 +21,7 @@ fn field(name: &str, element: Element, shape: &[u32], unit: &str, offset: u32) -
         unit: unit.into(),
         frame: String::new(),
         offset,
+        values: Vec::new(),
     }
 }
 

@@ -1,6 +1,8 @@
 //! The current payloads of a participant's ports, aligned for any message.
 
-use crate::port::{Descriptor, Element, Message};
+use std::ops::Range;
+
+use crate::port::{Descriptor, Element, Field, Message};
 
 /// The bytes of one payload, aligned to 8.
 #[derive(Debug, Clone)]
@@ -29,9 +31,9 @@ impl Payload {
     /// The payload as the message `M`.
     ///
     /// # Panics
-    /// When `M` has another size: compare descriptors first.
+    /// When `M` has another size, or the bytes are no `M`: compare descriptors first.
     pub fn get<M: Message>(&self) -> M {
-        *bytemuck::from_bytes(self.bytes())
+        *bytemuck::checked::from_bytes(self.bytes())
     }
 
     /// The bytes.
@@ -45,23 +47,23 @@ impl Payload {
     }
 }
 
-/// The elements of a payload that can be NaN or infinite, merged into runs.
+/// The elements of a payload that can have values which their type does not allow, merged into runs.
 #[derive(Debug, Clone)]
-pub(crate) struct FiniteCheck {
-    doubles: Vec<std::ops::Range<usize>>,
-    singles: Vec<std::ops::Range<usize>>,
+pub(crate) struct ValueCheck {
+    /// Whether a fault on the way may have made numbers NaN or infinite, so that they are not looked at.
+    disturbed: bool,
+    doubles: Vec<Range<usize>>,
+    singles: Vec<Range<usize>>,
+    /// Truth values and enumerations, each with a bit for every byte that is one of their values.
+    bytes: Vec<(Range<usize>, [u64; 4])>,
 }
 
-impl FiniteCheck {
-    pub(crate) fn new(descriptor: &Descriptor) -> FiniteCheck {
+impl ValueCheck {
+    pub(crate) fn new(descriptor: &Descriptor, disturbed: bool) -> ValueCheck {
         let runs = |element: Element| {
-            let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
-            for range in descriptor
-                .fields
-                .iter()
-                .filter(|f| f.element == element)
-                .map(|f| f.range())
-            {
+            let mut runs: Vec<Range<usize>> = Vec::new();
+            let fields = descriptor.fields.iter().filter(|f| !disturbed && f.element == element);
+            for range in fields.map(|f| f.range()) {
                 match runs.last_mut() {
                     Some(last) if last.end == range.start => last.end = range.end,
                     _ => runs.push(range),
@@ -69,13 +71,23 @@ impl FiniteCheck {
             }
             runs
         };
-        FiniteCheck {
+        let bytes = descriptor.fields.iter().filter(|field| !field.element.is_number());
+        let allowed = |field: &Field| {
+            let mut allowed = [0; 4];
+            for byte in (0..=u8::MAX).filter(|byte| field.allows(f64::from(*byte))) {
+                allowed[usize::from(byte / 64)] |= 1_u64 << (byte % 64);
+            }
+            allowed
+        };
+        ValueCheck {
+            disturbed,
             doubles: runs(Element::F64),
             singles: runs(Element::F32),
+            bytes: bytes.map(|field| (field.range(), allowed(field))).collect(),
         }
     }
 
-    /// True when every floating-point element is finite. The exponent field alone tells, so the loop has no branches.
+    /// True when every element is a value of its type. The exponent field alone tells of a number, so the loop has no branches.
     pub(crate) fn passes(&self, payload: &[u8]) -> bool {
         let mut good = true;
         for run in &self.doubles {
@@ -88,16 +100,20 @@ impl FiniteCheck {
                 good &= u32::from_le_bytes(*chunk) & 0x7f80_0000 != 0x7f80_0000;
             }
         }
+        for (run, allowed) in &self.bytes {
+            for byte in &payload[run.clone()] {
+                good &= allowed[usize::from(byte / 64)] >> (byte % 64) & 1 == 1;
+            }
+        }
         good
     }
-}
 
-/// The first element of a payload that is not finite: its name and value.
-pub(crate) fn first_not_finite(descriptor: &Descriptor, payload: &[u8]) -> Option<(String, f64)> {
-    descriptor.fields.iter().find_map(|field| {
-        let index = (0..field.len()).find(|&index| !field.value(payload, index).is_finite())?;
-        Some((field.element_name(index), field.value(payload, index)))
-    })
+    /// Which element of `payload` does not pass, and why, in words; `what` is what must be finite.
+    pub(crate) fn words(&self, descriptor: &Descriptor, payload: &[u8], what: &str) -> String {
+        let mut invalid = descriptor.invalid(payload);
+        let found = invalid.find(|one| !self.disturbed || !one.is_number());
+        found.map(|one| one.words(what)).unwrap_or_default()
+    }
 }
 
 /// The inputs of an activation.
@@ -110,9 +126,9 @@ impl Inputs {
     /// The payload of input number `port` as the message `M` that the interface declares for it.
     ///
     /// # Panics
-    /// When there is no such port or `M` has another size: a mistake in the participant's own code.
+    /// When there is no such port, `M` has another size, or the bytes are no `M`: a mistake in the participant's own code.
     pub fn get<M: Message>(&self, port: usize) -> &M {
-        bytemuck::from_bytes(self.payloads[port].bytes())
+        bytemuck::checked::from_bytes(self.payloads[port].bytes())
     }
 
     /// The raw bytes of input number `port`.
@@ -141,9 +157,9 @@ impl Outputs {
     /// The payload of output number `port` as the message `M` that the interface declares for it.
     ///
     /// # Panics
-    /// When there is no such port or `M` has another size: a mistake in the participant's own code.
+    /// When there is no such port, `M` has another size, or the bytes are no `M`: a mistake in the participant's own code.
     pub fn get_mut<M: Message>(&mut self, port: usize) -> &mut M {
-        bytemuck::from_bytes_mut(self.payloads[port].bytes_mut())
+        bytemuck::checked::from_bytes_mut(self.payloads[port].bytes_mut())
     }
 
     /// The raw bytes of output number `port`.
@@ -190,7 +206,7 @@ impl Inputs {
     /// # Panics
     /// As [`Inputs::get`].
     pub fn get_mut<M: Message>(&mut self, port: usize) -> &mut M {
-        bytemuck::from_bytes_mut(self.payloads[port].bytes_mut())
+        bytemuck::checked::from_bytes_mut(self.payloads[port].bytes_mut())
     }
 
     /// The raw bytes of input number `port`, for whoever drives a participant by hand.
@@ -217,7 +233,7 @@ impl Outputs {
     /// # Panics
     /// As [`Outputs::get_mut`].
     pub fn get<M: Message>(&self, port: usize) -> &M {
-        bytemuck::from_bytes(self.payloads[port].bytes())
+        bytemuck::checked::from_bytes(self.payloads[port].bytes())
     }
 
     /// The raw bytes of output number `port`, for whoever drives a participant by hand.

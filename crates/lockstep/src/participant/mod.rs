@@ -8,7 +8,7 @@ pub mod state;
 use std::error::Error;
 use std::sync::Arc;
 
-pub(crate) use buffers::{FiniteCheck, first_not_finite};
+pub(crate) use buffers::ValueCheck;
 pub use buffers::{Inputs, Outputs, Payload};
 pub use handles::{InputPort, OutputPort, Ports};
 pub use interface::{Input, Interface, InterfaceError, Kind, Output};

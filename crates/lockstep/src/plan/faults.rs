@@ -52,6 +52,18 @@ impl Plan {
             return Err(format!("`{}` has no such elements", descriptor.name));
         }
         fault.effect.check(&fault.slots)?;
+        if let Effect::Stuck(Some(values)) = &fault.effect {
+            let field = |slot: &Slot| {
+                let mut fields = descriptor.fields.iter();
+                fields.find(|field| field.range().contains(&(slot.offset as usize)))
+            };
+            let mut stuck = fault.slots.iter().zip(values);
+            let allowed = |(slot, value): &(&Slot, &f64)| field(slot).is_some_and(|field| field.allows(**value));
+            if let Some((slot, value)) = stuck.find(|stuck| !allowed(stuck)) {
+                let field = field(slot).map(ToString::to_string).unwrap_or_default();
+                return Err(format!("`{field}` cannot be stuck at {value}"));
+            }
+        }
         if let Place::Input { participant, port } = fault.place
             && self.participants[participant].inputs[port].is_empty()
         {
@@ -228,6 +240,10 @@ impl Effect {
             true => Ok(()),
             false => Err(format!("the probability {p} does not lie between 0 and 1")),
         };
+        let symbols = slots.iter().any(|slot| !slot.element.is_number());
+        if symbols && !matches!(self, Effect::Stuck(_) | Effect::Dropout(_)) {
+            return Err("a bool or an enumeration can be stuck or drop out, and nothing else".into());
+        }
         match self {
             Effect::Bias(values) | Effect::Scale(values) | Effect::Ramp(values) | Effect::Stuck(Some(values)) => {
                 finite(values)

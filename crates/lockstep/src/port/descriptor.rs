@@ -4,101 +4,8 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// The element type of a field. Every one is little-endian and naturally aligned.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Element {
-    /// IEEE 754 double.
-    F64,
-    /// IEEE 754 single.
-    F32,
-    /// Signed 64-bit integer.
-    I64,
-    /// Signed 32-bit integer.
-    I32,
-    /// Unsigned 64-bit integer.
-    U64,
-    /// Unsigned 32-bit integer.
-    U32,
-    /// Unsigned byte.
-    U8,
-}
-
-impl Element {
-    /// Size, which is also the alignment, bytes.
-    pub const fn size(self) -> usize {
-        match self {
-            Element::F64 | Element::I64 | Element::U64 => 8,
-            Element::F32 | Element::I32 | Element::U32 => 4,
-            Element::U8 => 1,
-        }
-    }
-
-    /// The name used in files: `f64`, `u8`, …
-    pub const fn name(self) -> &'static str {
-        match self {
-            Element::F64 => "f64",
-            Element::F32 => "f32",
-            Element::I64 => "i64",
-            Element::I32 => "i32",
-            Element::U64 => "u64",
-            Element::U32 => "u32",
-            Element::U8 => "u8",
-        }
-    }
-
-    /// Whether it is a floating-point number.
-    pub const fn is_decimal(self) -> bool {
-        matches!(self, Element::F64 | Element::F32)
-    }
-
-    /// Whether every value of an `other` is a value of this type too.
-    pub const fn holds(self, other: Element) -> bool {
-        match self {
-            Element::F64 => !matches!(other, Element::I64 | Element::U64),
-            Element::F32 => matches!(other, Element::F32 | Element::U8),
-            Element::I64 => !matches!(other, Element::F64 | Element::F32 | Element::U64),
-            Element::I32 => matches!(other, Element::I32 | Element::U8),
-            Element::U64 => matches!(other, Element::U64 | Element::U32 | Element::U8),
-            Element::U32 => matches!(other, Element::U32 | Element::U8),
-            Element::U8 => matches!(other, Element::U8),
-        }
-    }
-
-    /// One element of this type as a double (integers beyond 2^53 are rounded). `bytes` starts at the element.
-    pub fn to_f64(self, bytes: &[u8]) -> f64 {
-        macro_rules! read {
-            ($type:ty) => {{
-                let mut raw = [0; size_of::<$type>()];
-                raw.copy_from_slice(&bytes[..size_of::<$type>()]);
-                <$type>::from_le_bytes(raw) as f64
-            }};
-        }
-        match self {
-            Element::F64 => read!(f64),
-            Element::F32 => read!(f32),
-            Element::I64 => read!(i64),
-            Element::I32 => read!(i32),
-            Element::U64 => read!(u64),
-            Element::U32 => read!(u32),
-            Element::U8 => f64::from(bytes[0]),
-        }
-    }
-
-    /// Puts a double into the bytes of an element: integers take the nearest whole number that they can hold (NaN is zero).
-    pub fn put(self, value: f64, bytes: &mut [u8]) {
-        let whole = value.round_ties_even();
-        match self {
-            Element::F64 => bytes.copy_from_slice(&value.to_le_bytes()),
-            Element::F32 => bytes.copy_from_slice(&(value as f32).to_le_bytes()),
-            Element::I64 => bytes.copy_from_slice(&(whole as i64).to_le_bytes()),
-            Element::I32 => bytes.copy_from_slice(&(whole as i32).to_le_bytes()),
-            Element::U64 => bytes.copy_from_slice(&(whole as u64).to_le_bytes()),
-            Element::U32 => bytes.copy_from_slice(&(whole as u32).to_le_bytes()),
-            Element::U8 => bytes.copy_from_slice(&[whole as u8]),
-        }
-    }
-}
+use super::enumeration::{self, EnumValue};
+use super::{Element, InvalidValue};
 
 /// One named field of a payload.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -118,6 +25,9 @@ pub struct Field {
     pub frame: String,
     /// Where the field starts, bytes.
     pub offset: u32,
+    /// The values of an enumeration with their names; empty for every other type.
+    #[serde(default)]
+    pub values: Vec<EnumValue>,
 }
 
 impl Field {
@@ -148,6 +58,21 @@ impl Field {
         self.element.to_f64(&payload[start..])
     }
 
+    /// Whether an element may be `value`: finite, 0 or 1 for a truth value, one with a name for an enumeration.
+    pub fn allows(&self, value: f64) -> bool {
+        match self.element {
+            Element::Bool => value == 0.0 || value == 1.0,
+            Element::Enum => self.values.iter().any(|named| f64::from(named.value) == value),
+            _ => value.is_finite(),
+        }
+    }
+
+    /// What an enumeration calls `value`; nothing for other types and for values without a name.
+    pub fn name_of(&self, value: f64) -> Option<&str> {
+        let named = self.values.iter().find(|named| f64::from(named.value) == value);
+        named.map(|named| named.name.as_str())
+    }
+
     /// The names of the elements for tables: `p_NB_N[0]`, or the bare name of a scalar.
     pub fn element_name(&self, index: usize) -> String {
         if self.shape.is_empty() {
@@ -169,7 +94,12 @@ impl fmt::Display for Field {
         if !self.shape.is_empty() {
             write!(f, "{:?}", self.shape)?;
         }
-        write!(f, " in {}", self.unit)?;
+        if !self.values.is_empty() {
+            write!(f, " of {}", enumeration::words(&self.values))?;
+        }
+        if self.element.is_number() {
+            write!(f, " in {}", self.unit)?;
+        }
         if !self.frame.is_empty() {
             write!(f, ", frame {}", self.frame)?;
         }
@@ -248,6 +178,9 @@ impl Descriptor {
                 Some(0) => return refuse("the shape has a zero in it"),
                 Some(bytes) => bytes,
             };
+            if let Some(reason) = enumeration::mistake(field) {
+                return refuse(reason);
+            }
             if !u64::from(field.offset).is_multiple_of(field.element.size() as u64) {
                 return refuse("the offset is not a multiple of the element's size");
             }
@@ -292,22 +225,34 @@ impl Descriptor {
         crate::fnv::fnv1a(&self.canonical())
     }
 
-    /// The text behind [`Descriptor::hash64`]: `name size\n`, then `name|element|extents|unit|frame|offset\n` per field.
+    /// The text behind [`Descriptor::hash64`]: `name size\n`, then `name|element|extents|unit|frame|offset\n` per field; that of an
+    /// enumeration goes on behind the offset: `|0=closed,1=open\n`.
     pub fn canonical(&self) -> String {
         let mut text = format!("{} {}\n", self.name, self.size);
         for field in &self.fields {
             let extents: Vec<String> = field.shape.iter().map(u32::to_string).collect();
             text += &format!(
-                "{}|{}|{}|{}|{}|{}\n",
+                "{}|{}|{}|{}|{}|{}{}\n",
                 field.name,
                 field.element.name(),
                 extents.join(","),
                 field.unit,
                 field.frame,
-                field.offset
+                field.offset,
+                enumeration::canonical(&field.values)
             );
         }
         text
+    }
+
+    /// The elements of `payload`, which has the size of this descriptor, that no element of their type may be: a number that is not
+    /// finite, a truth value that is neither 0 nor 1, a value of an enumeration that has no name.
+    pub fn invalid(&self, payload: &[u8]) -> impl Iterator<Item = InvalidValue> {
+        let elements = (self.fields.iter()).flat_map(|field| (0..field.len()).map(move |index| (field, index)));
+        elements.filter_map(|(field, index)| {
+            let value = field.value(payload, index);
+            (!field.allows(value)).then(|| InvalidValue::new(field, index, value))
+        })
     }
 
     /// The first difference between two descriptors in words, for a user who connected the wrong ports.

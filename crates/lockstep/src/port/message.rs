@@ -1,39 +1,82 @@
 //! Typed payloads: a struct in C layout with its description.
 
-use super::{Descriptor, Element, Field};
+use super::{Descriptor, Element, EnumValue, Field};
 
-/// A payload: plain old data, without padding, described field by field. Declared with [`crate::message!`].
-pub trait Message: bytemuck::Pod {
+/// A payload: plain data, without padding, described field by field. Declared with [`crate::message!`].
+///
+/// Zero bytes are a message. Not all bytes need be one: a truth value is 0 or 1, and an enumeration has some values only.
+pub trait Message: bytemuck::NoUninit + bytemuck::Zeroable + bytemuck::CheckedBitPattern {
     /// The description of the type.
     fn descriptor() -> Descriptor;
 }
 
-/// A type that a field of a message may have: a number, or a (nested) array of numbers.
-pub trait FieldType: bytemuck::Pod {
+/// A type that a field of a message may have: a number, a truth value, an enumeration ([`crate::enumeration!`]), or a (nested) array
+/// of one of them.
+///
+/// # Safety
+/// `Bits` has the size and the alignment of the type, which has no bytes without a value; [`FieldType::is_valid`] is true only for bits
+/// that are a value of the type, and is true for zeros.
+pub unsafe trait FieldType: Copy + 'static {
+    /// The bits, of which not all need be a value.
+    type Bits: bytemuck::Pod;
     /// The type of each element.
     const ELEMENT: Element;
     /// Puts the extents, outermost first.
     fn extents(shape: &mut Vec<u32>);
+    /// The values of an enumeration.
+    fn values() -> Vec<EnumValue> {
+        Vec::new()
+    }
+    /// Whether the bits are a value.
+    #[inline]
+    fn is_valid(bits: &Self::Bits) -> bool {
+        let _ = bits;
+        true
+    }
 }
 
 macro_rules! scalar {
     ($($type:ty => $element:ident),*) => {$(
-        impl FieldType for $type {
+        // SAFETY: all bits are a number.
+        unsafe impl FieldType for $type {
+            type Bits = $type;
             const ELEMENT: Element = Element::$element;
             fn extents(_: &mut Vec<u32>) {}
         }
     )*};
 }
-scalar!(f64 => F64, f32 => F32, i64 => I64, i32 => I32, u64 => U64, u32 => U32, u8 => U8);
+scalar!(
+    f64 => F64, f32 => F32, i64 => I64, i32 => I32, i16 => I16, i8 => I8, u64 => U64, u32 => U32, u16 => U16, u8 => U8
+);
 
-impl<T: FieldType, const N: usize> FieldType for [T; N]
+// SAFETY: a truth value is one byte, 0 or 1.
+unsafe impl FieldType for bool {
+    type Bits = u8;
+    const ELEMENT: Element = Element::Bool;
+    fn extents(_: &mut Vec<u32>) {}
+    #[inline]
+    fn is_valid(bits: &u8) -> bool {
+        *bits <= 1
+    }
+}
+
+// SAFETY: an array has nothing between its elements.
+unsafe impl<T: FieldType, const N: usize> FieldType for [T; N]
 where
-    [T; N]: bytemuck::Pod,
+    [T::Bits; N]: bytemuck::Pod,
 {
+    type Bits = [T::Bits; N];
     const ELEMENT: Element = T::ELEMENT;
     fn extents(shape: &mut Vec<u32>) {
         shape.push(N as u32);
         T::extents(shape);
+    }
+    fn values() -> Vec<EnumValue> {
+        T::values()
+    }
+    #[inline]
+    fn is_valid(bits: &Self::Bits) -> bool {
+        bits.iter().all(T::is_valid)
     }
 }
 
@@ -64,7 +107,11 @@ pub mod __private {
         }
 
         fn visit_bytes<E: serde::de::Error>(self, bytes: &[u8]) -> Result<M, E> {
-            bytemuck::try_pod_read_unaligned(bytes).map_err(|_| E::invalid_length(bytes.len(), &self))
+            use bytemuck::checked::CheckedCastError::InvalidBitPattern;
+            bytemuck::checked::try_pod_read_unaligned(bytes).map_err(|error| match error {
+                InvalidBitPattern => E::custom("a bool or an enumeration has a byte that is none of its values"),
+                _ => E::invalid_length(bytes.len(), &self),
+            })
         }
 
         fn visit_byte_buf<E: serde::de::Error>(self, bytes: Vec<u8>) -> Result<M, E> {
@@ -72,12 +119,12 @@ pub mod __private {
         }
 
         fn visit_seq<A: serde::de::SeqAccess<'de>>(self, mut seq: A) -> Result<M, A::Error> {
-            let mut message = M::zeroed();
-            for (number, byte) in bytemuck::bytes_of_mut(&mut message).iter_mut().enumerate() {
+            let mut bytes = Vec::with_capacity(size_of::<M>());
+            while bytes.len() < size_of::<M>() {
                 let next = seq.next_element()?;
-                *byte = next.ok_or_else(|| serde::de::Error::invalid_length(number, &self))?;
+                bytes.push(next.ok_or_else(|| serde::de::Error::invalid_length(bytes.len(), &self))?);
             }
-            Ok(message)
+            self.visit_bytes(&bytes)
         }
     }
 
@@ -91,11 +138,14 @@ pub mod __private {
             unit: unit.to_owned(),
             frame: frame.to_owned(),
             offset: offset as u32,
+            values: T::values(),
         }
     }
 }
 
-/// Declares a message: a `#[repr(C)]` struct of plain old data whose fields carry a unit and, for vectors, a frame.
+/// Declares a message: a `#[repr(C)]` struct of plain data whose fields carry a unit and, for vectors, a frame. Fields are numbers of
+/// 8 to 64 bits, `bool`, enumerations of one byte ([`enumeration!`](crate::enumeration)), and arrays of these. A `bool` or an enumeration
+/// has the unit `"1"`.
 ///
 /// ```
 /// lockstep::message! {
@@ -134,10 +184,34 @@ macro_rules! message {
             "a message must not have padding: reorder its fields or make the padding a field"
         );
 
-        // SAFETY: every field is `FieldType`, hence plain old data, the layout is C, and the assertion above excludes padding.
-        unsafe impl $crate::port::__private::bytemuck::Zeroable for $name {}
-        // SAFETY: as above; the struct is `Copy` and has no references, so `'static` holds too.
-        unsafe impl $crate::port::__private::bytemuck::Pod for $name {}
+        const _: () = {
+            /// The bits of the message.
+            #[doc(hidden)]
+            #[allow(non_snake_case, reason = "the names are those of the message")]
+            #[derive(Clone, Copy)]
+            #[repr(C)]
+            pub struct Bits {
+                $( $field: <$type as $crate::port::FieldType>::Bits, )*
+            }
+
+            // SAFETY: every field is plain old data.
+            unsafe impl $crate::port::__private::bytemuck::Zeroable for Bits {}
+            // SAFETY: as above, the layout is C, and the assertion above excludes padding: fields have the size of their bits.
+            unsafe impl $crate::port::__private::bytemuck::Pod for Bits {}
+
+            // SAFETY: every field is a `FieldType`, of which zeros are a value.
+            unsafe impl $crate::port::__private::bytemuck::Zeroable for $name {}
+            // SAFETY: as above; the layout is C without padding, and the struct is `Copy` and has no references.
+            unsafe impl $crate::port::__private::bytemuck::NoUninit for $name {}
+            // SAFETY: the bits have the layout of the message, and every field says which of its own are a value.
+            unsafe impl $crate::port::__private::bytemuck::CheckedBitPattern for $name {
+                type Bits = Bits;
+                #[inline]
+                fn is_valid_bit_pattern(bits: &Bits) -> bool {
+                    true $( && <$type as $crate::port::FieldType>::is_valid(&bits.$field) )*
+                }
+            }
+        };
 
         impl $crate::port::Message for $name {
             fn descriptor() -> $crate::port::Descriptor {

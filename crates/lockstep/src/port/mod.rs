@@ -1,7 +1,11 @@
 //! Ports: what a participant reads and writes, described so that nobody needs the sender's source code.
 
 mod descriptor;
+mod element;
+mod enumeration;
 mod message;
 
-pub use descriptor::{Descriptor, DescriptorError, Element, Field};
+pub use descriptor::{Descriptor, DescriptorError, Field};
+pub use element::Element;
+pub use enumeration::{EnumValue, InvalidValue};
 pub use message::{__private, FieldType, Message};

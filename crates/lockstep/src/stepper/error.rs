@@ -12,15 +12,13 @@ pub enum StepError {
     /// The participant panicked.
     #[error("it panicked: {0}")]
     Panicked(String),
-    /// The participant wrote a NaN or an infinity.
-    #[error("its output `{port}` has {element} = {value}: an output must be finite")]
-    NotFinite {
+    /// The participant wrote a NaN, an infinity, or a byte that is no value of a truth value or an enumeration.
+    #[error("its output `{port}` has {what}")]
+    Invalid {
         /// The output.
         port: String,
-        /// The element of the payload.
-        element: String,
-        /// NaN or an infinity.
-        value: f64,
+        /// The element, its value and what it must be.
+        what: String,
     },
     /// A sample that came in breaks the protocol.
     #[error("`{from}` sent {what}")]

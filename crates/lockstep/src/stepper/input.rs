@@ -5,7 +5,7 @@ use super::between::Between;
 use super::source::Source;
 use crate::fault::Injector;
 use crate::link::{Conversion, Hold, Read, ReadSchedule};
-use crate::participant::{FiniteCheck, Inputs, Payload, first_not_finite};
+use crate::participant::{Inputs, Payload, ValueCheck};
 use crate::plan::{Assignment, Backlog, Initial, InputLink, Observed, SeenInput};
 use crate::port::Descriptor;
 use crate::time::{SampleTime, Ticks, Timebase};
@@ -92,9 +92,7 @@ impl InputState {
 pub(super) struct Assembled {
     port: usize,
     descriptor: Descriptor,
-    finite: FiniteCheck,
-    /// Whether a fault on the way may have made samples NaN or infinite.
-    disturbed: bool,
+    values: ValueCheck,
 }
 
 impl Assembled {
@@ -105,9 +103,8 @@ impl Assembled {
             let links = || assignment.inputs.iter().filter(|link| link.input as usize == port);
             links().any(|link| link.conversion.is_some()).then(|| Assembled {
                 port,
-                finite: FiniteCheck::new(&input.descriptor),
+                values: ValueCheck::new(&input.descriptor, links().any(|link| link.disturbed)),
                 descriptor: input.descriptor.clone(),
-                disturbed: links().any(|link| link.disturbed),
             })
         });
         assembled.collect()
@@ -127,12 +124,14 @@ impl Assembled {
                 None => {}
             }
         }
-        if !self.disturbed && !self.finite.passes(payload) {
-            let (element, value) = first_not_finite(&self.descriptor, payload).unwrap_or_default();
+        if !self.values.passes(payload) {
             let from: Vec<&str> = own().map(|link| link.source.from()).collect();
             return Err(StepError::BadSample {
                 from: from.join("`, `"),
-                what: format!("what its connections turn into {element} = {value}: an input must be finite"),
+                what: format!(
+                    "what its connections turn into {}",
+                    self.values.words(&self.descriptor, payload, "an input")
+                ),
             });
         }
         Ok(())

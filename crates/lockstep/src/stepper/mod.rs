@@ -26,7 +26,7 @@ use progress::Phase;
 
 use crate::fault::Injector;
 use crate::link::Read;
-use crate::participant::{Failure, FiniteCheck, Inputs, Kind, Outputs, Participant, Step, first_not_finite};
+use crate::participant::{Failure, Inputs, Kind, Outputs, Participant, Step, ValueCheck};
 use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
 use crate::transport::{Header, Recording};
@@ -104,7 +104,7 @@ impl Stepper {
             recorded: true,
             seen: true,
             name: port.name.clone(),
-            finite: FiniteCheck::new(&port.descriptor),
+            values: ValueCheck::new(&port.descriptor, false),
             descriptor: port.descriptor.clone(),
             consumers: senders
                 .into_iter()
@@ -389,12 +389,10 @@ impl Stepper {
     fn check_outputs(&self) -> Result<(), StepError> {
         let seen = self.outputs.iter().zip(&self.output_buffers.payloads);
         for (output, payload) in seen.filter(|(output, _)| output.seen) {
-            if !output.finite.passes(payload.bytes()) {
-                let (element, value) = first_not_finite(&output.descriptor, payload.bytes()).unwrap_or_default();
-                return Err(StepError::NotFinite {
+            if !output.values.passes(payload.bytes()) {
+                return Err(StepError::Invalid {
                     port: output.name.clone(),
-                    element,
-                    value,
+                    what: output.values.words(&output.descriptor, payload.bytes(), "an output"),
                 });
             }
         }

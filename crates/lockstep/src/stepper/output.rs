@@ -3,7 +3,7 @@
 use super::StepError;
 use crate::fault::Injector;
 use crate::link::ReadSchedule;
-use crate::participant::{FiniteCheck, Payload};
+use crate::participant::{Payload, ValueCheck};
 use crate::plan::{Consumer, Observed};
 use crate::port::Descriptor;
 use crate::time::Ticks;
@@ -17,7 +17,7 @@ pub(super) struct OutputState {
     pub(super) seen: bool,
     pub(super) name: String,
     pub(super) descriptor: Descriptor,
-    pub(super) finite: FiniteCheck,
+    pub(super) values: ValueCheck,
     pub(super) consumers: Vec<ConsumerState>,
     pub(super) disturbed: Option<Disturbed>,
 }

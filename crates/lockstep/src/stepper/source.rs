@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::StepError;
-use crate::participant::{FiniteCheck, first_not_finite};
+use crate::participant::ValueCheck;
 use crate::plan::{Backlog, InputLink};
 use crate::port::Descriptor;
 use crate::time::{SampleTime, Timebase};
@@ -13,15 +13,13 @@ pub(super) struct Source {
     receiver: Box<dyn Receiver>,
     from: String,
     descriptor: Descriptor,
-    finite: FiniteCheck,
+    values: ValueCheck,
     producer: SampleTime,
     timebase: Timebase,
     /// The newest sample received: samples come in order, once each.
     received: Option<u64>,
     /// Samples that were sent before this participant took over, oldest first.
     backlog: VecDeque<Backlog>,
-    /// Whether a fault on the way may have made samples NaN or infinite.
-    disturbed: bool,
 }
 
 impl Source {
@@ -35,13 +33,12 @@ impl Source {
         Source {
             receiver,
             from: link.from.clone(),
-            finite: FiniteCheck::new(message),
+            values: ValueCheck::new(message, link.disturbed),
             descriptor: message.clone(),
             producer: link.visibility.producer(),
             timebase,
             received: None,
             backlog: backlog.into(),
-            disturbed: link.disturbed,
         }
     }
 
@@ -123,12 +120,9 @@ impl Source {
                 self.timebase.seconds(due)
             ));
         }
-        if !self.disturbed && !self.finite.passes(payload) {
-            let (element, value) = first_not_finite(&self.descriptor, payload).unwrap_or_default();
-            return bad(format!(
-                "sample #{} with {element} = {value}: a sample must be finite",
-                header.index
-            ));
+        if !self.values.passes(payload) {
+            let words = self.values.words(&self.descriptor, payload, "a sample");
+            return bad(format!("sample #{} with {words}", header.index));
         }
         Ok(())
     }

@@ -287,7 +287,7 @@ pub fn reference(world: &World, plan: &Plan) -> Tape {
                 let outputs: usize = plan.participants.iter().map(|own| own.interface.outputs.len()).sum();
                 tape[outputs + position].push((k, now, shown.clone()));
             }
-            *inputs.get_mut::<Mixed>(input) = bytemuck::pod_read_unaligned(&shown);
+            *inputs.get_mut::<Mixed>(input) = bytemuck::checked::pod_read_unaligned(&shown);
         }
         let step = Step {
             index: k,

@@ -27,6 +27,11 @@ impl Column<'_> {
         self.elements > 1
     }
 
+    /// What an enumeration calls the value in the cell.
+    pub(super) fn name_in(&self, payload: &[u8]) -> Option<&str> {
+        self.field.name_of(self.field.element.to_f64(&payload[self.start..]))
+    }
+
     /// The bytes of the cell.
     pub(super) fn cell<'p>(&self, payload: &'p [u8]) -> &'p [u8] {
         &payload[self.start..self.start + self.elements * self.field.element.size()]
@@ -46,7 +51,13 @@ pub(super) fn columns(spec: &StreamSpec) -> Vec<Column<'_>> {
     let mut columns = Vec::new();
     let mut names = vec![("t".to_owned(), "s")];
     for field in &spec.descriptor.fields {
-        let (start, unit) = (field.offset as usize, field.unit.as_str());
+        // A name or a truth value has no unit.
+        let unit = if field.element.is_number() {
+            field.unit.as_str()
+        } else {
+            ""
+        };
+        let start = field.offset as usize;
         if is_wide(field) {
             names.push((field.name.clone(), unit));
             columns.push(Column {
@@ -140,7 +151,10 @@ pub(super) fn number(element: Element, payload: &[u8], start: usize) -> Number {
         Element::I32 => Number::I64(i64::from(raw!(i32))),
         Element::U64 => Number::U64(raw!(u64)),
         Element::U32 => Number::U64(u64::from(raw!(u32))),
-        Element::U8 => Number::U64(u64::from(payload[start])),
+        Element::I16 => Number::I64(i64::from(raw!(i16))),
+        Element::I8 => Number::I64(i64::from(raw!(i8))),
+        Element::U16 => Number::U64(u64::from(raw!(u16))),
+        Element::U8 | Element::Bool | Element::Enum => Number::U64(u64::from(payload[start])),
     }
 }
 

@@ -42,6 +42,10 @@ fn row(table: &mut Draft, columns: &[Column<'_>], stamp_s: f64, payload: &[u8]) 
         // `{:?}` of a float is the shortest text that reads back to it, with an exponent where that is shorter.
         write!(out, "{stamp_s:?}")?;
         for column in columns {
+            if let Some(name) = column.name_in(payload) {
+                write!(out, ",{}", quoted(name))?;
+                continue;
+            }
             match number(column.field.element, payload, column.start) {
                 Number::F64(x) => write!(out, ",{x:?}")?,
                 Number::F32(x) => write!(out, ",{x:?}")?,

@@ -28,6 +28,8 @@ const UTF16: u32 = 17;
 const STRUCT: u32 = 2;
 const CHAR: u32 = 4;
 const DOUBLES: u32 = 6;
+/// Beside the class: the numbers are truth values.
+const LOGICAL: u32 = 0x200;
 
 /// The longest name of a variable or field.
 const NAME: usize = 63;
@@ -47,7 +49,12 @@ fn types(element: Element) -> (u32, u32) {
         Element::I32 => (INT32, 12),
         Element::U64 => (13, 15),
         Element::U32 => (UINT32, 13),
-        Element::U8 => (2, 9),
+        Element::I16 => (3, 10),
+        Element::U16 => (4, 11),
+        Element::I8 => (INT8, 8),
+        // The number of an enumeration's value.
+        Element::U8 | Element::Enum => (2, 9),
+        Element::Bool => (2, 9 | LOGICAL),
     }
 }
 

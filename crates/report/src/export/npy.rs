@@ -12,7 +12,11 @@ pub(super) fn head(field: &Field, samples: u64) -> Vec<u8> {
         Element::I32 => "<i4",
         Element::U64 => "<u8",
         Element::U32 => "<u4",
-        Element::U8 => "|u1",
+        Element::I16 => "<i2",
+        Element::U16 => "<u2",
+        Element::I8 => "|i1",
+        Element::U8 | Element::Enum => "|u1",
+        Element::Bool => "|b1",
     };
     let extents: Vec<String> = field.shape.iter().map(u32::to_string).collect();
     let shape = format!("({samples}, {})", extents.join(", "));

@@ -350,6 +350,7 @@ mod tests {
                 unit: "m".into(),
                 frame: "N".into(),
                 offset: 0,
+                values: Vec::new(),
             }],
         };
         let period = Rational::from_millis(250);
@@ -401,6 +402,7 @@ mod tests {
                 unit: "m".into(),
                 frame: String::new(),
                 offset: 0,
+                values: Vec::new(),
             }],
         };
         let spec = |name: &str, offset, period| {

@@ -1,6 +1,6 @@
 //! Figures against the streams of a run.
 
-use lockstep::port::Element;
+use lockstep::port::{Element, EnumValue};
 use lockstep::units;
 use serde::Serialize;
 use tape::StreamSpec;
@@ -36,6 +36,8 @@ pub(crate) struct Axis {
     pub(crate) scales: Vec<Scale>,
     /// What runs along it, where that is not the figure's title.
     pub(crate) name: String,
+    /// The values of an enumeration with their names, which stand at the axis in place of numbers.
+    pub(crate) names: Vec<EnumValue>,
 }
 
 /// A horizontal line in the axis's unit.
@@ -84,6 +86,7 @@ struct Found {
     unit: String,
     frame: String,
     step: bool,
+    names: Vec<EnumValue>,
     origin: String,
 }
 
@@ -117,7 +120,10 @@ fn one(
         });
         match fitted {
             Ok((found, unit, scale)) => {
-                first.get_or_insert_with(|| (axis_of(&figure.unit, unit, &found), found.unit.clone()));
+                let (axis, _) = first.get_or_insert_with(|| (axis_of(&figure.unit, unit, &found), found.unit.clone()));
+                if axis.names != found.names {
+                    axis.names.clear();
+                }
                 bindings.push(binding(curve, found, scale, number));
             }
             Err(reason) => mistakes.push(Mistake::new(format!("curves.{}", at + 1), reason)),
@@ -323,6 +329,10 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
         width,
         unit,
         frame: lead.as_ref().map(|slice| slice.field.frame.clone()).unwrap_or_default(),
+        names: lead
+            .as_ref()
+            .map(|slice| slice.field.values.clone())
+            .unwrap_or_default(),
         step: lead.is_some_and(|slice| whole(slice.field.element)),
         origin: found.names.join(", "),
     })
@@ -367,6 +377,7 @@ fn axis_of(wanted: &Unit, unit: String, found: &Found) -> Axis {
         frame: found.frame.clone(),
         unit,
         name: String::new(),
+        names: found.names.clone(),
     }
 }
 

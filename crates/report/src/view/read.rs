@@ -272,6 +272,7 @@ mod tests {
             unit: unit.into(),
             frame: String::new(),
             offset,
+            values: Vec::new(),
         };
         let fields = vec![
             field("x", &[3], "m", 0),

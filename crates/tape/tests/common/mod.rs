@@ -40,6 +40,7 @@ pub(crate) fn field(name: &str, element: Element, shape: &[u32], unit: &str, off
         unit: unit.into(),
         frame: if shape == [3] { "N".into() } else { String::new() },
         offset,
+        values: Vec::new(),
     }
 }
 

@@ -181,6 +181,16 @@ impl Signal {
     }
 
     fn effect(&self, field: Option<&Field>, slots: &[Slot]) -> Result<Effect, Refusal> {
+        let symbols = slots.iter().any(|slot| !slot.element.is_number());
+        if symbols && !matches!(self.kind, Kind::Stuck | Kind::Dropout) {
+            let reason = format!(
+                "a {} changes numbers, and {} has a bool or an enumeration, which can be stuck or drop out: name a field of numbers, or \
+                 take kind = \"stuck\" or \"dropout\"",
+                self.kind.name(),
+                field.map_or_else(|| "the message".to_owned(), |field| format!("`{field}`")),
+            );
+            return Err(refusal(if field.is_some() { "kind" } else { "" }, reason));
+        }
         let unit = field.map_or("1", |field| field.unit.as_str());
         let given = |unit: &str| match &self.value {
             Some(value) => values(value, unit, slots.len()).map_err(|reason| refusal("value", reason)),
@@ -197,6 +207,14 @@ impl Signal {
                     return Err(refusal("value", reason));
                 }
                 Effect::Noise(sigma)
+            }
+            Kind::Stuck if symbols => {
+                let given = self.value.as_ref().zip(field);
+                let values = given.map(|(value, field)| {
+                    let values = crate::scenario::symbols::symbols(value, field, slots.len());
+                    values.map_err(|reason| refusal("value", format!("`{field}`: {reason}")))
+                });
+                Effect::Stuck(values.transpose()?)
             }
             Kind::Stuck => Effect::Stuck(self.value.is_some().then(|| given(unit)).transpose()?),
             Kind::Dropout => Effect::Dropout(self.probability),

@@ -127,7 +127,7 @@ impl Recipe {
     fn read(value: &Value) -> Result<Recipe, String> {
         match value {
             Value::String(from) => Ok(Recipe::one(from.clone(), None)),
-            Value::Integer(_) | Value::Float(_) => Ok(Recipe {
+            Value::Integer(_) | Value::Float(_) | Value::Boolean(_) => Ok(Recipe {
                 value: Some(value.clone()),
                 ..Recipe::default()
             }),
@@ -146,7 +146,7 @@ impl Recipe {
             }
             other => Err(format!(
                 "`{other}` is nothing to make a field of: write \"OUTPUT-FIELD\", {{ from = \"OUTPUT-FIELD\", factor = 2 }}, a list of \
-                 these for their sum, or a number that it always is"
+                 these for their sum, or a number or a truth value that it always is"
             )),
         }
     }

@@ -2,12 +2,13 @@
 
 use lockstep::fault::Slot;
 use lockstep::link::{Pair, Term};
-use lockstep::port::{Descriptor, Field};
+use lockstep::port::{Descriptor, Element, Field};
 use lockstep::units;
 use toml::Value;
 
 use super::entry::{Part, Recipe, Wiring};
 use crate::scenario::faults::values;
+use crate::scenario::symbols::symbols;
 
 /// The ports at the ends of a link, and what the connection says of all of its fields.
 pub(super) struct Ports<'a> {
@@ -116,10 +117,22 @@ impl Ports<'_> {
         let computed = pairs.iter().any(|pair| !pair.terms.is_empty() && !pair.copies());
         if (computed || self.adds) && !run.field.element.is_decimal() {
             return Err(format!(
-                "`{}` is made of whole numbers, which are taken over as they are: leave `factor`, `offset`, sums and other units out, \
-                 or make it f64",
+                "`{}` is made of values that are taken over as they are: leave `factor`, `offset`, sums and other units out, or make it \
+                 f64",
                 run.field
             ));
+        }
+        if computed || self.adds {
+            let mut parts = recipe
+                .terms
+                .iter()
+                .filter_map(|part| Run::find(self.sends, &part.from).ok());
+            if let Some(part) = parts.find(|part| part.field.element == Element::Enum) {
+                return Err(format!(
+                    "`{}` is an enumeration, with which nothing can be computed: leave `factor`, `offset` and sums out",
+                    part.field
+                ));
+            }
         }
         Ok(pairs)
     }
@@ -148,6 +161,15 @@ impl Ports<'_> {
                 from.field.element.name(),
                 from.field.element.name(),
             ));
+        }
+        if to.field.element == Element::Enum {
+            let mut lost = (from.field.values.iter()).filter(|named| !to.field.values.contains(named));
+            if let Some(lost) = lost.next() {
+                return Err(format!(
+                    "`{}` cannot be `{}`: it has no value `{}` ({}); make the input the same enumeration, or u8",
+                    to.field, from.field, lost.name, lost.value
+                ));
+            }
         }
         let (ours, theirs) = (&from.field.frame, &to.field.frame);
         if !self.any_frames && !ours.is_empty() && !theirs.is_empty() && ours != theirs {
@@ -220,6 +242,9 @@ fn product(factor: &str, unit: &str) -> String {
 
 /// What the elements of `run` always are.
 fn constants(run: &Run<'_>, value: &Value) -> Result<Vec<f64>, String> {
+    if !run.field.element.is_number() {
+        return symbols(value, run.field, run.count).map_err(|reason| format!("`{}`: {reason}", run.field));
+    }
     // A number stands in the unit of the field, as in an initial value.
     let unit = if value.is_str() { run.field.unit.as_str() } else { "1" };
     let numbers = values(value, unit, run.count).map_err(|reason| format!("`{}`: the value {reason}", run.name))?;

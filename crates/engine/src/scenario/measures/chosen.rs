@@ -1,11 +1,13 @@
 //! From `PARTICIPANT.OUTPUT.FIELD` to elements of a stream.
 
 use lockstep::fault::Slot;
-use lockstep::port::Field;
+use lockstep::port::{Element, Field};
 use tape::StreamSpec;
+use toml::Value;
 
 use super::refusal::{Refusal, converted, refusal};
 use crate::measures::Reading;
+use crate::scenario::symbols::symbol;
 
 /// One or several elements that a user has named.
 pub(super) struct Chosen<'a> {
@@ -102,10 +104,39 @@ impl<'a> Chosen<'a> {
         refusal(key, reason)
     }
 
-    pub(super) fn reading(&self) -> Reading {
+    /// The value of an enumeration that `is` asks for.
+    pub(super) fn is(&self, is: Option<&Value>) -> Result<Option<f64>, Refusal> {
+        let Some(is) = is else { return Ok(None) };
+        if self.field.element != Element::Enum {
+            let reason = format!(
+                "asks for a value of an enumeration, and `{}` is `{}`: leave it out",
+                self.path, self.field
+            );
+            return refusal("is", reason);
+        }
+        let byte = symbol(is, self.field).map_err(|reason| ("is".to_owned(), reason))?;
+        Ok(Some(f64::from(byte)))
+    }
+
+    /// That arithmetic makes sense.
+    pub(super) fn is_number(&self, key: &str) -> Result<(), Refusal> {
+        if self.field.element != Element::Enum {
+            return Ok(());
+        }
+        let example = self.field.values.first().map_or("", |named| named.name.as_str());
+        let reason = format!(
+            "`{}` is `{}`, with which nothing can be computed: ask for one of its values, such as is = \"{example}\", which is 1 where \
+             it has it and 0 elsewhere, or for compute = \"changes\", \"final\" or \"at\"",
+            self.path, self.field
+        );
+        refusal(key, reason)
+    }
+
+    pub(super) fn reading(&self, is: Option<f64>) -> Reading {
         Reading {
             stream: self.stream,
             slots: self.slots.clone(),
+            is,
         }
     }
 }

@@ -45,6 +45,7 @@ pub(super) enum ThroughWord {
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct MeasureEntry {
     pub(super) of: String,
+    pub(super) is: Option<Value>,
     pub(super) minus: Option<String>,
     pub(super) through: Option<ThroughWord>,
     pub(super) compute: Word,
@@ -126,6 +127,10 @@ impl MeasureEntry {
         }
         if let Some(percent) = self.percent.filter(|percent| !(0.0..=100.0).contains(percent)) {
             return refusal("percent", format!("{percent} is not between 0 and 100"));
+        }
+        if self.is.is_some() && (self.minus.is_some() || self.through.is_some()) {
+            let key = if self.minus.is_some() { "minus" } else { "through" };
+            return refusal(key, "does not belong to one value of an enumeration");
         }
         if self.within.is_some() && (self.at_most.is_some() || self.at_least.is_some()) {
             return refusal("within", "stands for `at-least` and `at-most`: leave those out, or it");

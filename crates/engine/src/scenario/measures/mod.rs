@@ -15,7 +15,7 @@ use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::recorded::leaves_out;
 use crate::scenario::source::{Source, typed};
 use chosen::Chosen;
-use entry::{MeasureEntry, ThroughWord};
+use entry::{MeasureEntry, ThroughWord, Word};
 pub use refusal::Refusal;
 use refusal::{converted, refusal};
 
@@ -75,6 +75,12 @@ impl DeclaredMeasure {
             Some(path) => Some(Chosen::find(streams, "minus", path)?),
             None => None,
         };
+        let is = of.is(entry.is.as_ref())?;
+        let counted = matches!(entry.compute, Word::Changes | Word::Final | Word::At);
+        if is.is_none() && (!counted || entry.through.is_some() || minus.is_some()) {
+            of.is_number("of")?;
+            minus.iter().try_for_each(|minus| minus.is_number("minus"))?;
+        }
         let factor = match &minus {
             Some(minus) => minus.beside(&of)?,
             None => 1.0,
@@ -111,8 +117,8 @@ impl DeclaredMeasure {
             to: entry.to,
             at: entry.at,
             limits: entry.limits(&unit)?,
-            of: of.reading(),
-            minus: minus.map(|minus| (minus.reading(), factor)),
+            of: of.reading(is),
+            minus: minus.map(|minus| (minus.reading(None), factor)),
             unit,
             factor: scale,
         })

@@ -25,6 +25,7 @@ enum Type {
     Enum = 14,
     Sfixed32 = 15,
     Sfixed64 = 16,
+    Sint32 = 17,
 }
 
 /// A field of a schema: name, number, repeated, type, name of the type.
@@ -103,7 +104,7 @@ fn identifiers(fields: &[Field]) -> Vec<String> {
     placed.into_iter().map(|(_, name)| name).collect()
 }
 
-/// The type of a field, whose bytes on the wire are those of the payload but for single bytes and short lists of them.
+/// The type of a field, whose bytes on the wire are those of the payload but for elements of one or two bytes and short lists of them.
 fn kind(field: &Field) -> Type {
     match field.element {
         Element::F64 => Type::Double,
@@ -113,13 +114,18 @@ fn kind(field: &Field) -> Type {
         Element::U64 => Type::Fixed64,
         Element::U32 => Type::Fixed32,
         Element::U8 if is_wide(field) => Type::Bytes,
-        Element::U8 => Type::Uint32,
+        Element::U8 | Element::U16 => Type::Uint32,
+        Element::I8 | Element::I16 => Type::Sint32,
+        Element::Bool => Type::Bool,
+        Element::Enum => Type::Enum,
     }
 }
 
 /// The message type of a stream, in proto2: proto3 forbids fields whose names differ only in case and underscores, such as
 /// `q_1` and `q1`, because their default names in JSON would be equal, and some of its readers do so whatever names in JSON
 /// they are given. Here every name in JSON is the field's own.
+///
+/// Names of values stand beside the type that they belong to, so each enumeration is inside of a message of its own.
 fn stream_type(name: &str, fields: &[Field], identifiers: &[String]) -> Vec<u8> {
     const LABEL_OPTIONAL: u64 = 1;
     const LABEL_REPEATED: u64 = 3;
@@ -133,6 +139,9 @@ fn stream_type(name: &str, fields: &[Field], identifiers: &[String]) -> Vec<u8> 
             proto::integer(described, 3, at as u64 + 1);
             proto::integer(described, 4, if repeated { LABEL_REPEATED } else { LABEL_OPTIONAL });
             proto::integer(described, 5, kind as u64);
+            if let Type::Enum = kind {
+                proto::text(described, 6, &format!(".escapement.{name}.{identifier}_.Value"));
+            }
             if repeated {
                 let packed = |options: &mut Vec<u8>| proto::integer(options, 2, 1);
                 proto::message(described, 8, packed);
@@ -140,7 +149,42 @@ fn stream_type(name: &str, fields: &[Field], identifiers: &[String]) -> Vec<u8> 
             proto::text(described, 10, identifier);
         });
     }
+    for (field, identifier) in fields
+        .iter()
+        .zip(identifiers)
+        .filter(|(field, _)| !field.values.is_empty())
+    {
+        proto::bytes(
+            &mut out,
+            3,
+            &message_type(&format!("{identifier}_"), &[], &enumeration(field)),
+        );
+    }
     out
+}
+
+/// The named values of a field as an enumeration called `Value`.
+fn enumeration(field: &Field) -> Vec<u8> {
+    let wanted = field.values.iter().map(|named| identifier(&named.name)).collect();
+    let numbered = |at: usize, n: usize| format!("{}_{n}", identifier(&field.values[at].name));
+    let mut out = Vec::new();
+    proto::text(&mut out, 1, "Value");
+    for (named, name) in field.values.iter().zip(distinct(wanted, numbered)) {
+        proto::message(&mut out, 2, |value| {
+            proto::text(value, 1, &name);
+            proto::integer(value, 2, u64::from(named.value));
+        });
+    }
+    out
+}
+
+/// An element of one or two bytes as a varint.
+fn small(element: Element, bytes: &[u8]) -> u64 {
+    let whole = element.whole(bytes) as i64;
+    match element {
+        Element::I8 | Element::I16 => ((whole << 1) ^ (whole >> 63)) as u64,
+        _ => whole as u64,
+    }
 }
 
 impl Names {
@@ -174,12 +218,13 @@ impl Schema {
         const FOUR_BYTES: u64 = 5;
         for (at, field) in self.descriptor.fields.iter().enumerate() {
             let (key, bytes) = (at as u32 + 1, &payload[field.range()]);
-            let single = matches!(kind(field), Type::Uint32);
+            let element = field.element;
+            let single = element.size() < 4 && !matches!(kind(field), Type::Bytes);
             if !field.shape.is_empty() {
                 if single {
                     let mut values = Vec::with_capacity(2 * bytes.len());
-                    for byte in bytes {
-                        proto::varint(&mut values, u64::from(*byte));
+                    for bytes in bytes.chunks_exact(element.size()) {
+                        proto::varint(&mut values, small(element, bytes));
                     }
                     proto::bytes(out, key, &values);
                 } else {
@@ -187,14 +232,14 @@ impl Schema {
                 }
                 continue;
             }
-            let wire = match field.element.size() {
+            let wire = match element.size() {
                 8 => EIGHT_BYTES,
                 4 => FOUR_BYTES,
                 _ => VARINT,
             };
             proto::varint(out, u64::from(key) << 3 | wire);
             if single {
-                proto::varint(out, u64::from(bytes[0]));
+                proto::varint(out, small(element, bytes));
             } else {
                 out.extend_from_slice(bytes);
             }
@@ -217,6 +262,13 @@ pub(super) fn channel_metadata(spec: &StreamSpec) -> Vec<(String, String)> {
         pairs.push((format!("unit.{}", field.name), field.unit.clone()));
         if !field.frame.is_empty() {
             pairs.push((format!("frame.{}", field.name), field.frame.clone()));
+        }
+        if !field.values.is_empty() {
+            let values = field
+                .values
+                .iter()
+                .map(|named| format!("{}={}", named.value, named.name));
+            pairs.push((format!("values.{}", field.name), values.collect::<Vec<_>>().join(",")));
         }
         if field.shape.len() > 1 {
             pairs.push((format!("shape.{}", field.name), format!("{:?}", field.shape)));

@@ -60,6 +60,8 @@ type Type = (u8, Vec<Slot>);
 fn number(element: Element) -> Type {
     const INT: u8 = 2;
     const FLOAT: u8 = 3;
+    const UTF8: u8 = 5;
+    const BOOL: u8 = 6;
     let integer = |bits, signed| (INT, vec![Slot::Int(bits), Slot::Byte(signed)]);
     match element {
         Element::F64 => (FLOAT, vec![Slot::Short(2)]),
@@ -68,7 +70,12 @@ fn number(element: Element) -> Type {
         Element::I32 => integer(32, 1),
         Element::U64 => integer(64, 0),
         Element::U32 => integer(32, 0),
+        Element::I16 => integer(16, 1),
+        Element::U16 => integer(16, 0),
+        Element::I8 => integer(8, 1),
         Element::U8 => integer(8, 0),
+        Element::Bool => (BOOL, Vec::new()),
+        Element::Enum => (UTF8, Vec::new()),
     }
 }
 
@@ -79,7 +86,7 @@ fn cell(column: &Column<'_>) -> (Type, Vec<Vec<Slot>>) {
     let (element, size) = (column.field.element, Slot::Int(column.elements as i32));
     match element {
         _ if !column.is_wide() => (number(element), Vec::new()),
-        Element::U8 => ((FIXED_SIZE_BINARY, vec![size]), Vec::new()),
+        _ if element.size() == 1 => ((FIXED_SIZE_BINARY, vec![size]), Vec::new()),
         _ => {
             let inner = field("element", number(element), Vec::new(), &[]);
             ((FIXED_SIZE_LIST, vec![size]), vec![inner])

@@ -42,7 +42,7 @@ impl Leaf<'_> {
         let (physical, converted, cell) = match (element, elements) {
             (_, 1) => (physical, converted, Cell::One),
             // As integers, bytes would take four times the room.
-            (Element::U8, _) => (FIXED_LENGTH_BYTES, None, Cell::Bytes(elements)),
+            (one, _) if one.size() == 1 => (FIXED_LENGTH_BYTES, None, Cell::Bytes(elements)),
             _ => (physical, converted, Cell::List(elements)),
         };
         Leaf {
@@ -102,6 +102,9 @@ impl Leaf<'_> {
     }
 }
 
+/// Parquet's number of truth values.
+pub(super) const BOOLEAN: i32 = 0;
+
 /// Parquet's number of a physical type, and of the converted type where the physical one says too little.
 fn types(element: Element) -> (i32, Option<i32>) {
     match element {
@@ -110,8 +113,14 @@ fn types(element: Element) -> (i32, Option<i32>) {
         Element::U8 => (1, Some(11)),
         Element::I64 => (2, None),
         Element::U64 => (2, Some(14)),
+        Element::I16 => (1, Some(16)),
+        Element::U16 => (1, Some(12)),
+        Element::I8 => (1, Some(15)),
         Element::F32 => (4, None),
         Element::F64 => (5, None),
+        Element::Bool => (BOOLEAN, None),
+        // Texts: the names.
+        Element::Enum => (6, Some(0)),
     }
 }
 

@@ -19,7 +19,7 @@ use serde_json::json;
 use super::columns::{Column, TIME, columns};
 use super::file::{About, Counted, WriteError};
 use crate::page::base64;
-use footer::{Chunk, Leaf, describe};
+use footer::{BOOLEAN, Chunk, Leaf, describe};
 use page::{levels, page_header};
 use tape::{Records, Source, StreamSpec};
 
@@ -28,9 +28,38 @@ pub(super) use sheet::write as write_sheet;
 /// Bytes of values that a row group collects before it is written.
 const GROUP_BYTES: usize = 16 << 20;
 
-/// Bytes of a cell in a page: a byte that stands alone becomes a 32-bit integer.
+/// About how many bytes a cell has in a page.
 fn width(column: &Column<'_>) -> usize {
-    (column.elements * column.field.element.size()).max(4)
+    let longest = column.field.values.iter().map(|named| named.name.len()).max();
+    column.elements * column.field.element.size().max(4) + longest.unwrap_or(0)
+}
+
+/// Puts a cell behind those of its column: numbers of one or two bytes become 32-bit integers, enumerations texts.
+fn put_cell(column: &Column<'_>, payload: &[u8], values: &mut Vec<u8>) {
+    let (bytes, element) = (column.cell(payload), column.field.element);
+    match element {
+        _ if element.size() >= 4 || (column.is_wide() && element.size() == 1) => values.extend_from_slice(bytes),
+        Element::Bool => values.push(bytes[0]),
+        Element::Enum => {
+            let name = column.name_in(payload).unwrap_or_default();
+            values.extend((name.len() as u32).to_le_bytes());
+            values.extend(name.as_bytes());
+        }
+        _ => {
+            for bytes in bytes.chunks_exact(element.size()) {
+                values.extend((element.whole(bytes) as i32).to_le_bytes());
+            }
+        }
+    }
+}
+
+/// Truth values take a bit each, the first one the lowest of its byte.
+fn pack(truths: &mut Vec<u8>) {
+    let bits = truths.chunks(8).map(|eight| {
+        let each = eight.iter().enumerate();
+        each.fold(0, |bits, (at, truth)| bits | (truth & 1) << at)
+    });
+    *truths = bits.collect();
 }
 
 pub(super) fn write(
@@ -58,14 +87,15 @@ pub(super) fn write(
             let Some(record) = records.next()? else { break };
             values[0].extend_from_slice(&record.stamp_s.to_le_bytes());
             for (column, values) in columns.iter().zip(&mut values[1..]) {
-                let bytes = column.cell(record.payload);
-                values.extend_from_slice(bytes);
-                values.extend(std::iter::repeat_n(0, width(column) - bytes.len()));
+                put_cell(column, record.payload, values);
             }
         }
         let mut chunks = Vec::with_capacity(values.len());
         for (values, leaf) in values.iter_mut().zip(&leaves) {
             let offset = file.position;
+            if leaf.physical == BOOLEAN {
+                pack(values);
+            }
             let levels = levels(leaf.cell, rows);
             file.put(&page_header(levels.len() + values.len(), rows * leaf.values()))?;
             file.put(&levels)?;

@@ -65,6 +65,8 @@ function bestScale(scales, size) {
 /** A value with its unit, in the multiple that fits it. */
 function quantity(y, axis) {
   if (!Number.isFinite(y)) return String(y);
+  const named = axis.names && axis.names.find(({ value }) => value === y);
+  if (named) return named.name;
   const [factor, name] = bestScale(axis.scales, Math.abs(y));
   return `${show(y / factor)}${name && " " + (/^10/.test(name) ? "× " : "") + name}`;
 }

@@ -163,13 +163,13 @@ class Chart {
     });
     if (below) { pen.textAlign = "right"; pen.fillText(below, MARGIN.left + width, MARGIN.top + height + 6); }
     pen.textAlign = "right"; pen.textBaseline = "middle";
-    const yTicks = log
+    const yTicks = axis.names.length ? axis.names.filter(({ value }) => value >= y0 && value <= y1).map(({ name, value }) => [value, name]) : log
       ? ticks(y0, y1, 5).filter(([v]) => Math.abs(v - Math.round(v)) < 1e-9).map(([v]) => [v, "1e" + String(Math.round(v)).replace("-", "−")])
       : ticks(y0 / factor, y1 / factor, height / 34).map(([y, label]) => [y * factor, label]);
     for (const [y, label] of yTicks) {
       const py = linear(y);
       line(MARGIN.left, py, MARGIN.left + width, py);
-      pen.fillText(label, MARGIN.left - 7, py);
+      pen.fillText(label, MARGIN.left - 7, py, MARGIN.left - 9);
     }
     this.paintMarks(pen, width, height);
 

@@ -1,0 +1,54 @@
+//! The items of an FMU's enumeration as the values of a field, which have one byte each.
+
+use std::collections::BTreeSet;
+
+use lockstep::port::EnumValue;
+
+use crate::description::{Type, Variable};
+
+/// The values of a field, and what the FMU has for each of them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Items {
+    /// The field's; empty where the variable is a number.
+    pub values: Vec<EnumValue>,
+    /// The FMU's, in the same order.
+    own: Vec<i64>,
+}
+
+impl Items {
+    /// Those of a variable. The byte is the item's value where all of them fit and 0 is one of them; else it is the item's place in the
+    /// list, from 0. An enumeration that names nothing, or more than a byte holds, is a number.
+    pub fn of(variable: &Variable) -> Items {
+        let items = &variable.items;
+        if variable.kind != Type::Enumeration || items.is_empty() || items.len() > 256 {
+            return Items::default();
+        }
+        let direct =
+            items.iter().any(|item| item.value == 0) && items.iter().all(|item| u8::try_from(item.value).is_ok());
+        let odd = |letter: char| letter.is_control() || EnumValue::SEPARATORS.contains(&letter);
+        let value = |(place, item): (usize, &crate::description::Item)| {
+            let byte = if direct { item.value as u8 } else { place as u8 };
+            EnumValue::new(item.name.replace(odd, "_"), byte)
+        };
+        let values: Vec<EnumValue> = items.iter().enumerate().map(value).collect();
+        let own: Vec<i64> = items.iter().map(|item| item.value).collect();
+        let names: BTreeSet<&str> = values.iter().map(|one| one.name.trim()).collect();
+        let numbers: BTreeSet<&i64> = own.iter().collect();
+        if names.len() < items.len() || numbers.len() < items.len() || names.contains("") {
+            return Items::default();
+        }
+        Items { values, own }
+    }
+
+    /// What the FMU has for the byte.
+    pub fn own(&self, byte: u8) -> Option<i64> {
+        let place = self.values.iter().position(|one| one.value == byte)?;
+        self.own.get(place).copied()
+    }
+
+    /// The byte of what the FMU has.
+    pub fn byte(&self, own: i64) -> Option<u8> {
+        let place = self.own.iter().position(|one| *one == own)?;
+        self.values.get(place).map(|one| one.value)
+    }
+}
