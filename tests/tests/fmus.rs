@@ -137,13 +137,13 @@ fn every_type_passes_through_two_fmus() {
         "Float64_continuous",
         "Int64",
         "UInt64",
-        "Enumeration",
         "Float32_continuous",
-        "Int8",
-        "Int16",
-        "UInt16",
         "Int32",
         "UInt32",
+        "Int16",
+        "UInt16",
+        "Enumeration",
+        "Int8",
         "UInt8",
         "Boolean",
     ];
@@ -172,6 +172,19 @@ fn every_type_passes_through_two_fmus() {
             );
         }
     }
+    // Items have names on the tape too, and what no item has is none of the FMU's.
+    let index = std::fs::read_to_string(run.join("tape/index.json")).expect("the tape has an index");
+    let index: serde_json::Value = serde_json::from_str(&index).expect("it is one");
+    let fields = index["streams"][0]["descriptor"]["fields"]
+        .as_array()
+        .expect("it has fields");
+    let of = |name: &str| fields.iter().find(|field| field["name"] == name).expect("it is there");
+    let named = serde_json::json!([
+        { "name": "Option 1", "value": 1 }, { "name": "Option 2", "value": 2 }, { "name": "none", "value": 0 }
+    ]);
+    assert_eq!(of("Enumeration_output")["values"], named);
+    assert_eq!(of("Boolean_output")["element"], "bool");
+    assert_eq!(of("Int16_output")["element"], "i16");
 }
 
 /// A spring and a damper, each in the other version of the standard.

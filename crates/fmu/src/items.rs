@@ -6,6 +6,9 @@ use lockstep::port::EnumValue;
 
 use crate::description::{Type, Variable};
 
+/// What 0 is called, which a field needs, where the FMU has no item for it.
+const NONE: &str = "none";
+
 /// The values of a field, and what the FMU has for each of them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Items {
@@ -16,25 +19,28 @@ pub struct Items {
 }
 
 impl Items {
-    /// Those of a variable. The byte is the item's value where all of them fit and 0 is one of them; else it is the item's place in the
-    /// list, from 0. An enumeration that names nothing, or more than a byte holds, is a number.
+    /// Those of a variable. The byte is the item's value where all of them fit into one; a 0 that no item has is called [`NONE`]. Else it is
+    /// the item's place in the list, from 0. An enumeration that names nothing, or more than a byte holds, is a number.
     pub fn of(variable: &Variable) -> Items {
         let items = &variable.items;
         if variable.kind != Type::Enumeration || items.is_empty() || items.len() > 256 {
             return Items::default();
         }
-        let direct =
-            items.iter().any(|item| item.value == 0) && items.iter().all(|item| u8::try_from(item.value).is_ok());
+        let direct = items.iter().all(|item| u8::try_from(item.value).is_ok());
         let odd = |letter: char| letter.is_control() || EnumValue::SEPARATORS.contains(&letter);
         let value = |(place, item): (usize, &crate::description::Item)| {
             let byte = if direct { item.value as u8 } else { place as u8 };
             EnumValue::new(item.name.replace(odd, "_"), byte)
         };
-        let values: Vec<EnumValue> = items.iter().enumerate().map(value).collect();
+        let mut values: Vec<EnumValue> = items.iter().enumerate().map(value).collect();
+        if values.iter().all(|one| one.value != 0) {
+            // Behind the items, so that what the FMU has stands in the same places.
+            values.push(EnumValue::new(NONE, 0));
+        }
         let own: Vec<i64> = items.iter().map(|item| item.value).collect();
         let names: BTreeSet<&str> = values.iter().map(|one| one.name.trim()).collect();
         let numbers: BTreeSet<&i64> = own.iter().collect();
-        if names.len() < items.len() || numbers.len() < items.len() || names.contains("") {
+        if names.len() < values.len() || numbers.len() < items.len() || names.contains("") {
             return Items::default();
         }
         Items { values, own }

@@ -453,7 +453,7 @@ impl Slot {
                 _ if self.element == Element::Enum => {
                     let value = self.items.own(own[0]).ok_or_else(|| {
                         let name = &self.name;
-                        format!("the input `{name}` is {}, which is no item of its enumeration", own[0])
+                        format!("the input `{name}` is {}, which is no item: say `initial`", own[0])
                     })?;
                     bytes = value.to_le_bytes();
                 }
