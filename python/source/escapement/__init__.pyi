@@ -1,3 +1,4 @@
+import enum
 from collections.abc import Callable, Iterable, Iterator, KeysView, Mapping, Sequence
 from os import PathLike
 from typing import Any, ClassVar, Literal, Self, TypeVar, overload
@@ -49,7 +50,7 @@ def Field(
     unit: str = "1",
     frame: str = "",
     shape: int | Sequence[int] = (),
-    element: Literal["f64", "f32", "i64", "i32", "u64", "u32", "u8"] = "f64",
+    element: Literal["f64", "f32", "i64", "i32", "i16", "i8", "u64", "u32", "u16", "u8", "bool"] | type[bool] | type[enum.IntEnum] = "f64",
 ) -> Any: ...
 
 class Message:

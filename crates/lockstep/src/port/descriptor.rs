@@ -178,7 +178,7 @@ impl Descriptor {
                 Some(0) => return refuse("the shape has a zero in it"),
                 Some(bytes) => bytes,
             };
-            if let Some(reason) = enumeration::mistake(field) {
+            if let Some(reason) = enumeration::mistake(field.element, &field.unit, &field.values) {
                 return refuse(reason);
             }
             if !u64::from(field.offset).is_multiple_of(field.element.size() as u64) {
@@ -251,7 +251,8 @@ impl Descriptor {
         let elements = (self.fields.iter()).flat_map(|field| (0..field.len()).map(move |index| (field, index)));
         elements.filter_map(|(field, index)| {
             let value = field.value(payload, index);
-            (!field.allows(value)).then(|| InvalidValue::new(field, index, value))
+            (!field.allows(value))
+                .then(|| InvalidValue::new(field.element_name(index), field.element, &field.values, value))
         })
     }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Element, Field};
+use super::Element;
 
 /// A value of an enumeration, and what it is called.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -59,14 +59,15 @@ pub struct InvalidValue {
 }
 
 impl InvalidValue {
-    pub(super) fn new(field: &Field, index: usize, value: f64) -> InvalidValue {
-        let allowed = match field.element {
+    /// The element called `name`, of the type `element`, which has the `values` if it is an enumeration.
+    pub(super) fn new(name: String, element: Element, values: &[EnumValue], value: f64) -> InvalidValue {
+        let allowed = match element {
             Element::Bool => Some("a bool is 0 or 1".to_owned()),
-            Element::Enum => Some(format!("its values are {}", words(&field.values))),
+            Element::Enum => Some(format!("its values are {}", words(values))),
             _ => None,
         };
         InvalidValue {
-            element: field.element_name(index),
+            element: name,
             value,
             allowed,
         }
@@ -107,19 +108,22 @@ pub(super) fn canonical(values: &[EnumValue]) -> String {
 }
 
 /// What is wrong with the values and the unit of a field that may be foreign.
-pub(super) fn mistake(field: &Field) -> Option<&'static str> {
-    if !field.element.is_number() && field.unit != "1" {
+pub(super) fn mistake(element: Element, unit: &str, values: &[EnumValue]) -> Option<&'static str> {
+    if !element.is_number() && unit != "1" {
         return Some("a bool or an enumeration has no unit: write 1");
     }
-    if field.element != Element::Enum {
-        return (!field.values.is_empty()).then_some("only an enumeration has named values");
+    if element != Element::Enum {
+        return (!values.is_empty()).then_some("only an enumeration has named values");
     }
     let odd = |character: char| character.is_control() || EnumValue::SEPARATORS.contains(&character);
-    if (field.values.iter()).any(|named| named.name.trim().is_empty() || named.name.contains(odd)) {
+    if values
+        .iter()
+        .any(|named| named.name.trim().is_empty() || named.name.contains(odd))
+    {
         return Some("a value of an enumeration needs a name, without `|`, `,` and `=`");
     }
-    let twice = field.values.iter().enumerate().any(|(at, named)| {
-        let before = &field.values[..at];
+    let twice = values.iter().enumerate().any(|(at, named)| {
+        let before = &values[..at];
         before
             .iter()
             .any(|other| other.name == named.name || other.value == named.value)
@@ -127,207 +131,6 @@ pub(super) fn mistake(field: &Field) -> Option<&'static str> {
     if twice {
         return Some("two values of the enumeration have the same name or the same byte");
     }
-    let zero = field.values.iter().any(|named| named.value == 0);
+    let zero = values.iter().any(|named| named.value == 0);
     (!zero).then_some("an enumeration needs a name for 0, which an input shows before its first sample")
-}
-
-/// Declares an enumeration that a field of a message may have: one byte with named values, one of which is 0.
-///
-/// ```
-/// lockstep::enumeration! {
-///     /// What the valve does.
-///     pub enum Valve {
-///         /// Nothing flows.
-///         Closed = 0,
-///         /// On its way.
-///         Opening = 1,
-///         /// All flows.
-///         Open = 2,
-///     }
-/// }
-/// lockstep::message! {
-///     /// What the tank reports.
-///     pub struct Tank {
-///         /// Its valve.
-///         pub valve: Valve = "1",
-///         /// Whether it is empty.
-///         pub empty: bool = "1",
-///     }
-/// }
-/// use lockstep::port::Message;
-/// assert_eq!(Tank::default().valve, Valve::Closed);
-/// assert_eq!(Tank::descriptor().fields[0].values[2].name, "Open");
-/// ```
-///
-/// The names in files and on pages are those of the variants. An enumeration without 0 does not compile: zero bytes are what an input
-/// shows before its first sample.
-#[macro_export]
-macro_rules! enumeration {
-    (
-        $(#[$meta:meta])*
-        $vis:vis enum $name:ident {
-            $( $(#[$value_meta:meta])* $value:ident = $byte:literal ),+ $(,)?
-        }
-    ) => {
-        $(#[$meta])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-        #[repr(u8)]
-        $vis enum $name {
-            $( $(#[$value_meta])* $value = $byte, )+
-        }
-
-        const _: () = assert!(
-            false $( || $byte == 0 )+,
-            "an enumeration needs a value 0, which an input shows before its first sample"
-        );
-
-        impl ::core::default::Default for $name {
-            fn default() -> Self {
-                const ALL: &[$name] = &[$( $name::$value ),+];
-                const fn zero() -> $name {
-                    let mut at = 0;
-                    while ALL[at] as u8 != 0 {
-                        at += 1;
-                    }
-                    ALL[at]
-                }
-                const { zero() }
-            }
-        }
-
-        // SAFETY: one byte; the values are those of the variants, and 0 is one of them, as is asserted above.
-        unsafe impl $crate::port::FieldType for $name {
-            type Bits = u8;
-            const ELEMENT: $crate::port::Element = $crate::port::Element::Enum;
-            fn extents(_: &mut ::std::vec::Vec<u32>) {}
-            fn values() -> ::std::vec::Vec<$crate::port::EnumValue> {
-                ::std::vec![$( $crate::port::EnumValue::new(::core::stringify!($value), $byte) ),+]
-            }
-            #[inline]
-            fn is_valid(bits: &u8) -> bool {
-                false $( || *bits == $byte )+
-            }
-        }
-    };
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::participant::Payload;
-    use crate::port::{Descriptor, Message};
-
-    crate::enumeration! {
-        enum Mode {
-            Wait = 0,
-            Approach = 3,
-            Hold = 200,
-        }
-    }
-
-    crate::message! {
-        struct Report {
-            count: i16 = "1",
-            level: u16 = "m",
-            trim: [i8; 2] = "deg",
-            modes: [Mode; 2] = "1",
-            armed: [[bool; 2]; 1] = "1",
-        }
-    }
-
-    fn report() -> Report {
-        Report {
-            count: -3,
-            level: 65_535,
-            trim: [-128, 127],
-            modes: [Mode::Approach, Mode::Hold],
-            armed: [[true, false]],
-        }
-    }
-
-    #[test]
-    fn named_values_and_small_numbers_are_described() {
-        let descriptor = Report::descriptor();
-        assert_eq!(descriptor.validate(), Ok(()));
-        let names: Vec<&str> = descriptor.fields.iter().map(|field| field.element.name()).collect();
-        assert_eq!(names, ["i16", "u16", "i8", "enum", "bool"]);
-        let modes = descriptor.field("modes").unwrap();
-        assert_eq!(
-            modes.to_string(),
-            "modes: enum[2] of Wait (0), Approach (3), Hold (200)"
-        );
-        assert_eq!(modes.name_of(3.0), Some("Approach"));
-        assert!(
-            descriptor
-                .canonical()
-                .contains("modes|enum|2|1||6|0=Wait,3=Approach,200=Hold\n")
-        );
-        let payload = Payload::of(&report());
-        let value = |name: &str, index| descriptor.field(name).unwrap().value(payload.bytes(), index);
-        assert_eq!(
-            (value("count", 0), value("level", 0), value("trim", 0)),
-            (-3.0, 65_535.0, -128.0)
-        );
-        assert_eq!(
-            (value("modes", 1), value("armed", 0), value("armed", 1)),
-            (200.0, 1.0, 0.0)
-        );
-        assert_eq!(payload.get::<Report>(), report());
-        assert_eq!(Report::default().modes[0], Mode::Wait);
-    }
-
-    #[test]
-    fn byte_without_a_meaning_is_named() {
-        let descriptor = Report::descriptor();
-        let spoilt = |offset: usize, byte: u8| {
-            let mut payload = Payload::of(&report());
-            payload.bytes_mut()[offset] = byte;
-            let check = crate::participant::ValueCheck::new(&descriptor, false);
-            let found = descriptor.invalid(payload.bytes()).next();
-            assert_eq!(check.passes(payload.bytes()), found.is_none());
-            found.map(|invalid| invalid.words("a sample"))
-        };
-        assert_eq!(spoilt(6, 200), None);
-        let named = "modes[1] = 4: its values are Wait (0), Approach (3), Hold (200)";
-        assert_eq!(spoilt(7, 4).as_deref(), Some(named));
-        assert_eq!(spoilt(9, 2).as_deref(), Some("armed[0][1] = 2: a bool is 0 or 1"));
-    }
-
-    #[test]
-    fn state_with_a_byte_without_a_meaning_is_refused() {
-        let saved = crate::participant::state::to_bytes(&report()).unwrap();
-        assert_eq!(
-            crate::participant::state::from_bytes::<Report>(&saved).unwrap(),
-            report()
-        );
-        let mut spoilt = saved.clone();
-        *spoilt.last_mut().unwrap() = 7;
-        assert!(crate::participant::state::from_bytes::<Report>(&spoilt).is_err());
-    }
-
-    #[test]
-    fn foreign_enumerations_are_not_trusted() {
-        let spoil = |change: fn(&mut Descriptor)| {
-            let mut bad = Report::descriptor();
-            change(&mut bad);
-            bad.validate().unwrap_err().to_string()
-        };
-        assert!(spoil(|d| d.fields[3].values.clear()).contains("name for 0"));
-        assert!(spoil(|d| d.fields[3].values[0].value = 9).contains("name for 0"));
-        assert!(spoil(|d| d.fields[3].values[1].value = 0).contains("same byte"));
-        assert!(spoil(|d| d.fields[3].values[1].name = "Wait".into()).contains("same name"));
-        assert!(spoil(|d| d.fields[3].values[1].name = "a=b".into()).contains("without"));
-        assert!(spoil(|d| d.fields[3].unit = "m".into()).contains("no unit"));
-        assert!(spoil(|d| d.fields[4].unit = "s".into()).contains("no unit"));
-        assert!(spoil(|d| d.fields[4].values = d.fields[3].values.clone()).contains("only an enumeration"));
-    }
-
-    #[test]
-    fn list_of_values_is_read_from_text() {
-        let list = EnumValue::list("closed = 0, open=1").unwrap();
-        assert_eq!(list, [EnumValue::new("closed", 0), EnumValue::new("open", 1)]);
-        for text in ["", "closed", "closed = 256", "closed = -1", "closed = 0,"] {
-            assert!(EnumValue::list(text).is_err(), "{text}");
-        }
-    }
 }

@@ -4,6 +4,7 @@ mod descriptor;
 mod element;
 mod enumeration;
 mod message;
+mod named;
 
 pub use descriptor::{Descriptor, DescriptorError, Field};
 pub use element::Element;
