@@ -66,6 +66,15 @@ pub fn instant(text: &str) -> Result<Rational, String> {
     Ok(time)
 }
 
+/// A body of a scene with the file of its model, for an option.
+pub fn model(text: &str) -> Result<(String, PathBuf), String> {
+    let parts = text
+        .split_once('=')
+        .filter(|(body, file)| !body.is_empty() && !file.is_empty());
+    let (body, file) = parts.ok_or("write the body and its file as BODY=URDF, such as cart=models/cart.urdf")?;
+    Ok((body.to_owned(), PathBuf::from(file)))
+}
+
 /// A stretch of time, for an option.
 pub fn span(text: &str) -> Result<Rational, String> {
     let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;

@@ -213,12 +213,19 @@ def check_playback(driver, run):
     # What is drawn is the tape's pose at that instant.
     truth = read_stream(run, "truth", "p_NB_N")
     t = driver.execute_script("return escapement.clock.t")
-    p = driver.execute_script("return escapement.player.scenes[0].state(escapement.clock.t).p_NB")
-    expected = [np.interp(t, truth["t"], truth["p_NB_N"][:, i]) for i in range(3)]
-    assert np.allclose(p, expected, atol=1e-4), f"{p} against {expected}"
-    e = driver.execute_script("""
-        const s = escapement.player.scenes[0], now = s.state(escapement.clock.t);
-        return s.model ? s.model.bodies.map((b) => b.name) : null;""")
+    for body, field, attitude in (("servicer", "p_NB_N", "quat_NB"), ("E", "p_NE_N", "quat_NE"), ("target", "p_NT_N", "quat_NT")):
+        pose = driver.execute_script("return escapement.player.scenes[0].pose(arguments[0], escapement.clock.t)", body)
+        expected = [np.interp(t, truth["t"], truth[field][:, i]) for i in range(3)]
+        assert np.allclose(pose["p"], expected, atol=1e-4), f"{body}: {pose} against {expected}"
+        k = np.searchsorted(truth["t"], t)
+        assert min(np.abs(np.array(pose["q"]) - truth[attitude][k]).max(), np.abs(np.array(pose["q"]) + truth[attitude][k]).max()) < 1e-3, body
+    # The chain of joints ends where the plant says that the tool is.
+    reached = driver.execute_script("""
+        const s = escapement.player.scenes[0], body = s.spec.bodies.find((one) => one.name === "servicer"), links = s.links(body, escapement.clock.t)[0];
+        const tool = s.pose("E", escapement.clock.t).p;
+        return Math.min(...links.map(([p]) => Math.hypot(...p.map((x, i) => x - tool[i]))));""")
+    assert reached < 1e-3, f"no link ends at the tool: {reached} m away"
+    e = driver.execute_script("return escapement.player.scenes[0].spec.bodies.flatMap((body) => body.models.flatMap((model) => model.links.map((link) => link.name)))")
     for camera in driver.find_elements(By.CSS_SELECTOR, ".cameras button"):
         before = picture()
         camera.click()

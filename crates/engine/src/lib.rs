@@ -29,6 +29,6 @@ mod text;
 
 pub use builtins::{AssessmentFactory, Builtins, HasBuiltins};
 pub use catalogue::{Catalogue, Finding};
-pub use report::view;
+pub use report::{scene, view};
 
 pub use observer::{Answer, Event, Interrupt, Observer, Progress, Silent};

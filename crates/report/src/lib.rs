@@ -3,7 +3,8 @@
 //! - [`campaign`]: the page of a campaign;
 //! - [`export`]: CSV, Parquet and MCAP;
 //! - [`figures`]: charts and maps as SVG and PNG;
-//! - [`page`]: figures and 3-D playback in one HTML page, with the shapes of [`geometry`];
+//! - [`page`]: figures and 3-D playback in one HTML page;
+//! - [`scene`]: what a playback shows;
 //! - [`view`]: which figures a page draws.
 //!
 //! The crate knows ports only by their [`lockstep::port::Descriptor`]: every field has a name, a shape, a unit and a
@@ -12,7 +13,7 @@
 pub mod campaign;
 pub mod export;
 pub mod figures;
-pub mod geometry;
 mod markup;
 pub mod page;
+pub mod scene;
 pub mod view;

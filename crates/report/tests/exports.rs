@@ -182,7 +182,7 @@ fn messages_name_their_fields_for_json_themselves() {
         scalar("AB"),
         scalar("1st"),
     ];
-    let (tape, folder) = (tape(vec![spec("arm", &fields)], 1), Scratch::new("json"));
+    let (tape, folder) = (tape(vec![spec("motor", &fields)], 1), Scratch::new("json"));
     export::mcap(&tape, &folder.join("run.mcap"), None, &[], Compression::None).unwrap();
     let file = fs::read(folder.join("run.mcap")).unwrap();
     let has = |part: &[u8]| file.windows(part.len()).any(|window| window == part);

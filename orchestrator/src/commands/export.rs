@@ -7,12 +7,13 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use lockstep::time::Rational;
 use report::export::{self, Compression};
-use report::geometry::Geometry;
+use report::page::scene_of;
 use tape::folder::RunFolder;
-use tape::{Choice, Excerpt};
+use tape::{Choice, Excerpt, Source};
 
 use super::trust::{Trust, told};
-use crate::arguments::instant;
+use crate::arguments::{instant, model};
+use crate::catalogue::catalogue;
 use crate::line::Busy;
 use engine::scenario::in_path;
 
@@ -69,9 +70,9 @@ pub struct ExportArgs {
     /// How an MCAP file is compressed
     #[arg(long, value_enum, default_value_t)]
     pub compression: Pressed,
-    /// A URDF for the scene, of the servicer or of the target [default: those that the run names]
-    #[arg(long)]
-    pub model: Vec<PathBuf>,
+    /// A URDF for a body of the scene, in place of what the scene says (may be given more than once)
+    #[arg(long, value_name = "BODY=URDF", value_parser = model)]
+    pub model: Vec<(String, PathBuf)>,
     /// Whether a damaged tape is exported
     #[command(flatten)]
     pub trust: Trust,
@@ -139,8 +140,12 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             export::mat(&chosen, &path, &about).map(|()| vec![path])
         }
         Format::Mcap | Format::Rrd => {
-            let geometry = match Geometry::read(&reader, &args.run, &args.model) {
-                Ok(geometry) => geometry,
+            let plan = about
+                .iter()
+                .find_map(|(key, text)| (*key == "plan").then(|| text.parse::<toml::Table>().ok())?);
+            let plan = plan.unwrap_or_default();
+            let scene = match scene_of(reader.streams(), &plan, catalogue().views(), &args.model) {
+                Ok(scene) => scene,
                 Err(error) => {
                     eprintln!("error: {error}");
                     return Ok(UNREADABLE);
@@ -148,7 +153,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             };
             let path = out.join("run.mcap");
             std::fs::create_dir_all(&out)?;
-            export::mcap(&chosen, &path, Some(&geometry), &about, args.compression()).map(|()| vec![path])
+            export::mcap(&chosen, &path, scene.as_ref(), &about, args.compression()).map(|()| vec![path])
         }
     };
     drop(busy);

@@ -9,6 +9,7 @@ use clap::Args;
 use report::page::{Report, Request};
 
 use super::trust::{Trust, told};
+use crate::arguments::model;
 use crate::catalogue::catalogue;
 use crate::line::Busy;
 
@@ -33,9 +34,9 @@ pub struct ReportArgs {
     /// Also write the figures as SVG and PNG into this folder: those that were asked for, or where none were, all
     #[arg(long, value_name = "DIR")]
     pub figures: Option<PathBuf>,
-    /// A URDF for the playback, of the servicer or of the target [default: those that the run names]
-    #[arg(long)]
-    pub model: Vec<PathBuf>,
+    /// A URDF for a body of the playback, in place of what the scene says (may be given more than once)
+    #[arg(long, value_name = "BODY=URDF", value_parser = model)]
+    pub model: Vec<(String, PathBuf)>,
     /// Whether damaged tapes are reported
     #[command(flatten)]
     pub trust: Trust,

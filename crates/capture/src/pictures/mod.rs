@@ -1,7 +1,9 @@
-//! The capture's figures for the report: which fields they show, the limits of the actuators, the momentum of each body.
+//! The capture's figures and scene for the report: which fields they show, the limits of the actuators, the momentum of each body.
 
 mod momenta;
+mod scene;
 mod table;
+mod target;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -34,10 +36,13 @@ pub fn view(streams: &[StreamSpec], plan: &Table) -> View {
         .iter()
         .find_map(|spec| Some((spec, Arc::new(Momenta::of(spec, plan)?))));
     let figures = FIGURES.iter().map(|row| figure(row, &limits, momenta.as_ref()));
+    let (scene, notes) = scene::scene(streams, plan);
     View {
         figures: figures.collect(),
         marks: schedule(plan),
         headline: HEADLINE.map(String::from).into(),
+        scene,
+        notes,
     }
 }
 

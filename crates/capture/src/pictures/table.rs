@@ -82,8 +82,10 @@ const QUAT_NE: Names = &["quat_NE"];
 const P_NG: Names = &["p_NG_N"];
 const QUAT_NG: Names = &["quat_NG"];
 const P_ND: Names = &["p_ND_N"];
-const TORQUE: Names = &["torque_B", "base_torque", "wheel_torque_B"];
-const FORCE: Names = &["force_B", "base_force", "thruster_force_B"];
+/// The names of the field with the torque on the base, N m.
+pub(super) const TORQUE: Names = &["torque_B", "base_torque", "wheel_torque_B"];
+/// The names of the field with the force on the base, N.
+pub(super) const FORCE: Names = &["force_B", "base_force", "thruster_force_B"];
 const JOINT_TORQUE: Names = &["tau", "joint_torque"];
 const JOINTS: &[&str] = &["A1", "A2", "A3", "A4", "A5", "A6", "A7"];
 const CHANNELS: &[&str] = &[

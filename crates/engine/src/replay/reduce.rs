@@ -105,6 +105,7 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
     table.remove("measures");
     table.remove("guards");
     table.remove("report");
+    table.remove("scene");
     table.remove("record");
     Ok(cast)
 }

@@ -1,6 +1,7 @@
-//! `[report]`: which figures the report draws.
+//! `[report]` and `[scene]`: which figures the report draws, and what its playback shows.
 
 use lockstep::plan::Plan;
+use report::scene::Scene;
 use report::view::{Mistake as Misfit, View};
 use toml::Table;
 
@@ -8,33 +9,49 @@ use super::error::{Mistake, ScenarioError};
 use super::names::Names;
 use super::source::Source;
 
-/// Reads the table, as far as that goes without the ports of the participants.
-pub(super) fn read(source: &Source, participants: &Names, table: Option<&Table>) -> Result<View, Vec<Mistake>> {
-    let Some(table) = table else { return Ok(View::default()) };
-    let view = View::read(table).map_err(|wrong| mistakes(source, wrong))?;
-    let unknown = view.participants().filter(|(_, name)| !participants.contains(name));
-    let wrong: Vec<Misfit> = unknown
-        .map(|(key, name)| Misfit {
-            key,
-            reason: participants.unknown("participant", name),
-        })
-        .collect();
-    if wrong.is_empty() {
-        Ok(view)
-    } else {
-        Err(mistakes(source, wrong))
+/// Reads both tables, as far as that goes without the ports of the participants.
+pub(super) fn read(
+    source: &Source,
+    participants: &Names,
+    report: Option<&Table>,
+    scene: Option<&Table>,
+) -> Result<View, Vec<Mistake>> {
+    let mut wrong = Vec::new();
+    let unknown = |named: Vec<(String, &str)>| -> Vec<Misfit> {
+        let unknown = named.into_iter().filter(|(_, name)| !participants.contains(name));
+        unknown
+            .map(|(key, name)| Misfit {
+                key,
+                reason: participants.unknown("participant", name),
+            })
+            .collect()
+    };
+    let mut view = View::default();
+    match report.map(View::read).transpose() {
+        Ok(read) => view = read.unwrap_or_default(),
+        Err(misfits) => wrong.extend(mistakes(source, "report", misfits)),
     }
+    wrong.extend(mistakes(source, "report", unknown(view.participants().collect())));
+    match scene.map(Scene::read).transpose() {
+        Ok(read) => view.scene = read,
+        Err(misfits) => wrong.extend(mistakes(source, "scene", misfits)),
+    }
+    if let Some(scene) = &view.scene {
+        wrong.extend(mistakes(source, "scene", unknown(scene.participants().collect())));
+    }
+    if wrong.is_empty() { Ok(view) } else { Err(wrong) }
 }
 
-fn mistakes(source: &Source, wrong: Vec<Misfit>) -> Vec<Mistake> {
+fn mistakes(source: &Source, table: &str, wrong: Vec<Misfit>) -> Vec<Mistake> {
     let mistake = |misfit: Misfit| match &*misfit.key {
-        "" => source.mistake("report", misfit.reason),
-        key => source.mistake(&format!("report.{key}"), misfit.reason),
+        "" => source.mistake(table, misfit.reason),
+        key => source.mistake(&format!("{table}.{key}"), misfit.reason),
     };
     wrong.into_iter().map(mistake).collect()
 }
 
-/// Compares `pictures` with the ports of `plan`; what concerns participants whose ports are not `certain` is left out.
+/// Compares the tables `[report]` and `[scene]` with the ports of `plan`; what concerns participants whose ports are not `certain` is left
+/// out.
 pub(super) fn check(
     pictures: &View,
     source: &Source,
@@ -43,7 +60,10 @@ pub(super) fn check(
 ) -> Result<(), ScenarioError> {
     let streams = crate::run::streams(plan);
     let known = |name: &str| plan.participant(name).is_some_and(&certain);
-    let wrong = mistakes(source, pictures.misfits(&streams, known));
+    let mut wrong = mistakes(source, "report", pictures.misfits(&streams, known));
+    if let Some(scene) = &pictures.scene {
+        wrong.extend(mistakes(source, "scene", scene.misfits(&streams, &known)));
+    }
     if wrong.is_empty() {
         Ok(())
     } else {

@@ -123,7 +123,8 @@ impl Scenario {
             mistakes.extend(wrong);
             Vec::new()
         });
-        let pictures = pictures::read(&source, &names, top.report.as_ref()).unwrap_or_else(|wrong| {
+        let pictures = pictures::read(&source, &names, top.report.as_ref(), top.scene.as_ref());
+        let pictures = pictures.unwrap_or_else(|wrong| {
             mistakes.extend(wrong);
             View::default()
         });

@@ -160,9 +160,9 @@ impl Source {
         while let Some((depth, part)) = way.next() {
             let known: Vec<String> = table.keys().map(|name| format!("`{name}`")).collect();
             // Names of participants and connections must exist; what is below may be a default that the file leaves out. A
-            // guard, a measure, what the report draws or what is recorded may be new.
+            // guard, a measure, what the report or the playback draws or what is recorded may be new.
             if depth < 2
-                && !["guards", "measures", "report", "record"].contains(&above[0])
+                && !["guards", "measures", "report", "scene", "record"].contains(&above[0])
                 && !table.contains_key(*part)
             {
                 let place = above[..depth].join(".");
@@ -224,9 +224,20 @@ impl Source {
         let folder = self.folder();
         let mut mistakes = Vec::new();
         let mut files = Vec::new();
-        for section in ["participants", "assessment"] {
+        for section in ["participants", "assessment", "scene"] {
             if let Some(value) = self.table.get_mut(section) {
                 fill_in(value, section, &folder, &mut files, &mut mistakes);
+            }
+        }
+        let bodies = self
+            .table
+            .get_mut("scene")
+            .and_then(|scene| scene.get_mut("bodies")?.as_table_mut());
+        for (name, body) in bodies.into_iter().flatten() {
+            let shapes = body.get_mut("shape").and_then(Value::as_array_mut);
+            for (position, shape) in shapes.into_iter().flatten().enumerate() {
+                let key = format!("scene.bodies.{name}.shape.{}", position + 1);
+                fill_in(shape, &key, &folder, &mut files, &mut mistakes);
             }
         }
         let faults = self.table.get_mut("faults").and_then(Value::as_array_mut);

@@ -205,6 +205,8 @@ pub(super) struct Top {
     pub(super) measures: BTreeMap<String, Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) report: Option<Table>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) scene: Option<Table>,
     /// What varies in a campaign: no run depends on it.
     #[serde(default, rename = "campaign", skip_serializing_if = "Option::is_none")]
     pub(super) _campaign: Option<Table>,

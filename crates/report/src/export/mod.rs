@@ -24,10 +24,11 @@ use std::path::{Path, PathBuf};
 
 use tape::Source;
 
+use crate::scene::Scene;
 pub use error::ExportError;
 pub use file::About;
 use file::whole_file;
-pub use mcap::{Compression, Geometry};
+pub use mcap::Compression;
 pub use sheet::{Cells, Sheet, SheetColumn};
 
 /// One CSV file per stream into the folder `dir`: `<participant>.<port>.csv`. The first line has the columns' names with
@@ -62,18 +63,18 @@ pub fn mat(source: &dyn Source, path: &Path, about: &About) -> Result<(), Export
 }
 
 /// One MCAP file with every stream as a topic `/participant/port` of a protobuf message that describes itself, the
-/// poses among the fields as frame transforms on `/tf`, and `geometry` as a scene.
+/// poses among the fields as frame transforms on `/tf`, and the bodies of `scene` as what Foxglove calls a scene.
 ///
 /// A pose is a pair of fields `p_XY_X` and `quat_XY`: frame Y in frame X. Log times are the stamps as nanoseconds
 /// since the start of the run. `about` is the metadata record `escapement`.
 pub fn mcap(
     source: &dyn Source,
     path: &Path,
-    geometry: Option<&Geometry>,
+    scene: Option<&Scene>,
     about: &About,
     compression: Compression,
 ) -> Result<(), ExportError> {
-    whole_file(path, |file| mcap::write(source, geometry, about, compression, file))
+    whole_file(path, |file| mcap::write(source, scene, about, compression, file))
 }
 
 fn per_stream(

@@ -2,11 +2,11 @@
 
 use serde_json::{Value, json};
 
-use super::motion::Motion;
 use super::run::{Run, merged};
 use super::series::Series;
 use super::summary::{Row, outcome};
 use crate::markup::escape;
+use crate::scene::Motion;
 
 const TEMPLATE: &str = include_str!("assets/page.html");
 /// How pages look.
@@ -87,9 +87,8 @@ fn run(run: &Run) -> Value {
         "figures": figures.collect::<serde_json::Map<_, _>>(),
         "differences": differences.collect::<serde_json::Map<_, _>>(),
         "marks": run.marks,
-        "motion": run.motion.as_ref().map(motion),
-        "model": run.geometry.servicer,
-        "target": run.geometry.target,
+        "scene": run.scene.as_ref().map(|(scene, _)| scene),
+        "motion": run.scene.as_ref().map(|(_, over_time)| motion(over_time)),
         "participants": run.participants,
         "outcome": outcome.as_ref().map(|(text, _)| text),
         "met": outcome.as_ref().map(|(_, good)| good),
@@ -119,16 +118,13 @@ fn series(series: &Series) -> Value {
 }
 
 pub(crate) fn motion(motion: &Motion) -> Value {
-    let channels = motion.channels.iter().map(|channel| {
-        let values = base64(channel.values.iter().flat_map(|x| x.to_le_bytes()));
-        (
-            channel.name.to_owned(),
-            json!({ "width": channel.width, "values": values }),
-        )
+    let channels = motion.values.iter().map(|channel| {
+        let numbers = base64(channel.numbers.iter().flat_map(|x| x.to_le_bytes()));
+        json!({ "attitude": channel.attitude, "width": channel.width, "values": numbers })
     });
     json!({
         "t": base64(motion.t.iter().flat_map(|t| t.to_le_bytes())),
-        "channels": channels.collect::<serde_json::Map<_, _>>(),
+        "channels": channels.collect::<Vec<_>>(),
     })
 }
 

@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
-use super::motion::{MAX_FRAMES, Wanted};
+use super::error::ReportError;
+use super::motion::MAX_FRAMES;
+use super::pictures::{Pictures, pictures};
 use super::report::Report;
-use super::run::{FigureData, ReportError, Request, Run, bound_of, marks_of, name_of, read_json, table_of};
+use super::run::{FigureData, Request, Run, marks_of, name_of, read_json, table_of};
 use super::series::{Evaluated, Series, whole};
 use super::{base64, document};
-use crate::geometry::Geometry;
-use crate::view::{Binding, Bound, Views};
-use lockstep::time::Rational;
+use crate::view::{Binding, Views};
 use tape::folder::RunFolder;
 use tape::{Reader, Source, split_record};
 
@@ -27,9 +27,7 @@ pub struct Live {
     folder: PathBuf,
     reader: Reader,
     plan: String,
-    bound: Bound,
-    marks: Vec<(String, Rational)>,
-    motion: Option<Wanted>,
+    pictures: Pictures,
     /// Every n-th sample of each stream is shown.
     strides: Vec<u64>,
     frames: u64,
@@ -67,15 +65,13 @@ impl Live {
         let strides = (0..reader.streams().len())
             .map(|stream| stride(stream, POINTS))
             .collect();
-        let motion = Wanted::among(reader.streams());
-        let frames = motion.as_ref().map_or(1, |motion| stride(motion.lead, MAX_FRAMES));
-        let (bound, marks) = bound_of(reader.streams(), &table_of(&plan), views);
+        let pictures = pictures(reader.streams(), &table_of(&plan), views, &[])?;
+        let scene = pictures.scene.as_ref();
+        let frames = scene.map_or(1, |scene| stride(scene.lead, MAX_FRAMES));
         Ok(Live {
             folder: folder.to_owned(),
-            bound,
-            marks,
+            pictures,
             plan,
-            motion,
             strides,
             frames,
             reader,
@@ -85,18 +81,18 @@ impl Live {
     /// Whether there is something to show: the first sample of what the playback shows.
     pub fn ready(&mut self) -> Result<bool, ReportError> {
         self.reader.refresh()?;
-        let lead = self.motion.as_ref().map(|motion| motion.lead);
+        let lead = self.pictures.scene.as_ref().map(|scene| scene.lead);
         Ok(lead.is_none_or(|lead| self.reader.count(lead) > 0))
     }
 
     /// The page with what there is now. `about` is what the page is told about the run that it watches.
     pub fn page(&mut self, about: &Value) -> Result<String, ReportError> {
         self.reader.refresh()?;
-        let geometry = Geometry::read(&self.reader, &self.folder, &[])?;
-        let motion = match &self.motion {
-            Some(motion) => {
-                let picks = missing(self.reader.count(motion.lead), self.frames, 0).picks;
-                Some(motion.at(&self.reader, &picks)?)
+        let scene = match &self.pictures.scene {
+            Some(scene) => {
+                let picks = missing(self.reader.count(scene.lead), self.frames, 0).picks;
+                let motion = scene.channels.at(&self.reader, scene.lead, &picks)?;
+                Some((scene.clone(), motion))
             }
             None => None,
         };
@@ -104,14 +100,13 @@ impl Live {
             name: name_of(&self.folder),
             digest: String::new(),
             sealed: false,
-            notes: geometry.notes.clone(),
-            marks: marks_of(&self.marks, &[]),
+            notes: self.pictures.notes.clone(),
+            marks: marks_of(&self.pictures.marks, &[]),
             events: Vec::new(),
             figures: self.figures()?,
             participants: Vec::new(),
             plan: self.plan.clone(),
-            motion,
-            geometry,
+            scene,
             summary: Value::Null,
             about: read_json(&RunFolder::open(&self.folder).run())?,
         };
@@ -124,13 +119,13 @@ impl Live {
 
     /// The figures with all of their points.
     fn figures(&self) -> Result<Vec<FigureData>, ReportError> {
-        let drawn = self.bound.figures.iter().map(|drawn| FigureData {
+        let drawn = self.pictures.bound.figures.iter().map(|drawn| FigureData {
             drawn: drawn.clone(),
             series: Vec::new(),
             differences: Vec::new(),
         });
         let mut figures: Vec<FigureData> = drawn.collect();
-        for binding in &self.bound.bindings {
+        for binding in &self.pictures.bound.bindings {
             let lead = binding.streams[0];
             let spec = &self.reader.streams()[lead];
             let samples = self.reader.count(lead);
@@ -184,7 +179,7 @@ impl Live {
             .map(|stream| missing(self.reader.count(stream), self.strides[stream], had(stream)))
             .collect();
         let mut figures: Map<String, Value> = Map::new();
-        for binding in &self.bound.bindings {
+        for binding in &self.pictures.bound.bindings {
             let lead = binding.streams[0];
             let Missing { keep, picks } = &news[lead];
             let numbers = |values: &[f64]| base64(values.iter().flat_map(|y| y.to_le_bytes()));
@@ -193,7 +188,7 @@ impl Live {
             let (along, curves) = self.curves(binding, picks)?;
             let x = binding.against.is_some().then(|| numbers(&along));
             for y in curves {
-                let id = &self.bound.figures[binding.figure].id;
+                let id = &self.pictures.bound.figures[binding.figure].id;
                 let list = figures.entry(id.clone()).or_insert_with(|| json!([]));
                 if let Value::Array(list) = list {
                     list.push(json!({ "keep": keep, "index": index, "x": x, "y": numbers(&y), "samples": samples }));
@@ -205,10 +200,10 @@ impl Live {
             .map(|stream| grid(self.reader.count(stream), self.strides[stream]))
             .collect();
         let mut motion = Value::Null;
-        if let Some(wanted) = &self.motion {
-            let count = self.reader.count(wanted.lead);
+        if let Some(scene) = &self.pictures.scene {
+            let count = self.reader.count(scene.lead);
             let Missing { keep, picks } = missing(count, self.frames, had(have.len()));
-            motion = document::motion(&wanted.at(&self.reader, &picks)?);
+            motion = document::motion(&scene.channels.at(&self.reader, scene.lead, &picks)?);
             motion["keep"] = json!(keep);
             have.push(grid(count, self.frames));
         }

@@ -7,11 +7,12 @@
 
 mod budget;
 mod document;
+mod error;
 mod held;
 mod live;
 mod motion;
+mod pictures;
 mod plans;
-mod playback;
 mod report;
 mod run;
 mod series;
@@ -19,8 +20,10 @@ mod summary;
 mod times;
 
 pub(crate) use document::{STYLE, TICKS, TOOLS, base64, filled};
+pub use error::ReportError;
 pub use live::Live;
+pub use pictures::scene_of;
 pub use report::Report;
-pub use run::{ReportError, Request};
+pub use run::Request;
 pub(crate) use series::Series;
 pub use summary::split_unit;

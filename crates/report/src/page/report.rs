@@ -6,8 +6,9 @@ use std::path::Path;
 use serde_json::Value;
 use tape::Source;
 
+use super::error::ReportError;
 use super::plans::{self, Difference};
-use super::run::{ReportError, Request, Run, merged, read_run, subtract, table_of};
+use super::run::{Request, Run, merged, read_run, subtract, table_of};
 use super::series::Series;
 use super::{document, summary};
 use crate::figures::{self, Panel};

@@ -7,32 +7,15 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::budget::Budget;
-use super::motion::{self, Motion};
+use super::error::ReportError;
+use super::motion;
+use super::pictures::{Pictures, pictures};
 use super::series::{self, Series};
 use super::times::{self, ParticipantTime};
-use crate::geometry::{Geometry, GeometryError};
-use crate::view::{Bound, Drawn, View, Views, bind, every_field, limits_of};
+use crate::scene::{BoundScene, Motion};
+use crate::view::{Bound, Drawn, Views};
 use tape::folder::RunFolder;
-use tape::{Event, ReadError, Reader, Source, StreamSpec};
-
-/// Why there is no report.
-#[derive(Debug, thiserror::Error)]
-pub enum ReportError {
-    /// A tape cannot be read.
-    #[error(transparent)]
-    Tape(#[from] ReadError),
-    /// A file of the run folder cannot be read.
-    #[error("{}: {reason}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A model cannot be drawn.
-    #[error(transparent)]
-    Geometry(#[from] GeometryError),
-}
+use tape::{Event, Reader, Source};
 
 /// Everything the page says of one run.
 pub(crate) struct Run {
@@ -44,8 +27,7 @@ pub(crate) struct Run {
     pub(super) events: Vec<Event>,
     pub(super) marks: Vec<Mark>,
     pub(super) figures: Vec<FigureData>,
-    pub(super) motion: Option<Motion>,
-    pub(super) geometry: Geometry,
+    pub(super) scene: Option<(BoundScene, Motion)>,
     pub(super) summary: Value,
     /// What is known of how it came about: the contents of `run.json`.
     pub(super) about: Value,
@@ -75,9 +57,8 @@ pub struct Request<'a> {
     pub folders: &'a [PathBuf],
     /// Names for the runs, in their order; those without are named by what differs, or by their folders.
     pub labels: &'a [String],
-    /// URDF files for the playback: one with moving joints is the servicer, one without is the target; where there are none,
-    /// `*.urdf` in the run folder and files that its `plan.toml` names are taken.
-    pub models: &'a [PathBuf],
+    /// URDF files for bodies of the playback, in place of what the scene draws of them.
+    pub models: &'a [(String, PathBuf)],
     /// The views of the program's own applications.
     pub views: &'a [Views],
 }
@@ -100,27 +81,6 @@ pub(super) fn merged(runs: &[Run]) -> Vec<Drawn> {
     // What somebody chose stands before everything else, whichever run has it.
     all.sort_by_key(|figure| figure.signal);
     all
-}
-
-/// Everything that a run's figures are made of: the panels of its scenario, the views of the program, every field.
-pub(super) fn bound_of(
-    streams: &[StreamSpec],
-    plan: &toml::Table,
-    views: &[Views],
-) -> (Bound, Vec<(String, lockstep::time::Rational)>) {
-    let own = plan.get("report").and_then(toml::Value::as_table);
-    // The plan of a run was understood when the run began; one of a later version is drawn without its panels.
-    let own = own.and_then(|table| View::read(table).ok()).unwrap_or_default();
-    let limits = limits_of(plan);
-    let (mut bound, mut marks) = (Bound::default(), own.marks.clone());
-    bind(&own.figures, streams, &limits, false, &mut bound);
-    for view in views {
-        let view = view(streams, plan);
-        bind(&view.figures, streams, &limits, false, &mut bound);
-        marks.extend(view.marks);
-    }
-    bind(&every_field(streams), streams, &limits, true, &mut bound);
-    (bound, marks)
 }
 
 /// How many points the curves of each figure may have.
@@ -152,15 +112,19 @@ pub(super) fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bo
     let folder = RunFolder::open(root);
     let plan = fs::read_to_string(folder.plan()).unwrap_or_default();
     let summary = read_json(&folder.summary())?;
-    let geometry = Geometry::read(&reader, root, request.models)?;
-    let mut notes = geometry.notes.clone();
+    let made = pictures(reader.streams(), &table_of(&plan), request.views, request.models)?;
+    let Pictures {
+        bound,
+        marks,
+        scene,
+        mut notes,
+    } = made;
     for torn in reader.torn() {
         notes.push(format!(
             "Stream {} ends in an incomplete record after {} complete ones.",
             torn.stream, torn.complete
         ));
     }
-    let (bound, marks) = bound_of(reader.streams(), &table_of(&plan), request.views);
     let curves = series::extract(&reader, &bound, budgets(&bound, Budget::FULL))?;
     let figures = bound.figures.iter().zip(curves).map(|(drawn, series)| FigureData {
         drawn: drawn.clone(),
@@ -168,6 +132,13 @@ pub(super) fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bo
         differences: Vec::new(),
     });
     let events = reader.events()?;
+    let scene = match scene {
+        Some(scene) => {
+            let motion = motion::extract(&reader, &scene)?;
+            Some((scene, motion))
+        }
+        None => None,
+    };
     let run = Run {
         name: name_of(root),
         digest: match reader.sealed_digest() {
@@ -181,8 +152,7 @@ pub(super) fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bo
         figures: figures.collect(),
         participants: times::participants(&summary),
         plan,
-        motion: motion::extract(&reader)?,
-        geometry,
+        scene,
         summary,
         about: read_json(&folder.run())?,
     };

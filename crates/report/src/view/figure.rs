@@ -6,6 +6,7 @@ use lockstep::time::Rational;
 use tape::StreamSpec;
 
 use super::signal::Signal;
+use crate::scene::Scene;
 
 /// A list of figures and of instants to be marked.
 #[derive(Clone, Default)]
@@ -16,6 +17,10 @@ pub struct View {
     pub marks: Vec<(String, Rational)>,
     /// The keys of `summary.json` that stand at the top; one that is true or false is the verdict.
     pub headline: Vec<String>,
+    /// What the playback shows, where the scenario has no scene of its own.
+    pub scene: Option<Scene>,
+    /// What could not be made, in words that stand on the page.
+    pub notes: Vec<String>,
 }
 
 /// Makes the view of an application from the streams of a run and its plan; empty for a run of another kind.

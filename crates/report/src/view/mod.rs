@@ -19,4 +19,5 @@ pub use figure::{Computed, Curve, Figure, Formula, Line, Unit, View, Views};
 pub(crate) use limits::{Limit, limits_of};
 pub use mistake::Mistake;
 pub(crate) use prefix::best;
+pub(crate) use read::below;
 pub use signal::Signal;

@@ -79,7 +79,7 @@ impl View {
         Ok(View {
             figures,
             marks: entry.marks.into_iter().collect(),
-            headline: Vec::new(),
+            ..View::default()
         })
     }
 
@@ -135,7 +135,7 @@ impl Formula {
     }
 }
 
-fn below(key: &str, inner: &str) -> String {
+pub(crate) fn below(key: &str, inner: &str) -> String {
     match (key, inner) {
         (key, "" | ".") => key.to_owned(),
         ("", inner) => inner.to_owned(),

@@ -10,13 +10,12 @@ use std::fs::File;
 use std::io::BufWriter;
 
 use super::file::{About, Counted, WriteError};
+use crate::scene::{Scene, bind};
 pub use container::Compression;
 use container::Container;
 use schema::Schema;
 use tape::{Record, Records, Source};
 use transforms::Poses;
-
-pub use crate::geometry::Geometry;
 
 /// Frame transforms are written at most this often, Hz: more than any display shows.
 const TRANSFORM_RATE: f64 = 100.0;
@@ -54,7 +53,7 @@ impl Topic<'_> {
 
 pub(super) fn write(
     source: &dyn Source,
-    geometry: Option<&Geometry>,
+    scene: Option<&Scene>,
     about: &About,
     compression: Compression,
     out: &mut BufWriter<File>,
@@ -83,7 +82,8 @@ pub(super) fn write(
         topic.advance()?;
         topics.push(topic);
     }
-    let mut assigned = transforms::assign(source.streams(), geometry);
+    let bound = scene.and_then(|scene| bind(scene, source.streams()).0);
+    let (mut assigned, mut stage) = transforms::assign(source.streams(), bound.as_ref());
     let transforms = if assigned.iter().any(Option::is_some) {
         let id = file.schema("foxglove.FrameTransforms", &schema::frame_transforms())?;
         Some(file.channel(id, "/tf", &[])?)
@@ -93,33 +93,34 @@ pub(super) fn write(
     for (topic, poses) in topics.iter_mut().zip(&mut assigned) {
         topic.poses = poses.take();
     }
-    if let Some(geometry) = geometry {
-        let start = topics
-            .iter()
-            .filter(|t| !t.done)
-            .map(|t| t.stamp_s)
-            .fold(f64::INFINITY, f64::min);
-        let nanos = if start.is_finite() { nanos(start) } else { 0 };
+    if let Some(stage) = &stage {
+        let running = topics.iter().filter(|topic| !topic.done);
+        let start = running.map(|topic| topic.stamp_s).fold(f64::INFINITY, f64::min);
+        let start = if start.is_finite() { nanos(start) } else { 0 };
         let id = file.schema("foxglove.SceneUpdate", &schema::scene_update())?;
         let channel = file.channel(id, "/scene", &[])?;
-        file.message(channel, 0, nanos, &transforms::scene(geometry, nanos))?;
+        file.message(channel, 0, start, &stage.solids(start))?;
     }
     let mut message = Vec::new();
     // Few streams: looking at all of them costs less than any queue.
-    while let Some(topic) = topics
+    while let Some((stream, topic)) = topics
         .iter_mut()
-        .filter(|topic| !topic.done)
-        .min_by(|a, b| a.stamp_s.total_cmp(&b.stamp_s))
+        .enumerate()
+        .filter(|(_, topic)| !topic.done)
+        .min_by(|(_, a), (_, b)| a.stamp_s.total_cmp(&b.stamp_s))
     {
         let time = nanos(topic.stamp_s);
         message.clear();
         topic.schema.encode(&topic.payload, &mut message);
         file.message(topic.channel, topic.index as u32, time, &message)?;
+        if let Some(stage) = &mut stage {
+            stage.take(stream, &topic.payload);
+        }
         if let (Some(poses), Some(channel)) = (&mut topic.poses, transforms)
             && poses.due(topic.stamp_s, 1.0 / TRANSFORM_RATE)
         {
             message.clear();
-            poses.encode(&topic.payload, time, geometry, &mut message);
+            poses.encode(&topic.payload, time, stage.as_ref(), &mut message);
             // Rerun trips over a message without a transform.
             if !message.is_empty() {
                 file.message(channel, topic.index as u32, time, &message)?;

@@ -1,9 +1,9 @@
-//! Frame transforms from the poses among the fields, and the scene that hangs on them.
+//! Frame transforms from the poses among the fields and of a scene's bodies, and the solids that hang on them.
 
 use lockstep::port::Field;
 
 use super::proto;
-use crate::geometry::{ARM_ANGLES, Body, Geometry, Kind, Model, SLOSH_ANGLES, Shape, TRUTH};
+use crate::scene::{BoundBody, BoundScene, Kind, Link, Model, Part, Solid, put};
 use tape::StreamSpec;
 
 /// A pose among the fields of a payload: frame `child` in frame `parent`.
@@ -17,42 +17,88 @@ struct Pose {
 /// The transforms that one stream gives.
 pub(super) struct Poses {
     poses: Vec<Pose>,
-    /// The fields with the joint angles, when this stream moves the model.
-    joints: Option<(Option<Field>, Option<Field>)>,
-    target: bool,
+    /// The places of the bodies that move with this stream.
+    bodies: Vec<usize>,
     next_s: f64,
 }
 
-/// Which stream gives which transforms. A frame has one place: when several streams have its pose, the port `truth` is
-/// believed first, `target` next, then the order of the streams.
-pub(super) fn assign(streams: &[StreamSpec], geometry: Option<&Geometry>) -> Vec<Option<Poses>> {
-    let mut order: Vec<usize> = (0..streams.len()).collect();
-    order.sort_by_key(|at| match streams[*at].port.as_str() {
-        TRUTH => 0,
-        "target" => 1,
-        _ => 2,
+/// The bodies of a scene as the records so far have moved them.
+pub(super) struct Stage {
+    scene: BoundScene,
+    /// The frame of the messages that a body is fixed to, where its pose is one of theirs.
+    frames: Vec<Option<String>>,
+    numbers: Vec<Vec<f64>>,
+}
+
+/// Which stream gives which transforms. A frame has one place: when several streams have its pose, those that the bodies of the scene
+/// follow are believed first, in the order of the bodies, then the order of the streams.
+pub(super) fn assign(streams: &[StreamSpec], scene: Option<&BoundScene>) -> (Vec<Option<Poses>>, Option<Stage>) {
+    let leads: Vec<usize> = scene.map_or_else(Vec::new, |scene| {
+        scene.bodies().iter().map(|body| lead(scene, body)).collect()
     });
-    let mut out: Vec<Option<Poses>> = streams.iter().map(|_| None).collect();
+    let mut order: Vec<usize> = (0..streams.len()).collect();
+    order.sort_by_key(|at| leads.iter().position(|lead| lead == at).unwrap_or(usize::MAX));
+    let mut poses: Vec<Vec<Pose>> = streams.iter().map(|_| Vec::new()).collect();
     let mut taken: Vec<String> = Vec::new();
     for at in order {
-        let spec = &streams[at];
-        let mut poses = poses_of(spec);
-        poses.retain(|pose| !taken.contains(&pose.child) && pose.child != pose.parent);
-        taken.extend(poses.iter().map(|pose| pose.child.clone()));
-        let has = |child: &str| poses.iter().any(|pose| pose.child == child);
-        let angles = |names: &[&str]| names.iter().find_map(|name| spec.descriptor.field(name)).cloned();
-        let joints = (has("B") && geometry.is_some_and(|g| g.servicer.is_some()))
-            .then(|| (angles(ARM_ANGLES), angles(SLOSH_ANGLES)));
-        if !poses.is_empty() {
-            out[at] = Some(Poses {
-                target: has("T"),
-                poses,
-                joints,
-                next_s: f64::NEG_INFINITY,
-            });
-        }
+        let mut own = poses_of(&streams[at]);
+        own.retain(|pose| !taken.contains(&pose.child) && pose.child != pose.parent);
+        taken.extend(own.iter().map(|pose| pose.child.clone()));
+        poses[at] = own;
     }
-    out
+    let stage = scene.map(|scene| {
+        let frame = |(body, lead): (&BoundBody, &usize)| {
+            let pose = poses[*lead].iter().find(|pose| follows(scene, body, pose))?;
+            Some(pose.child.clone())
+        };
+        Stage {
+            frames: scene.bodies().iter().zip(&leads).map(frame).collect(),
+            numbers: scene
+                .channels
+                .list
+                .iter()
+                .map(|channel| channel.parts.iter().map(fixed).collect())
+                .collect(),
+            scene: scene.clone(),
+        }
+    });
+    let all = poses.into_iter().enumerate().map(|(at, poses)| {
+        let bodies: Vec<usize> = (0..leads.len()).filter(|body| leads[*body] == at).collect();
+        (!poses.is_empty() || !bodies.is_empty()).then_some(Poses {
+            poses,
+            bodies,
+            next_s: f64::NEG_INFINITY,
+        })
+    });
+    (all.collect(), stage)
+}
+
+fn fixed(part: &Part) -> f64 {
+    match part {
+        Part::Fixed(x) => *x,
+        Part::Element { .. } => f64::NAN,
+    }
+}
+
+/// The stream whose records a body moves with.
+fn lead(scene: &BoundScene, body: &BoundBody) -> usize {
+    let channels = [Some(body.position), body.attitude].into_iter().flatten();
+    let mut parts = channels.flat_map(|at| &scene.channels.list[at].parts);
+    let stream = parts.find_map(|part| match part {
+        Part::Element { stream, .. } => Some(*stream),
+        Part::Fixed(_) => None,
+    });
+    stream.unwrap_or(scene.lead)
+}
+
+/// Whether a body has the pose of these fields, as they are.
+fn follows(scene: &BoundScene, body: &BoundBody, pose: &Pose) -> bool {
+    let is = |channel: usize, wanted: &Field| {
+        let parts = &scene.channels.list[channel].parts;
+        let same = |(at, part): (usize, &Part)| matches!(part, Part::Element { field, index, scale, .. } if field == wanted && *index == at && *scale == 1.0);
+        parts.len() == wanted.len() && parts.iter().enumerate().all(same)
+    };
+    is(body.position, &pose.position) && body.attitude.is_some_and(|attitude| is(attitude, &pose.attitude))
 }
 
 /// Pairs of fields `p_XY_X` and `quat_XY`, where X is one letter.
@@ -86,7 +132,7 @@ impl Poses {
     }
 
     /// A `FrameTransforms` message.
-    pub(super) fn encode(&self, payload: &[u8], nanos: u64, geometry: Option<&Geometry>, out: &mut Vec<u8>) {
+    pub(super) fn encode(&self, payload: &[u8], nanos: u64, stage: Option<&Stage>, out: &mut Vec<u8>) {
         for pose in &self.poses {
             let p = std::array::from_fn(|i| pose.position.value(payload, i));
             let q: [f64; 4] = std::array::from_fn(|i| pose.attitude.value(payload, i));
@@ -96,36 +142,101 @@ impl Poses {
             }
             transform(out, nanos, &pose.parent, &pose.child, p, q);
         }
-        let Some(geometry) = geometry else { return };
-        if let (Some((arm, slosh)), Some(model)) = (&self.joints, &geometry.servicer) {
-            let angle = |body: &Body| match body.channel {
-                Some(("q", i)) => arm.as_ref().map_or(0.0, |field| field.value(payload, i)),
-                Some((_, i)) => slosh.as_ref().map_or(0.0, |field| field.value(payload, i)),
-                None => 0.0,
-            };
-            links(out, nanos, model, "servicer", "B", angle);
-        }
-        if let (true, Some(model)) = (self.target, &geometry.target) {
-            links(out, nanos, model, "target", "T", |_| 0.0);
+        let Some(stage) = stage else { return };
+        for at in &self.bodies {
+            stage.encode(*at, nanos, out);
         }
     }
 }
 
-/// Links are named `<prefix>/<link>`: a link and a frame of the messages may have the same name.
-fn links(out: &mut Vec<u8>, nanos: u64, model: &Model, prefix: &str, root: &str, angle: impl Fn(&Body) -> f64) {
-    for body in &model.bodies {
-        let child = format!("{prefix}/{}", body.name);
-        let Some(parent) = body.parent else {
+impl Stage {
+    /// Takes what a record of a stream says of the bodies.
+    pub(super) fn take(&mut self, stream: usize, payload: &[u8]) {
+        for (channel, numbers) in self.scene.channels.list.iter().zip(&mut self.numbers) {
+            put(channel, stream, payload, numbers);
+        }
+    }
+
+    fn drawn<const N: usize>(&self, channel: usize) -> Option<[f64; N]> {
+        let mut out = Vec::with_capacity(N);
+        self.scene.channels.list[channel].drawn(&self.numbers[channel], |x| out.push(x));
+        let numbers = <[f64; N]>::try_from(out).ok()?;
+        numbers.iter().all(|x| x.is_finite()).then_some(numbers)
+    }
+
+    /// The pose of a body where the messages have no frame for it, and its links.
+    fn encode(&self, at: usize, nanos: u64, out: &mut Vec<u8>) {
+        let body = &self.scene.bodies()[at];
+        let root = match &self.frames[at] {
+            Some(frame) => frame,
+            None => {
+                let Some(p) = self.drawn::<3>(body.position) else {
+                    return;
+                };
+                let q = body
+                    .attitude
+                    .map_or(Some([1.0, 0.0, 0.0, 0.0]), |attitude| self.drawn::<4>(attitude));
+                let length = q.map_or(0.0, |q| q.iter().map(|x| x * x).sum::<f64>().sqrt());
+                let Some(q) = q.filter(|_| length > 0.5) else { return };
+                let world = if self.scene.frame.is_empty() {
+                    "world"
+                } else {
+                    &self.scene.frame
+                };
+                // A body called like the world's frame is that frame.
+                if body.name != world {
+                    transform(out, nanos, world, &body.name, p, q.map(|x| x / length));
+                }
+                &body.name
+            }
+        };
+        for bound in &body.models {
+            let values = bound.joints.map_or(&[][..], |joints| &self.numbers[joints]);
+            let value = |link: &Link| link.joint.and_then(|joint| values.get(joint).copied()).unwrap_or(0.0);
+            if values.iter().all(|x| x.is_finite()) {
+                links(out, nanos, &bound.model, &body.name, root, value);
+            }
+        }
+    }
+
+    /// A `SceneUpdate` with one entity per link, locked to the link's frame and there until the end.
+    pub(super) fn solids(&self, nanos: u64) -> Vec<u8> {
+        let mut out = Vec::new();
+        for body in self.scene.bodies() {
+            let links = body.models.iter().flat_map(|bound| &bound.model.links);
+            for link in links.filter(|link| !link.shapes.is_empty()) {
+                let name = format!("{}/{}", body.name, link.name);
+                proto::message(&mut out, 2, |entity| {
+                    timestamp(entity, 1, nanos);
+                    proto::text(entity, 2, &name);
+                    proto::text(entity, 3, &name);
+                    proto::message(entity, 4, |_| {});
+                    proto::integer(entity, 5, 1);
+                    for shape in &link.shapes {
+                        primitive(entity, shape);
+                    }
+                });
+            }
+        }
+        out
+    }
+}
+
+/// Links are named `<body>/<link>`: a link and a frame of the messages may have the same name.
+fn links(out: &mut Vec<u8>, nanos: u64, model: &Model, prefix: &str, root: &str, value: impl Fn(&Link) -> f64) {
+    for link in &model.links {
+        let child = format!("{prefix}/{}", link.name);
+        let Some(parent) = link.parent else {
             transform(out, nanos, root, &child, [0.0; 3], [1.0, 0.0, 0.0, 0.0]);
             continue;
         };
-        let parent = format!("{prefix}/{}", model.bodies[parent].name);
-        let fixed = from_rpy(body.rpy);
-        let (mut p, mut q) = (body.xyz, fixed);
-        if let Some(axis) = body.axis {
+        let parent = format!("{prefix}/{}", model.links[parent].name);
+        let fixed = from_rpy(link.rpy);
+        let (mut p, mut q) = (link.xyz, fixed);
+        if let Some(axis) = link.axis {
             let n = axis.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-12);
-            let (value, u) = (angle(body), axis.map(|x| x / n));
-            if body.prismatic {
+            let (value, u) = (value(link), axis.map(|x| x / n));
+            if link.prismatic {
                 let moved = rotate(fixed, u.map(|x| x * value));
                 p = std::array::from_fn(|i| p[i] + moved[i]);
             } else {
@@ -188,29 +299,7 @@ fn transform(out: &mut Vec<u8>, nanos: u64, parent: &str, child: &str, p: [f64; 
     });
 }
 
-/// A `SceneUpdate` with one entity per body, locked to the body's frame and there until the end.
-pub(super) fn scene(geometry: &Geometry, nanos: u64) -> Vec<u8> {
-    let mut out = Vec::new();
-    for (prefix, model) in [("servicer", &geometry.servicer), ("target", &geometry.target)] {
-        let bodies = model.iter().flat_map(|model| &model.bodies);
-        for body in bodies.filter(|body| !body.shapes.is_empty()) {
-            let name = format!("{prefix}/{}", body.name);
-            proto::message(&mut out, 2, |entity| {
-                timestamp(entity, 1, nanos);
-                proto::text(entity, 2, &name);
-                proto::text(entity, 3, &name);
-                proto::message(entity, 4, |_| {});
-                proto::integer(entity, 5, 1);
-                for shape in &body.shapes {
-                    primitive(entity, shape);
-                }
-            });
-        }
-    }
-    out
-}
-
-fn primitive(out: &mut Vec<u8>, shape: &Shape) {
+fn primitive(out: &mut Vec<u8>, shape: &Solid) {
     let [a, b, c] = shape.size;
     let widest = a.max(b).max(f64::MIN_POSITIVE);
     let (number, size) = match shape.kind {

@@ -103,7 +103,7 @@ void main() {
   gl_Position = view * w;
 }`, `
 precision highp float;
-uniform vec4 colour; uniform vec3 eye, sun; uniform float metal, rough, pattern, light; uniform sampler2D depths;
+uniform vec4 colour; uniform vec3 eye, sun, up, lamplight; uniform float metal, rough, pattern, light; uniform sampler2D depths;
 varying vec3 n, world, local, face, shade;
 float hash(vec3 p) { p = fract(p * 0.3183099 + 0.1); p *= 17.0; return fract(p.x * p.y * p.z * (p.x + p.y + p.z)); }
 float noise(vec3 x) {
@@ -121,8 +121,8 @@ float daylight(float slope) {
 }
 vec3 sky(vec3 d, float blur) {
   vec3 low = mix(vec3(0.035, 0.045, 0.07), vec3(0.42, 0.46, 0.52), light), high = mix(vec3(0.10, 0.13, 0.19), vec3(1.0, 1.02, 1.05), light);
-  float box = smoothstep(0.55 + 0.3 * (1.0 - blur), 1.0, dot(d, normalize(vec3(0.55, 0.75, 0.35))));
-  return mix(low, high, smoothstep(-0.6, 0.8, d.x)) + box * mix(0.55, 0.35, blur);
+  float box = smoothstep(0.55 + 0.3 * (1.0 - blur), 1.0, dot(d, lamplight));
+  return mix(low, high, smoothstep(-0.6, 0.8, dot(d, up))) + box * mix(0.55, 0.35, blur);
 }
 void main() {
   vec3 m = normalize(n), v = normalize(eye - world), base = pow(colour.rgb, vec3(2.2));
@@ -173,11 +173,10 @@ void main() {
 
 const RIBBON = [`
 attribute vec3 a, b; attribute vec2 corner; attribute float along;
-uniform mat4 view; uniform vec2 size; uniform float width; varying float s;
+uniform mat4 view; uniform vec2 size; uniform float width, near; varying float s;
 void main() {
   vec4 p = view * vec4(a, 1.0), q = view * vec4(b, 1.0);
   // Ends behind the eye are brought in front of it, or their projection would be nonsense.
-  float near = 0.02;
   if (p.w < near && q.w > near) p = mix(p, q, (near - p.w) / (q.w - p.w));
   if (q.w < near && p.w > near) q = mix(q, p, (near - q.w) / (p.w - q.w));
   vec2 d = (q.xy / q.w - p.xy / p.w) * size; d = length(d) > 1e-6 ? normalize(d) : vec2(1.0, 0.0);
@@ -194,8 +193,8 @@ void main() {
 }`];
 
 const STARS = [`
-attribute vec3 position; attribute float size; uniform mat4 view; uniform vec3 eye; uniform float scale; varying float bright;
-void main() { gl_Position = view * vec4(eye + position * 60.0, 1.0); gl_PointSize = size * scale; bright = size; }`, `
+attribute vec3 position; attribute float size; uniform mat4 view; uniform vec3 eye; uniform float scale; uniform float reach; varying float bright;
+void main() { gl_Position = view * vec4(eye + position * reach, 1.0); gl_PointSize = size * scale; bright = size; }`, `
 precision highp float; varying float bright;
 void main() { float r = length(gl_PointCoord - 0.5); float a = smoothstep(0.5, 0.1, r) * min(1.0, bright / 2.2); gl_FragColor = vec4(vec3(0.86, 0.9, 1.0) * a, a); }`];
 
@@ -206,7 +205,7 @@ class Renderer {
     if (!gl) throw new Error("this browser offers no WebGL");
     this.gl = gl; this.meshes = new Map();
     this.solid = this.program(SOLID); this.ribbon = this.program(RIBBON); this.star = this.program(STARS); this.shadow = this.program(SHADOW);
-    this.sun = V.unit([0.62, 0.66, -0.42]);
+    this.stand({ up: [0, 0, 1], back: [0, -1, 0], right: [1, 0, 0] });
     this.makeShadowMap();
     // Edges lie in their faces: the faces are drawn a little further away.
     gl.enable(gl.POLYGON_OFFSET_FILL);
@@ -216,6 +215,12 @@ class Renderer {
     const sky = [];
     for (let i = 0; i < 900; i++) { const z = 2 * random() - 1, a = 2 * Math.PI * random(), r = Math.sqrt(1 - z * z); sky.push(r * Math.cos(a), r * Math.sin(a), z, 0.7 + 1.6 * random() ** 6 + 0.5 * random()); }
     this.sky = this.buffer(sky);
+  }
+
+  /** Where sun and sky are: above. */
+  stand({ up, back, right }) {
+    const of = (u, b, r) => V.unit(V.add(V.scale(up, u), V.add(V.scale(back, b), V.scale(right, r))));
+    this.up = up; this.sun = of(0.62, 0.66, -0.42); this.lamplight = of(0.55, 0.75, 0.35);
   }
 
   makeShadowMap() {
@@ -294,17 +299,18 @@ class Renderer {
     return out;
   }
 
-  begin(camera, dark) {
+  /** `unit` is how many metres are one unit of depth: what is seen lies within some of them. */
+  begin(camera, dark, unit) {
     const { gl, canvas } = this, scale = Math.min(2, window.devicePixelRatio || 1);
     const w = Math.max(1, Math.round(canvas.clientWidth * scale)), h = Math.max(1, Math.round(canvas.clientHeight * scale));
     if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
     gl.viewport(0, 0, w, h); gl.clearColor(0, 0, 0, 0); gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    this.scale = scale; this.eye = camera.eye; this.dark = dark;
-    this.view = M.times(M.perspective(camera.angle, w / h, 0.03, 100), M.look(camera.eye, camera.at, camera.up));
+    this.scale = scale; this.eye = camera.eye; this.dark = dark; this.unit = unit;
+    this.view = M.times(M.perspective(camera.angle, w / h, 0.03 * unit, 3000 * unit), M.look(camera.eye, camera.at, camera.up));
     if (dark) {
       gl.disable(gl.DEPTH_TEST);
       this.use(this.star, this.sky, [["position", 3, 0], ["size", 1, 3]], 4);
-      gl.uniformMatrix4fv(this.star.uniforms.view, false, this.view); gl.uniform3fv(this.star.uniforms.eye, this.eye); gl.uniform1f(this.star.uniforms.scale, scale * 1.5);
+      gl.uniformMatrix4fv(this.star.uniforms.view, false, this.view); gl.uniform3fv(this.star.uniforms.eye, this.eye); gl.uniform1f(this.star.uniforms.scale, scale * 1.5); gl.uniform1f(this.star.uniforms.reach, 60 * unit);
       gl.drawArrays(gl.POINTS, 0, this.sky.numbers / 4);
     }
     gl.enable(gl.DEPTH_TEST);
@@ -323,7 +329,7 @@ class Renderer {
     this.use(this.solid, mesh, [["position", 3, 0], ["normal", 3, 3]], 6);
     gl.bindTexture(gl.TEXTURE_2D, this.depths);
     gl.uniformMatrix4fv(u.model, false, model); gl.uniformMatrix4fv(u.view, false, this.view); gl.uniformMatrix4fv(u.lamp, false, this.lamp);
-    gl.uniform4fv(u.colour, colour); gl.uniform3fv(u.eye, this.eye); gl.uniform3fv(u.sun, this.sun);
+    gl.uniform4fv(u.colour, colour); gl.uniform3fv(u.eye, this.eye); gl.uniform3fv(u.sun, this.sun); gl.uniform3fv(u.up, this.up); gl.uniform3fv(u.lamplight, this.lamplight);
     gl.uniform1f(u.metal, metal); gl.uniform1f(u.rough, rough); gl.uniform1f(u.pattern, pattern); gl.uniform1f(u.light, this.dark ? 0 : 1);
     gl.depthMask(colour[3] >= 1);
     gl.polygonOffset(1, 2);
@@ -351,13 +357,13 @@ class Renderer {
     this.use(this.ribbon, line, [["a", 3, 0], ["b", 3, 3], ["corner", 2, 6], ["along", 1, 8]], 9);
     gl.uniformMatrix4fv(u.view, false, this.view); gl.uniform2f(u.size, this.canvas.width, this.canvas.height);
     gl.uniform1f(u.width, width * this.scale); gl.uniform4fv(u.colour, colour); gl.uniform4fv(u.rest, rest);
-    gl.uniform1f(u.now, now); gl.uniform1f(u.dash, dash);
+    gl.uniform1f(u.now, now); gl.uniform1f(u.dash, dash); gl.uniform1f(u.near, 0.02 * this.unit);
     gl.drawArrays(gl.TRIANGLES, 0, line.numbers / 9);
   }
 
   /** Where a point of the world is on the canvas, CSS pixels; null behind the eye. */
   project(p) {
     const m = this.view, c = [0, 1, 3].map((r) => m[r] * p[0] + m[4 + r] * p[1] + m[8 + r] * p[2] + m[12 + r]);
-    return c[2] < 0.02 ? null : [(c[0] / c[2] + 1) / 2 * this.canvas.clientWidth, (1 - c[1] / c[2]) / 2 * this.canvas.clientHeight];
+    return c[2] < 0.02 * this.unit ? null : [(c[0] / c[2] + 1) / 2 * this.canvas.clientWidth, (1 - c[1] / c[2]) / 2 * this.canvas.clientHeight];
   }
 }

@@ -176,7 +176,7 @@ function build() {
   document.getElementById("runs").replaceChildren(...RUNS.map((run, i) => el("span", {}, RUNS.length > 1 ? el("span", { class: "swatch", style: `background:var(--c${i % COLOURS})` }) : "",
     [run.name !== title ? run.name : "", run.digest ? `tape ${run.digest.slice(0, 12)}` : ""].filter(Boolean).join(", "))));
 
-  const motions = RUNS.filter((run) => run.motion).map((run) => decode(run.motion.t, Float64Array)).filter((t) => t.length);
+  const motions = RUNS.filter((run) => run.scene && run.motion).map((run) => decode(run.motion.t, Float64Array)).filter((t) => t.length);
   const top = el("div", { class: "top" }), summary = summaryCard(motions.length);
   let player = null;
   [clock.start, clock.end] = ends(motions);

@@ -4,7 +4,7 @@
 //! simulated: poses are prescribed curves that look like a capture, so that exports and reports have something to show.
 //!
 //! ```text
-//! cargo run --release -p report --example synthetic_run -- FOLDER [SECONDS [FLAVOUR]]
+//! cargo run --release -p capture --example synthetic_run -- FOLDER [SECONDS [FLAVOUR]]
 //! ```
 
 #![allow(

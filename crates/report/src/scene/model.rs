@@ -1,5 +1,4 @@
-//! The geometry of the 3-D playback, from a URDF: its visuals where it has any, else shapes that follow from its
-//! kinematics and inertias.
+//! Solids, and the links of a URDF: its visuals where it has any, else shapes that follow from its kinematics and inertias.
 
 use multibody::nalgebra::{Quaternion, UnitQuaternion};
 use roxmltree::{Document, Node};
@@ -16,15 +15,15 @@ pub enum ModelError {
     Structure(String),
 }
 
-/// A tree of bodies; parents come before their children.
+/// A tree of links; parents come before their children.
 #[derive(Debug, Clone, Serialize)]
-pub(crate) struct Model {
-    pub(crate) bodies: Vec<Body>,
+pub struct Model {
+    pub(crate) links: Vec<Link>,
 }
 
 /// A link with the joint that carries it.
 #[derive(Debug, Clone, Serialize)]
-pub(crate) struct Body {
+pub(crate) struct Link {
     pub(crate) name: String,
     /// The parent's place in the list; none for the root.
     pub(crate) parent: Option<usize>,
@@ -34,31 +33,34 @@ pub(crate) struct Body {
     /// The joint's axis in its own frame; none for a fixed joint.
     pub(crate) axis: Option<[f64; 3]>,
     pub(crate) prismatic: bool,
-    /// The playback channel and its element that move the joint.
-    pub(crate) channel: Option<(&'static str, usize)>,
-    pub(crate) shapes: Vec<Shape>,
+    /// The place of a moving joint among the moving ones of the file.
+    pub(crate) joint: Option<usize>,
+    pub(crate) shapes: Vec<Solid>,
 }
 
 /// A solid in the frame of its body. Cylinders stand along z around their origin.
 #[derive(Debug, Clone, Serialize)]
-pub(crate) struct Shape {
-    pub(crate) kind: Kind,
+pub struct Solid {
+    /// What it is.
+    pub kind: Kind,
     /// Box: the extents. Cylinder: radius, radius at the top, length. Sphere: radius. m.
-    pub(crate) size: [f64; 3],
-    pub(crate) xyz: [f64; 3],
-    pub(crate) rpy: [f64; 3],
-    /// Red, green, blue, opacity; none for the colour of the role.
-    pub(crate) rgba: Option<[f64; 4]>,
-    /// What it stands for, which gives it a colour.
-    pub(crate) role: &'static str,
+    pub size: [f64; 3],
+    /// Where its middle is, m.
+    pub xyz: [f64; 3],
+    /// How it is turned: roll, pitch and yaw about fixed axes, rad.
+    pub rpy: [f64; 3],
+    /// Red, green, blue, opacity; none for the colour of the material.
+    pub rgba: Option<[f64; 4]>,
+    /// The material, which says how it is shaded: a name of the list in docs/run-folder.md.
+    pub role: &'static str,
 }
 
-impl Shape {
+impl Solid {
     /// Red, green, blue, opacity from 0 to 1.
     pub(crate) fn color(&self) -> [f64; 4] {
         self.rgba.unwrap_or(match self.role {
             "bus" => [0.80, 0.66, 0.36, 1.0],
-            "arm" => [0.90, 0.91, 0.93, 1.0],
+            "tube" => [0.90, 0.91, 0.93, 1.0],
             "joint" => [0.93, 0.52, 0.20, 1.0],
             "tool" => [0.36, 0.40, 0.47, 1.0],
             "tank" => [0.55, 0.75, 0.95, 0.16],
@@ -68,11 +70,15 @@ impl Shape {
     }
 }
 
+/// The kinds of solids.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum Kind {
+pub enum Kind {
+    /// Along the axes.
     Box,
+    /// Around z.
     Cylinder,
+    /// Around the origin.
     Sphere,
 }
 
@@ -109,12 +115,48 @@ fn origin(node: Node<'_, '_>) -> ([f64; 3], [f64; 3]) {
     (part("xyz").unwrap_or_default(), rpy.unwrap_or_default())
 }
 
-/// Reads a URDF. The first `arm` moving joints follow channel `q`, the next `slosh` ones channel `q_slosh`.
-pub(crate) fn read(text: &str, arm: usize, slosh: usize) -> Result<Model, ModelError> {
-    multibody::read_xml(text, |document| of_document(document, arm, slosh))?
+impl Model {
+    /// Reads a URDF.
+    ///
+    /// # Errors
+    /// A text that is no XML, or whose links and joints are no tree.
+    pub fn read(text: &str) -> Result<Model, ModelError> {
+        multibody::read_xml(text, of_document)?
+    }
+
+    /// A link alone that these solids belong to.
+    pub(crate) fn of_solids(name: &str, solids: Vec<Solid>) -> Model {
+        let link = Link {
+            name: name.to_owned(),
+            parent: None,
+            xyz: [0.0; 3],
+            rpy: [0.0; 3],
+            axis: None,
+            prismatic: false,
+            joint: None,
+            shapes: solids,
+        };
+        Model { links: vec![link] }
+    }
+
+    /// How many joints move.
+    pub fn moving(&self) -> usize {
+        self.links.iter().filter(|link| link.joint.is_some()).count()
+    }
+
+    /// For each moving joint in the order of the file, whether it slides.
+    pub(crate) fn sliding(&self) -> Vec<bool> {
+        let mut moving: Vec<(usize, bool)> = self
+            .links
+            .iter()
+            .filter_map(|link| Some((link.joint?, link.prismatic)))
+            .collect();
+        moving.sort_unstable();
+        moving.into_iter().map(|(_, slides)| slides).collect()
+    }
 }
 
-fn of_document(document: &Document<'_>, arm: usize, slosh: usize) -> Result<Model, ModelError> {
+fn of_document(document: &Document<'_>) -> Result<Model, ModelError> {
     let robot = document.root_element();
     let links: Vec<Node<'_, '_>> = robot.children().filter(|n| n.has_tag_name("link")).collect();
     let joints: Vec<Node<'_, '_>> = robot.children().filter(|n| n.has_tag_name("joint")).collect();
@@ -133,51 +175,50 @@ fn of_document(document: &Document<'_>, arm: usize, slosh: usize) -> Result<Mode
         .find(|link| !is_child(link))
         .ok_or_else(|| ModelError::Structure("it has no link without a parent".to_owned()))?;
     let mut model = Model {
-        bodies: vec![body_of(*root, None, None)],
+        links: vec![link_of(*root, None, None)],
     };
+    // Breadth first over the joints of each link; the order of the moving joints is that of the file.
     let mut moving = 0;
-    // Breadth first over the joints of each body; the order of the moving joints is that of the file.
-    let mut channels = vec![None; joints.len()];
-    for (at, joint) in joints.iter().enumerate() {
-        let kind = joint.attribute("type").unwrap_or_default();
-        if matches!(kind, "revolute" | "continuous" | "prismatic") {
-            channels[at] = if moving < arm {
-                Some(("q", moving))
-            } else {
-                (moving < arm + slosh).then_some(("q_slosh", moving - arm))
-            };
+    let mut places = vec![None; joints.len()];
+    for (place, joint) in places.iter_mut().zip(&joints) {
+        if moves(joint.attribute("type").unwrap_or_default()) {
+            *place = Some(moving);
             moving += 1;
         }
     }
     let mut next = 0;
-    while next < model.bodies.len() {
-        let name = model.bodies[next].name.clone();
+    while next < model.links.len() {
+        let name = model.links[next].name.clone();
         for (at, joint) in joints.iter().enumerate().filter(|(_, j)| end(**j, "parent") == name) {
             let link = named(&end(*joint, "child"))
                 .ok_or_else(|| ModelError::Structure(format!("`{name}` has a joint to a link that is not there")))?;
-            if model.bodies.len() > links.len() {
+            if model.links.len() > links.len() {
                 return Err(ModelError::Structure(format!("`{name}` is part of a loop")));
             }
-            let mut body = body_of(*link, Some(next), Some(*joint));
-            body.channel = channels[at];
-            model.bodies.push(body);
+            let mut link = link_of(*link, Some(next), Some(*joint));
+            link.joint = places[at];
+            model.links.push(link);
         }
         next += 1;
     }
     if let Some(lost) = links.iter().find(|link| {
         let name = link.attribute("name").unwrap_or_default();
-        model.bodies.iter().all(|body| body.name != name)
+        model.links.iter().all(|link| link.name != name)
     }) {
         let name = lost.attribute("name").unwrap_or_default();
         return Err(ModelError::Structure(format!("`{name}` does not hang on the rest")));
     }
-    if model.bodies.iter().all(|body| body.shapes.is_empty()) {
+    if model.links.iter().all(|link| link.shapes.is_empty()) {
         invent_shapes(&mut model, &links);
     }
     Ok(model)
 }
 
-fn body_of<'a>(link: Node<'a, 'a>, parent: Option<usize>, joint: Option<Node<'a, 'a>>) -> Body {
+fn moves(kind: &str) -> bool {
+    matches!(kind, "revolute" | "continuous" | "prismatic")
+}
+
+fn link_of<'a>(link: Node<'a, 'a>, parent: Option<usize>, joint: Option<Node<'a, 'a>>) -> Link {
     let (xyz, rpy) = joint.map(origin).unwrap_or_default();
     let kind = joint.and_then(|j| j.attribute("type")).unwrap_or("fixed");
     let axis = joint
@@ -185,14 +226,14 @@ fn body_of<'a>(link: Node<'a, 'a>, parent: Option<usize>, joint: Option<Node<'a,
         .and_then(|n| n.attribute("xyz"))
         .and_then(numbers)
         .unwrap_or([1.0, 0.0, 0.0]);
-    Body {
+    Link {
         name: link.attribute("name").unwrap_or_default().to_owned(),
         parent,
         xyz,
         rpy,
-        axis: matches!(kind, "revolute" | "continuous" | "prismatic").then_some(axis),
+        axis: moves(kind).then_some(axis),
         prismatic: kind == "prismatic",
-        channel: None,
+        joint: None,
         shapes: link
             .children()
             .filter(|n| n.has_tag_name("visual"))
@@ -207,7 +248,7 @@ const MATERIALS: [&str; 12] = [
 ];
 
 /// A `<visual>`; meshes are other files, which a self-contained page does not load.
-fn visual(node: Node<'_, '_>) -> Option<Shape> {
+fn visual(node: Node<'_, '_>) -> Option<Solid> {
     let geometry = node.children().find(|n| n.has_tag_name("geometry"))?;
     let solid = geometry.children().find(Node::is_element)?;
     let number = |name| solid.attribute(name).and_then(numbers::<1>).map(|[x]| x);
@@ -232,7 +273,7 @@ fn visual(node: Node<'_, '_>) -> Option<Shape> {
     });
     let named = material.and_then(|m| m.attribute("name")).unwrap_or_default();
     let (xyz, rpy) = origin(node);
-    Some(Shape {
+    Some(Solid {
         kind,
         size,
         xyz,
@@ -242,86 +283,107 @@ fn visual(node: Node<'_, '_>) -> Option<Shape> {
     })
 }
 
-/// Shapes for a model that has none: the root as the uniform box of its inertia, joints as drums along their axes, links
-/// as tubes from joint to joint, the bob at its centre of mass inside a tank.
-fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
-    let inertial = |name: &str| {
-        let link = links.iter().find(|n| n.attribute("name") == Some(name))?;
-        let inertial = link.children().find(|n| n.has_tag_name("inertial"))?;
-        let value = |tag: &str, name: &str| {
-            let node = inertial.children().find(|n| n.has_tag_name(tag))?;
-            numbers::<1>(node.attribute(name)?).map(|[x]| x)
-        };
-        let moments = [
-            value("inertia", "ixx")?,
-            value("inertia", "iyy")?,
-            value("inertia", "izz")?,
-        ];
-        Some((value("mass", "value")?, moments, origin(inertial).0))
+/// Mass, principal moments as the file has them, and centre of mass of a link.
+type Inertial = (f64, [f64; 3], [f64; 3]);
+
+fn inertial_of(links: &[Node<'_, '_>], name: &str) -> Option<Inertial> {
+    let link = links.iter().find(|n| n.attribute("name") == Some(name))?;
+    let inertial = link.children().find(|n| n.has_tag_name("inertial"))?;
+    let value = |tag: &str, name: &str| {
+        let node = inertial.children().find(|n| n.has_tag_name(tag))?;
+        numbers::<1>(node.attribute(name)?).map(|[x]| x)
     };
-    if let Some((mass, [x, y, z], at)) = inertial(&model.bodies[0].name).filter(|(mass, ..)| *mass > 0.0) {
+    let moments = [
+        value("inertia", "ixx")?,
+        value("inertia", "iyy")?,
+        value("inertia", "izz")?,
+    ];
+    Some((value("mass", "value")?, moments, origin(inertial).0))
+}
+
+/// Which links are a pendulum: point masses on moving joints, and what carries them and has no inertia of its own.
+fn pendulums(model: &Model, inertials: &[Option<Inertial>]) -> Vec<bool> {
+    let mut hangs = vec![false; inertials.len()];
+    for at in (1..inertials.len()).rev() {
+        let bare = inertials[at].is_none_or(|(_, moments, _)| moments == [0.0; 3]);
+        let weighs = inertials[at].is_some_and(|(mass, ..)| mass > 0.0);
+        let mut carried = (0..inertials.len())
+            .filter(|child| model.links[*child].parent == Some(at))
+            .peekable();
+        hangs[at] = bare
+            && model.links[at].joint.is_some()
+            && (weighs || carried.peek().is_some())
+            && carried.all(|child| hangs[child]);
+    }
+    hangs
+}
+
+/// Shapes for a model that has none: the root as the uniform box of its inertia, joints as drums along their axes, links
+/// as tubes from joint to joint, the bob of a pendulum at its centre of mass inside a tank.
+fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
+    let inertials: Vec<Option<Inertial>> = model.links.iter().map(|link| inertial_of(links, &link.name)).collect();
+    let hangs = pendulums(model, &inertials);
+    if let Some((mass, [x, y, z], at)) = inertials[0].filter(|(mass, ..)| *mass > 0.0) {
         let side = |sum: f64| (6.0 * sum / mass).max(1e-4).sqrt();
         let size = [side(y + z - x), side(x + z - y), side(x + y - z)];
-        model.bodies[0].shapes.push(solid(Kind::Box, size, at, "bus"));
+        model.links[0].shapes.push(solid(Kind::Box, size, at, "bus"));
     }
-    // Radius of the arm's tubes, thinner towards the tool.
+    // Radius of the tubes, thinner towards the end of a chain.
     let radius = |index: usize| 0.075 - 0.005 * index.min(8) as f64;
-    for at in 1..model.bodies.len() {
-        let body = model.bodies[at].clone();
-        let parent = body.parent.unwrap_or(0);
-        match body.channel {
-            Some(("q", index)) => {
+    for at in 1..model.links.len() {
+        let link = model.links[at].clone();
+        let parent = link.parent.unwrap_or(0);
+        match link.joint {
+            Some(_) if hangs[at] => {
+                if let Some((_, _, centre)) = inertials[at].filter(|(mass, ..)| *mass > 0.0) {
+                    hang(model, at, centre);
+                }
+            }
+            Some(index) => {
                 let r = radius(index);
-                let drum = along(
-                    body.axis.unwrap_or([0.0, 0.0, 1.0]),
-                    2.6 * r,
-                    [0.0; 3],
-                    r * 1.08,
-                    "joint",
-                );
-                model.bodies[at].shapes.push(drum);
-                if parent > 0 {
-                    model.bodies[parent]
-                        .shapes
-                        .extend(tube([0.0; 3], body.xyz, r * 0.86, "arm"));
-                }
-            }
-            Some(_) => {
-                let bob = inertial(&body.name).filter(|(mass, ..)| *mass > 0.0);
-                if let Some((_, _, center)) = bob {
-                    let length = center.iter().map(|x| x * x).sum::<f64>().sqrt();
-                    let ball = [0.36 * length, 0.0, 0.0];
-                    model.bodies[at].shapes.push(solid(Kind::Sphere, ball, center, "bob"));
-                    model.bodies[at]
-                        .shapes
-                        .extend(tube([0.0; 3], center, 0.05 * length, "rod"));
-                    let tank = solid(Kind::Sphere, [1.56 * length, 0.0, 0.0], [0.0; 3], "tank");
-                    // The tank does not swing: it belongs to the last ancestor that does not.
-                    let mut fixed = parent;
-                    let mut place = body.xyz;
-                    while model.bodies[fixed].channel.is_some() {
-                        place = std::array::from_fn(|i| place[i] + model.bodies[fixed].xyz[i]);
-                        fixed = model.bodies[fixed].parent.unwrap_or(0);
-                    }
-                    model.bodies[fixed].shapes.push(Shape { xyz: place, ..tank });
-                }
-            }
-            None if body.axis.is_none() && model.bodies[parent].channel.is_some_and(|(name, _)| name == "q") => {
-                let (parent_shape, role) = (tube([0.0; 3], body.xyz, radius(7), "arm"), "tool");
-                model.bodies[parent].shapes.extend(parent_shape);
-                // The tool reaches to the frame behind it, which is usually its tip.
-                let tip = model.bodies.iter().find(|b| b.parent == Some(at)).map(|b| b.xyz);
-                model.bodies[at]
+                let axis = link.axis.unwrap_or([0.0, 0.0, 1.0]);
+                model.links[at]
                     .shapes
-                    .extend(tube([0.0; 3], tip.unwrap_or_default(), 0.03, role));
+                    .push(along(axis, 2.6 * r, [0.0; 3], r * 1.08, "joint"));
+                if parent > 0 {
+                    let tube = tube([0.0; 3], link.xyz, r * 0.86, "tube");
+                    model.links[parent].shapes.extend(tube);
+                }
+            }
+            None if model.links[parent].joint.is_some() && !hangs[parent] => {
+                model.links[parent]
+                    .shapes
+                    .extend(tube([0.0; 3], link.xyz, radius(7), "tube"));
+                // The tool reaches to the frame behind it, which is usually its tip.
+                let tip = model.links.iter().find(|b| b.parent == Some(at)).map(|b| b.xyz);
+                let tool = tube([0.0; 3], tip.unwrap_or_default(), 0.03, "tool");
+                model.links[at].shapes.extend(tool);
             }
             None => {}
         }
     }
 }
 
-fn solid(kind: Kind, size: [f64; 3], xyz: [f64; 3], role: &'static str) -> Shape {
-    Shape {
+/// The bob of a pendulum with its rod, and the tank around its pivot. The tank does not swing: it belongs to the last ancestor that
+/// does not move.
+fn hang(model: &mut Model, at: usize, centre: [f64; 3]) {
+    let length = centre.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let ball = [0.36 * length, 0.0, 0.0];
+    model.links[at].shapes.push(solid(Kind::Sphere, ball, centre, "bob"));
+    model.links[at]
+        .shapes
+        .extend(tube([0.0; 3], centre, 0.05 * length, "rod"));
+    let tank = solid(Kind::Sphere, [1.56 * length, 0.0, 0.0], [0.0; 3], "tank");
+    let (mut fixed, mut place) = (model.links[at].parent.unwrap_or(0), model.links[at].xyz);
+    while model.links[fixed].joint.is_some() {
+        place = std::array::from_fn(|i| place[i] + model.links[fixed].xyz[i]);
+        fixed = model.links[fixed].parent.unwrap_or(0);
+    }
+    model.links[fixed].shapes.push(Solid { xyz: place, ..tank });
+}
+
+pub(crate) fn solid(kind: Kind, size: [f64; 3], xyz: [f64; 3], role: &'static str) -> Solid {
+    Solid {
         kind,
         size,
         xyz,
@@ -332,18 +394,18 @@ fn solid(kind: Kind, size: [f64; 3], xyz: [f64; 3], role: &'static str) -> Shape
 }
 
 /// A cylinder of this length along `axis`, around `center`.
-fn along(axis: [f64; 3], length: f64, center: [f64; 3], radius: f64, role: &'static str) -> Shape {
+fn along(axis: [f64; 3], length: f64, center: [f64; 3], radius: f64, role: &'static str) -> Solid {
     let n = axis.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-12);
     let [x, y, z] = axis.map(|a| a / n);
     // Pitch and yaw take z to the axis.
     let (pitch, yaw) = ((x * x + y * y).sqrt().atan2(z), y.atan2(x));
-    Shape {
+    Solid {
         rpy: [0.0, pitch, yaw],
         ..solid(Kind::Cylinder, [radius, radius, length], center, role)
     }
 }
 
-fn tube(from: [f64; 3], to: [f64; 3], radius: f64, role: &'static str) -> Option<Shape> {
+fn tube(from: [f64; 3], to: [f64; 3], radius: f64, role: &'static str) -> Option<Solid> {
     let axis: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
     let length = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
     let center = std::array::from_fn(|i| 0.5 * (from[i] + to[i]));
@@ -354,7 +416,7 @@ fn tube(from: [f64; 3], to: [f64; 3], radius: f64, role: &'static str) -> Option
 mod tests {
     use super::*;
 
-    const ARM: &str = r#"<robot name="r">
+    const CHAIN: &str = r#"<robot name="r">
       <link name="base"><inertial><mass value="12"/><inertia ixx="13" iyy="10" izz="5"/></inertial></link>
       <link name="l1"/><link name="tool"/><link name="bob"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>
         <inertia ixx="0" iyy="0" izz="0"/></inertial></link>
@@ -365,28 +427,30 @@ mod tests {
 
     #[test]
     fn shapes_follow_from_kinematics_and_inertia() {
-        let model = read(ARM, 1, 1).unwrap();
-        let names: Vec<&str> = model.bodies.iter().map(|b| &*b.name).collect();
+        let model = Model::read(CHAIN).unwrap();
+        let names: Vec<&str> = model.links.iter().map(|b| &*b.name).collect();
         assert_eq!(names, ["base", "l1", "bob", "tool"]);
-        assert_eq!(model.bodies[1].channel, Some(("q", 0)));
-        assert_eq!(model.bodies[2].channel, Some(("q_slosh", 0)));
+        assert_eq!(model.links[1].joint, Some(0));
+        assert_eq!(model.links[2].joint, Some(1));
+        let roles: Vec<&str> = model.links[2].shapes.iter().map(|shape| shape.role).collect();
+        assert_eq!(roles, ["bob", "rod"], "a point mass is the bob of a pendulum");
         // m/12 (b² + c²) = 13, m/12 (a² + c²) = 10, m/12 (a² + b²) = 5
-        let size = model.bodies[0].shapes[0].size;
+        let size = model.links[0].shapes[0].size;
         for (side, expected) in size.iter().zip([1.0, 2.0, 3.0_f64]) {
             assert!((side - expected).abs() < 1e-12, "{size:?}");
         }
-        assert!(model.bodies.iter().all(|b| b.name == "tool" || !b.shapes.is_empty()));
+        assert!(model.links.iter().all(|b| b.name == "tool" || !b.shapes.is_empty()));
     }
 
     #[test]
     fn visuals_win() {
-        let text = ARM.replace(
+        let text = CHAIN.replace(
             r#"<link name="l1"/>"#,
             r#"<link name="l1"><visual><origin xyz="1 2 3"/><geometry><box size="1 2 3"/></geometry>
                <material name="red"/></visual></link><material name="red"><color rgba="1 0 0 1"/></material>"#,
         );
-        let model = read(&text, 1, 1).unwrap();
-        let shapes: Vec<&Shape> = model.bodies.iter().flat_map(|b| &b.shapes).collect();
+        let model = Model::read(&text).unwrap();
+        let shapes: Vec<&Solid> = model.links.iter().flat_map(|b| &b.shapes).collect();
         assert_eq!(shapes.len(), 1);
         assert_eq!(
             (shapes[0].size, shapes[0].rgba),
@@ -396,13 +460,13 @@ mod tests {
 
     #[test]
     fn what_is_no_tree_is_an_error() {
-        assert!(read("<robot", 1, 1).is_err());
-        assert!(read("<robot/>", 1, 1).is_err());
-        let text = ARM.replace(r#"<child link="tool"/>"#, r#"<child link="base"/>"#);
-        assert!(read(&text, 1, 1).is_err());
-        let text = ARM.replace(r#"<child link="tool"/>"#, r#"<child link="nobody"/>"#);
-        assert!(read(&text, 1, 1).unwrap_err().to_string().contains("l1"));
-        let text = ARM.replace(r#"<child link="tool"/>"#, r#"<child link="l1"/>"#);
-        assert!(read(&text, 1, 1).is_err());
+        assert!(Model::read("<robot").is_err());
+        assert!(Model::read("<robot/>").is_err());
+        let text = CHAIN.replace(r#"<child link="tool"/>"#, r#"<child link="base"/>"#);
+        assert!(Model::read(&text).is_err());
+        let text = CHAIN.replace(r#"<child link="tool"/>"#, r#"<child link="nobody"/>"#);
+        assert!(Model::read(&text).unwrap_err().to_string().contains("l1"));
+        let text = CHAIN.replace(r#"<child link="tool"/>"#, r#"<child link="l1"/>"#);
+        assert!(Model::read(&text).is_err());
     }
 }

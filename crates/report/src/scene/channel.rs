@@ -1,0 +1,178 @@
+//! Channels: the vectors over time that a scene is drawn from, each put together from elements of fields.
+
+use lockstep::port::Field;
+use tape::{ReadError, Source, StreamSpec, split_record};
+
+/// One number of a channel.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Part {
+    Fixed(f64),
+    /// An element of a field, and how many units of the channel one of its units is.
+    Element {
+        stream: usize,
+        field: Field,
+        index: usize,
+        scale: f64,
+    },
+}
+
+/// What the numbers of a channel are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Meaning {
+    /// They stand for themselves.
+    Vector,
+    /// A quaternion, scalar first.
+    Attitude,
+    /// An angle about this axis of length one, which is drawn as a quaternion.
+    Turn([f64; 3]),
+}
+
+/// A vector that moves.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Channel {
+    pub(crate) meaning: Meaning,
+    pub(crate) parts: Vec<Part>,
+}
+
+/// The channels of a scene, each known by its place.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Channels {
+    pub(crate) list: Vec<Channel>,
+}
+
+/// Channels over time.
+#[derive(Debug, Clone)]
+pub(crate) struct Motion {
+    /// Instants, s.
+    pub(crate) t: Vec<f64>,
+    pub(crate) values: Vec<Values>,
+}
+
+/// One channel at every instant of a [`Motion`].
+#[derive(Debug, Clone)]
+pub(crate) struct Values {
+    pub(crate) attitude: bool,
+    pub(crate) width: usize,
+    /// `width` numbers an instant, NaN where a stream has no sample yet. Single precision is finer than any pixel.
+    pub(crate) numbers: Vec<f32>,
+}
+
+impl Channel {
+    /// What is drawn of the numbers of one instant.
+    pub(crate) fn drawn(&self, numbers: &[f64], mut put: impl FnMut(f64)) {
+        match self.meaning {
+            Meaning::Vector | Meaning::Attitude => numbers.iter().for_each(|x| put(*x)),
+            Meaning::Turn(axis) => {
+                let (sine, cosine) = (numbers[0] / 2.0).sin_cos();
+                [cosine, sine * axis[0], sine * axis[1], sine * axis[2]]
+                    .into_iter()
+                    .for_each(put);
+            }
+        }
+    }
+
+    fn width(&self) -> usize {
+        match self.meaning {
+            Meaning::Turn(_) => 4,
+            Meaning::Vector | Meaning::Attitude => self.parts.len(),
+        }
+    }
+}
+
+impl Channels {
+    /// The place of a channel, where it is put if it is new.
+    pub(crate) fn place(&mut self, channel: Channel) -> usize {
+        self.list.iter().position(|one| *one == channel).unwrap_or_else(|| {
+            self.list.push(channel);
+            self.list.len() - 1
+        })
+    }
+
+    /// The streams that are needed, each once.
+    fn streams(&self) -> Vec<usize> {
+        let parts = self.list.iter().flat_map(|channel| &channel.parts);
+        let mut streams: Vec<usize> = parts
+            .filter_map(|part| match part {
+                Part::Element { stream, .. } => Some(*stream),
+                Part::Fixed(_) => None,
+            })
+            .collect();
+        streams.sort_unstable();
+        streams.dedup();
+        streams
+    }
+
+    /// The stream that decides about the instants: the one with the shortest period. The others are held, as a reader of the port
+    /// would see them.
+    pub(crate) fn lead(&self, specs: &[StreamSpec]) -> Option<usize> {
+        self.streams().into_iter().min_by_key(|stream| specs[*stream].period)
+    }
+
+    /// The channels at these records of the stream `lead`.
+    ///
+    /// # Errors
+    /// A tape that cannot be read.
+    pub(crate) fn at(&self, source: &dyn Source, lead: usize, picks: &[u64]) -> Result<Motion, ReadError> {
+        let spec = &source.streams()[lead];
+        let stamp = |record: u64| spec.offset.seconds() + (spec.first_index + record) as f64 * spec.period.seconds();
+        let t: Vec<f64> = picks.iter().map(|pick| stamp(*pick)).collect();
+        let fixed = |part: &Part| match part {
+            Part::Fixed(x) => *x,
+            Part::Element { .. } => f64::NAN,
+        };
+        let mut raw: Vec<Vec<f64>> = self
+            .list
+            .iter()
+            .map(|channel| channel.parts.iter().map(fixed).collect::<Vec<f64>>().repeat(t.len()))
+            .collect();
+        for wanted in self.streams() {
+            let (spec, available) = (&source.streams()[wanted], source.count(wanted));
+            let mut record = vec![0; spec.stride()];
+            for (at, &instant) in t.iter().enumerate() {
+                // Stamps of two streams that mean the same instant may differ in the last bit.
+                let held = (instant - spec.offset.seconds()) / spec.period.seconds() - spec.first_index as f64 + 1e-6;
+                if available == 0 || held < 0.0 {
+                    continue;
+                }
+                let newest = held.floor().min((available - 1) as f64) as u64;
+                source.read(wanted, newest, &mut record)?;
+                let payload = split_record(&record, 0).payload;
+                for (channel, numbers) in self.list.iter().zip(&mut raw) {
+                    let here = &mut numbers[at * channel.parts.len()..];
+                    put(channel, wanted, payload, here);
+                }
+            }
+        }
+        let values = self.list.iter().zip(raw).map(|(channel, raw)| {
+            let mut numbers = Vec::with_capacity(t.len() * channel.width());
+            for one in raw.chunks(channel.parts.len()) {
+                channel.drawn(one, |x| numbers.push(x as f32));
+            }
+            Values {
+                attitude: channel.meaning != Meaning::Vector,
+                width: channel.width(),
+                numbers,
+            }
+        });
+        Ok(Motion {
+            values: values.collect(),
+            t,
+        })
+    }
+}
+
+/// Fills in what a channel has from a stream's payload.
+pub(crate) fn put(channel: &Channel, wanted: usize, payload: &[u8], numbers: &mut [f64]) {
+    for (part, slot) in channel.parts.iter().zip(numbers) {
+        if let Part::Element {
+            stream,
+            field,
+            index,
+            scale,
+        } = part
+            && *stream == wanted
+        {
+            *slot = scale * field.value(payload, *index);
+        }
+    }
+}

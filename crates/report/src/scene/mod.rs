@@ -1,0 +1,22 @@
+//! What the 3-D playback of a run shows, apart from any run: bodies that follow fields of the tape, their shapes, cameras.
+//!
+//! A [`Scene`] comes from the table `[scene]` of a scenario ([`Scene::read`]), or from a program that knows its application
+//! ([`crate::view::View::scene`]). Lengths are metres, angles radians, quaternions Hamilton and scalar first; an attitude
+//! turns components in the body's axes into components in the scene's frame.
+
+mod bind;
+mod channel;
+mod keys;
+mod model;
+mod read;
+mod shape;
+#[cfg(test)]
+mod tests;
+mod types;
+mod values;
+
+pub(crate) use bind::{BoundBody, BoundScene, bind};
+pub(crate) use channel::{Motion, Part, put};
+pub(crate) use model::Link;
+pub use model::{Kind, Model, ModelError, Solid};
+pub use types::{Arrow, Attitude, Axes, Body, Camera, Component, Distance, Path, Position, Scene, Shape, Towards};
