@@ -33,6 +33,14 @@ step "exports" "$python" tests/exports/check_exports.py "$orchestrator" "$work/c
 step "measures" "$python" tests/measures/check_measures.py "$orchestrator"
 step "report" "$python" tests/pages/check_report.py "$orchestrator" "$work/close" "$work/slower" --bodies "$work/spherical" --bodies "$work/grasped" ${2:+--screenshots "$2"}
 step "report of any run" "$python" tests/pages/check_any.py "$orchestrator" "$(dirname "$orchestrator")/lander" ${2:+--screenshots "$2"}
+# The scene of participants in Python needs the package: that of python/tests/run.sh, or one that is installed here.
+packaged=$PWD/target/python/bin/python
+if ! "$packaged" -c "import escapement" 2>/dev/null; then
+    "$python" -m venv "$work/packaged"
+    packaged=$work/packaged/bin/python
+    ESCAPEMENT=$(realpath "$orchestrator") "$packaged" -m pip install --quiet ./python
+fi
+step "scenes" "$python" tests/pages/check_scene.py "$orchestrator" "$(dirname "$orchestrator")/lander" --python "$packaged" ${2:+--screenshots "$2"}
 step "live page" "$python" tests/pages/check_live.py "$orchestrator" ${2:+--screenshots "$2"}
 
 # A participant in Python takes the place of one in Rust, and the tape stays the same: docs/protocol.md is enough.
