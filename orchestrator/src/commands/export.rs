@@ -140,11 +140,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             export::mat(&chosen, &path, &about).map(|()| vec![path])
         }
         Format::Mcap | Format::Rrd => {
-            let plan = about
-                .iter()
-                .find_map(|(key, text)| (*key == "plan").then(|| text.parse::<toml::Table>().ok())?);
-            let plan = plan.unwrap_or_default();
-            let scene = match scene_of(reader.streams(), &plan, catalogue().views(), &args.model) {
+            let scene = match scene_of(reader.streams(), &plan_in(&about), catalogue().views(), &args.model) {
                 Ok(scene) => scene,
                 Err(error) => {
                     eprintln!("error: {error}");
@@ -179,6 +175,12 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             Ok(UNWRITABLE)
         }
     }
+}
+
+/// The plan among what is known of a run; empty where it is not there.
+fn plan_in(about: &[(&'static str, String)]) -> toml::Table {
+    let plan = about.iter().find(|(key, _)| *key == "plan");
+    plan.and_then(|(_, text)| text.parse().ok()).unwrap_or_default()
 }
 
 /// What the run's folder says of it, as far as it is there: the plan, what ran it, and the digest of its tape.

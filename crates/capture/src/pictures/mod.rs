@@ -1,6 +1,7 @@
 //! The capture's figures and scene for the report: which fields they show, the limits of the actuators, the momentum of each body.
 
 mod momenta;
+mod parameters;
 mod scene;
 mod table;
 mod target;
@@ -14,6 +15,7 @@ use tape::StreamSpec;
 use toml::{Table, Value};
 
 use momenta::Momenta;
+use parameters::parameters;
 use table::{FIGURES, FigureSpec, Share};
 
 /// What people look for first in the summary of a capture.
@@ -105,13 +107,6 @@ impl Computed for Of {
     fn values(&self, payload: &[u8], out: &mut [f64]) {
         self.momenta.values(self.share, payload, out);
     }
-}
-
-/// The parameters of all participants in a plan.
-fn parameters(plan: &Table) -> impl Iterator<Item = &Table> {
-    let participants = plan.get("participants").and_then(Value::as_table);
-    let entries = participants.into_iter().flatten();
-    entries.filter_map(|(_, entry)| entry.as_table()?.get("parameters")?.as_table())
 }
 
 /// The instants that guidance is given.

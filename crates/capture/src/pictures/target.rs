@@ -5,7 +5,7 @@ use multibody::nalgebra::{Rotation3, Vector3};
 use report::scene::{Kind, Solid};
 use toml::Table;
 
-use super::parameters;
+use super::parameters::parameters;
 
 /// Its solids in the target's axes; none where the plan does not say where the grasp point is.
 pub(super) fn solids(plan: &Table) -> Vec<Solid> {

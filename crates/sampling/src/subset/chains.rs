@@ -3,7 +3,7 @@
 use crate::design::{Coordinate, inside};
 use crate::distribution::{normal_cumulative, normal_quantile};
 
-use super::Candidate;
+use super::candidate::Candidate;
 
 /// The standard deviation of the first level's steps.
 pub(super) const FIRST_DEVIATION: f64 = 0.8;

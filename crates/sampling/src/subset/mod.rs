@@ -26,9 +26,11 @@
 //! Nothing here evaluates a score: a batch of points goes out, their scores come in, and the next batch is a function of all scores so far, of
 //! the seed, and of the names of the coordinates. So a calculation that was stopped goes on where it was from its scores alone.
 
+mod candidate;
 mod chains;
 mod estimate;
 
+pub use candidate::Candidate;
 pub use estimate::{Estimate, Level};
 
 use crate::design::Coordinate;
@@ -55,19 +57,6 @@ impl Default for Settings {
             levels: 8,
         }
     }
-}
-
-/// A point to be evaluated.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Candidate {
-    /// Which point, from 0, over all levels.
-    pub number: usize,
-    /// Its level, from 0.
-    pub level: usize,
-    /// The point that it is a step from; none in the first level.
-    pub parent: Option<usize>,
-    /// Its coordinates in (0, 1).
-    pub u: Vec<f64>,
 }
 
 /// A subset simulation under way.
