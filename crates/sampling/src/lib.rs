@@ -1,4 +1,4 @@
-//! Designs of experiments, distributions, and statistics of what came out. Values in, values out.
+//! Designs of experiments, distributions, subset simulation, and statistics of what came out. Values in, values out.
 //!
 //! ```
 //! use sampling::design::Coordinate;

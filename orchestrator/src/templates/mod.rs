@@ -71,6 +71,7 @@ fn capture(_: &Project<'_>) -> Result<Vec<File>, String> {
     let mut files = vec![File::new("README.md", include_str!("capture.md"))];
     files.extend(stock_files!(
         "campaigns/dispersed-captures.toml"
+        "campaigns/rare-miss.toml"
         "gains/flight.toml"
         "gains/p-diagonal.spec.toml"
         "gains/p-diagonal.toml"
