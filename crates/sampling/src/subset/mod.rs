@@ -96,7 +96,7 @@ impl Subset {
             );
         }
         let length = length.round() as usize;
-        if settings.points < 10 * length || settings.points % length != 0 {
+        if settings.points < 10 * length || !settings.points.is_multiple_of(length) {
             return wrong(
                 "points",
                 format!(
