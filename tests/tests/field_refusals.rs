@@ -56,7 +56,7 @@ fn field_that_does_not_fit_is_refused_with_key_value_and_remedy() {
         ("{ position = { factor = 3 }, velocity = \"v\" }", &["give it `from`"]),
         (
             "{ position = true, velocity = \"v\" }",
-            &["`true` is nothing to make a field of"],
+            &["the value `true` is neither a number nor a list of numbers"],
         ),
         (
             "{ position = [\"h\", 3], velocity = \"v\" }",
@@ -196,9 +196,9 @@ fn types_are_converted_where_no_value_is_lost() {
         ),
         (
             "Int32_input = { from = \"Int32_output\", factor = 2 }",
-            "whole numbers, which are taken over as they are",
+            "values that are taken over as they are",
         ),
-        ("Int32_input = [\"Int32_output\", \"Int8_output\"]", "whole numbers"),
+        ("Int32_input = [\"Int32_output\", \"Int8_output\"]", "taken over as they are"),
         ("UInt8_input = 256", "cannot always be 256"),
         ("Int32_input = 0.5", "cannot always be 0.5"),
         ("Float64_continuous_input = nan", "is"),
