@@ -198,7 +198,10 @@ fn types_are_converted_where_no_value_is_lost() {
             "Int32_input = { from = \"Int32_output\", factor = 2 }",
             "values that are taken over as they are",
         ),
-        ("Int32_input = [\"Int32_output\", \"Int8_output\"]", "taken over as they are"),
+        (
+            "Int32_input = [\"Int32_output\", \"Int8_output\"]",
+            "taken over as they are",
+        ),
         ("UInt8_input = 256", "cannot always be 256"),
         ("Int32_input = 0.5", "cannot always be 0.5"),
         ("Float64_continuous_input = nan", "is"),

@@ -241,7 +241,7 @@ fn system_of_another_kind_is_its_scenario_too() {
         offset = "500 ms"
         [participants.fmu-3.run]
         fmu = "fmus/Feedthrough.fmu"
-        ports.inputs = ["Float64_continuous_input", "Float64_discrete_input", "Enumeration_input", "Int32_input", "Boolean_input"]
+        ports.inputs = ["Float64_continuous_input", "Float64_discrete_input", "Int32_input", "Boolean_input", "Enumeration_input"]
         [connections.all]
         from = "one-two.outputs"
         to = "fmu-3.inputs"

@@ -135,7 +135,7 @@ fn port_of(about: &Description, variable: &str) -> &'static str {
 fn signals(about: &Description, causality: Causality) -> Vec<&Variable> {
     let own = about.variables.iter().filter(|one| one.causality == causality);
     let mut own: Vec<_> = own
-        .filter_map(|one| Some((element(about.version, one.kind)?.size(), one)))
+        .filter_map(|one| Some((element(about.version, one)?.size(), one)))
         .collect();
     own.sort_by_key(|(size, _)| std::cmp::Reverse(*size));
     own.into_iter().map(|(_, one)| one).collect()
@@ -251,7 +251,7 @@ impl Draft<'_> {
 
 /// Whether `output` can feed `input` as it is.
 fn fits(sends: &Description, output: &Variable, takes: &Description, input: &Variable) -> bool {
-    let types = element(sends.version, output.kind).zip(element(takes.version, input.kind));
+    let types = element(sends.version, output).zip(element(takes.version, input));
     let unit = |about: &Description, one: &Variable| {
         let unit = about.unit(one).map(|unit| unit.of_port().unit);
         unit.unwrap_or_else(|| "1".to_owned())

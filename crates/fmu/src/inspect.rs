@@ -59,7 +59,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
         problems.push(error.to_string());
     }
     let texts = about.variables.iter().filter(|one| {
-        matches!(one.causality, Causality::Input | Causality::Output) && element(about.version, one.kind).is_none()
+        matches!(one.causality, Causality::Input | Causality::Output) && element(about.version, one).is_none()
     });
     for one in texts {
         problems.push(format!(
@@ -204,7 +204,7 @@ fn scenario(model: &Model, file: &Path) -> String {
     let inputs = about
         .variables
         .iter()
-        .any(|one| one.causality == Causality::Input && element(about.version, one.kind).is_some());
+        .any(|one| one.causality == Causality::Input && element(about.version, one).is_some());
     if inputs {
         text.push_str("# Nothing feeds it: its inputs keep their start values. Without this line the port `inputs` must be connected.\nrun.ports.inputs = []\n");
     }

@@ -54,9 +54,9 @@ pub struct Layout {
     pub outputs: Vec<Transfer>,
 }
 
-/// The element of a field for variables of `kind`, those of an enumeration as numbers; nothing for what is no signal.
-pub fn element(version: Version, kind: Type) -> Option<Element> {
-    Some(match kind {
+/// The element of a field for a variable; nothing for what is no signal.
+pub fn element(version: Version, variable: &Variable) -> Option<Element> {
+    Some(match variable.kind {
         Type::Float64 => Element::F64,
         Type::Float32 => Element::F32,
         Type::Int8 => Element::I8,
@@ -68,6 +68,7 @@ pub fn element(version: Version, kind: Type) -> Option<Element> {
         Type::Boolean => Element::Bool,
         Type::Int64 => Element::I64,
         Type::UInt64 => Element::U64,
+        Type::Enumeration if !Items::of(variable).values.is_empty() => Element::Enum,
         Type::Enumeration if version == Version::Two => Element::I32,
         Type::Enumeration => Element::I64,
         Type::String | Type::Binary | Type::Clock => return None,
@@ -219,7 +220,7 @@ impl<'a> Planner<'a> {
             .variables
             .iter()
             .filter(|one| one.causality == causality);
-        let signals = own.filter(|one| element(version, one.kind).is_some());
+        let signals = own.filter(|one| element(version, one).is_some());
         let mut fields = signals
             .map(|one| self.field(one.name.clone(), vec![one], false, None, ""))
             .collect::<Result<Vec<_>, _>>()?;
@@ -251,7 +252,7 @@ impl<'a> Planner<'a> {
             .first()
             .ok_or_else(|| format!("the field `{name}` has no variables"))?;
         let version = self.description.version;
-        let Some(element) = element(version, first.kind) else {
+        let Some(element) = element(version, first) else {
             return Err(format!(
                 "`{}` is a {}, which is no signal, as it has no fixed size; it keeps its start value",
                 first.name,
@@ -296,11 +297,6 @@ impl<'a> Planner<'a> {
             ));
         }
         let items = Items::of(first);
-        let element = if items.values.is_empty() {
-            element
-        } else {
-            Element::Enum
-        };
         if !element.is_number() && conversion.unit != "1" {
             return Err(format!("`{}` is a {} and has no unit", first.name, first.kind.name()));
         }

@@ -266,7 +266,7 @@ impl<'a> System<'a> {
         let ((from, sends), (to, takes)) = ends.ok_or("one of them is no component")?;
         let output = sends.variable(name).ok_or("the FMU has no such variable")?;
         let kinds = (output.kind.name(), input.kind.name());
-        let elements = element(sends.version, output.kind).zip(element(takes.version, input.kind));
+        let elements = element(sends.version, output).zip(element(takes.version, input));
         let (gives, holds) = elements.ok_or_else(|| format!("{} and {} are no signals", kinds.0, kinds.1))?;
         if !holds.holds(gives) {
             return Err(format!("{} does not hold every value of {}", kinds.1, kinds.0));
@@ -314,7 +314,7 @@ impl<'a> System<'a> {
             let part = self.numbers[origin];
             let signal = self.variable(origin, name).and_then(|variable| {
                 let version = self.models[part?].description.version;
-                element(version, variable.kind)
+                element(version, variable)
             });
             let plain = self.line(&trace).is_ok_and(|line| line == Line::new());
             match part.filter(|_| signal.is_some()) {
