@@ -119,6 +119,11 @@ def check_csv(out, streams):
     return checked
 
 
+def filled(descriptor):
+    """A descriptor as it is written: fields of a tape that was made before enumerations were have no values."""
+    return {**descriptor, "fields": [{"values": [], **field} for field in descriptor["fields"]]}
+
+
 def check_parquet(out, streams):
     checked = 0
     for name, (stream, fields, stamps, records) in streams.items():
@@ -149,7 +154,7 @@ def check_parquet(out, streams):
             assert json.loads(metadata.get(b"shape", b"[]")) == (field["shape"] if wide(field) else [])
             checked += values.size
         about = json.loads(pyarrow.parquet.read_metadata(path).metadata[b"escapement.stream"])
-        assert about["period"] == stream["period"] and about["descriptor"] == stream["descriptor"]
+        assert about["period"] == stream["period"] and about["descriptor"] == filled(stream["descriptor"])
         if any(map(wide, fields)) and len(records) * stream["record_bytes"] > 1e6:
             assert path.stat().st_size < 1.01 * len(records) * stream["record_bytes"], f"{name}: {path.stat().st_size} bytes"
     return checked

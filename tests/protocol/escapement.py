@@ -95,7 +95,9 @@ class Reader:
 
     def descriptor(self):
         name, size = self.text(), self.take("I")
-        field = lambda: (self.text(), self.take("I"), self.list(lambda: self.take("I")), self.text(), self.text(), self.take("I"))
+        value = lambda: (self.text(), self.take("B"))
+        extents = lambda: self.list(lambda: self.take("I"))
+        field = lambda: (self.text(), self.take("I"), extents(), self.text(), self.text(), self.take("I"), self.list(value))
         return name, size, self.list(field)
 
     def input_link(self):
