@@ -20,6 +20,9 @@ use super::{Campaign, CampaignError, POINTS_MAX, journal};
 use crate::assessment::Criterion;
 use crate::scenario::Scenario;
 
+/// Chains that take fewer of their steps than this stand still.
+const STEPS_LEAST: f64 = 0.05;
+
 /// What is looked for.
 #[derive(Debug)]
 pub struct Rare {
@@ -323,7 +326,12 @@ impl Rarely {
                 self.criterion.limits()
             )
         }];
-        if estimate.stuck {
+        let steps = estimate.levels.last().and_then(|level| level.acceptance);
+        if estimate.stuck && steps.is_some_and(|taken| taken < STEPS_LEAST) {
+            lines.push(
+                "  the levels stopped to rise: hardly any step is taken; where noise decides, seeds = \"same\" leaves what is dispersed".to_owned(),
+            );
+        } else if estimate.stuck {
             lines.push(
                 "  the levels stopped to rise: the figure takes few different values, so nothing is won over counting"
                     .to_owned(),
