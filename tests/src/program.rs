@@ -1,5 +1,6 @@
 //! The program as its user starts it.
 
+use std::ffi::OsStr;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -169,14 +170,24 @@ pub fn orchestrate(arguments: &[&str]) -> Said {
 
 /// `orchestrator` with `arguments`, still running.
 pub fn start(arguments: &[&str]) -> Child {
-    let mut command = Command::new(orchestrator());
+    begin(orchestrator(), arguments)
+}
+
+/// `program` with `arguments`, to its end, as with [`orchestrate`].
+pub fn call(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Said {
+    finish(begin(program, arguments))
+}
+
+/// `program` with `arguments`, still running.
+pub fn begin(program: &Path, arguments: &[impl AsRef<OsStr>]) -> Child {
+    let mut command = Command::new(program);
     command
         .args(arguments)
         .current_dir(root())
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
-    command.spawn().expect("the orchestrator can be started")
+    command.spawn().expect("the program can be started")
 }
 
 /// Waits for the end of a started program, and takes what it writes meanwhile: a pipe that is full would stop it.

@@ -1,10 +1,10 @@
 //! Campaign files in shards, in bundles, point by point and growing: what is drawn is the same wherever and whenever it is run.
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::time::{Duration, Instant};
 
-use escapement_tests::program::{Folder, Said, built_as_shipped, finish, orchestrate, orchestrator, root, text};
+use escapement_tests::program::{Folder, begin, built_as_shipped, call, finish, orchestrate, orchestrator, root, text};
 use escapement_tests::world::springs;
 
 /// Two masses: a Sobol' sequence, masses from a file, and a formula that has no value at some points.
@@ -50,21 +50,6 @@ fn drawn(folder: &Folder, campaign: &str) -> PathBuf {
     }
     folder.write("values/masses.csv", "mass [kg],name\n0.8,a\n1.0,b\n1.3,c\n");
     folder.write("campaigns/drawn.toml", campaign)
-}
-
-fn begin(program: &Path, arguments: &[&str]) -> Child {
-    Command::new(program)
-        .args(arguments)
-        .current_dir(root())
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the program can be started")
-}
-
-fn call(program: &Path, arguments: &[&str]) -> Said {
-    finish(begin(program, arguments))
 }
 
 /// Table, page, pictures where there is something to draw, and the journal in the order of its points.

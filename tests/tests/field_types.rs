@@ -1,22 +1,15 @@
 //! Truth values, enumerations and small numbers as signals: an example in Rust and C++, and one in C that shares nothing with it.
 
 use std::path::Path;
-use std::process::Command;
 
 use escapement_tests::compiler::{Workshop, examples, library};
-use escapement_tests::program::{Folder, Said, built, orchestrate, root, text};
+use escapement_tests::program::{Folder, Said, built, call, orchestrate, root, text};
 
 const TANK: &str = "examples/tank/tank.toml";
 const CROSSING: &str = "examples/c/crossing.toml";
 
-fn command(program: &Path, arguments: &[&str]) -> Said {
-    let mut command = Command::new(program);
-    let said = command.current_dir(root()).args(arguments).output();
-    said.expect("the program can be started").into()
-}
-
 fn tank(arguments: &[&str]) -> Said {
-    command(&built().join("tank"), arguments)
+    call(&built().join("tank"), arguments)
 }
 
 /// What is written of a refusal of the tank's scenario with one change.

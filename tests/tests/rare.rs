@@ -1,10 +1,9 @@
 //! Campaigns for a rare event: probabilities that are known, the same whatever happens on the way, and what is refused.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use escapement_tests::program::{Folder, Said, built, finish, orchestrate, root, start, text};
+use escapement_tests::program::{Folder, built, call, finish, orchestrate, root, start, text};
 use testing::random::SplitMix;
 
 const CAMPAIGN: &str = r#"
@@ -146,17 +145,6 @@ fn probability_is_the_one_that_is_known_whatever_happens_on_the_way() {
     );
 }
 
-fn run(program: &Path, arguments: &[&str]) -> Said {
-    let child = Command::new(program)
-        .args(arguments)
-        .current_dir(root())
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn();
-    finish(child.expect("the program can be started"))
-}
-
 /// A program of its own, a limit from below, two dispersions, other shares: how often a lander begins too
 /// fast.
 #[test]
@@ -177,7 +165,7 @@ fn lander_that_falls_too_fast_is_found_too() {
     let out = folder.path().join("out");
     let sweep = |criterion: &str, more: &[&str]| {
         let file = folder.write("rare.toml", &campaign.replace("CRITERION", criterion));
-        run(&program, &[&["sweep", text(&file), "--out", text(&out)], more].concat())
+        call(&program, &[&["sweep", text(&file), "--out", text(&out)], more].concat())
     };
     let said = sweep("nothing", &[]);
     assert_eq!(said.code, Some(2), "{said:?}");

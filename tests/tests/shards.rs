@@ -1,10 +1,9 @@
 //! Shards of a campaign: together they are what one machine makes, whatever happens to them.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use escapement_tests::program::{Folder, Said, built, finish, orchestrate, orchestrator, root, text};
+use escapement_tests::program::{Folder, begin, built, call, finish, orchestrate, orchestrator, root, text};
 use testing::random::SplitMix;
 
 const CLOSE: [&str; 7] = [
@@ -37,17 +36,6 @@ fn lander(more: &[&str]) -> Vec<String> {
 
 fn strings(words: &[&str]) -> Vec<String> {
     words.iter().map(|word| (*word).to_owned()).collect()
-}
-
-fn call(program: &Path, arguments: &[String]) -> Said {
-    let child = Command::new(program)
-        .args(arguments)
-        .current_dir(root())
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn();
-    finish(child.expect("the program can be started"))
 }
 
 /// What a campaign of a system is called with.
@@ -182,14 +170,7 @@ fn merge_refuses_what_is_no_whole() {
 fn run_killed(program: &Path, arguments: &[String], alone: Duration, random: &mut SplitMix) -> usize {
     let mut kills = 0;
     loop {
-        let mut child = Command::new(program)
-            .args(arguments)
-            .current_dir(root())
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the program can be started");
+        let mut child = begin(program, arguments);
         std::thread::sleep(alone.mul_f64((random.bits() % 1000) as f64 / 1000.0));
         if kills < 60 && child.try_wait().unwrap().is_none() {
             child.kill().unwrap();

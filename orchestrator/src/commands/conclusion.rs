@@ -19,11 +19,7 @@ pub fn conclude(
     let some = campaign.first(finished.results.len());
     let enough = some.points.len() < campaign.points.len();
     let campaign = if enough { &some } else { campaign };
-    let title = if identity.title.is_empty() {
-        &identity.scenario
-    } else {
-        &identity.title
-    };
+    let title = identity.heading();
     if let Some(shard) = identity.shard {
         print_part(title, shard, campaign, finished, how);
         return Ok(code(finished));
@@ -67,11 +63,7 @@ pub fn figures(finished: &Finished) -> Vec<Number> {
 pub fn conclude_rare(ended: &Rarely, figure: Option<&Number>, how: &CampaignArgs) -> Result<i32, CampaignError> {
     let Rarely { campaign, finished, .. } = ended;
     let identity = &finished.identity;
-    let title = if identity.title.is_empty() {
-        &identity.scenario
-    } else {
-        &identity.title
-    };
+    let title = identity.heading();
     let first = campaign.first(ended.sample);
     let sample = &finished.results[..ended.sample.min(finished.results.len())];
     let picture = Picture {

@@ -200,7 +200,7 @@ fn base(model: Option<Model>, streams: &[StreamSpec]) -> Body {
         unreachable!("a path is one")
     };
     body.shapes.push(Shape::Path(Path { opacity: 0.55, ..path }));
-    // What is drawn is what acts; what was demanded only where nobody tells what acted.
+    // What acts is drawn; the command only where no stream has what acted.
     for (names, label, heads, colour) in [
         (FORCE, "base force", 1, FORCE_COLOUR),
         (TORQUE, "base torque", 2, TORQUE_COLOUR),

@@ -1,6 +1,6 @@
 //! A column of a campaign's table.
 
-/// More points than anybody waits for, and more rows than are meant to be read.
+/// The most points that a campaign has, and rows that its table has.
 pub const POINTS_MAX: usize = 100_000;
 
 /// A column that tells points apart.

@@ -173,6 +173,15 @@ impl Identity {
         Ok(identity)
     }
 
+    /// What the campaign is called on its page: its title, or the scenario's name where it has none.
+    pub fn heading(&self) -> &str {
+        if self.title.is_empty() {
+            &self.scenario
+        } else {
+            &self.title
+        }
+    }
+
     /// What the digest is of a campaign that has only the first `count` points.
     pub(super) fn digest_of(&self, campaign: &Campaign, count: usize) -> Digest {
         let mut parts = Parts::new("escapement campaign 2");

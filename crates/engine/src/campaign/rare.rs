@@ -115,18 +115,19 @@ impl Rare {
             finished: None,
         };
         levels.run()?;
+        if levels.finished.is_none() {
+            // Everything was there: nothing is run, and the folder is taken.
+            levels.work()?;
+        }
         let Levels {
             sample,
             subset,
             campaign,
-            finished,
-            options: own,
+            finished: Some(mut finished),
             ..
-        } = levels;
-        let mut finished = match finished {
-            Some(finished) => finished,
-            // Everything was there: nothing is run, and the folder is taken.
-            None => run(&campaign, scenario, &own)?,
+        } = levels
+        else {
+            unreachable!("work leaves what has finished, or an error");
         };
         if !finished.interrupted {
             finished.keep(&campaign, scenario, options)?;
@@ -175,13 +176,9 @@ impl Levels<'_> {
         while let Some(batch) = self.subset.batch() {
             let wanted: Vec<usize> = batch.iter().map(|one| one.number).collect();
             self.points.extend_from_slice(batch);
-            if let Some(scores) = self.scores(&wanted) {
-                self.grow();
-                self.subset.take(&scores);
-                continue;
+            if self.scores(&wanted).is_none() {
+                self.work()?;
             }
-            self.grow();
-            self.work()?;
             match self.scores(&wanted) {
                 Some(scores) => self.subset.take(&scores),
                 // An end was asked for.
@@ -221,6 +218,7 @@ impl Levels<'_> {
             let reason = format!("the levels take more than {POINTS_MAX} points: draw less");
             return Err(CampaignError::Rare(reason));
         }
+        self.grow();
         // The folder is let go of before it is taken again.
         let before = self.finished.take().map(|before| (before.resumed, before.wall_s));
         let mut ended = run(&self.campaign, self.scenario, &self.options)?;

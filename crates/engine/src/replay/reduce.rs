@@ -130,7 +130,7 @@ fn substitute(table: &mut Table, own: &mut Table, exe: &Path, args: &[String]) -
     Ok(())
 }
 
-/// Who is to be played: ports and role of each producer.
+/// The producers whose samples players give out: ports and role of each.
 type Played = BTreeMap<String, (Vec<String>, Role)>;
 
 /// The connections into the participant, which come from players now.

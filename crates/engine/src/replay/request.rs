@@ -13,7 +13,7 @@ pub struct Request<'a> {
     pub catalogue: &'a Arc<Catalogue>,
     /// The folder of the recorded run.
     pub folder: &'a Path,
-    /// Who is replayed.
+    /// The participant that is replayed.
     pub participant: &'a str,
     /// Changes of the plan, each `key.path=value`.
     pub overrides: &'a [String],

@@ -3,7 +3,7 @@
 use super::course::Course;
 use super::outcome::RunFailure;
 
-/// How often somebody may fail without getting any further.
+/// How often a participant may fail without getting any further.
 pub(super) const RESTARTS_MAX: u32 = 5;
 
 /// A participant that failed.

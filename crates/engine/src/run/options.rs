@@ -20,7 +20,7 @@ pub enum Wait {
     /// As the placement recommends.
     #[default]
     Auto,
-    /// Spin: fastest with a core for everybody, and granted only there.
+    /// Spin: fastest with a core for each participant, and granted only there.
     Spin,
     /// Let others run.
     Yield,
@@ -99,7 +99,7 @@ pub struct Options {
     pub patience_s: f64,
     /// How long each program may take to enter the run and to answer a request, whatever the scenario says of it.
     pub start_within: Option<Duration>,
-    /// Whoever moves the horizon from outside.
+    /// What moves the horizon from outside, such as the live page.
     pub steering: Option<Arc<Steering>>,
 }
 
@@ -167,7 +167,7 @@ impl Options {
         Duration::try_from_secs_f64(self.patience_s).unwrap_or(Duration::MAX)
     }
 
-    /// Tells whoever watches that there is a run.
+    /// Tells the observer and the live page that there is a run.
     pub(super) fn begin(&self, plan: &Plan, folder: Option<&RunFolder>) {
         let duration_s = plan.timebase.seconds(plan.end);
         self.progress.report(Event::Begun { duration_s });
