@@ -52,7 +52,7 @@ fn overrun() -> impl TypedValueParser<Value = Overrun> {
 /// `--substitute` as an override.
 fn substitute(text: &str) -> Result<String, String> {
     let (participant, run) = engine::shadow::in_place(text, "--substitute")?;
-    Ok(format!("participants.{participant}.run={run}"))
+    Ok(format!("participants.{participant}.run={}", run.words()))
 }
 
 /// An instant of a run, for an option.

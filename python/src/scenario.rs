@@ -130,7 +130,7 @@ impl Scenario {
 
     /// The scenario with files and changes filled in, as tables.
     fn table<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        values::of_toml(py, &toml::Value::Table(self.scenario.written()))
+        values::of_toml(py, &toml::Value::Table(self.scenario.written().to_table()))
     }
 
     /// Whether everybody can run in this process.

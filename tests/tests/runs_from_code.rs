@@ -140,6 +140,7 @@ fn loop_that_is_closed_from_code_is_the_same_everywhere_and_is_repeated() {
         participant: "plant",
         overrides: &[],
         program: None,
+        run: None,
         to: None,
         unverified: false,
     });

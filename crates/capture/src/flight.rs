@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::{Context, bail};
 use engine::Catalogue;
 use engine::run::{Ending, Options, run};
-use engine::scenario::Scenario;
+use engine::scenario::{Scenario, ScenarioSpec};
 use engine::scope::Scope;
 use lockstep::time::Rational;
 use synthesis::robot::{FlightSpec, FlownEntry, GainTable, Gains, ModelSpec, Robot, Spec, spectral_radius};
@@ -38,6 +38,7 @@ pub fn fly(
     // In a place that the next run or `doctor` clears if this program is killed.
     let scope = Scope::create()?;
     let folder = scope.scratch()?.join("flight");
+    let whole = ScenarioSpec::read(&scenario, &[])?;
     let mut flown = Vec::new();
     // A payload is a body that the simulator has only after a grasp.
     let models: Vec<&ModelSpec> = spec.models.iter().filter(|model| model.payload.is_none()).collect();
@@ -47,8 +48,9 @@ pub fn fly(
             if next(flown.len(), count) {
                 return Ok(flown);
             }
-            let overrides = overrides(flight, gains, model, delay)?;
-            let read = Scenario::read(catalogue, &scenario, &overrides)?;
+            let mut own = whole.clone();
+            change(&mut own, flight, gains, model, delay)?;
+            let read = Scenario::of(catalogue, own, &scenario)?;
             let options = Options {
                 in_process: true,
                 out: Some(folder.clone()),
@@ -92,22 +94,28 @@ fn claim(spec: &Spec, robot: &Robot, gains: &Gains, model: &ModelSpec, delay: f6
     Ok(spectral_radius(&delayed, robot, &nominal, gains)?)
 }
 
-fn overrides(flight: &FlightSpec, gains: &Gains, model: &ModelSpec, delay: f64) -> anyhow::Result<Vec<String>> {
+/// Makes the scenario one of these gains, this configuration and this delay.
+fn change(
+    spec: &mut ScenarioSpec,
+    flight: &FlightSpec,
+    gains: &Gains,
+    model: &ModelSpec,
+    delay: f64,
+) -> anyhow::Result<()> {
     if !(delay.is_finite() && delay >= 0.0) {
         bail!("flight.delays_s has {delay}: a delay must be zero or positive");
     }
     let table = Table::from_iter([("gains".to_owned(), Value::try_from(GainTable::new(gains))?)]);
-    let millis = format!("{:.6} ms", 1e3 * delay);
     let joints: Vec<String> = model.joints_deg.iter().map(ToString::to_string).collect();
-    let mut all = vec![
-        format!("{}={}", flight.gains_key, Value::Table(table)),
-        format!("{}=\"[{}] deg\"", flight.joints_key, joints.join(", ")),
-    ];
-    all.extend(flight.delay_keys.iter().map(|key| format!("{key}=\"{millis}\"")));
-    if gains.ki.is_empty() {
-        all.extend(flight.proportional.iter().cloned());
+    spec.set(&flight.gains_key, table)?;
+    spec.set(&flight.joints_key, format!("[{}] deg", joints.join(", ")))?;
+    for key in &flight.delay_keys {
+        spec.set(key, format!("{:.6} ms", 1e3 * delay))?;
     }
-    Ok(all)
+    if gains.ki.is_empty() {
+        spec.change(&flight.proportional)?;
+    }
+    Ok(())
 }
 
 /// A file or folder that a specification names: from the working directory, from its own folder, or from the one above.
@@ -133,7 +141,9 @@ pub fn record<T>(
     } else {
         Rational::from_millis(1)
     };
-    let scenario = Scenario::read(catalogue, scenario, &[format!("duration=\"{duration}\"")])?;
+    let mut spec = ScenarioSpec::read(scenario, &[])?;
+    spec.duration = duration.into();
+    let scenario = Scenario::of(catalogue, spec, scenario)?;
     let scope = Scope::create()?;
     let folder = scope.scratch()?.join("record");
     let options = Options {

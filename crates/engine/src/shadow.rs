@@ -13,15 +13,17 @@ use tape::compare::Comparison;
 use crate::Catalogue;
 use crate::replay::{Replay, Request};
 use crate::run::{Ending, Options, RunFailure, describe};
-use crate::scenario::{Program, Scenario};
+use crate::scenario::{RunSpec, Scenario, ScenarioSpec};
 
 /// What `--shadow NAME=PROGRAM` asks for.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Shadow {
     participant: String,
     program: String,
-    /// What makes the program stand in the participant's place.
-    overrides: Vec<String>,
+    /// What stands in the participant's place.
+    run: RunSpec,
+    /// Changes of its parameters.
+    set: Vec<String>,
 }
 
 /// What a shadow said, against what was said in the run.
@@ -47,9 +49,12 @@ pub struct Account {
     pub comparison: Option<Comparison>,
 }
 
-/// `NAME=PROGRAM` in two parts, with the `run` table that PROGRAM stands for: `builtin:NAME`, or a file as the shell sees it: a library
-/// if its name ends with `.so`, else a program.
-pub fn in_place(text: &str, option: &str) -> Result<(String, String), String> {
+/// `NAME=PROGRAM` in two parts, with what PROGRAM stands for: `builtin:NAME`, or a file as the shell sees it: a library if its name ends
+/// with `.so`, an FMU if it ends with `.fmu`, else a program.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn in_place(text: &str, option: &str) -> Result<(String, RunSpec), String> {
     let parts = text
         .split_once('=')
         .map(|(name, program)| (name.trim(), program.trim()));
@@ -58,25 +63,19 @@ pub fn in_place(text: &str, option: &str) -> Result<(String, String), String> {
             "{option} takes PARTICIPANT=PROGRAM, such as controller=./my-controller or controller=builtin:controller, not `{text}`"
         ));
     };
-    let mut run = toml::Table::new();
-    match program.strip_prefix("builtin:") {
-        Some(builtin) => run.insert("builtin".into(), toml::Value::String(builtin.to_owned())),
-        None => {
-            // What has a slash is relative to where the user is, not to the scenario.
-            let file = if program.contains('/') || program.ends_with(".fmu") {
-                let absolute =
-                    std::path::absolute(program).map_err(|error| format!("{option}: `{program}`: {error}"))?;
-                absolute
-                    .into_os_string()
-                    .into_string()
-                    .map_err(|path| format!("{option}: `{}` is not UTF-8: name a program that is", path.display()))?
-            } else {
-                program.to_owned()
-            };
-            run.insert(Program::key_of(&file).into(), toml::Value::String(file))
+    let run = match program.strip_prefix("builtin:") {
+        Some(builtin) => RunSpec::builtin(builtin),
+        // What has a slash is relative to where the user is, not to the scenario.
+        None if program.contains('/') || program.ends_with(".fmu") => {
+            let absolute = std::path::absolute(program).map_err(|error| format!("{option}: `{program}`: {error}"))?;
+            let text = absolute.into_os_string().into_string();
+            let text =
+                text.map_err(|path| format!("{option}: `{}` is not UTF-8: name a program that is", path.display()))?;
+            RunSpec::of_file(&text)
         }
+        None => RunSpec::of_file(program),
     };
-    Ok((participant.to_owned(), toml::Value::Table(run).to_string()))
+    Ok((participant.to_owned(), run))
 }
 
 impl Shadow {
@@ -91,24 +90,24 @@ impl Shadow {
             .map_or("", |(_, program)| program)
             .trim()
             .to_owned();
-        let mut overrides = vec![format!("participants.{participant}.run={run}")];
-        for one in set {
-            if !one.contains('=') {
-                return Err(format!(
-                    "--shadow-set takes KEY.PATH=VALUE, a parameter of the shadow, not `{one}`"
-                ));
-            }
-            overrides.push(format!("participants.{participant}.parameters.{one}"));
+        if let Some(one) = set.iter().find(|one| !one.contains('=')) {
+            return Err(format!(
+                "--shadow-set takes KEY.PATH=VALUE, a parameter of the shadow, not `{one}`"
+            ));
         }
+        let set = set
+            .iter()
+            .map(|one| format!("participants.{participant}.parameters.{one}"));
         Ok(Shadow {
+            set: set.collect(),
             participant,
             program,
-            overrides,
+            run,
         })
     }
 
-    /// Whether it can stand in its place in a run of `scenario`, which was read from `file` with `overrides`: that is
-    /// refused before anything runs. A program of its own is started for a moment, to ask for its ports.
+    /// Whether it can stand in its place in a run of `scenario`, which was read from `file`: that is refused before anything runs. A
+    /// program of its own is started for a moment, to ask for its ports.
     ///
     /// # Errors
     /// What is wrong with the program or its parameters, or the difference of its ports.
@@ -116,11 +115,11 @@ impl Shadow {
         &self,
         catalogue: &Arc<Catalogue>,
         file: &Path,
-        overrides: &[String],
+        scenario: &ScenarioSpec,
         options: &Options,
     ) -> Result<(), RunFailure> {
-        let ports = |overrides: &[String]| -> Result<_, RunFailure> {
-            let scenario = Scenario::read(catalogue, file, overrides)?;
+        let ports = |spec: ScenarioSpec| -> Result<_, RunFailure> {
+            let scenario = Scenario::of(catalogue, spec, file)?;
             // Whatever else is wrong with it is told first.
             scenario.make()?;
             let entry = scenario
@@ -131,8 +130,11 @@ impl Shadow {
             let ports = ports.transpose();
             Ok((scenario, ports))
         };
-        let (_, original) = ports(overrides)?;
-        let (scenario, shadow) = ports(&[overrides, &self.overrides].concat())?;
+        let (_, original) = ports(scenario.clone())?;
+        let mut changed = scenario.clone();
+        changed.set_run(&self.participant, &self.run, "given with --shadow")?;
+        changed.change(&self.set)?;
+        let (scenario, shadow) = ports(changed)?;
         let (Ok(Some((_, original))), shadow) = (original, shadow) else {
             // What is wrong with the run itself is said when it starts.
             return Ok(());
@@ -169,8 +171,9 @@ impl Shadow {
             catalogue,
             folder,
             participant: &self.participant,
-            overrides: &self.overrides,
+            overrides: &self.set,
             program: None,
+            run: Some(&self.run),
             to: None,
             unverified: false,
         });
@@ -208,17 +211,14 @@ mod tests {
     fn a_shadow_stands_in_the_place_of_its_participant() {
         let set = ["law=\"reference\"".to_owned()];
         let shadow = Shadow::read("controller=builtin:controller", &set).unwrap();
-        assert_eq!(
-            shadow.overrides,
-            [
-                "participants.controller.run={ builtin = \"controller\" }",
-                "participants.controller.parameters.law=\"reference\"",
-            ]
-        );
+        assert_eq!(shadow.run, RunSpec::builtin("controller"));
+        assert_eq!(shadow.set, ["participants.controller.parameters.law=\"reference\""]);
+        let exe = |file: &str| RunSpec::exe::<String>(file, []);
         let (name, run) = in_place("controller=/bin/true", "--substitute").unwrap();
-        assert_eq!((name.as_str(), run.as_str()), ("controller", "{ exe = \"/bin/true\" }"));
-        assert!(in_place("controller=./x", "").unwrap().1.contains('/'));
-        assert_eq!(in_place("controller=x", "").unwrap().1, "{ exe = \"x\" }");
+        assert_eq!((name.as_str(), run), ("controller", exe("/bin/true")));
+        assert!(in_place("controller=./x", "").unwrap().1.exe.unwrap().starts_with('/'));
+        assert_eq!(in_place("controller=x", "").unwrap().1, exe("x"));
+        assert_eq!(in_place("controller=/x.so", "").unwrap().1, RunSpec::library("/x.so"));
         for bad in ["controller", "=x", "controller="] {
             assert!(in_place(bad, "--shadow").unwrap_err().contains("PARTICIPANT=PROGRAM"));
         }

@@ -145,7 +145,10 @@ macro_rules! fmu {
 pub mod prelude {
     pub use engine::Catalogue;
     pub use engine::run::{Checkpoint, Ending, Options, Outcome, Record, Run, RunFailure, Sample};
-    pub use engine::scenario::Scenario;
+    pub use engine::scenario::{
+        ConnectionSpec, FaultKind, FaultSpec, GuardSpec, MeasureKind, MeasureSpec, OnFailureSpec, ParticipantSpec,
+        RecordSpec, RunSpec, Scenario, ScenarioError, ScenarioSpec, Time,
+    };
     pub use lockstep::participant::{
         Failure, InputPort, Inputs, Interface, Kind, OutputPort, Outputs, ParameterError, Participant, Ports, Setup,
         Step, state,

@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use engine::Catalogue;
-use engine::scenario::{Entry, Program, Scenario};
+use engine::scenario::{Entry, OnFailureSpec, Program, Scenario, ScenarioSpec};
 use lockstep::time::Rational;
 use serde::{Deserialize, Serialize};
-use toml::{Table, Value};
 
 use crate::body::{Body, exact};
 use crate::describe::{About, describe};
@@ -76,7 +75,7 @@ fn broken(text: impl Into<String>) -> ExportError {
 /// Everything that goes into the archive.
 struct Parts {
     manifest: Manifest,
-    scenario: Table,
+    scenario: ScenarioSpec,
     /// Files beside the scenario, by name.
     files: Vec<(String, PathBuf)>,
     description: String,
@@ -101,7 +100,7 @@ pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, E
         Some(name) => participant(&scenario, name, request.fmi)?,
         None => whole(&scenario, request)?,
     };
-    let (manifest, text) = (write(&parts.manifest)?, parts.scenario.to_string());
+    let (manifest, text) = (write(&parts.manifest)?, parts.scenario.to_text());
     let token = token(&manifest, &text);
     // As its library will read it, but for where the files lie.
     let mut here = parts.scenario.clone();
@@ -112,7 +111,7 @@ pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, E
             .find(|(own, _)| own == name)
             .map(|(_, file)| file.clone())
     });
-    let read = Scenario::read_text(catalogue, &request.scenario, &here.to_string());
+    let read = Scenario::of(catalogue, here, &request.scenario);
     let model = Model::new(Content {
         manifest: parts.manifest.clone(),
         scenario: read.map_err(|error| broken(format!("the exported scenario cannot be read again: {error}")))?,
@@ -222,19 +221,13 @@ fn participant(scenario: &Scenario, name: &str, fmi: u32) -> Result<Parts, Expor
             )));
         }
     }
-    let mut alone = Table::new();
-    alone.insert("title".into(), Value::String(scenario.title.clone()));
-    alone.insert("duration".into(), Value::String(scenario.duration.to_string()));
-    // As text: a seed may be larger than a number of TOML.
-    alone.insert("seed".into(), Value::String(scenario.seed.to_string()));
-    let written = scenario.resolved().get("participants").and_then(|all| all.get(name));
-    let mut own = written.and_then(Value::as_table).cloned().unwrap_or_default();
-    own.remove("on-failure");
-    own.remove("start-within");
-    alone.insert(
-        "participants".into(),
-        Value::Table([(name.to_owned(), Value::Table(own))].into_iter().collect()),
-    );
+    let mut alone = ScenarioSpec::new(scenario.duration)
+        .title(&scenario.title)
+        .seed(scenario.seed);
+    let mut own = scenario.spec().participants[name].clone();
+    own.on_failure = OnFailureSpec::Stop;
+    own.start_within = None;
+    alone.participants.insert(name.to_owned(), own);
     let mut files = Vec::new();
     pack_files(&mut alone, std::iter::once(entry), &mut files);
     let manifest = Manifest {
@@ -261,8 +254,8 @@ fn participant(scenario: &Scenario, name: &str, fmi: u32) -> Result<Parts, Expor
 
 /// The whole scenario.
 fn whole(scenario: &Scenario, request: &Request) -> Result<Parts, ExportError> {
-    let mut table = scenario.resolved().clone();
-    table.remove("folder");
+    let mut spec = scenario.spec().clone();
+    spec.folder = None;
     let mut outputs = request.outputs.clone();
     if outputs.is_empty() {
         let known = engine::run::check_here(scenario).map_err(|error| refuse(error.to_string()))?;
@@ -276,7 +269,7 @@ fn whole(scenario: &Scenario, request: &Request) -> Result<Parts, ExportError> {
             "a substitution with the file `{file}` in it cannot be exported: leave it out of the scenario"
         )));
     }
-    pack_files(&mut table, scenario.participants.iter(), &mut files);
+    pack_files(&mut spec, scenario.participants.iter(), &mut files);
     let mut manifest = Manifest {
         format: FORMAT,
         fmi: request.fmi,
@@ -292,7 +285,7 @@ fn whole(scenario: &Scenario, request: &Request) -> Result<Parts, ExportError> {
     manifest.state &= tried.save().is_ok_and(|state| state.kept.is_some());
     Ok(Parts {
         manifest,
-        scenario: table,
+        scenario: spec,
         files,
         description: scenario.title.clone(),
     })
@@ -307,7 +300,11 @@ fn can_save(scenario: &Scenario, entry: &Entry) -> Result<bool, ExportError> {
 }
 
 /// The files that consist of participants' code go along, under names of their own.
-fn pack_files<'a>(scenario: &mut Table, entries: impl Iterator<Item = &'a Entry>, files: &mut Vec<(String, PathBuf)>) {
+fn pack_files<'a>(
+    scenario: &mut ScenarioSpec,
+    entries: impl Iterator<Item = &'a Entry>,
+    files: &mut Vec<(String, PathBuf)>,
+) {
     for entry in entries {
         let (Program::Library { file, .. } | Program::Fmu { file, .. }) = &entry.program else {
             continue;
@@ -324,36 +321,20 @@ fn pack_files<'a>(scenario: &mut Table, entries: impl Iterator<Item = &'a Entry>
                 name
             }
         };
-        if let Some(run) = run_of(scenario, &entry.setup.name) {
-            for key in ["library", "fmu"] {
-                if let Some(value) = run.get_mut(key) {
-                    *value = Value::String(packed.clone());
-                }
+        if let Some(own) = scenario.participants.get_mut(&entry.setup.name) {
+            for file in [&mut own.run.library, &mut own.run.fmu].into_iter().flatten() {
+                *file = packed.clone();
             }
         }
     }
 }
 
-fn run_of<'a>(scenario: &'a mut Table, name: &str) -> Option<&'a mut Table> {
-    scenario
-        .get_mut("participants")?
-        .get_mut(name)?
-        .get_mut("run")?
-        .as_table_mut()
-}
-
-/// Puts other files in the places of those that `run` tables name.
-fn relocate(scenario: &mut Table, place: &dyn Fn(&str) -> Option<PathBuf>) {
-    let participants = scenario.get_mut("participants").and_then(Value::as_table_mut);
-    for (_, one) in participants.into_iter().flatten() {
-        let run = one.get_mut("run").and_then(Value::as_table_mut);
-        for (key, value) in run.into_iter().flatten() {
-            let file = value
-                .as_str()
-                .filter(|_| matches!(key.as_str(), "library" | "fmu"))
-                .and_then(place);
-            if let Some(file) = file {
-                *value = Value::String(file.to_string_lossy().into_owned());
+/// Puts other files in the places of those that participants consist of.
+fn relocate(scenario: &mut ScenarioSpec, place: &dyn Fn(&str) -> Option<PathBuf>) {
+    for own in scenario.participants.values_mut() {
+        for file in [&mut own.run.library, &mut own.run.fmu].into_iter().flatten() {
+            if let Some(there) = place(file) {
+                *file = there.to_string_lossy().into_owned();
             }
         }
     }

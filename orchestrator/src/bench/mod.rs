@@ -10,6 +10,6 @@ mod share;
 pub use deaths::deaths;
 pub use exchange::{be_an_end, exchange};
 pub use figures::Figures;
-pub use participants::{register, scenario_text};
+pub use participants::{register, ring};
 pub use scaling::scaling;
 pub use share::share;

@@ -1,6 +1,7 @@
 //! Participants that do nothing but exchange 27 doubles.
 
 use engine::Catalogue;
+use engine::scenario::{ConnectionSpec, ParticipantSpec, ScenarioSpec};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 
 lockstep::message! {
@@ -29,7 +30,7 @@ impl Participant for Relay {
     }
 }
 
-/// Adds the two relays under the names by which a scenario of [`scenario_text`] asks for them.
+/// Adds the two relays under the names by which a scenario of [`ring`] asks for them.
 pub fn register(catalogue: Catalogue) -> Catalogue {
     catalogue
         .internal("bench-continuous", |_| Ok(Box::new(Relay(Kind::Continuous))))
@@ -37,19 +38,17 @@ pub fn register(catalogue: Catalogue) -> Catalogue {
 }
 
 /// A ring of `count` relays, the first of them continuous, all activated every millisecond for `steps` steps.
-pub fn scenario_text(count: usize, steps: u64) -> String {
-    let mut text = format!("title = \"a ring of {count} relays\"\nduration = \"{steps} ms\"\n");
-    for number in 0..count {
+pub fn ring(count: usize, steps: u64) -> ScenarioSpec {
+    let ring = ScenarioSpec::new(format!("{steps} ms")).title(&format!("a ring of {count} relays"));
+    (0..count).fold(ring, |ring, number| {
         let kind = if number == 0 {
             "bench-continuous"
         } else {
             "bench-sampled"
         };
         let before = (number + count - 1) % count;
-        text += &format!(
-            "[participants.r{number:02}]\nrun = {{ builtin = \"{kind}\" }}\nperiod = \"1 ms\"\n\
-             [connections.c{number:02}]\nfrom = \"r{before:02}.to\"\nto = \"r{number:02}.from\"\n"
-        );
-    }
-    text
+        let link = ConnectionSpec::new(&format!("r{before:02}.to"), &format!("r{number:02}.from"));
+        ring.participant(&format!("r{number:02}"), ParticipantSpec::builtin(kind).every("1 ms"))
+            .connection(&format!("c{number:02}"), link)
+    })
 }

@@ -121,9 +121,7 @@ fn ring(folder: &Path, count: usize, steps: u64, wait: Wait) -> anyhow::Result<f
 }
 
 fn ring_run(folder: &Path, count: usize, steps: u64, wait: Wait, pace: Option<f64>) -> anyhow::Result<Outcome> {
-    let file = folder.join("ring.toml");
-    std::fs::write(&file, bench::scenario_text(count, steps))?;
-    let scenario = Scenario::read(catalogue(), &file, &[])?;
+    let scenario = Scenario::of(catalogue(), bench::ring(count, steps), &folder.join("ring.toml"))?;
     let out = folder.join("run");
     let options = Options {
         out: Some(out),

@@ -12,7 +12,6 @@ use tape::{Reader, Source};
 use toml::{Table, Value};
 
 use super::trust::{Trust, told};
-use crate::catalogue::catalogue;
 use crate::output;
 
 /// Exit code: a criterion is not met.
@@ -120,8 +119,8 @@ impl MeasureArgs {
     fn definitions(&self, tape: &Reader) -> Result<Vec<Definition>, String> {
         let definitions = match (&self.of, &self.measures) {
             (Some(of), _) => return Ok(vec![self.single(of, tape)?]),
-            (None, Some(file)) => measures_of_file(catalogue(), file, tape.streams()),
-            (None, None) => measures_of_plan(catalogue(), &self.plan()?, tape.streams()),
+            (None, Some(file)) => measures_of_file(file, tape.streams()),
+            (None, None) => measures_of_plan(&self.plan()?, tape.streams()),
         };
         definitions.map_err(|error| error.to_string())
     }

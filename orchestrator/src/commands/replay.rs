@@ -78,6 +78,7 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         participant: &args.participant,
         overrides: &args.set,
         program: exe.as_deref().map(|exe| (exe, args.args.as_slice())),
+        run: None,
         to: args.to,
         unverified: args.trust.unverified,
     })?;

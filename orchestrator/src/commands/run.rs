@@ -56,7 +56,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
             eprintln!("warning: {warning}");
         }
     }
-    match shadows(args) {
+    match shadows(args, &scenario) {
         Ok(shadows) => execute(&scenario, &args.how, None, &shadows),
         Err((reason, code)) => {
             eprintln!("error: {reason}");
@@ -219,7 +219,7 @@ fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result
 ///
 /// # Errors
 /// What is wrong with one of them, and the exit code.
-fn shadows(args: &RunArgs) -> Result<Vec<Shadow>, (String, i32)> {
+fn shadows(args: &RunArgs, scenario: &Scenario) -> Result<Vec<Shadow>, (String, i32)> {
     let options = Options {
         interrupt: signals::interrupt(),
         start_within: args.how.common.start_within(),
@@ -227,12 +227,7 @@ fn shadows(args: &RunArgs) -> Result<Vec<Shadow>, (String, i32)> {
     };
     let read = |text: &String| {
         let shadow = Shadow::read(text, &args.shadow_set).map_err(|reason| (reason, 2))?;
-        let checked = shadow.check(
-            catalogue(),
-            &args.scenario.scenario,
-            &args.scenario.overrides(),
-            &options,
-        );
+        let checked = shadow.check(catalogue(), &args.scenario.scenario, scenario.spec(), &options);
         let failed = |failure: RunFailure| (failure.to_string(), failure.exit_code());
         checked.map(|()| shadow).map_err(failed)
     };

@@ -11,7 +11,7 @@ use super::any_path::AnyPath;
 use super::shard::Shard;
 use super::source::Source;
 use super::{Campaign, CampaignError, Column, Kind};
-use crate::scenario::{Named, Scenario, each_named};
+use crate::scenario::{Scenario, ScenarioSpec};
 
 /// `campaign.json`: what the folder is of.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -87,9 +87,9 @@ pub(super) fn failed(path: &Path, action: &'static str) -> impl FnOnce(io::Error
     move |source| CampaignError::Io { path, action, source }
 }
 
-/// The digest of a scenario as it was read, with the contents of its files.
-pub fn digest_of_scenario(scenario: &Scenario) -> Digest {
-    blake3::hash(scenario.resolved().to_string().as_bytes()).into()
+/// The digest of a scenario with the contents of its files.
+pub fn digest_of_scenario(spec: &ScenarioSpec) -> Digest {
+    blake3::hash(spec.to_table().to_string().as_bytes()).into()
 }
 
 /// A digest of several parts.
@@ -124,20 +124,17 @@ fn digest_of_programs(scenario: &Scenario) -> Result<Digest, CampaignError> {
 
 /// The scenario wherever it lies: its programs count by what they contain.
 fn digest_of_content(scenario: &Scenario) -> Digest {
-    let mut table = scenario.resolved().clone();
-    table.remove("folder");
+    let mut spec = scenario.spec().clone();
+    spec.folder = None;
     // What varies counts as the points.
-    table.remove("campaign");
-    each_named(&mut table, &mut |_, named| {
-        let Named::Run(run) = named else { return };
-        for key in ["exe", "library", "fmu"] {
-            if let Some(toml::Value::String(file)) = run.get_mut(key) {
-                let name = Path::new(&*file).file_name();
-                *file = name.map_or(String::new(), |name| name.to_string_lossy().into_owned());
-            }
+    spec.campaign = None;
+    for run in spec.runs_mut() {
+        for file in [&mut run.exe, &mut run.library, &mut run.fmu].into_iter().flatten() {
+            let name = Path::new(&*file).file_name();
+            *file = name.map_or(String::new(), |name| name.to_string_lossy().into_owned());
         }
-    });
-    blake3::hash(table.to_string().as_bytes()).into()
+    }
+    digest_of_scenario(&spec)
 }
 
 impl Identity {

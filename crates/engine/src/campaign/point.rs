@@ -11,7 +11,7 @@ use tape::folder::RunFolder;
 use super::figures::Figures;
 use crate::Catalogue;
 use crate::run::{self, Ending, RunFailure};
-use crate::scenario::{Program, Scenario};
+use crate::scenario::{Program, Scenario, ScenarioSpec};
 
 /// What became of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -120,11 +120,11 @@ impl Result {
     }
 }
 
-/// Runs a point. `keep` names the run folder, if it is kept; `scratch` is where one may be made and removed. `digests`: whether the
+/// Runs a point: the scenario that all points share, with the file in which it stands, and the point's own changes. `keep` names the run folder, if it is kept; `scratch` is where one may be made and removed. `digests`: whether the
 /// result has the digest of the tape.
 pub fn run_point(
     catalogue: &Arc<Catalogue>,
-    file: &Path,
+    (file, spec): (&Path, ScenarioSpec),
     changes: &[String],
     keep: Option<&Path>,
     scratch: &Path,
@@ -137,7 +137,7 @@ pub fn run_point(
         *heard.lock().unwrap_or_else(PoisonError::into_inner) = panic.to_string();
     }));
     let result = catch_unwind(AssertUnwindSafe(|| {
-        judged(catalogue, file, changes, keep, scratch, digests)
+        judged(catalogue, (file, spec), changes, keep, scratch, digests)
     }));
     let _ = std::panic::take_hook();
     let result = result.map(|result| Result {
@@ -152,7 +152,7 @@ pub fn run_point(
 
 fn judged(
     catalogue: &Arc<Catalogue>,
-    file: &Path,
+    (file, mut spec): (&Path, ScenarioSpec),
     changes: &[String],
     keep: Option<&Path>,
     scratch: &Path,
@@ -160,7 +160,8 @@ fn judged(
 ) -> Result {
     let refused =
         |error: &dyn std::fmt::Display| Result::without(Outcome::Refused, placeless(file, &error.to_string()));
-    let scenario = match Scenario::read(catalogue, file, changes) {
+    let changed = spec.change(changes);
+    let scenario = match changed.and_then(|()| Scenario::of(catalogue, spec, file)) {
         Ok(scenario) => scenario,
         Err(error) => return refused(&error),
     };

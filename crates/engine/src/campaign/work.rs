@@ -290,7 +290,7 @@ impl<'a> Crew<'a> {
     ) -> Crew<'a> {
         Crew {
             campaign,
-            digest: digest_of_scenario(scenario).to_string(),
+            digest: digest_of_scenario(scenario.spec()).to_string(),
             folder,
             results,
             resumed: 0,

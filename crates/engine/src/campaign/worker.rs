@@ -12,6 +12,7 @@ use super::any_path::AnyPath;
 use super::identity::digest_of_scenario;
 use super::point::{Result as PointResult, run_point};
 use crate::Catalogue;
+use crate::scenario::ScenarioSpec;
 
 /// A point for a worker.
 #[derive(Debug, Serialize, Deserialize)]
@@ -48,18 +49,16 @@ pub enum Answer {
 pub fn serve(catalogue: &Arc<Catalogue>, tasks: impl BufRead, mut answers: impl Write) -> io::Result<()> {
     for line in tasks.lines() {
         let task: Task = serde_json::from_str(&line?)?;
-        let answer = if task.is_current(catalogue) {
-            let changes = [task.common.as_slice(), &task.changes].concat();
-            Answer::Done(Box::new(run_point(
+        let answer = match task.current() {
+            Some(spec) => Answer::Done(Box::new(run_point(
                 catalogue,
-                &task.scenario.0,
-                &changes,
+                (&task.scenario.0, spec),
+                &task.changes,
                 task.keep.as_ref().map(|path| path.0.as_path()),
                 &task.scratch.0,
                 task.digests,
-            )))
-        } else {
-            Answer::Changed
+            ))),
+            None => Answer::Changed,
         };
         writeln!(answers, "{}", serde_json::to_string(&answer)?)?;
         answers.flush()?;
@@ -68,9 +67,10 @@ pub fn serve(catalogue: &Arc<Catalogue>, tasks: impl BufRead, mut answers: impl 
 }
 
 impl Task {
-    fn is_current(&self, catalogue: &Arc<Catalogue>) -> bool {
-        crate::scenario::Scenario::read(catalogue, &self.scenario.0, &self.common)
-            .is_ok_and(|scenario| digest_of_scenario(&scenario).to_string() == self.digest)
+    /// The scenario with the changes that all points share, if it still is what it was.
+    fn current(&self) -> Option<ScenarioSpec> {
+        let spec = ScenarioSpec::read(&self.scenario.0, &self.common).ok()?;
+        (digest_of_scenario(&spec).to_string() == self.digest).then_some(spec)
     }
 }
 

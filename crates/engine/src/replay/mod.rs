@@ -16,10 +16,9 @@ use lockstep::time::Rational;
 use tape::compare::{Comparison, compare};
 use tape::folder::RunFolder;
 use tape::{ReadError, Reader, Selection, Source};
-use toml::Value;
 
 use crate::run::{Ending, Options, Run, RunFailure};
-use crate::scenario::{Program, Scenario, ScenarioError};
+use crate::scenario::{Program, Scenario, ScenarioError, ScenarioSpec};
 use crate::scope::{Scope, ScopeError};
 use reduce::{Cast, reduce};
 
@@ -95,15 +94,12 @@ impl Replay {
             Err(error) if request.unverified => notes.push(error.to_string()),
             verified => verified?,
         }
-        let mut reduced = Ok(Cast::default());
-        let mut scenario = Scenario::read_with(request.catalogue, &file, request.overrides, |table| {
-            reduced = reduce(table, request, &reader);
-        });
-        let cast = reduced.map_err(ReplayError::Misfit)?;
-        let scenario_now = scenario.as_ref().map_err(Clone::clone)?;
-        check_sample_times(scenario_now, &reader, request.participant, &cast)?;
-        let made = scenario_now.make()?;
-        let all = &scenario_now.participants;
+        let mut spec = ScenarioSpec::read(&file, request.overrides)?;
+        let cast = reduce(&mut spec, request, &reader).map_err(ReplayError::Misfit)?;
+        let mut scenario = Scenario::of(request.catalogue, spec.clone(), &file)?;
+        check_sample_times(&scenario, &reader, request.participant, &cast)?;
+        let made = scenario.make()?;
+        let all = &scenario.participants;
         let at = all.iter().position(|entry| entry.setup.name == request.participant);
         let at = at.expect("it was kept");
         let interfaces: Vec<Option<Interface>> = made
@@ -113,22 +109,15 @@ impl Replay {
         if let Some(interface) = &interfaces[at] {
             check_outputs(interface, &reader, request.participant)?;
         }
-        let reach = reach(scenario_now, &interfaces, &reader, at, &cast)?;
-        let end = reach
-            .end
-            .min(request.to.unwrap_or(reach.end))
-            .min(scenario_now.duration);
-        if end < scenario_now.duration {
+        let reach = reach(&scenario, &interfaces, &reader, at, &cast)?;
+        let end = reach.end.min(request.to.unwrap_or(reach.end)).min(scenario.duration);
+        if end < scenario.duration {
             notes.extend(reach.note.filter(|_| end == reach.end));
-            let text = end.to_string();
-            scenario = Scenario::read_with(request.catalogue, &file, request.overrides, |table| {
-                // The same as above, which was right then.
-                let _ = reduce(table, request, &reader);
-                table.insert("duration".into(), Value::String(text));
-            });
+            spec.duration = end.into();
+            scenario = Scenario::of(request.catalogue, spec, &file)?;
         }
         Ok(Replay {
-            scenario: scenario?,
+            scenario,
             participant: request.participant.to_owned(),
             reader,
             notes,

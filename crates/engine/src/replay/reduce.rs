@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use tape::{Reader, Source};
-use toml::{Table, Value};
 
 use super::Request;
 use super::player::{self, Role};
-use crate::scenario::{Program, fault_name, port_of};
+use crate::scenario::{
+    ConnectionSpec, Entries, FaultSpec, ParticipantSpec, RunSpec, ScenarioSpec, fault_name, port_of,
+};
 
 /// The names of those who stand for others in a replay.
 #[derive(Debug, Default)]
@@ -22,7 +23,7 @@ pub(super) struct Cast {
 
 impl Cast {
     /// Names that none of `participants` has.
-    fn beside(subject: &str, participants: &Table) -> Cast {
+    fn beside(subject: &str, participants: &Entries<ParticipantSpec>) -> Cast {
         let free = |name: &str| unused(name, |name| participants.contains_key(name));
         Cast {
             subject: subject.to_owned(),
@@ -49,13 +50,15 @@ fn unused(name: &str, taken: impl Fn(&str) -> bool) -> String {
     names.find(|name| !taken(name)).expect("numbers do not end")
 }
 
-/// Leaves of a plan's table the one participant, the connections into it, and players in place of those who feed it.
-pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) -> Result<Cast, String> {
+/// Leaves of a plan the one participant, the connections into it, and players in place of those who feed it.
+pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Reader) -> Result<Cast, String> {
     let subject = request.participant;
-    let missing = |what: &str| format!("the plan of {} has no table `{what}`", request.folder.display());
-    let participants = table.get("participants").and_then(Value::as_table);
-    let participants = participants.ok_or_else(|| missing("participants"))?.clone();
-    let Some(Value::Table(own)) = participants.get(subject) else {
+    if let Some(run) = request.run.filter(|_| spec.participants.contains_key(subject)) {
+        let set = spec.set_run(subject, run, "given with --shadow");
+        set.map_err(|error| error.to_string())?;
+    }
+    let participants = std::mem::take(&mut spec.participants);
+    let Some(own) = participants.get(subject) else {
         let known: Vec<String> = participants.keys().map(|name| format!("`{name}`")).collect();
         let run = request.folder.display();
         return Err(format!(
@@ -63,24 +66,22 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
             known.join(", ")
         ));
     };
-    if let Some(Value::Array(inputs)) = table.get_mut("inputs") {
-        let own = format!("{subject}.");
-        inputs.retain(|port| port.as_str().is_some_and(|port| port.starts_with(&own)));
-    }
-    let mut own = own.clone();
+    let inputs_of = format!("{subject}.");
+    spec.inputs.retain(|port| port.starts_with(&inputs_of));
     let cast = Cast::beside(subject, &participants);
+    let mut own = own.clone();
     if let Some((exe, args)) = request.program {
-        substitute(table, &mut own, exe, args)?;
+        substitute(spec, &mut own, exe, args)?;
     }
-    let mut kept = Table::new();
-    kept.insert(subject.to_owned(), Value::Table(own));
-    let (mut connections, played) = feeding(table, &cast)?;
+    let mut kept = Entries::default();
+    kept.insert(subject.to_owned(), own);
+    let (mut connections, played) = feeding(spec, &cast)?;
     let mut stand = |name: String, producer: &str, ports: &[String], role: Role| -> Result<(), String> {
-        let original = participants.get(producer).and_then(Value::as_table);
-        let entry = player_of(reader, producer, ports, role, || {
-            original.ok_or_else(|| missing(&format!("participants.{producer}")))
-        })?;
-        kept.insert(name, Value::Table(entry));
+        let original = participants.get(producer).ok_or_else(|| {
+            let run = request.folder.display();
+            format!("the plan of {run} has no table `participants.{producer}`")
+        });
+        kept.insert(name, player_of(reader, producer, ports, role, original)?);
         Ok(())
     };
     for (producer, (ports, role)) in played {
@@ -91,42 +92,36 @@ pub(super) fn reduce(table: &mut Table, request: &Request<'_>, reader: &Reader) 
     let said: Vec<String> = said.map(|spec| spec.port.clone()).collect();
     stand(cast.heard.clone(), subject, &said, Role::Listener)?;
     for port in said {
-        let mut connection = Table::new();
-        connection.insert("from".into(), Value::String(format!("{subject}.{port}")));
-        connection.insert("to".into(), Value::String(format!("{}.{port}", cast.heard)));
+        let connection = ConnectionSpec::new(&format!("{subject}.{port}"), &format!("{}.{port}", cast.heard));
         let name = unused(&format!("{}-{port}", cast.heard), |name| connections.contains_key(name));
-        connections.insert(name, Value::Table(connection));
+        connections.insert(name, connection);
     }
-    keep_faults(table, request, &cast, &kept, &connections);
-    table.insert("participants".into(), Value::Table(kept));
-    table.insert("connections".into(), Value::Table(connections));
+    spec.participants = kept;
+    spec.connections = connections;
+    keep_faults(spec, request, &cast);
     // What the run was judged by, and what ended it, is no matter of one participant.
-    table.remove("assessment");
-    table.remove("measures");
-    table.remove("guards");
-    table.remove("report");
-    table.remove("scene");
-    table.remove("record");
+    spec.assessment = None;
+    spec.measures.clear();
+    spec.guards.clear();
+    spec.report = None;
+    spec.scene = None;
+    spec.record.clear();
     Ok(cast)
 }
 
 /// Puts a program that was given on the command line into the participant's place.
-fn substitute(table: &mut Table, own: &mut Table, exe: &Path, args: &[String]) -> Result<(), String> {
+fn substitute(spec: &mut ScenarioSpec, own: &mut ParticipantSpec, exe: &Path, args: &[String]) -> Result<(), String> {
     let text = |path: &Path| {
         let text = path.to_str().map(str::to_owned);
         text.ok_or_else(|| format!("`{}` is not UTF-8: name a program that is", path.display()))
     };
     // What is given on the command line is relative to where the command is given.
     let here = std::env::current_dir().map_err(|error| format!("there is no current folder: {error}"))?;
-    table.insert("folder".into(), Value::String(text(&here)?));
-    let mut run = Table::new();
-    let exe = text(exe)?;
-    run.insert(Program::key_of(&exe).into(), Value::String(exe));
-    run.insert(
-        "args".into(),
-        Value::Array(args.iter().cloned().map(Value::String).collect()),
-    );
-    own.insert("run".into(), Value::Table(run));
+    spec.folder = Some(text(&here)?);
+    own.run = RunSpec {
+        args: args.to_vec(),
+        ..RunSpec::of_file(&text(exe)?)
+    };
     Ok(())
 }
 
@@ -134,33 +129,26 @@ fn substitute(table: &mut Table, own: &mut Table, exe: &Path, args: &[String]) -
 type Played = BTreeMap<String, (Vec<String>, Role)>;
 
 /// The connections into the participant, which come from players now.
-fn feeding(table: &Table, cast: &Cast) -> Result<(Table, Played), String> {
-    let mut connections = Table::new();
+fn feeding(spec: &ScenarioSpec, cast: &Cast) -> Result<(Entries<ConnectionSpec>, Played), String> {
+    let mut connections = Entries::default();
     let mut played = Played::new();
-    for (name, connection) in table.get("connections").and_then(Value::as_table).into_iter().flatten() {
-        let Value::Table(mut connection) = connection.clone() else {
-            continue;
-        };
-        let inputs: Vec<Value> = match connection.get("to") {
-            Some(Value::Array(all)) => all.clone(),
-            Some(one) => vec![one.clone()],
-            None => Vec::new(),
-        };
-        let into_own = |input: &Value| {
-            let port = input.as_str().and_then(|input| input.split_once('.'));
+    for (name, connection) in &spec.connections {
+        let mut connection = connection.clone();
+        let into_own = |input: &String| {
+            let port = input.split_once('.');
             port.is_some_and(|(participant, _)| participant == cast.subject)
         };
-        let inputs: Vec<Value> = inputs.into_iter().filter(into_own).collect();
-        if inputs.is_empty() {
+        connection.to.retain(into_own);
+        if connection.to.is_empty() {
             continue;
         }
-        let from = connection.get("from").and_then(Value::as_str).unwrap_or_default();
+        let from = &connection.from;
         let field = from.strip_prefix(port_of(from)).unwrap_or_default();
         let Some((producer, port)) = port_of(from).split_once('.').map(|(a, b)| (a.to_owned(), b.to_owned())) else {
             return Err(format!("connections.{name}.from: `{from}` is not a port"));
         };
         // Only a continuous participant has a sample before the run starts.
-        let first_sample = connection.get("initial").and_then(Value::as_str) == Some("first-sample");
+        let first_sample = connection.initial.as_str() == Some("first-sample");
         let (ports, role) = played.entry(producer.clone()).or_insert((Vec::new(), Role::Sampled));
         if first_sample {
             *role = Role::Continuous;
@@ -168,86 +156,79 @@ fn feeding(table: &Table, cast: &Cast) -> Result<(Table, Played), String> {
         if !ports.contains(&port) {
             ports.push(port.clone());
         }
-        connection.insert(
-            "from".into(),
-            Value::String(format!("{}.{port}{field}", cast.player(&producer))),
-        );
-        connection.insert("to".into(), Value::Array(inputs));
-        connections.insert(name.clone(), Value::Table(connection));
+        connection.from = format!("{}.{port}{field}", cast.player(&producer));
+        connections.insert(name.clone(), connection);
     }
     Ok((connections, played))
 }
 
 /// The entry of a player of `ports` of `producer`, whose entry in the plan is `original`.
-fn player_of<'a>(
+fn player_of(
     reader: &Reader,
     producer: &str,
     ports: &[String],
     role: Role,
-    original: impl FnOnce() -> Result<&'a Table, String>,
-) -> Result<Table, String> {
+    original: Result<&ParticipantSpec, String>,
+) -> Result<ParticipantSpec, String> {
     for port in ports {
         let stream = reader.stream(&format!("{producer}.{port}"));
         stream.map_err(|error| error.to_string())?;
     }
-    let original = original()?;
-    let mut run = Table::new();
-    run.insert("builtin".into(), Value::String(player::NAME.into()));
-    let mut entry = Table::new();
-    entry.insert("run".into(), Value::Table(run));
-    for key in ["period", "offset"] {
-        entry.extend(original.get(key).map(|value| (key.to_owned(), value.clone())));
-    }
-    let parameters = player::parameters(reader.dir(), producer, ports, role);
-    entry.insert("parameters".into(), Value::Table(parameters));
-    Ok(entry)
+    let original = original?;
+    Ok(ParticipantSpec {
+        period: original.period.clone(),
+        offset: original.offset.clone(),
+        parameters: player::parameters(reader.dir(), producer, ports, role),
+        ..ParticipantSpec::builtin(player::NAME)
+    })
 }
 
 /// Leaves of a plan's faults those that disturb what the participant sees, under the names that their draws go by, and what was
 /// substituted for it, unless another program is to be in its place.
-fn keep_faults(table: &mut Table, request: &Request<'_>, cast: &Cast, participants: &Table, connections: &Table) {
-    let subject = request.participant;
-    let run = format!("participants.{subject}.run");
+fn keep_faults(spec: &mut ScenarioSpec, request: &Request<'_>, cast: &Cast) {
+    let run = format!("participants.{}.run", request.participant);
     let replaced = request.program.is_some()
+        || request.run.is_some()
         || request.overrides.iter().any(|one| {
             let key = one.split('=').next().unwrap_or_default().trim();
             key.strip_prefix(&run)
                 .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
         });
-    let Some(Value::Array(faults)) = table.get_mut("faults") else {
-        return;
-    };
-    for (position, fault) in faults.iter_mut().enumerate() {
-        if let Value::Table(fault) = fault {
-            let name = fault_name(fault.get("name").and_then(Value::as_str), position);
-            fault.insert("name".into(), Value::String(name));
-        }
+    for (position, fault) in spec.faults.iter_mut().enumerate() {
+        fault.name = Some(fault_name(fault.name.as_deref(), position));
     }
-    faults.retain_mut(|fault| {
-        let text = |key: &str| fault.get(key).and_then(Value::as_str).map(str::to_owned);
-        if let Some(connection) = text("connection") {
-            return connections.contains_key(&connection);
-        }
-        if let Some(input) = text("input") {
-            return input
-                .split_once('.')
-                .is_some_and(|(participant, _)| participant == subject);
-        }
-        if let Some(participant) = text("substitute") {
-            return participant == subject && !replaced;
-        }
-        let output = text("output");
-        let Some((producer, port)) = output.as_deref().and_then(|output| output.split_once('.')) else {
-            return false;
-        };
-        let player = cast.player(producer);
-        let played = participants
-            .get(&player)
-            .and_then(|player| player.get("parameters")?.get("ports")?.as_array())
-            .is_some_and(|ports| ports.iter().any(|played| played.as_str() == Some(port)));
-        if let Value::Table(fault) = fault {
-            fault.insert("output".into(), Value::String(format!("{player}.{port}")));
-        }
-        played
-    });
+    let (participants, connections) = (&spec.participants, &spec.connections);
+    spec.faults
+        .retain_mut(|fault| disturbs(fault, cast, replaced, participants, connections));
+}
+
+/// Whether `fault` disturbs what the participant sees; an output is then one of its player.
+fn disturbs(
+    fault: &mut FaultSpec,
+    cast: &Cast,
+    replaced: bool,
+    participants: &Entries<ParticipantSpec>,
+    connections: &Entries<ConnectionSpec>,
+) -> bool {
+    if let Some(connection) = &fault.connection {
+        return connections.contains_key(connection);
+    }
+    if let Some(input) = &fault.input {
+        return input
+            .split_once('.')
+            .is_some_and(|(participant, _)| participant == cast.subject);
+    }
+    if let Some(participant) = &fault.substitute {
+        return *participant == cast.subject && !replaced;
+    }
+    let Some((producer, port)) = fault.output.as_deref().and_then(|output| output.split_once('.')) else {
+        return false;
+    };
+    let player = cast.player(producer);
+    let played = participants
+        .get(&player)
+        .and_then(|player| player.parameters.get("ports")?.as_array())
+        .is_some_and(|ports| ports.iter().any(|played| played.as_str() == Some(port)));
+    fault.output = Some(format!("{player}.{port}"));
+    played
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use lockstep::time::Rational;
 
 use crate::Catalogue;
+use crate::scenario::RunSpec;
 
 /// What is replayed.
 pub struct Request<'a> {
@@ -19,6 +20,8 @@ pub struct Request<'a> {
     pub overrides: &'a [String],
     /// A program in the participant's place, with its arguments.
     pub program: Option<(&'a Path, &'a [String])>,
+    /// What runs in the participant's place, as the plan would say it.
+    pub run: Option<&'a RunSpec>,
     /// Replay no further than this.
     pub to: Option<Rational>,
     /// Also when the tape is not what was sealed.

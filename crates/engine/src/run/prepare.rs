@@ -176,8 +176,7 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, Ru
         None => RunFolder::create_default(std::path::Path::new("runs"), &scenario.name)?,
     };
     let folder = claim.folder();
-    let resolved = toml::to_string_pretty(&scenario.written()).map_err(|error| RunFailure::Other(error.to_string()))?;
-    folder.write(&folder.plan(), &resolved)?;
+    folder.write(&folder.plan(), &scenario.written().to_text())?;
     let provenance = Provenance {
         scenario: &scenario.name,
         title: &scenario.title,

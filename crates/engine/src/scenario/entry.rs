@@ -9,7 +9,7 @@ use super::failure::OnFailure;
 use super::program::Program;
 use super::run_table::program;
 use super::source::Source;
-use super::types::{Named, OnFailureEntry, ParticipantEntry, RunEntry};
+use super::spec::{OnFailureSpec, ParticipantSpec, RunSpec, Time};
 
 /// A program in a participant's place: the participant as the scenario has it, or what takes over from it in mid-run.
 #[derive(Debug, Clone)]
@@ -36,38 +36,40 @@ pub struct Entry {
 
 impl Entry {
     /// The participant `name` as the scenario has it.
-    pub(super) fn resolve(source: &Source, name: &str, entry: ParticipantEntry, seed: u64) -> Result<Entry, Mistake> {
+    pub(super) fn resolve(source: &Source, name: &str, entry: &ParticipantSpec, seed: u64) -> Result<Entry, Mistake> {
         let key = |below: &str| format!("participants.{name}.{below}");
-        let runs = program(source, &key("run"), entry.run)?;
-        let on_failure = match entry.on_failure {
-            OnFailureEntry::Named(Named::Stop) => OnFailure::Stop,
-            OnFailureEntry::Named(Named::RestartFromCheckpoint) => OnFailure::Restart,
-            OnFailureEntry::Substitute(entry) => {
-                OnFailure::Substitute(program(source, &key("on-failure.substitute"), entry.substitute)?)
+        let runs = program(source, &key("run"), &entry.run)?;
+        let on_failure = match &entry.on_failure {
+            OnFailureSpec::Stop => OnFailure::Stop,
+            OnFailureSpec::RestartFromCheckpoint => OnFailure::Restart,
+            OnFailureSpec::Substitute(run) => {
+                OnFailure::Substitute(program(source, &key("on-failure.substitute"), run)?)
             }
         };
-        if !entry.period.is_positive() {
-            let reason = format!("the period is {}; it must be positive", entry.period);
+        let (period, offset) = (entry.period.checked(), entry.offset.checked());
+        if !period.is_positive() {
+            let reason = format!("the period is {period}; it must be positive");
             return Err(source.mistake(&key("period"), reason));
         }
-        if let Some(time) = entry.start_within.filter(|time| !time.is_positive()) {
+        let start_within = entry.start_within.as_ref().map(Time::checked);
+        if let Some(time) = start_within.filter(|time| !time.is_positive()) {
             let reason = format!("the time is {time}; it must be positive, such as \"120 s\"");
             return Err(source.mistake(&key("start-within"), reason));
         }
         let setup = Setup {
             name: name.to_owned(),
-            parameters: entry.parameters,
+            parameters: entry.parameters.clone(),
             seed,
-            period: entry.period.seconds(),
-            offset: entry.offset.seconds(),
+            period: period.seconds(),
+            offset: offset.seconds(),
         };
         Ok(Entry {
             program: runs,
-            period: entry.period,
-            offset: entry.offset,
+            period,
+            offset,
             setup,
             on_failure,
-            start_within: entry.start_within,
+            start_within,
             replaced: false,
             run_key: key("run"),
             parameters_key: key("parameters"),
@@ -80,7 +82,7 @@ impl Entry {
         &self,
         source: &Source,
         key: &str,
-        run: RunEntry,
+        run: &RunSpec,
         parameters: Option<Table>,
     ) -> Result<Entry, Mistake> {
         let run_key = format!("{key}.run");

@@ -17,7 +17,7 @@ pub struct Mistake {
 /// Everything that is wrong with a scenario.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct ScenarioError {
-    /// The file.
+    /// The file; empty where there is none.
     pub file: PathBuf,
     /// The mistakes.
     pub mistakes: Vec<Mistake>,
@@ -29,14 +29,18 @@ impl fmt::Display for ScenarioError {
             if number > 0 {
                 writeln!(f)?;
             }
-            write!(f, "{}", self.file.display())?;
-            if let Some(line) = mistake.line {
-                write!(f, ":{line}")?;
+            // What code has made has no file yet.
+            if !self.file.as_os_str().is_empty() {
+                write!(f, "{}", self.file.display())?;
+                if let Some(line) = mistake.line {
+                    write!(f, ":{line}")?;
+                }
+                f.write_str(": ")?;
             }
             if !mistake.key.is_empty() {
-                write!(f, ": {}", mistake.key)?;
+                write!(f, "{}: ", mistake.key)?;
             }
-            write!(f, ": {}", mistake.reason)?;
+            f.write_str(&mistake.reason)?;
         }
         Ok(())
     }

@@ -51,7 +51,7 @@ impl Scenario {
         certain: impl Fn(&str) -> bool,
     ) -> Result<Vec<Definition>, ScenarioError> {
         let known = |name: &str| self.participants.iter().all(|entry| entry.setup.name != name) || certain(name);
-        measures::definitions(&self.source, &self.measures, streams, known)
+        measures::definitions(&self.source.origin, &self.measures, streams, known)
     }
 
     /// What the run is judged by: the table `assessment` and the measures; `None` where there is neither.

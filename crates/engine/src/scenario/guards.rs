@@ -1,31 +1,18 @@
 //! `[guards.NAME]`: what an output must never show.
 
-use std::collections::BTreeMap;
-
 use lockstep::fault::Slot;
 use lockstep::plan::Plan;
 use lockstep::time::Rational;
-use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use super::error::{Mistake, ScenarioError};
 use super::faults::values;
 use super::names::{Names, unknown};
 use super::ports::{not_a_port, port};
-use super::source::{Source, typed};
+use super::source::Source;
+use super::spec::{Entries, GuardSpec, Time};
 use super::symbols::symbols;
 use crate::run::{Forbidden, Watch};
-
-/// One section as it is written.
-#[derive(Debug, Clone, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-struct GuardEntry {
-    output: String,
-    field: Option<String>,
-    range: Option<Value>,
-    never: Option<Value>,
-    frozen_for: Option<Rational>,
-}
 
 /// A guard that has been understood as far as that goes without the ports.
 #[derive(Debug, Clone)]
@@ -46,15 +33,11 @@ type Refusal = (&'static str, String);
 pub(super) fn read(
     source: &Source,
     participants: &Names,
-    sections: BTreeMap<String, Value>,
+    sections: &Entries<GuardSpec>,
 ) -> Result<Vec<Guard>, Vec<Mistake>> {
     let (mut guards, mut mistakes) = (Vec::new(), Vec::new());
-    for (name, value) in sections {
-        let key = format!("guards.{name}");
-        let entry = typed::<GuardEntry>(source, &key, value);
-        match entry
-            .and_then(|entry| Guard::new(&name, participants, entry).map_err(|wrong| mistake(source, &name, wrong)))
-        {
+    for (name, entry) in sections {
+        match Guard::new(name, participants, entry).map_err(|wrong| mistake(source, name, wrong)) {
             Ok(guard) => guards.push(guard),
             Err(mistake) => mistakes.push(mistake),
         }
@@ -68,7 +51,7 @@ fn mistake(source: &Source, guard: &str, (key, reason): Refusal) -> Mistake {
 }
 
 impl Guard {
-    fn new(name: &str, participants: &Names, entry: GuardEntry) -> Result<Guard, Refusal> {
+    fn new(name: &str, participants: &Names, entry: &GuardSpec) -> Result<Guard, Refusal> {
         let port = port(&entry.output).ok_or_else(|| ("output", not_a_port(&entry.output)))?;
         if !participants.contains(&port.0) {
             return Err(("output", participants.unknown("participant", &port.0)));
@@ -86,16 +69,17 @@ impl Guard {
             let reason = "`field` is missing: `never` names values of a bool or an enumeration";
             return Err(("", reason.into()));
         }
-        if let Some(time) = entry.frozen_for.filter(|time| !time.is_positive()) {
+        let frozen_for = entry.frozen_for.as_ref().map(Time::checked);
+        if let Some(time) = frozen_for.filter(|time| !time.is_positive()) {
             return Err(("frozen-for", format!("{time} must be above zero")));
         }
         Ok(Guard {
             name: name.to_owned(),
             port,
-            field: entry.field,
-            range: entry.range,
-            never: entry.never,
-            frozen_for: entry.frozen_for,
+            field: entry.field.clone(),
+            range: entry.range.clone(),
+            never: entry.never.clone(),
+            frozen_for,
         })
     }
 

@@ -21,14 +21,13 @@ mod recorded;
 mod resolve;
 mod run_table;
 mod source;
+mod spec;
 mod symbols;
-mod types;
 mod value;
 
 pub use entry::Entry;
 pub use error::{Mistake, ScenarioError};
 pub use failure::OnFailure;
-pub use faults::{State, table as fault_table};
 pub(crate) use initial::payload;
 pub(crate) use lines::Lines;
 pub use measures::{DeclaredMeasure, measures_of_file, measures_of_plan};
@@ -37,4 +36,8 @@ pub(crate) use paths::{Named, each_in, each_named};
 pub(crate) use ports::port_of;
 pub use program::{Program, in_path};
 pub use resolve::Scenario;
+pub use spec::{
+    ConnectionSpec, Entries, FaultKind, FaultSpec, Frames, GuardSpec, MeasureKind, MeasureSpec, OnFailureSpec,
+    ParticipantSpec, RecordPart, RecordSpec, RunSpec, ScenarioSpec, State, ThroughKind, Time, fault_table,
+};
 pub use value::value;

@@ -11,7 +11,7 @@ use super::error::{Mistake, ScenarioError};
 use super::fields;
 use super::ports::{End, not_a_port};
 use super::resolve::Scenario;
-use super::types::ConnectionEntry;
+use super::spec::ConnectionSpec;
 
 impl Scenario {
     /// A plan for looking at, without running anything: the ports of external participants are taken to be what they are
@@ -23,8 +23,8 @@ impl Scenario {
             .collect();
         let mut ports: Vec<Ports> = assumed.iter().map(Ports::of).collect();
         // Ports between which fields are named need not be alike: they are assumed last, and to be of any kind.
-        let (fielded, plain): (Vec<_>, Vec<_>) = (self.connections.iter().map(|(_, connection)| connection))
-            .partition(|connection| fields::names_fields(connection));
+        let (fielded, plain): (Vec<_>, Vec<_>) =
+            (self.spec.connections.values()).partition(|connection| fields::names_fields(connection));
         for (connection, alike) in plain
             .iter()
             .map(|one| (one, true))
@@ -37,7 +37,7 @@ impl Scenario {
             let Some((from, output)) = end(&connection.from) else {
                 continue;
             };
-            for to in connection.to.all() {
+            for to in &connection.to {
                 let Some((to, input)) = end(to) else { continue };
                 let given = ports[from].outputs.get(&output);
                 let given = given.map(|&port| assumed[from].outputs[port].descriptor.clone());
@@ -83,7 +83,7 @@ impl Scenario {
             ports: &ports,
             certain: &certain,
         };
-        for (name, connection) in &self.connections {
+        for (name, connection) in &self.spec.connections {
             match planner.links(name, connection) {
                 Ok(own) => {
                     for link in own {
@@ -194,7 +194,7 @@ struct Planner<'a, C> {
 
 impl<C: Fn(usize) -> bool> Planner<'_, C> {
     /// The links of connection `name`.
-    fn links(&self, name: &str, connection: &ConnectionEntry) -> Result<Vec<LinkSpec>, Vec<Mistake>> {
+    fn links(&self, name: &str, connection: &ConnectionSpec) -> Result<Vec<LinkSpec>, Vec<Mistake>> {
         let mistake = |key: &str, reason: String| {
             self.scenario
                 .source
@@ -203,7 +203,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
         let Some(from) = End::of(&connection.from) else {
             return Err(vec![mistake("from", not_a_port(&connection.from))]);
         };
-        let all = connection.to.all();
+        let all = &connection.to;
         if all.is_empty() {
             let reason = "names no input: write \"PARTICIPANT.INPUT\"";
             return Err(vec![mistake("to", reason.into())]);
@@ -245,7 +245,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
     /// What becomes of samples on the way from `from` to `to`, and what is there at first.
     fn link(
         &self,
-        connection: &ConnectionEntry,
+        connection: &ConnectionSpec,
         from: End<'_>,
         to: End<'_>,
     ) -> Result<(Option<Conversion>, Option<Initial>), fields::Refusal> {

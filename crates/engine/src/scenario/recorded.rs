@@ -2,17 +2,13 @@
 
 use lockstep::plan::Plan;
 use lockstep::time::{Rational, Timebase};
-use serde::{Deserialize, Serialize};
 use tape::StreamSpec;
-use toml::{Table, Value};
 
 use super::error::{Mistake, ScenarioError};
 use super::names::{Names, unknown};
-use super::source::{Source, typed};
+use super::source::Source;
+use super::spec::{Entries, RecordPart, RecordSpec, SEEN, Time};
 use crate::run::Kept;
-
-/// What stands before an input in the name of the stream that has what a participant saw there.
-const SEEN: &str = "seen";
 
 /// What a scenario says of a stream, or of all of a participant's.
 #[derive(Debug, Clone)]
@@ -22,107 +18,77 @@ pub(super) struct Wish {
     participant: String,
     /// All streams of the participant when not given.
     port: Option<String>,
-    part: Part,
+    part: RecordSpec,
 }
 
-#[derive(Debug, Clone)]
-enum Part {
-    Whole,
-    Nothing,
-    Some(PartEntry),
-}
-
-/// A part of a stream as it is written.
-#[derive(Debug, Clone, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-struct PartEntry {
-    every: Option<Rational>,
-    from: Option<Rational>,
-    to: Option<Rational>,
-}
-
-/// Reads the table, as far as that goes without the ports of the participants. What is said of a participant comes before what is said
-/// of its streams.
-pub(super) fn read(source: &Source, participants: &Names, table: Option<Table>) -> Result<Vec<Wish>, Vec<Mistake>> {
+/// Reads what is said, as far as that goes without the ports of the participants. What is said of a participant comes before what is
+/// said of its streams.
+pub(super) fn read(
+    source: &Source,
+    participants: &Names,
+    record: &Entries<RecordSpec>,
+) -> Result<Vec<Wish>, Vec<Mistake>> {
     let (mut wishes, mut mistakes) = (Vec::new(), Vec::new());
-    for (participant, value) in table.into_iter().flatten() {
-        if !participants.contains(&participant) {
-            let reason = participants.unknown("participant", &participant);
-            mistakes.push(source.mistake(&format!("record.{participant}"), reason));
-            continue;
-        }
-        let mut wish = |port: Option<String>, part: Result<Part, Mistake>| {
-            let key = port
-                .iter()
-                .fold(participant.clone(), |key, port| format!("{key}.{port}"));
-            let participant = participant.clone();
-            match part {
-                Ok(part) => wishes.push(Wish {
-                    key,
-                    participant,
-                    port,
-                    part,
-                }),
-                Err(mistake) => mistakes.push(mistake),
-            }
+    for (key, part) in record {
+        let (participant, port) = match key.split_once('.') {
+            Some((participant, port)) => (participant, Some(port)),
+            None => (key.as_str(), None),
         };
-        let Value::Table(ports) = value else {
-            wish(None, part(source, &format!("record.{participant}"), value));
-            continue;
+        let refused = if !participants.contains(participant) {
+            let reason = participants.unknown("participant", participant);
+            Err(source.mistake(&format!("record.{participant}"), reason))
+        } else if port.is_some() && record.contains_key(participant) {
+            let reason =
+                format!("says what is kept of one stream, and `{participant}` of all of them: leave one of them out");
+            Err(source.mistake(&format!("record.{key}"), reason))
+        } else if let (None, RecordSpec::Part(_)) = (port, part) {
+            let reason =
+                format!("a part is one of a stream: name it, such as `{participant}.OUTPUT`, or keep all or nothing");
+            Err(source.mistake(&format!("record.{key}"), reason))
+        } else {
+            check(source, &format!("record.{key}"), part)
         };
-        for (port, value) in ports {
-            match value {
-                Value::Table(inputs) if port == SEEN => {
-                    for (input, value) in inputs {
-                        let port = format!("{SEEN}.{input}");
-                        let part = part(source, &format!("record.{participant}.{port}"), value);
-                        wish(Some(port), part);
-                    }
-                }
-                value => {
-                    let part = part(source, &format!("record.{participant}.{port}"), value);
-                    wish(Some(port), part);
-                }
-            }
+        match refused {
+            Ok(()) => wishes.push(Wish {
+                key: key.clone(),
+                participant: participant.to_owned(),
+                port: port.map(str::to_owned),
+                part: part.clone(),
+            }),
+            Err(mistake) if mistakes.contains(&mistake) => {}
+            Err(mistake) => mistakes.push(mistake),
         }
     }
     if mistakes.is_empty() { Ok(wishes) } else { Err(mistakes) }
 }
 
-fn part(source: &Source, key: &str, value: Value) -> Result<Part, Mistake> {
-    match value {
-        Value::Boolean(true) => Ok(Part::Whole),
-        Value::Boolean(false) => Ok(Part::Nothing),
-        Value::Table(_) => {
-            let entry: PartEntry = typed(source, key, value)?;
-            if let Some(every) = entry.every.filter(|every| !every.is_positive()) {
-                return Err(source.mistake(&format!("{key}.every"), format!("{every} must be above zero")));
-            }
-            match (entry.from, entry.to) {
-                (Some(from), Some(to)) if to < from => {
-                    let reason = format!("{to} is before `from`, {from}: nothing would be kept; write false for that");
-                    Err(source.mistake(&format!("{key}.to"), reason))
-                }
-                _ => Ok(Part::Some(entry)),
-            }
+fn check(source: &Source, key: &str, part: &RecordSpec) -> Result<(), Mistake> {
+    let RecordSpec::Part(part) = part else { return Ok(()) };
+    if let Some(every) = time(&part.every).filter(|every| !every.is_positive()) {
+        return Err(source.mistake(&format!("{key}.every"), format!("{every} must be above zero")));
+    }
+    match (time(&part.from), time(&part.to)) {
+        (Some(from), Some(to)) if to < from => {
+            let reason = format!("{to} is before `from`, {from}: nothing would be kept; write false for that");
+            Err(source.mistake(&format!("{key}.to"), reason))
         }
-        other => {
-            let reason = format!(
-                "{other} says nothing of what is kept: write false, true, or a table such as {{ every = \"10 ms\", from = \"2 s\", to = \"5 s\" }}"
-            );
-            Err(source.mistake(key, reason))
-        }
+        _ => Ok(()),
     }
 }
 
+fn time(time: &Option<Time>) -> Option<Rational> {
+    time.as_ref().map(Time::checked)
+}
+
 /// The part of `spec` that `entry` asks for.
-fn kept(spec: &StreamSpec, entry: &PartEntry) -> Result<Kept, (&'static str, String)> {
+fn kept(spec: &StreamSpec, part: &RecordPart) -> Result<Kept, (&'static str, String)> {
+    let (every, from, to) = (time(&part.every), time(&part.from), time(&part.to));
     let times = [spec.offset, spec.period].into_iter();
-    let own = times.chain([entry.every, entry.from, entry.to].into_iter().flatten());
+    let own = times.chain([every, from, to].into_iter().flatten());
     let base = Timebase::measuring(own).map_err(|error| ("", error.to_string()))?;
     let ticks = |key: &'static str, time: Rational| base.ceil(time).map_err(|error| (key, error.to_string()));
     let (offset, period) = (ticks("", spec.offset)?, ticks("", spec.period)?);
-    let every = match entry.every {
+    let every = match every {
         None => 1,
         Some(every) => {
             let every_ticks = ticks("every", every)?;
@@ -139,39 +105,34 @@ fn kept(spec: &StreamSpec, entry: &PartEntry) -> Result<Kept, (&'static str, Str
     };
     let stride = period.saturating_mul(every as i64);
     // All of these are whole ticks.
-    let first = match entry.from {
+    let first = match from {
         Some(from) => (ticks("from", from)? - offset).max(0).div_euclid(stride) as u64,
         None => 0,
     };
-    let exact = entry.from.map(|from| ticks("from", from)).transpose()?;
+    let exact = from.map(|from| ticks("from", from)).transpose()?;
     let early = exact.is_some_and(|from| offset.saturating_add(stride.saturating_mul(first as i64)) < from);
-    let end = match entry.to {
+    let end = match to {
         Some(to) => (ticks("to", to)? - offset).div_euclid(stride).saturating_add(1).max(0) as u64,
         None => u64::MAX,
     };
     Ok(Kept::part(every, first + u64::from(early), end))
 }
 
-/// Whether the table `record` leaves samples of a stream out; `path` is the name of the stream or of a field of it, below `participant`.
-pub(super) fn leaves_out(record: &Table, participant: &str, path: &str) -> bool {
-    let said = match record.get(participant) {
-        Some(Value::Table(ports)) => {
-            let mut names = path.split('.');
-            let port = names.next().unwrap_or_default();
-            match ports.get(port) {
-                Some(Value::Table(inputs)) if port == SEEN => inputs.get(names.next().unwrap_or_default()),
-                said => said,
-            }
-        }
-        said => said,
+/// Whether `record` leaves samples of a stream out; `path` is the name of the stream or of a field of it, below `participant`.
+pub(super) fn leaves_out(record: &Entries<RecordSpec>, participant: &str, path: &str) -> bool {
+    let mut names = path.split('.');
+    let stream = match names.next().unwrap_or_default() {
+        SEEN => format!("{participant}.{SEEN}.{}", names.next().unwrap_or_default()),
+        port => format!("{participant}.{port}"),
     };
-    said.is_some_and(|said| *said != Value::Boolean(true))
+    let said = record.get(participant).or_else(|| record.get(&stream));
+    said.is_some_and(|said| *said != RecordSpec::Whole)
 }
 
 impl Wish {
     /// Whether every sample of what it names is kept.
     pub(super) fn is_whole(&self) -> bool {
-        matches!(self.part, Part::Whole)
+        self.part == RecordSpec::Whole
     }
 }
 
@@ -204,9 +165,9 @@ pub(super) fn of_streams(
         }
         for (number, spec) in meant {
             let part = match &wish.part {
-                Part::Whole => Ok(Kept::WHOLE),
-                Part::Nothing => Ok(Kept::NOTHING),
-                Part::Some(entry) => kept(spec, entry),
+                RecordSpec::Whole => Ok(Kept::WHOLE),
+                RecordSpec::Nothing => Ok(Kept::NOTHING),
+                RecordSpec::Part(part) => kept(spec, part),
             };
             match part {
                 Ok(part) => all[number] = part,
@@ -239,8 +200,14 @@ mod tests {
 
     #[test]
     fn table_says_which_streams_are_not_whole() {
-        let record = "a = false\nb.x = true\nb.y = { every = '1 s' }\nb.seen.u = false\nb.seen.v = true";
-        let record: Table = record.parse().unwrap();
+        let record = [
+            ("a", RecordSpec::Nothing),
+            ("b.x", RecordSpec::Whole),
+            ("b.y", RecordSpec::every("1 s")),
+            ("b.seen.u", RecordSpec::Nothing),
+            ("b.seen.v", RecordSpec::Whole),
+        ];
+        let record = record.map(|(key, part)| (key.to_owned(), part)).into_iter().collect();
         let left_out = |path: &str| {
             let (participant, rest) = path.split_once('.').unwrap();
             leaves_out(&record, participant, rest)

@@ -1,14 +1,12 @@
 //! From a scenario file to participants and a plan.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use lockstep::link::{Hold, Timing};
 use lockstep::time::Rational;
 use report::view::View;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
-use toml::{Table, Value};
+use toml::Table;
 
 use super::entry::Entry;
 use super::error::{Mistake, ScenarioError};
@@ -22,8 +20,8 @@ use super::pictures;
 use super::ports::{End, not_a_port, port};
 use super::program::Program;
 use super::recorded::{self, Wish};
-use super::source::{FOLDER, Source, typed};
-use super::types::{ConnectionEntry, ParticipantEntry, Top};
+use super::source::Source;
+use super::spec::{FOLDER, Reading, ScenarioSpec};
 use crate::builtins::{Builtins, HasBuiltins};
 
 /// A scenario that has been read and understood, as far as that goes without the participants.
@@ -45,7 +43,6 @@ pub struct Scenario {
     pub substitutions: Vec<Substitution>,
     /// The participants' names.
     pub(super) names: Names,
-    pub(super) connections: Vec<(String, ConnectionEntry)>,
     /// The inputs that nobody feeds though their participants need them, by participant.
     pub(super) inputs: Vec<(usize, String)>,
     pub(super) faults: Faults,
@@ -53,25 +50,17 @@ pub struct Scenario {
     pub(super) measures: Vec<DeclaredMeasure>,
     pub(super) pictures: View,
     pub(super) record: Vec<Wish>,
+    /// What it says.
+    pub(super) spec: ScenarioSpec,
+    /// The same as a table, once that was asked for.
+    table: OnceLock<Table>,
     pub(super) source: Source,
 }
 
 impl Scenario {
     /// Reads `file` and applies `overrides`, each `key.path=value` or `faults+=key=value,…`.
     pub fn read(catalogue: &impl HasBuiltins, file: &Path, overrides: &[String]) -> Result<Scenario, ScenarioError> {
-        Scenario::read_with(catalogue, file, overrides, |_| {})
-    }
-
-    /// Reads `file`, applies `overrides`, and lets `change` make something else of the whole before it is understood.
-    pub fn read_with(
-        catalogue: &impl HasBuiltins,
-        file: &Path,
-        overrides: &[String],
-        change: impl FnOnce(&mut Table),
-    ) -> Result<Scenario, ScenarioError> {
-        let mut source = Source::read(catalogue.builtins(), file, overrides)?;
-        change(&mut source.table);
-        Scenario::of(file, source)
+        Scenario::resolve(catalogue, Reading::of_file(file, overrides)?, file)
     }
 
     /// What `file` would say if `text` stood in it.
@@ -86,64 +75,79 @@ impl Scenario {
         text: &str,
         overrides: &[String],
     ) -> Result<Scenario, ScenarioError> {
-        let source = Source::of_text(catalogue.builtins(), file, text.to_owned(), overrides)?;
-        Scenario::of(file, source)
+        Scenario::resolve(catalogue, Reading::of_text(file, text.to_owned(), overrides)?, file)
     }
 
-    fn of(file: &Path, source: Source) -> Result<Scenario, ScenarioError> {
-        refuse_campaign(&source)?;
-        let top: Top =
-            typed(&source, "", Value::Table(source.table.clone())).map_err(|mistake| source.error(vec![mistake]))?;
-        let mut mistakes = Vec::new();
-        let names = Names::new(top.participants.keys().cloned());
+    /// What `spec` means as the scenario in `file`: relative paths are relative to the folder of `file`, its name without the ending is
+    /// the scenario's name, and messages name it. The file need not be there.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, by key; by line too where it was read from a file.
+    pub fn of(catalogue: &impl HasBuiltins, mut spec: ScenarioSpec, file: &Path) -> Result<Scenario, ScenarioError> {
+        spec.origin.file = file.to_owned();
+        let mut wrong = Vec::new();
+        spec.each_time(&mut |key, time| {
+            if let Err(error) = time.exact() {
+                wrong.push((key, error.to_string()));
+            }
+        });
+        if !wrong.is_empty() {
+            let mistakes = wrong.iter().map(|(key, reason)| spec.origin.mistake(key, reason));
+            return Err(spec.origin.error(mistakes.collect()));
+        }
+        let folder = spec.folder_at(file);
+        spec.fill_in_files(&folder)?;
+        Scenario::resolve(catalogue, Reading::complete(spec), file)
+    }
+
+    fn resolve(catalogue: &impl HasBuiltins, reading: Reading, file: &Path) -> Result<Scenario, ScenarioError> {
+        let Reading {
+            spec,
+            broken,
+            mut mistakes,
+        } = reading;
+        let source = Source {
+            builtins: catalogue.builtins().clone(),
+            folder: spec.folder_at(file),
+            origin: spec.origin.clone(),
+        };
+        let mut all: Vec<&String> = spec.participants.keys().chain(&broken.participants).collect();
+        all.sort();
+        let names = Names::new(all.iter().map(|name| (*name).clone()));
         let mut resolved = Vec::new();
-        for (name, value) in top.participants {
-            let key = format!("participants.{name}");
-            let read = typed::<ParticipantEntry>(&source, &key, value);
-            let entry = read.and_then(|entry| {
-                if name == ORCHESTRATOR {
-                    let reason = format!("the name `{name}` is the program's own: give the participant another one");
-                    return Err(source.mistake(&key, reason));
-                }
-                Entry::resolve(&source, &name, entry, top.seed)
-            });
+        for name in all {
+            let Some(entry) = spec.participants.get(name) else {
+                resolved.push(None);
+                continue;
+            };
+            let entry = if name == ORCHESTRATOR {
+                let reason = format!("the name `{name}` is the program's own: give the participant another one");
+                Err(source.mistake(&format!("participants.{name}"), reason))
+            } else {
+                Entry::resolve(&source, name, entry, spec.seed)
+            };
             resolved.push(entry.map_err(|mistake| mistakes.push(mistake)).ok());
         }
-        let known = Names::new(top.connections.keys().cloned());
-        let faults = faults::read(&source, &names, &resolved, &known, top.faults);
+        let known = Names::new(spec.connections.keys().chain(&broken.connections).cloned());
+        let faults = faults::read(&source, &names, &resolved, &known, &spec.faults, &broken.faults);
         let (faults, substitutions) = faults.unwrap_or_else(|wrong| {
             mistakes.extend(wrong);
             Default::default()
         });
-        let guards = guards::read(&source, &names, top.guards).unwrap_or_else(|wrong| {
-            mistakes.extend(wrong);
-            Vec::new()
-        });
-        let measures = measures::read(&source, top.measures).unwrap_or_else(|wrong| {
-            mistakes.extend(wrong);
-            Vec::new()
-        });
-        let pictures = pictures::read(&source, &names, top.report.as_ref(), top.scene.as_ref());
-        let pictures = pictures.unwrap_or_else(|wrong| {
-            mistakes.extend(wrong);
-            View::default()
-        });
-        let record = recorded::read(&source, &names, top.record).unwrap_or_else(|wrong| {
-            mistakes.extend(wrong);
-            Vec::new()
-        });
+        let mut refused = |wrong: Vec<Mistake>| mistakes.extend(wrong);
+        let guards = guards::read(&source, &names, &spec.guards);
+        let guards = guards.map_err(&mut refused).unwrap_or_default();
+        let measures = measures::read(&source.origin, &spec.measures);
+        let measures = measures.map_err(&mut refused).unwrap_or_default();
+        let pictures = pictures::read(&source, &names, spec.report.as_ref(), spec.scene.as_ref());
+        let pictures = pictures.map_err(&mut refused).unwrap_or_default();
+        let record = recorded::read(&source, &names, &spec.record);
+        let record = record.map_err(&mut refused).unwrap_or_default();
         let mut inputs = Vec::new();
-        for port in &top.inputs {
+        for port in &spec.inputs {
             match open_input(&names, port) {
                 Ok(input) => inputs.push(input),
                 Err(reason) => mistakes.push(source.mistake("inputs", reason)),
-            }
-        }
-        let mut connections = Vec::new();
-        for (name, value) in top.connections {
-            match typed::<ConnectionEntry>(&source, &format!("connections.{name}"), value) {
-                Ok(entry) => connections.push((name, entry)),
-                Err(mistake) => mistakes.push(mistake),
             }
         }
         if !mistakes.is_empty() {
@@ -152,22 +156,28 @@ impl Scenario {
         let stem = file.file_stem().and_then(|stem| stem.to_str()).unwrap_or("run");
         Ok(Scenario {
             name: stem.to_owned(),
-            title: top.title,
-            duration: top.duration,
-            seed: top.seed,
+            title: spec.title.clone(),
+            duration: spec.length(),
+            seed: spec.seed,
             participants: resolved.into_iter().flatten().collect(),
             names,
-            connections,
             inputs,
-            assessment: top.assessment,
+            assessment: spec.assessment.clone(),
             substitutions,
             faults,
             guards,
             measures,
             pictures,
             record,
+            spec,
+            table: OnceLock::new(),
             source,
         })
+    }
+
+    /// What it says, with files and changes filled in.
+    pub fn spec(&self) -> &ScenarioSpec {
+        &self.spec
     }
 
     /// What its participants and its assessment are made of.
@@ -178,47 +188,33 @@ impl Scenario {
     /// The links between whole ports as `(PARTICIPANT.OUTPUT, PARTICIPANT.INPUT, timing)`, in the order of their names.
     pub fn links(&self) -> impl Iterator<Item = (&str, &str, Timing)> {
         let whole = self
+            .spec
             .connections
             .iter()
             .filter(|(_, connection)| !fields::names_fields(connection));
         whole.flat_map(|(_, connection)| {
-            let to = connection.to.all().iter();
+            let to = connection.to.iter();
             to.map(|to| (connection.from.as_str(), to.as_str(), connection.timing()))
         })
     }
 
     /// The files that the scenario names and whose contents it now holds.
     pub fn files(&self) -> &[PathBuf] {
-        &self.source.files
+        &self.source.origin.files
     }
 
-    /// The scenario with files and overrides filled in, as TOML.
+    /// The scenario with files and overrides filled in, as a table.
     pub fn resolved(&self) -> &Table {
-        &self.source.table
+        self.table.get_or_init(|| self.spec.to_table())
     }
 
-    /// The same with the folder named in full that relative paths are relative to: it says the same wherever it stands. A folder
-    /// whose name is not text cannot be named; then nothing is said of it.
-    pub fn portable(&self) -> Table {
-        let mut table = self.source.table.clone();
-        table.remove(FOLDER);
+    /// The same with the folder named in full that relative paths are relative to, so that it says the same wherever it stands, and
+    /// with every default. A folder whose name is not text cannot be named; then nothing is said of it.
+    pub fn written(&self) -> ScenarioSpec {
         let folder = self.source.folder_in_full();
-        if let Some(folder) = folder.as_deref().and_then(Path::to_str) {
-            table.insert(FOLDER.to_owned(), Value::String(folder.to_owned()));
-        }
-        table
-    }
-
-    /// The same with every default of participants and connections, the title and the seed filled in.
-    pub fn written(&self) -> Table {
-        let mut table = self.portable();
-        table
-            .entry("title")
-            .or_insert_with(|| Value::String(self.title.clone()));
-        table.entry("seed").or_insert(Value::Integer(1));
-        fill_in::<ParticipantEntry>(&mut table, "participants");
-        fill_in::<ConnectionEntry>(&mut table, "connections");
-        table
+        let mut spec = self.spec.filled();
+        spec.folder = folder.as_deref().and_then(Path::to_str).map(str::to_owned);
+        spec
     }
 
     /// Every program that may run: the participants' own, their substitutes', and those that take over after a failure.
@@ -283,14 +279,14 @@ impl Scenario {
                 format!("nobody feeds `{port}`: it holds zero unless a program sets it while the run goes on"),
             );
         }
-        for (name, connection) in self.connections.iter().filter(|(_, own)| own.hold == Hold::Linear) {
+        for (name, connection) in self.spec.connections.iter().filter(|(_, own)| own.hold == Hold::Linear) {
             let producer = End::of(&connection.from).and_then(|from| self.names.number(from.participant));
             let period = producer.map(|number| self.participants[number].period);
-            if let Some(period) = period.filter(|period| connection.delay < *period) {
+            let delay = connection.timing().delay;
+            if let Some(period) = period.filter(|period| delay < *period) {
                 let reason = format!(
-                    "with a delay of {} the next sample has often not been taken when it is needed, and the last one is held: a delay of \
-                     at least the producer's period, {period}, is always interpolated",
-                    connection.delay
+                    "with a delay of {delay} the next sample has often not been taken when it is needed, and the last one is held: a delay of \
+                     at least the producer's period, {period}, is always interpolated"
                 );
                 remark(&format!("connections.{name}.hold"), reason);
             }
@@ -355,30 +351,10 @@ impl Scenario {
     }
 }
 
-/// Fills in the defaults of the tables below `section`, which have been read as `T` before.
-fn fill_in<T: DeserializeOwned + Serialize>(table: &mut Table, section: &str) {
-    let entries = table.get_mut(section).and_then(Value::as_table_mut);
-    for (_, value) in entries.into_iter().flatten() {
-        let entry = value.clone().try_into::<T>();
-        if let Some(filled) = entry.ok().and_then(|entry| Value::try_from(entry).ok()) {
-            *value = filled;
-        }
-    }
-}
-
 /// The participant and the input that an entry of `inputs` names.
 fn open_input(names: &Names, text: &str) -> Result<(usize, String), String> {
     let (participant, input) = port(text).ok_or_else(|| not_a_port(text))?;
     let number = names.number(&participant);
     let number = number.ok_or_else(|| names.unknown("participant", &participant))?;
     Ok((number, input))
-}
-
-/// The two kinds of file are easily taken for each other.
-fn refuse_campaign(source: &Source) -> Result<(), ScenarioError> {
-    if source.table.contains_key("scenario") && !source.table.contains_key("participants") {
-        let reason = "this is a campaign file: run it with `sweep`, or give the scenario that it names";
-        return Err(source.error(vec![source.mistake("scenario", reason)]));
-    }
-    Ok(())
 }

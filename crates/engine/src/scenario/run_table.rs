@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use super::error::Mistake;
 use super::program::{Program, in_path, runs};
 use super::source::Source;
-use super::types::RunEntry;
+use super::spec::RunSpec;
 
 /// Reads a `run` table, which stands at `key`.
-pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Program, Mistake> {
+pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Program, Mistake> {
     if let (None, None, None, Some(file)) = (&run.builtin, &run.exe, &run.library, &run.fmu) {
-        return fmu_program(source, key, file, &run);
+        return fmu_program(source, key, file, run);
     }
     if run.fmu.is_some() || !run.beside_fmu().is_empty() {
         return Err(source.mistake(
@@ -25,9 +25,9 @@ pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Progr
             "leave it out, or name a `library`",
         );
     }
-    match (run.builtin, run.exe, run.library) {
+    match (&run.builtin, &run.exe, &run.library) {
         (Some(builtin), None, None) => {
-            if source.builtins.factory(&builtin).is_none() {
+            if source.builtins.factory(builtin).is_none() {
                 let known: Vec<String> = source.builtins.names().map(|name| format!("`{name}`")).collect();
                 let reason = format!("there is no builtin `{builtin}`; there is {}", known.join(", "));
                 return Err(source.mistake(key, reason));
@@ -35,13 +35,13 @@ pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Progr
             if !run.args.is_empty() {
                 return Err(source.mistake(key, "a builtin takes no args: use `parameters`"));
             }
-            Ok(Program::Builtin(builtin))
+            Ok(Program::Builtin(builtin.clone()))
         }
         (None, None, Some(file)) => {
             if !run.args.is_empty() {
                 return stray("a library takes no args", "use `parameters`");
             }
-            let path = source.folder().join(file);
+            let path = source.folder.join(file);
             plugin::look(&path).map_err(|wrong| {
                 source.mistake(
                     key,
@@ -49,14 +49,14 @@ pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Progr
                 )
             })?;
             let file = absolute(&path).map_err(|reason| source.mistake(key, reason))?;
-            let participant = run.participant;
+            let participant = run.participant.clone();
             Ok(Program::Library { file, participant })
         }
         (None, Some(exe), None) => {
-            let folder = source.folder();
-            let found = find(&folder, &exe).and_then(|exe| Ok((exe, absolute(&folder)?)));
+            let folder = &source.folder;
+            let found = find(folder, exe).and_then(|exe| Ok((exe, absolute(folder)?)));
             let (exe, folder) = found.map_err(|reason| source.mistake(key, reason))?;
-            let args = run.args;
+            let args = run.args.clone();
             Ok(Program::External { exe, args, folder })
         }
         _ => Err(source.mistake(
@@ -67,11 +67,11 @@ pub(super) fn program(source: &Source, key: &str, run: RunEntry) -> Result<Progr
 }
 
 /// An FMU is read here, so that a file that is none is refused with its line; nothing of it runs.
-fn fmu_program(source: &Source, key: &str, file: &str, run: &RunEntry) -> Result<Program, Mistake> {
+fn fmu_program(source: &Source, key: &str, file: &str, run: &RunSpec) -> Result<Program, Mistake> {
     if !run.args.is_empty() {
         return Err(source.mistake(key, "an FMU takes no args: use `parameters`"));
     }
-    let path = source.folder().join(file);
+    let path = source.folder.join(file);
     let options = run.beside_fmu();
     fmu::check(&path, &options).map_err(|error| {
         let below = if error.key.is_empty() { "fmu" } else { &error.key };

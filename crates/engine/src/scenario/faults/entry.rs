@@ -1,82 +1,8 @@
-//! One entry of `[[faults]]` as it is written.
+//! Which sort of fault an entry of `[[faults]]` is.
 
 use lockstep::fault::{LinkFault, Span};
-use lockstep::time::Rational;
-use serde::{Deserialize, Serialize};
-use toml::{Table, Value};
 
-use crate::scenario::types::RunEntry;
-
-/// What a program that takes over in mid-run starts with.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum State {
-    /// Nothing: as at the start of a run.
-    #[default]
-    Cold,
-    /// What the one before had saved.
-    Keep,
-}
-
-impl State {
-    /// As it is written.
-    pub fn name(self) -> &'static str {
-        match self {
-            State::Cold => "cold",
-            State::Keep => "keep",
-        }
-    }
-}
-
-/// What a signal fault does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Kind {
-    Bias,
-    Scale,
-    Ramp,
-    Noise,
-    Stuck,
-    Dropout,
-    BitFlip,
-}
-
-impl Kind {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Kind::Bias => "bias",
-            Kind::Scale => "scale",
-            Kind::Ramp => "ramp",
-            Kind::Noise => "noise",
-            Kind::Stuck => "stuck",
-            Kind::Dropout => "dropout",
-            Kind::BitFlip => "bit-flip",
-        }
-    }
-}
-
-/// Every key that any entry may have.
-#[derive(Debug, Clone, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct FaultEntry {
-    name: Option<String>,
-    pub(super) at: Rational,
-    pub(super) until: Option<Rational>,
-    input: Option<String>,
-    output: Option<String>,
-    pub(super) field: Option<String>,
-    pub(super) kind: Option<Kind>,
-    pub(super) value: Option<Value>,
-    pub(super) bit: Option<u32>,
-    pub(super) probability: Option<f64>,
-    connection: Option<String>,
-    drop: Option<f64>,
-    extra_delay: Option<Rational>,
-    substitute: Option<String>,
-    pub(super) run: Option<RunEntry>,
-    pub(super) parameters: Option<Table>,
-    pub(super) state: Option<State>,
-}
+use crate::scenario::spec::{FaultSpec, Time};
 
 /// The sorts of faults, by the key that tells them apart.
 pub(super) enum Sort {
@@ -95,9 +21,10 @@ const SORTS: [(&str, &[&str]); 4] = [
     ("substitute", &["run", "parameters", "state"]),
 ];
 
-impl FaultEntry {
-    /// Which sort it is, and that it has no key of another one; `given` are the keys that it has.
-    pub(super) fn sort(&self, given: &[String]) -> Result<Sort, Refusal> {
+impl FaultSpec {
+    /// Which sort it is, and that it has no key of another one.
+    pub(super) fn sort(&self) -> Result<Sort, Refusal> {
+        let given = self.given();
         let marks: Vec<&str> = SORTS
             .iter()
             .map(|(mark, _)| *mark)
@@ -115,13 +42,13 @@ impl FaultEntry {
             return Err((marks.last().copied().unwrap_or_default().to_owned(), reason));
         };
         let (_, allowed) = SORTS.iter().find(|(own, _)| *own == mark).expect("it is one of them");
-        let known = |key: &String| ["name", "at", mark].contains(&key.as_str()) || allowed.contains(&key.as_str());
+        let known = |key: &str| key == mark || allowed.contains(&key);
         if let Some(odd) = given.iter().find(|key| !known(key)) {
             let reason = format!(
                 "does not belong to a fault with `{mark}`, which may have {}",
                 allowed.join(", ")
             );
-            return Err((odd.clone(), reason));
+            return Err(((*odd).to_owned(), reason));
         }
         Ok(match (&self.input, &self.output, &self.connection, &self.substitute) {
             (Some(port), ..) => Sort::Signal {
@@ -152,18 +79,19 @@ impl FaultEntry {
                 format!("{drop} is not a probability: it lies between 0 and 1"),
             ));
         }
-        if let Some(delay) = self.extra_delay.filter(|delay| delay.is_negative()) {
+        let extra_delay = self.extra_delay.as_ref().map(Time::checked);
+        if let Some(delay) = extra_delay.filter(|delay| delay.is_negative()) {
             let reason = format!("{delay} would let an input see the future: it must not be negative");
             return Err(("extra-delay".into(), reason));
         }
         let mut words = Vec::new();
         words.extend(self.drop.map(|drop| format!("drops {} %", 100.0 * drop)));
-        words.extend(self.extra_delay.map(|delay| format!("{delay} more delay")));
+        words.extend(extra_delay.map(|delay| format!("{delay} more delay")));
         Ok(LinkFault {
             name: name.to_owned(),
             span,
             drop: self.drop.unwrap_or(0.0),
-            extra_delay: self.extra_delay.unwrap_or_default(),
+            extra_delay: extra_delay.unwrap_or_default(),
             words: format!("connection {connection}: {}", words.join(", ")),
         })
     }

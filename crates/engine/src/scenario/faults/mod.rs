@@ -2,26 +2,22 @@
 
 mod entry;
 mod signal;
-mod text;
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 use lockstep::fault::{LinkFault, SignalFault, Span};
 use lockstep::plan::Plan;
 use lockstep::time::Rational;
-use toml::Value;
 
 use super::entry::Entry;
 use super::error::Mistake;
 use super::names::Names;
-use super::source::{Source, typed};
-use entry::{FaultEntry, Sort};
+use super::source::Source;
+use super::spec::{FaultSpec, State, Time};
+use entry::Sort;
 use signal::Signal;
 
-pub use entry::State;
 pub(super) use signal::values;
-pub(super) use text::append;
-pub use text::table;
 
 /// The most substitutions of a run: each needs a place of its own in shared memory (`scope`), and restarts need some as well.
 const SUBSTITUTIONS_MAX: usize = 1000;
@@ -92,7 +88,8 @@ pub(super) fn read(
     participants: &Names,
     resolved: &[Option<Entry>],
     connections: &Names,
-    entries: Vec<Value>,
+    entries: &[FaultSpec],
+    broken: &BTreeSet<usize>,
 ) -> Result<(Faults, Vec<Substitution>), Vec<Mistake>> {
     let mut reader = Reader {
         source,
@@ -103,8 +100,9 @@ pub(super) fn read(
         substitutions: Vec::new(),
     };
     let (mut mistakes, mut names) = (Vec::new(), HashSet::new());
-    for (position, value) in entries.into_iter().enumerate() {
-        let name = super::names::fault_name(value.get("name").and_then(Value::as_str), position);
+    let positions = (0..).filter(|position| !broken.contains(position));
+    for (position, entry) in positions.zip(entries) {
+        let name = super::names::fault_name(entry.name.as_deref(), position);
         let key = format!("faults.{name}");
         if !lockstep::name::is_name(&name, lockstep::name::NAME_MAX) {
             let reason = format!("`{name}` is not a name: use up to 64 letters, digits, `_` and `-`");
@@ -112,7 +110,7 @@ pub(super) fn read(
         } else if names.contains(&name) {
             let reason = format!("two faults are called `{name}`: give one of them another name");
             mistakes.push(source.mistake(&format!("{key}.name"), reason));
-        } else if let Err(mistake) = reader.one(&name, &key, value) {
+        } else if let Err(mistake) = reader.one(&name, &key, entry) {
             mistakes.push(mistake);
         }
         names.insert(name);
@@ -136,12 +134,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn one(&mut self, name: &str, key: &str, value: Value) -> Result<(), Mistake> {
-        let given: Vec<String> = value
-            .as_table()
-            .map(|table| table.keys().cloned().collect())
-            .unwrap_or_default();
-        let entry: FaultEntry = typed(self.source, key, value)?;
+    fn one(&mut self, name: &str, key: &str, entry: &FaultSpec) -> Result<(), Mistake> {
         let refuse = |field: &str, reason: String| {
             let key = if field.is_empty() {
                 key.to_owned()
@@ -150,21 +143,19 @@ impl Reader<'_> {
             };
             self.source.mistake(&key, reason)
         };
-        let sort = entry.sort(&given).map_err(|(field, reason)| refuse(&field, reason))?;
-        if entry.at.is_negative() {
-            return Err(refuse("at", format!("{} lies before the start", entry.at)));
+        let sort = entry.sort().map_err(|(field, reason)| refuse(&field, reason))?;
+        let (at, until) = (entry.at.checked(), entry.until.as_ref().map(Time::checked));
+        if at.is_negative() {
+            return Err(refuse("at", format!("{at} lies before the start")));
         }
-        if let Some(until) = entry.until.filter(|until| *until <= entry.at) {
-            let reason = format!("{until} is not after the begin at {}", entry.at);
+        if let Some(until) = until.filter(|until| *until <= at) {
+            let reason = format!("{until} is not after the begin at {at}");
             return Err(refuse("until", reason));
         }
-        let span = Span {
-            at: entry.at,
-            until: entry.until,
-        };
+        let span = Span { at, until };
         match sort {
             Sort::Signal { port, output } => {
-                let signal = Signal::new(name, key, span, port, output, &entry);
+                let signal = Signal::new(name, key, span, port, output, entry);
                 let signal = signal.map_err(|(field, reason)| refuse(&field, reason))?;
                 if !self.participants.contains(&signal.port.0) {
                     let reason = self.participants.unknown("participant", &signal.port.0);
@@ -189,6 +180,7 @@ impl Reader<'_> {
                 })?;
                 let run = entry
                     .run
+                    .as_ref()
                     .ok_or_else(|| refuse("", "`run` is missing: what takes its place?".to_owned()))?;
                 let Some(before) = &self.resolved[number] else {
                     return Ok(());
@@ -199,10 +191,10 @@ impl Reader<'_> {
                 }
                 self.substitutions.push(Substitution {
                     name: name.to_owned(),
-                    at: entry.at,
+                    at,
                     participant: number,
                     own_parameters: entry.parameters.is_some(),
-                    entry: before.substituted(self.source, key, run, entry.parameters)?,
+                    entry: before.substituted(self.source, key, run, entry.parameters.clone())?,
                     state: entry.state.unwrap_or_default(),
                     key: key.to_owned(),
                 });

@@ -7,8 +7,9 @@ use lockstep::time::Rational;
 use lockstep::units;
 use toml::Value;
 
-use super::entry::{FaultEntry, Kind, Refusal};
+use super::entry::Refusal;
 use crate::scenario::ports::{not_a_port, port};
+use crate::scenario::spec::{FaultKind, FaultSpec};
 
 /// A signal fault that has been understood as far as that goes without the message that it disturbs.
 #[derive(Debug, Clone)]
@@ -21,7 +22,7 @@ pub(super) struct Signal {
     pub(super) port: (String, String),
     output: bool,
     field: Option<String>,
-    kind: Kind,
+    kind: FaultKind,
     value: Option<Value>,
     bit: Option<u32>,
     probability: f64,
@@ -38,7 +39,7 @@ impl Signal {
         span: Span,
         at: String,
         output: bool,
-        entry: &FaultEntry,
+        entry: &FaultSpec,
     ) -> Result<Signal, Refusal> {
         let side = if output { "output" } else { "input" };
         let kind = entry.kind.ok_or_else(|| {
@@ -69,9 +70,9 @@ impl Signal {
     }
 
     /// That everything is there that its kind needs, and nothing else.
-    fn check(&self, entry: &FaultEntry) -> Result<(), Refusal> {
+    fn check(&self, entry: &FaultSpec) -> Result<(), Refusal> {
         let kind = self.kind.name();
-        let chance = matches!(self.kind, Kind::Dropout | Kind::BitFlip);
+        let chance = self.kind.may_spare();
         if entry.probability.is_some() && !chance {
             return Err(refusal("probability", format!("a {kind} has none: it is always there")));
         }
@@ -79,17 +80,17 @@ impl Signal {
             let reason = format!("{} is not a probability: it lies between 0 and 1", self.probability);
             return Err(refusal("probability", reason));
         }
-        if self.bit.is_some() && self.kind != Kind::BitFlip {
+        if self.bit.is_some() && self.kind != FaultKind::BitFlip {
             return Err(refusal("bit", format!("a {kind} has none")));
         }
         if chance && self.value.is_some() {
             return Err(refusal("value", format!("a {kind} has none")));
         }
         let example = match self.kind {
-            Kind::Bias | Kind::Noise => Some("\"0.2 deg\""),
-            Kind::Ramp => Some("\"0.2 deg/s\""),
-            Kind::Scale => Some("1.1"),
-            Kind::Stuck | Kind::Dropout | Kind::BitFlip => None,
+            FaultKind::Bias | FaultKind::Noise => Some("\"0.2 deg\""),
+            FaultKind::Ramp => Some("\"0.2 deg/s\""),
+            FaultKind::Scale => Some("1.1"),
+            FaultKind::Stuck | FaultKind::Dropout | FaultKind::BitFlip => None,
         };
         if let (None, Some(example)) = (&self.value, example) {
             return Err(refusal(
@@ -97,7 +98,7 @@ impl Signal {
                 format!("`value` is missing: a {kind} needs one, such as value = {example}"),
             ));
         }
-        if self.value.is_some() && self.field.is_none() && self.kind != Kind::Scale {
+        if self.value.is_some() && self.field.is_none() && self.kind != FaultKind::Scale {
             let reason = format!("`field` is missing: a {kind} with a value is one of a field, which has a unit");
             return Err(refusal("", reason));
         }
@@ -182,7 +183,7 @@ impl Signal {
 
     fn effect(&self, field: Option<&Field>, slots: &[Slot]) -> Result<Effect, Refusal> {
         let symbols = slots.iter().any(|slot| !slot.element.is_number());
-        if symbols && !matches!(self.kind, Kind::Stuck | Kind::Dropout) {
+        if symbols && !matches!(self.kind, FaultKind::Stuck | FaultKind::Dropout) {
             let reason = format!(
                 "a {} changes numbers, and {} has a bool or an enumeration, which can be stuck or drop out: name a field of numbers, or \
                  take kind = \"stuck\" or \"dropout\"",
@@ -197,10 +198,10 @@ impl Signal {
             None => Err(refusal("value", "is missing")),
         };
         Ok(match self.kind {
-            Kind::Bias => Effect::Bias(given(unit)?),
-            Kind::Scale => Effect::Scale(given("1")?),
-            Kind::Ramp => Effect::Ramp(given(&format!("{unit}/s"))?),
-            Kind::Noise => {
+            FaultKind::Bias => Effect::Bias(given(unit)?),
+            FaultKind::Scale => Effect::Scale(given("1")?),
+            FaultKind::Ramp => Effect::Ramp(given(&format!("{unit}/s"))?),
+            FaultKind::Noise => {
                 let sigma = given(unit)?;
                 if let Some(negative) = sigma.iter().find(|sigma| **sigma < 0.0) {
                     let reason = format!("{negative} {unit} is negative: a noise is given by its standard deviation");
@@ -208,7 +209,7 @@ impl Signal {
                 }
                 Effect::Noise(sigma)
             }
-            Kind::Stuck if symbols => {
+            FaultKind::Stuck if symbols => {
                 let given = self.value.as_ref().zip(field);
                 let values = given.map(|(value, field)| {
                     let values = crate::scenario::symbols::symbols(value, field, slots.len());
@@ -216,9 +217,9 @@ impl Signal {
                 });
                 Effect::Stuck(values.transpose()?)
             }
-            Kind::Stuck => Effect::Stuck(self.value.is_some().then(|| given(unit)).transpose()?),
-            Kind::Dropout => Effect::Dropout(self.probability),
-            Kind::BitFlip => {
+            FaultKind::Stuck => Effect::Stuck(self.value.is_some().then(|| given(unit)).transpose()?),
+            FaultKind::Dropout => Effect::Dropout(self.probability),
+            FaultKind::BitFlip => {
                 let width = slots
                     .iter()
                     .map(|slot| slot.element.size() as u32 * 8)

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use toml::Value;
 
 use crate::scenario::ports::End;
-use crate::scenario::types::ConnectionEntry;
+use crate::scenario::spec::ConnectionSpec;
 
 /// The key of the connection that is wrong, and why.
 pub(in crate::scenario) type Refusal = (&'static str, String);
@@ -53,7 +53,7 @@ impl Wiring {
     }
 
     /// What `connection` says of its link from `from` to `to`.
-    pub(super) fn of(connection: &ConnectionEntry, from: End<'_>, to: End<'_>) -> Result<Wiring, Refusal> {
+    pub(super) fn of(connection: &ConnectionSpec, from: End<'_>, to: End<'_>) -> Result<Wiring, Refusal> {
         let fields = from.field.is_some() || to.field.is_some();
         if let (Some(_), true) = (&connection.map, fields) {
             let reason = "stands beside a field in `from` or `to`: name the ports there, or leave the map out";

@@ -8,7 +8,7 @@ use lockstep::plan::Initial;
 use lockstep::port::Descriptor;
 
 use super::ports::End;
-use super::types::ConnectionEntry;
+use super::spec::ConnectionSpec;
 pub(super) use entry::Refusal;
 use entry::Wiring;
 use pairs::Ports;
@@ -20,14 +20,14 @@ pub(super) struct Known<'a> {
 }
 
 /// Whether `connection` is between fields, whatever the ports are.
-pub(super) fn names_fields(connection: &ConnectionEntry) -> bool {
+pub(super) fn names_fields(connection: &ConnectionSpec) -> bool {
     let named = |text: &str| End::of(text).is_some_and(|end| end.field.is_some());
-    connection.map.is_some() || named(&connection.from) || connection.to.all().iter().any(|to| named(to))
+    connection.map.is_some() || named(&connection.from) || connection.to.iter().any(|to| named(to))
 }
 
 /// How samples of `from` become fields of `to`; `None` where no fields are named, and they are the input as they are. Where one of the ports is not `known`, only what can be told: which elements are fed.
 pub(super) fn conversion(
-    connection: &ConnectionEntry,
+    connection: &ConnectionSpec,
     from: End<'_>,
     to: End<'_>,
     known: &Known<'_>,

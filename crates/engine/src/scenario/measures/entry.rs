@@ -1,78 +1,28 @@
-//! One section of `[measures.NAME]` as it is written, and what its words and quantities mean.
+//! What the words and quantities of `[measures.NAME]` mean.
 
-use lockstep::time::Rational;
 use lockstep::units;
-use serde::{Deserialize, Serialize};
 use toml::Value;
 
 use super::refusal::{Refusal, converted, refusal};
 use crate::measures::{Compute, Limits};
 use crate::scenario::faults::values;
+use crate::scenario::spec::{MeasureKind, MeasureSpec};
 
-/// What is computed, as it is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Word {
-    Min,
-    Max,
-    MaxAbs,
-    Mean,
-    Rms,
-    Final,
-    At,
-    Range,
-    Integral,
-    IntegralAbs,
-    Rate,
-    TimeAbove,
-    TimeBelow,
-    FirstCrossing,
-    SettlingTime,
-    Changes,
-    Percentile,
-}
-
-/// What becomes of the elements, as it is written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum ThroughWord {
-    Norm,
-    Angle,
-}
-
-/// One section as it is written.
-#[derive(Debug, Clone, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct MeasureEntry {
-    pub(super) of: String,
-    pub(super) is: Option<Value>,
-    pub(super) minus: Option<String>,
-    pub(super) through: Option<ThroughWord>,
-    pub(super) compute: Word,
-    pub(super) from: Option<Rational>,
-    pub(super) to: Option<Rational>,
-    pub(super) at: Option<Rational>,
-    threshold: Option<Value>,
-    band: Option<Value>,
-    percent: Option<f64>,
-    pub(super) unit: Option<String>,
-    at_most: Option<Value>,
-    at_least: Option<Value>,
-    within: Option<Value>,
-}
-
-impl Word {
+impl MeasureKind {
     /// The unit of the figure of a signal in `unit`.
     pub(super) fn unit(self, unit: &str) -> String {
         match self {
-            Word::TimeAbove | Word::TimeBelow | Word::FirstCrossing | Word::SettlingTime => "s".to_owned(),
-            Word::Changes => "1".to_owned(),
-            Word::Integral | Word::IntegralAbs if unit == "1" => "s".to_owned(),
-            Word::Integral | Word::IntegralAbs => match unit.strip_suffix("/s") {
+            MeasureKind::TimeAbove
+            | MeasureKind::TimeBelow
+            | MeasureKind::FirstCrossing
+            | MeasureKind::SettlingTime => "s".to_owned(),
+            MeasureKind::Changes => "1".to_owned(),
+            MeasureKind::Integral | MeasureKind::IntegralAbs if unit == "1" => "s".to_owned(),
+            MeasureKind::Integral | MeasureKind::IntegralAbs => match unit.strip_suffix("/s") {
                 Some(rate) => rate.to_owned(),
                 None => format!("{unit} s"),
             },
-            Word::Rate => match unit.strip_suffix(" s") {
+            MeasureKind::Rate => match unit.strip_suffix(" s") {
                 Some(integral) => integral.to_owned(),
                 None => match unit.strip_suffix("/s") {
                     Some(moved) => format!("{moved}/s^2"),
@@ -84,23 +34,26 @@ impl Word {
     }
 }
 
-impl MeasureEntry {
+impl MeasureSpec {
     /// That everything is there that the computation needs, and nothing that it does not know.
     pub(super) fn check(&self) -> Result<(), Refusal> {
-        let threshold = matches!(self.compute, Word::TimeAbove | Word::TimeBelow | Word::FirstCrossing);
+        let threshold = matches!(
+            self.compute,
+            MeasureKind::TimeAbove | MeasureKind::TimeBelow | MeasureKind::FirstCrossing
+        );
         for (key, given, needed, example) in [
-            ("at", self.at.is_some(), self.compute == Word::At, "\"3 s\""),
+            ("at", self.at.is_some(), self.compute == MeasureKind::At, "\"3 s\""),
             ("threshold", self.threshold.is_some(), threshold, "\"5 mm\""),
             (
                 "band",
                 self.band.is_some(),
-                self.compute == Word::SettlingTime,
+                self.compute == MeasureKind::SettlingTime,
                 "\"[-2, 2] mm\"",
             ),
             (
                 "percent",
                 self.percent.is_some(),
-                self.compute == Word::Percentile,
+                self.compute == MeasureKind::Percentile,
                 "95",
             ),
         ] {
@@ -120,10 +73,17 @@ impl MeasureEntry {
             let key = if self.from.is_some() { "from" } else { "to" };
             return refusal(key, "does not belong to a value at one instant");
         }
-        if let (Some(from), Some(to)) = (self.from, self.to)
-            && from > to
+        if let (Some(from), Some(to)) = (&self.from, &self.to)
+            && from.checked() > to.checked()
         {
-            return refusal("to", format!("{to} is before `from`, {from}: the window is empty"));
+            return refusal(
+                "to",
+                format!(
+                    "{} is before `from`, {}: the window is empty",
+                    to.checked(),
+                    from.checked()
+                ),
+            );
         }
         if let Some(percent) = self.percent.filter(|percent| !(0.0..=100.0).contains(percent)) {
             return refusal("percent", format!("{percent} is not between 0 and 100"));
@@ -142,26 +102,26 @@ impl MeasureEntry {
     pub(super) fn computed(&self, unit: &str) -> Result<Compute, Refusal> {
         let threshold = || single("threshold", self.threshold.as_ref(), unit);
         Ok(match self.compute {
-            Word::Min => Compute::Min,
-            Word::Max => Compute::Max,
-            Word::MaxAbs => Compute::MaxAbs,
-            Word::Mean => Compute::Mean,
-            Word::Rms => Compute::Rms,
-            Word::Final => Compute::Final,
-            Word::At => Compute::At,
-            Word::Range => Compute::Range,
-            Word::Integral => Compute::Integral,
-            Word::IntegralAbs => Compute::IntegralAbs,
-            Word::Rate => Compute::Rate,
-            Word::TimeAbove => Compute::TimeAbove(threshold()?),
-            Word::TimeBelow => Compute::TimeBelow(threshold()?),
-            Word::FirstCrossing => Compute::FirstCrossing(threshold()?),
-            Word::SettlingTime => {
+            MeasureKind::Min => Compute::Min,
+            MeasureKind::Max => Compute::Max,
+            MeasureKind::MaxAbs => Compute::MaxAbs,
+            MeasureKind::Mean => Compute::Mean,
+            MeasureKind::Rms => Compute::Rms,
+            MeasureKind::Final => Compute::Final,
+            MeasureKind::At => Compute::At,
+            MeasureKind::Range => Compute::Range,
+            MeasureKind::Integral => Compute::Integral,
+            MeasureKind::IntegralAbs => Compute::IntegralAbs,
+            MeasureKind::Rate => Compute::Rate,
+            MeasureKind::TimeAbove => Compute::TimeAbove(threshold()?),
+            MeasureKind::TimeBelow => Compute::TimeBelow(threshold()?),
+            MeasureKind::FirstCrossing => Compute::FirstCrossing(threshold()?),
+            MeasureKind::SettlingTime => {
                 let (low, high) = pair("band", self.band.as_ref(), unit)?;
                 Compute::SettlingTime(low, high)
             }
-            Word::Changes => Compute::Changes,
-            Word::Percentile => Compute::Percentile(self.percent.unwrap_or_default()),
+            MeasureKind::Changes => Compute::Changes,
+            MeasureKind::Percentile => Compute::Percentile(self.percent.unwrap_or_default()),
         })
     }
 

@@ -4,7 +4,6 @@ mod chosen;
 mod entry;
 mod refusal;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use lockstep::time::Rational;
@@ -13,20 +12,19 @@ use toml::{Table, Value};
 
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::recorded::leaves_out;
-use crate::scenario::source::{Source, typed};
+use crate::scenario::spec::{Entries, MeasureKind, MeasureSpec, Origin, ThroughKind, Time};
+use crate::scenario::spec::{Measured, measured};
 use chosen::Chosen;
-use entry::{MeasureEntry, ThroughWord, Word};
 pub use refusal::Refusal;
 use refusal::{converted, refusal};
 
-use crate::builtins::HasBuiltins;
 use crate::measures::{Definition, Through};
 
 /// A measure that has been understood as far as that goes without the streams.
 #[derive(Debug, Clone)]
 pub struct DeclaredMeasure {
     name: String,
-    entry: MeasureEntry,
+    entry: MeasureSpec,
 }
 
 /// Names of columns that every table of a campaign has.
@@ -38,7 +36,7 @@ impl DeclaredMeasure {
     /// # Errors
     /// The key that is wrong, and why.
     pub fn of_table(name: &str, table: Table) -> Result<DeclaredMeasure, Refusal> {
-        let entry: MeasureEntry = serde_path_to_error::deserialize(Value::Table(table)).map_err(|error| {
+        let entry: MeasureSpec = serde_path_to_error::deserialize(Value::Table(table)).map_err(|error| {
             let path = error.path().to_string();
             let key = if path == "." { String::new() } else { path };
             (key, error.into_inner().message().to_owned())
@@ -46,7 +44,7 @@ impl DeclaredMeasure {
         DeclaredMeasure::new(name, entry)
     }
 
-    fn new(name: &str, entry: MeasureEntry) -> Result<DeclaredMeasure, Refusal> {
+    fn new(name: &str, entry: MeasureSpec) -> Result<DeclaredMeasure, Refusal> {
         let plain = |b: u8| b.is_ascii_alphanumeric() || b == b'_' || b == b'-';
         if name.is_empty() || !name.bytes().all(plain) {
             return refusal("", "a measure is named with letters, digits, `_` and `-`");
@@ -76,7 +74,10 @@ impl DeclaredMeasure {
             None => None,
         };
         let is = of.is(entry.is.as_ref())?;
-        let counted = matches!(entry.compute, Word::Changes | Word::Final | Word::At);
+        let counted = matches!(
+            entry.compute,
+            MeasureKind::Changes | MeasureKind::Final | MeasureKind::At
+        );
         if is.is_none() && (!counted || entry.through.is_some() || minus.is_some()) {
             of.is_number("of")?;
             minus.iter().try_for_each(|minus| minus.is_number("minus"))?;
@@ -86,12 +87,12 @@ impl DeclaredMeasure {
             None => 1.0,
         };
         let signal = match entry.through {
-            Some(ThroughWord::Angle) => {
+            Some(ThroughKind::Angle) => {
                 of.is_attitude("of")?;
                 minus.iter().try_for_each(|minus| minus.is_attitude("minus"))?;
                 "rad"
             }
-            Some(ThroughWord::Norm) if of.slots.len() < 2 => {
+            Some(ThroughKind::Norm) if of.slots.len() < 2 => {
                 return refusal("through", format!("`{}` is one number: leave `through` out", entry.of));
             }
             _ => of.field.unit.as_str(),
@@ -109,13 +110,13 @@ impl DeclaredMeasure {
             listed: of.whole && entry.through.is_none() && !of.field.shape.is_empty(),
             through: match entry.through {
                 None => Through::Elements,
-                Some(ThroughWord::Norm) => Through::Norm,
-                Some(ThroughWord::Angle) => Through::Angle,
+                Some(ThroughKind::Norm) => Through::Norm,
+                Some(ThroughKind::Angle) => Through::Angle,
             },
             compute: entry.computed(signal)?,
-            from: entry.from,
-            to: entry.to,
-            at: entry.at,
+            from: entry.from.as_ref().map(Time::checked),
+            to: entry.to.as_ref().map(Time::checked),
+            at: entry.at.as_ref().map(Time::checked),
             limits: entry.limits(&unit)?,
             of: of.reading(is),
             minus: minus.map(|minus| (minus.reading(None), factor)),
@@ -132,32 +133,30 @@ impl DeclaredMeasure {
 
     /// The key and the instant of a window that no sample can lie in when the run ends at `end`.
     pub(in crate::scenario) fn late(&self, end: Rational) -> Option<(String, Rational)> {
-        let (key, time) = match (self.entry.from, self.entry.at) {
+        let time = |time: &Option<Time>| time.as_ref().map(Time::checked);
+        let (key, time) = match (time(&self.entry.from), time(&self.entry.at)) {
             (Some(from), _) => ("from", from),
             (_, at) => ("at", at?),
         };
         (time > end).then(|| (format!("measures.{}.{key}", self.name), time))
     }
 
-    fn key(&self, (key, reason): Refusal, source: &Source) -> Mistake {
+    fn key(&self, (key, reason): Refusal, origin: &Origin) -> Mistake {
         let dot = if key.is_empty() { "" } else { "." };
-        source.mistake(&format!("measures.{}{dot}{key}", self.name), reason)
+        origin.mistake(&format!("measures.{}{dot}{key}", self.name), reason)
     }
 }
 
 /// Reads all sections, as far as that goes without the streams.
 pub(in crate::scenario) fn read(
-    source: &Source,
-    sections: BTreeMap<String, Value>,
+    origin: &Origin,
+    sections: &Entries<MeasureSpec>,
 ) -> Result<Vec<DeclaredMeasure>, Vec<Mistake>> {
     let (mut measures, mut mistakes) = (Vec::new(), Vec::new());
-    for (name, value) in sections {
-        let key = format!("measures.{name}");
-        let read = typed::<MeasureEntry>(source, &key, value).and_then(|entry| {
-            DeclaredMeasure::new(&name, entry).map_err(|(below, reason)| {
-                let dot = if below.is_empty() { "" } else { "." };
-                source.mistake(&format!("{key}{dot}{below}"), reason)
-            })
+    for (name, entry) in sections {
+        let read = DeclaredMeasure::new(name, entry.clone()).map_err(|(below, reason)| {
+            let dot = if below.is_empty() { "" } else { "." };
+            origin.mistake(&format!("measures.{name}{dot}{below}"), reason)
         });
         match read {
             Ok(measure) => measures.push(measure),
@@ -173,7 +172,7 @@ pub(in crate::scenario) fn read(
 
 /// The measures over `streams`; those that read a participant whose ports are not `certain` are left out.
 pub(in crate::scenario) fn definitions(
-    source: &Source,
+    origin: &Origin,
     declared: &[DeclaredMeasure],
     streams: &[StreamSpec],
     certain: impl Fn(&str) -> bool,
@@ -185,13 +184,13 @@ pub(in crate::scenario) fn definitions(
         }
         match measure.resolve(streams) {
             Ok(definition) => definitions.push(definition),
-            Err(wrong) => mistakes.push(measure.key(wrong, source)),
+            Err(wrong) => mistakes.push(measure.key(wrong, origin)),
         }
     }
     if mistakes.is_empty() {
         Ok(definitions)
     } else {
-        Err(source.error(mistakes))
+        Err(origin.error(mistakes))
     }
 }
 
@@ -199,55 +198,44 @@ pub(in crate::scenario) fn definitions(
 ///
 /// # Errors
 /// Names the lines and keys that are wrong, or do not fit the streams.
-pub fn measures_of_file(
-    catalogue: &impl HasBuiltins,
-    file: &Path,
-    streams: &[StreamSpec],
-) -> Result<Vec<Definition>, ScenarioError> {
-    let source = Source::read(catalogue.builtins(), file, &[])?;
-    let sections = match source.table.get("measures") {
-        Some(Value::Table(sections)) if !sections.is_empty() => sections.clone(),
-        _ => {
-            let reason = "there is no table [measures.NAME] in it";
-            return Err(source.error(vec![source.mistake("measures", reason)]));
-        }
-    };
-    let declared = read(&source, sections.into_iter().collect()).map_err(|mistakes| source.error(mistakes))?;
-    definitions(&source, &declared, streams, |_| true)
+pub fn measures_of_file(file: &Path, streams: &[StreamSpec]) -> Result<Vec<Definition>, ScenarioError> {
+    let (declared, Measured { origin, .. }) = declared(file)?;
+    definitions(&origin, &declared, streams, |_| true)
 }
 
 /// The measures of the run whose `plan.toml` is `file`, over the `streams` of its tape.
 ///
 /// # Errors
 /// As [`measures_of_file`], and where the tape does not have what the run measured.
-pub fn measures_of_plan(
-    catalogue: &impl HasBuiltins,
-    file: &Path,
-    streams: &[StreamSpec],
-) -> Result<Vec<Definition>, ScenarioError> {
-    let source = Source::read(catalogue.builtins(), file, &[])?;
-    if let (Some(Value::Table(record)), Some(Value::Table(sections))) =
-        (source.table.get("record"), source.table.get("measures"))
-    {
-        let declared =
-            read(&source, sections.clone().into_iter().collect()).map_err(|mistakes| source.error(mistakes))?;
-        let mistakes = declared.iter().filter_map(|measure| {
-            let mut paths = std::iter::once(&measure.entry.of).chain(&measure.entry.minus);
-            let part = paths.find(|path| {
-                let mut names = path.splitn(2, '.');
-                let (participant, rest) = (names.next().unwrap_or_default(), names.next().unwrap_or_default());
-                leaves_out(record, participant, rest)
-            })?;
-            let reason = format!(
-                "the tape does not have all of `{part}`, because [record] leaves samples out: summary.json has the figure of the run, and \
-                 --of measures what the tape has"
-            );
-            Some(source.mistake(&format!("measures.{}", measure.name), reason))
-        });
-        let mistakes: Vec<Mistake> = mistakes.collect();
-        if !mistakes.is_empty() {
-            return Err(source.error(mistakes));
-        }
+pub fn measures_of_plan(file: &Path, streams: &[StreamSpec]) -> Result<Vec<Definition>, ScenarioError> {
+    let (declared, Measured { origin, record, .. }) = declared(file)?;
+    let mistakes = declared.iter().filter_map(|measure| {
+        let mut paths = std::iter::once(&measure.entry.of).chain(&measure.entry.minus);
+        let part = paths.find(|path| {
+            let mut names = path.splitn(2, '.');
+            let (participant, rest) = (names.next().unwrap_or_default(), names.next().unwrap_or_default());
+            leaves_out(&record, participant, rest)
+        })?;
+        let reason = format!(
+            "the tape does not have all of `{part}`, because [record] leaves samples out: summary.json has the figure of the run, and \
+             --of measures what the tape has"
+        );
+        Some(origin.mistake(&format!("measures.{}", measure.name), reason))
+    });
+    let mistakes: Vec<Mistake> = mistakes.collect();
+    if !mistakes.is_empty() {
+        return Err(origin.error(mistakes));
     }
-    measures_of_file(catalogue, file, streams)
+    definitions(&origin, &declared, streams, |_| true)
+}
+
+/// What `file` declares, of which there must be something.
+fn declared(file: &Path) -> Result<(Vec<DeclaredMeasure>, Measured), ScenarioError> {
+    let found = measured(file)?;
+    if found.measures.is_empty() {
+        let reason = "there is no table [measures.NAME] in it";
+        return Err(found.origin.error(vec![found.origin.mistake("measures", reason)]));
+    }
+    let declared = read(&found.origin, &found.measures).map_err(|mistakes| found.origin.error(mistakes))?;
+    Ok((declared, found))
 }

@@ -46,7 +46,7 @@ fn parts(text: &str) -> Vec<&str> {
 }
 
 /// The entry as `--set` would write it, for a scenario's list of faults.
-pub(in crate::scenario) fn append(table: &mut Table, entry: Table) -> Result<(), String> {
+pub(super) fn append(table: &mut Table, entry: Table) -> Result<(), String> {
     let list = table.entry("faults").or_insert_with(|| Value::Array(Vec::new()));
     match list {
         Value::Array(list) => {

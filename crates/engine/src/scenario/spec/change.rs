@@ -1,0 +1,125 @@
+//! Changes by key paths: `--set`, `--fault`, and the same from code.
+
+use toml::{Table, Value};
+
+use super::fault_text;
+use super::origin::Origin;
+use super::whole::FOLDER;
+use crate::scenario::error::Mistake;
+use crate::scenario::names::fault_name;
+use crate::scenario::value::{keep_decimal, value};
+
+/// How a change was made, as a message about it ends.
+const WITH_SET: &str = "given with --set";
+const WITH_FAULT: &str = "given with --fault";
+pub(super) const IN_CODE: &str = "set in code";
+
+fn refuse(key: &str, reason: String) -> Mistake {
+    Mistake {
+        line: None,
+        key: key.to_owned(),
+        reason,
+    }
+}
+
+/// Makes a change in a scenario's table: `key.path=value` or `faults+=entry`.
+pub(super) fn change(table: &mut Table, origin: &mut Origin, one: &str) -> Result<(), Mistake> {
+    if let Some(entry) = one.strip_prefix("faults+=") {
+        return add_fault(table, origin, entry);
+    }
+    let Some((key, text)) = one.split_once('=') else {
+        let reason = "--set takes KEY.PATH=VALUE, such as connections.measured.delay=10ms";
+        return Err(refuse(one, reason.into()));
+    };
+    set(table, origin, key.trim(), value(text.trim()), WITH_SET)
+}
+
+/// Puts `value` at `key`; `how` says where the change comes from.
+pub(super) fn set(
+    mut table: &mut Table,
+    origin: &mut Origin,
+    key: &str,
+    mut value: Value,
+    how: &'static str,
+) -> Result<(), Mistake> {
+    if key == FOLDER {
+        let reason = format!("is where the file's own relative paths lead: it is changed in the file alone ({how})");
+        return Err(refuse(key, reason));
+    }
+    let parts: Vec<&str> = key.split('.').collect();
+    let (last, above) = parts.split_last().expect("split gives at least one part");
+    if parts.iter().any(|part| part.is_empty()) {
+        return Err(refuse(key, "a key has no empty parts".into()));
+    }
+    let mut way = above.iter().enumerate();
+    while let Some((depth, part)) = way.next() {
+        let known: Vec<String> = table.keys().map(|name| format!("`{name}`")).collect();
+        // Names of participants and connections must exist; what is below may be a default that the file leaves out. A
+        // guard, a measure, what the report or the playback draws or what is recorded may be new.
+        if depth < 2
+            && !["guards", "measures", "report", "scene", "record"].contains(&above[0])
+            && !table.contains_key(*part)
+        {
+            let place = above[..depth].join(".");
+            let there = if place.is_empty() {
+                "the scenario".to_owned()
+            } else {
+                format!("`{place}`")
+            };
+            return Err(refuse(
+                key,
+                format!("there is no `{part}` in {there} ({how}); there is {}", known.join(", ")),
+            ));
+        }
+        let entry = table
+            .entry((*part).to_owned())
+            .or_insert_with(|| Value::Table(Table::new()));
+        let kind = entry.type_str();
+        table = match entry {
+            Value::Table(inner) => inner,
+            Value::Array(list) if list.iter().any(Value::is_table) => {
+                let part = way.next().map(|(_, part)| *part);
+                entry_of(list, part, how).map_err(|reason| refuse(key, reason))?
+            }
+            _ => {
+                let reason = format!("`{part}` is {kind} and has no keys ({how})");
+                return Err(refuse(key, reason));
+            }
+        };
+    }
+    if let Some(before) = table.get(*last) {
+        keep_decimal(&mut value, before);
+    }
+    table.insert((*last).to_owned(), value);
+    origin.change(key.to_owned(), how);
+    Ok(())
+}
+
+fn add_fault(table: &mut Table, origin: &mut Origin, text: &str) -> Result<(), Mistake> {
+    let refuse = |reason: String| refuse("faults", format!("{reason} ({WITH_FAULT})"));
+    let entry = fault_text::table(text).map_err(refuse)?;
+    let position = table.get("faults").and_then(Value::as_array).map_or(0, Vec::len);
+    let name = fault_name(entry.get("name").and_then(Value::as_str), position);
+    fault_text::append(table, entry).map_err(refuse)?;
+    origin.change(format!("faults.{name}"), WITH_FAULT);
+    Ok(())
+}
+
+/// An entry of a list of tables, by its name or its number, from 1.
+fn entry_of<'a>(list: &'a mut [Value], name: Option<&str>, how: &str) -> Result<&'a mut Table, String> {
+    let names: Vec<String> = list
+        .iter()
+        .enumerate()
+        .map(|(position, item)| fault_name(item.get("name").and_then(Value::as_str), position))
+        .collect();
+    let wanted = name.unwrap_or_default();
+    let at = names.iter().position(|own| own == wanted);
+    let number = || wanted.parse::<usize>().ok()?.checked_sub(1);
+    let at = at.or_else(number);
+    let found = at.and_then(|at| list.get_mut(at)).and_then(Value::as_table_mut);
+    found.ok_or_else(|| {
+        let known: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        let known = known.join(", ");
+        format!("the list has no entry `{wanted}` with keys ({how}); there is {known}, or a number from 1")
+    })
+}

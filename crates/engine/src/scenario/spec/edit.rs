@@ -1,0 +1,85 @@
+//! Reading a scenario as a value, and changing it by key paths.
+
+use std::path::Path;
+
+use toml::Value;
+
+use super::change::{self, IN_CODE};
+use super::read::Reading;
+use super::run::RunSpec;
+use super::whole::ScenarioSpec;
+use crate::scenario::error::{Mistake, ScenarioError};
+
+impl ScenarioSpec {
+    /// Reads `file`, with the contents of the files that it names, and makes `changes`, each `key.path=value` or
+    /// `faults+=key=value,…` as `--set` and `--fault` take them.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the form of it, with lines and keys.
+    pub fn read(file: &Path, changes: &[String]) -> Result<ScenarioSpec, ScenarioError> {
+        Reading::of_file(file, changes)?.whole()
+    }
+
+    /// What `file` would say if `text` stood in it.
+    ///
+    /// # Errors
+    /// As [`ScenarioSpec::read`].
+    pub fn of_text(file: &Path, text: &str) -> Result<ScenarioSpec, ScenarioError> {
+        Reading::of_text(file, text.to_owned(), &[])?.whole()
+    }
+
+    /// Puts `value` at a key such as `participants.tank.parameters.depth`, by the rules of `--set`: participants and connections must
+    /// be there.
+    ///
+    /// # Errors
+    /// When there is no such key, or the value does not fit it.
+    pub fn set(&mut self, key: &str, value: impl Into<Value>) -> Result<(), ScenarioError> {
+        let value = value.into();
+        self.edit(|table, origin| change::set(table, origin, key, value, IN_CODE))
+    }
+
+    /// Makes changes as texts, each `key.path=value` or `faults+=key=value,…` as `--set` and `--fault` take them.
+    ///
+    /// # Errors
+    /// When one of them is none, or the whole does not fit together afterwards.
+    pub fn change(&mut self, changes: &[String]) -> Result<(), ScenarioError> {
+        if changes.is_empty() {
+            return Ok(());
+        }
+        self.edit(|table, origin| changes.iter().try_for_each(|one| change::change(table, origin, one)))
+    }
+
+    /// Puts `run` in the place of `participant`, as `how` says.
+    ///
+    /// # Errors
+    /// When there is no such participant.
+    pub(crate) fn set_run(&mut self, participant: &str, run: &RunSpec, how: &'static str) -> Result<(), ScenarioError> {
+        let key = format!("participants.{participant}.run");
+        match self.participants.get_mut(participant) {
+            Some(own) => {
+                own.run = run.clone();
+                self.origin.change(key, how);
+                Ok(())
+            }
+            None => {
+                let known: Vec<String> = self.participants.keys().map(|name| format!("`{name}`")).collect();
+                let reason = format!(
+                    "there is no `{participant}` in `participants` ({how}); there is {}",
+                    known.join(", ")
+                );
+                let line = None;
+                Err(self.origin.error(vec![Mistake { line, key, reason }]))
+            }
+        }
+    }
+
+    fn edit(
+        &mut self,
+        edit: impl FnOnce(&mut toml::Table, &mut super::origin::Origin) -> Result<(), Mistake>,
+    ) -> Result<(), ScenarioError> {
+        let (mut table, mut origin) = (self.to_table(), self.origin.clone());
+        edit(&mut table, &mut origin).map_err(|mistake| origin.error(vec![mistake]))?;
+        *self = Reading::of_table(origin, table)?.whole()?;
+        Ok(())
+    }
+}

@@ -1,0 +1,64 @@
+//! `[guards.NAME]`
+
+use serde::{Deserialize, Serialize};
+use toml::Value;
+
+use super::time::Time;
+
+/// What an output must never show.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct GuardSpec {
+    /// `PARTICIPANT.OUTPUT`
+    pub output: String,
+    /// The field or element; all of the output unless given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
+    /// The bounds of a field, with its unit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<Value>,
+    /// Values of an enumeration or a truth value that must not come.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub never: Option<Value>,
+    /// How long it must not stand still.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frozen_for: Option<Time>,
+}
+
+impl GuardSpec {
+    /// A guard of an output, which guards against nothing yet.
+    pub fn new(output: &str) -> GuardSpec {
+        GuardSpec {
+            output: output.to_owned(),
+            ..GuardSpec::default()
+        }
+    }
+
+    /// The field or element that it looks at.
+    #[must_use]
+    pub fn field(mut self, field: &str) -> GuardSpec {
+        self.field = Some(field.to_owned());
+        self
+    }
+
+    /// The bounds of the field, such as `"[-10, 10] N m"`.
+    #[must_use]
+    pub fn range(mut self, range: impl Into<Value>) -> GuardSpec {
+        self.range = Some(range.into());
+        self
+    }
+
+    /// Values that must not come.
+    #[must_use]
+    pub fn never(mut self, never: impl Into<Value>) -> GuardSpec {
+        self.never = Some(never.into());
+        self
+    }
+
+    /// How long it must not stand still.
+    #[must_use]
+    pub fn frozen_for(mut self, time: impl Into<Time>) -> GuardSpec {
+        self.frozen_for = Some(time.into());
+        self
+    }
+}

@@ -1,0 +1,95 @@
+//! Where a scenario was read: what names the line of a mistake, or the change that made it.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+use serde::de::DeserializeOwned;
+use toml::Value;
+
+use crate::scenario::error::{Mistake, ScenarioError};
+use crate::scenario::lines::Lines;
+
+/// The file and the changes that a scenario was made of. Nothing of it changes what the scenario says.
+#[derive(Debug, Clone, Default)]
+pub(in crate::scenario) struct Origin {
+    pub(in crate::scenario) file: PathBuf,
+    text: Arc<Text>,
+    /// The keys that were changed since, and how.
+    changed: HashMap<String, &'static str>,
+    /// The files whose contents stand in the scenario.
+    pub(in crate::scenario) files: Vec<PathBuf>,
+}
+
+#[derive(Debug, Default)]
+struct Text {
+    text: String,
+    /// The lines of its keys, once there is a mistake.
+    lines: OnceLock<Lines>,
+}
+
+impl PartialEq for Origin {
+    /// Two scenarios that say the same are the same, wherever they were read.
+    fn eq(&self, _: &Origin) -> bool {
+        true
+    }
+}
+
+impl Origin {
+    pub(super) fn of(file: PathBuf, text: String) -> Origin {
+        Origin {
+            file,
+            text: Arc::new(Text {
+                text,
+                lines: OnceLock::new(),
+            }),
+            ..Origin::default()
+        }
+    }
+
+    /// Notes that `key` was changed, as `how` says.
+    pub(super) fn change(&mut self, key: String, how: &'static str) {
+        self.changed.insert(key, how);
+    }
+
+    /// A mistake about `key`, with the line it stands on, or with the change that made it.
+    pub(in crate::scenario) fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {
+        let reason = reason.into();
+        // The key itself, then the tables around it.
+        let ends = key.rmatch_indices('.').map(|(at, _)| at);
+        let mut around = std::iter::once(key.len()).chain(ends).map(|end| &key[..end]);
+        if let Some(how) = around.find_map(|key| self.changed.get(key)) {
+            return Mistake {
+                line: None,
+                key: key.to_owned(),
+                reason: format!("{reason} ({how})"),
+            };
+        }
+        let lines = self.text.lines.get_or_init(|| Lines::of(&self.text.text));
+        Mistake {
+            line: lines.line(key),
+            key: key.to_owned(),
+            reason,
+        }
+    }
+
+    pub(in crate::scenario) fn error(&self, mistakes: Vec<Mistake>) -> ScenarioError {
+        ScenarioError {
+            file: self.file.clone(),
+            mistakes,
+        }
+    }
+}
+
+/// Reads one section; a mistake gets the key that it is about.
+pub(super) fn typed<T: DeserializeOwned>(origin: &Origin, key: &str, value: Value) -> Result<T, Mistake> {
+    serde_path_to_error::deserialize(value).map_err(|error| {
+        let path = error.path().to_string();
+        let key = match (key, path.as_str()) {
+            (key, ".") => key.to_owned(),
+            ("", path) => path.to_owned(),
+            (key, path) => format!("{key}.{path}"),
+        };
+        origin.mistake(&key, error.into_inner().message())
+    })
+}

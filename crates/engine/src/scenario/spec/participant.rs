@@ -1,0 +1,144 @@
+//! `[participants.NAME]`
+
+use serde::{Deserialize, Serialize};
+use toml::{Table, Value};
+
+use super::run::RunSpec;
+use super::time::Time;
+
+/// A participant: its program, when it is activated, and what it is told.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParticipantSpec {
+    /// The program.
+    pub run: RunSpec,
+    /// The time between two activations.
+    pub period: Time,
+    /// The first activation.
+    #[serde(default)]
+    pub offset: Time,
+    /// What it is told, as far as it understands that.
+    #[serde(default)]
+    pub parameters: Table,
+    /// What happens when it fails.
+    #[serde(default, rename = "on-failure")]
+    pub on_failure: OnFailureSpec,
+    /// How long its program may take to enter the run and to answer a request.
+    #[serde(default, rename = "start-within", skip_serializing_if = "Option::is_none")]
+    pub start_within: Option<Time>,
+}
+
+/// `on-failure = "stop"`, `"restart-from-checkpoint"`, or `{ substitute = { … } }`
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
+#[serde(from = "Written", into = "Written")]
+pub enum OnFailureSpec {
+    /// The run ends.
+    #[default]
+    Stop,
+    /// All go back to the last checkpoint, the participant in a new process.
+    RestartFromCheckpoint,
+    /// Another program takes its place, from afresh.
+    Substitute(RunSpec),
+}
+
+#[derive(Deserialize, Serialize)]
+#[serde(
+    untagged,
+    expecting = "write \"stop\", \"restart-from-checkpoint\" or { substitute = { exe = \"FILE\" } }"
+)]
+enum Written {
+    Named(Named),
+    Substitute(Box<Substitute>),
+}
+
+#[derive(Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Named {
+    Stop,
+    RestartFromCheckpoint,
+}
+
+#[derive(Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+struct Substitute {
+    substitute: RunSpec,
+}
+
+impl From<Written> for OnFailureSpec {
+    fn from(written: Written) -> OnFailureSpec {
+        match written {
+            Written::Named(Named::Stop) => OnFailureSpec::Stop,
+            Written::Named(Named::RestartFromCheckpoint) => OnFailureSpec::RestartFromCheckpoint,
+            Written::Substitute(by) => OnFailureSpec::Substitute(by.substitute),
+        }
+    }
+}
+
+impl From<OnFailureSpec> for Written {
+    fn from(spec: OnFailureSpec) -> Written {
+        match spec {
+            OnFailureSpec::Stop => Written::Named(Named::Stop),
+            OnFailureSpec::RestartFromCheckpoint => Written::Named(Named::RestartFromCheckpoint),
+            OnFailureSpec::Substitute(substitute) => Written::Substitute(Box::new(Substitute { substitute })),
+        }
+    }
+}
+
+impl ParticipantSpec {
+    /// What `run` names, without a period yet.
+    pub fn new(run: RunSpec) -> ParticipantSpec {
+        ParticipantSpec {
+            run,
+            ..ParticipantSpec::default()
+        }
+    }
+
+    /// The participant called `name` of the program itself.
+    pub fn builtin(name: &str) -> ParticipantSpec {
+        ParticipantSpec::new(RunSpec::builtin(name))
+    }
+
+    /// The time between two activations.
+    #[must_use]
+    pub fn every(mut self, period: impl Into<Time>) -> ParticipantSpec {
+        self.period = period.into();
+        self
+    }
+
+    /// The first activation.
+    #[must_use]
+    pub fn offset(mut self, offset: impl Into<Time>) -> ParticipantSpec {
+        self.offset = offset.into();
+        self
+    }
+
+    /// All that it is told: whatever serde makes a table of.
+    ///
+    /// # Errors
+    /// When serde makes no table of it.
+    pub fn parameters(mut self, parameters: &impl Serialize) -> Result<ParticipantSpec, toml::ser::Error> {
+        self.parameters = Table::try_from(parameters)?;
+        Ok(self)
+    }
+
+    /// One thing that it is told.
+    #[must_use]
+    pub fn parameter(mut self, key: &str, value: impl Into<Value>) -> ParticipantSpec {
+        self.parameters.insert(key.to_owned(), value.into());
+        self
+    }
+
+    /// What happens when it fails.
+    #[must_use]
+    pub fn on_failure(mut self, on_failure: OnFailureSpec) -> ParticipantSpec {
+        self.on_failure = on_failure;
+        self
+    }
+
+    /// How long its program may take to enter the run and to answer a request.
+    #[must_use]
+    pub fn start_within(mut self, time: impl Into<Time>) -> ParticipantSpec {
+        self.start_within = Some(time.into());
+        self
+    }
+}

@@ -1,0 +1,261 @@
+//! From a table to the value of a scenario, with all mistakes.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::path::Path;
+
+use serde::de::{DeserializeOwned, Error, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer};
+use toml::{Table, Value};
+
+use super::change::change;
+use super::entries::Entries;
+use super::fault::FaultSpec;
+use super::files::fill_in_files;
+use super::measure::MeasureSpec;
+use super::origin::{Origin, typed};
+use super::record::{self, RecordSpec};
+use super::text;
+use super::time::Time;
+use super::whole::{FOLDER, ScenarioSpec, folder_of};
+use crate::scenario::error::{Mistake, ScenarioError};
+use crate::scenario::names::fault_name;
+
+/// The keys that stand at the top of the file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Top {
+    #[serde(default)]
+    title: String,
+    #[serde(default)]
+    folder: Option<String>,
+    duration: Time,
+    #[serde(default = "one", deserialize_with = "seed")]
+    seed: u64,
+    #[serde(default)]
+    participants: BTreeMap<String, Value>,
+    #[serde(default)]
+    connections: BTreeMap<String, Value>,
+    #[serde(default)]
+    inputs: Vec<String>,
+    #[serde(default)]
+    assessment: Option<Table>,
+    #[serde(default)]
+    faults: Vec<Value>,
+    #[serde(default)]
+    guards: BTreeMap<String, Value>,
+    #[serde(default)]
+    measures: BTreeMap<String, Value>,
+    #[serde(default)]
+    report: Option<Table>,
+    #[serde(default)]
+    scene: Option<Table>,
+    #[serde(default)]
+    campaign: Option<Table>,
+    #[serde(default)]
+    record: Option<Table>,
+}
+
+fn one() -> u64 {
+    1
+}
+
+/// A seed is a whole number. TOML's end at 2^63; what is larger is written as text.
+fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
+    struct Seed;
+    impl Visitor<'_> for Seed {
+        type Value = u64;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "a whole number from 0 to {}, in quotes above {}", u64::MAX, i64::MAX)
+        }
+
+        fn visit_i64<E: Error>(self, seed: i64) -> Result<u64, E> {
+            u64::try_from(seed).map_err(|_| E::invalid_value(Unexpected::Signed(seed), &self))
+        }
+
+        fn visit_u64<E: Error>(self, seed: u64) -> Result<u64, E> {
+            Ok(seed)
+        }
+
+        fn visit_str<E: Error>(self, text: &str) -> Result<u64, E> {
+            text.parse().map_err(|_| E::invalid_value(Unexpected::Str(text), &self))
+        }
+    }
+    deserializer.deserialize_any(Seed)
+}
+
+/// What was read: the scenario as far as it can be read, and what is wrong with the rest.
+pub(in crate::scenario) struct Reading {
+    pub(in crate::scenario) spec: ScenarioSpec,
+    pub(in crate::scenario) broken: Broken,
+    pub(in crate::scenario) mistakes: Vec<Mistake>,
+}
+
+/// The entries that could not be read, so that what names them is not refused for that.
+#[derive(Default)]
+pub(in crate::scenario) struct Broken {
+    pub(in crate::scenario) participants: BTreeSet<String>,
+    pub(in crate::scenario) connections: BTreeSet<String>,
+    /// Their places in the list.
+    pub(in crate::scenario) faults: BTreeSet<usize>,
+}
+
+impl Reading {
+    /// Reads what `file` says, or would say if `text` stood in it: with files in place of their names, and with `changes`, each
+    /// `key.path=value` or `faults+=entry`.
+    pub(in crate::scenario) fn of_text(
+        file: &Path,
+        text: String,
+        changes: &[String],
+    ) -> Result<Reading, ScenarioError> {
+        let mut table = text::parse(file, &text)?;
+        let mut origin = Origin::of(file.to_owned(), text);
+        let folder = folder_of(file, table.get(FOLDER).and_then(Value::as_str));
+        fill_in_files(&mut table, &folder, &mut origin)?;
+        for one in changes {
+            change(&mut table, &mut origin, one).map_err(|mistake| origin.error(vec![mistake]))?;
+        }
+        if !changes.is_empty() {
+            fill_in_files(&mut table, &folder, &mut origin)?;
+        }
+        Reading::of_table(origin, table)
+    }
+
+    pub(in crate::scenario) fn of_file(file: &Path, changes: &[String]) -> Result<Reading, ScenarioError> {
+        Reading::of_text(file, text::read(file)?, changes)
+    }
+
+    /// Reads a table.
+    pub(super) fn of_table(origin: Origin, table: Table) -> Result<Reading, ScenarioError> {
+        if table.contains_key("scenario") && !table.contains_key("participants") {
+            let reason = "this is a campaign file: run it with `sweep`, or give the scenario that it names";
+            return Err(origin.error(vec![origin.mistake("scenario", reason)]));
+        }
+        let top: Top = typed(&origin, "", Value::Table(table)).map_err(|mistake| origin.error(vec![mistake]))?;
+        let (mut mistakes, mut broken) = (Vec::new(), Broken::default());
+        let participants = section(
+            &origin,
+            "participants",
+            top.participants,
+            &mut broken.participants,
+            &mut mistakes,
+        );
+        let mut faults = Vec::new();
+        for (position, value) in top.faults.into_iter().enumerate() {
+            let name = fault_name(value.get("name").and_then(Value::as_str), position);
+            match typed::<FaultSpec>(&origin, &format!("faults.{name}"), value) {
+                Ok(fault) => faults.push(fault),
+                Err(mistake) => {
+                    broken.faults.insert(position);
+                    mistakes.push(mistake);
+                }
+            }
+        }
+        let mut none = BTreeSet::new();
+        let guards = section(&origin, "guards", top.guards, &mut none, &mut mistakes);
+        let measures = section(&origin, "measures", top.measures, &mut none, &mut mistakes);
+        let record = record::read(&origin, top.record.unwrap_or_default(), &mut mistakes);
+        let connections = section(
+            &origin,
+            "connections",
+            top.connections,
+            &mut broken.connections,
+            &mut mistakes,
+        );
+        let spec = ScenarioSpec {
+            title: top.title,
+            folder: top.folder,
+            duration: top.duration,
+            seed: top.seed,
+            participants,
+            connections,
+            inputs: top.inputs,
+            assessment: top.assessment,
+            faults,
+            guards,
+            measures,
+            report: top.report,
+            scene: top.scene,
+            campaign: top.campaign,
+            record,
+            origin,
+        };
+        Ok(Reading { spec, broken, mistakes })
+    }
+
+    /// A scenario of which nothing is missing.
+    pub(in crate::scenario) fn complete(spec: ScenarioSpec) -> Reading {
+        Reading {
+            spec,
+            broken: Broken::default(),
+            mistakes: Vec::new(),
+        }
+    }
+
+    /// What was read, if nothing is wrong with it so far.
+    pub(super) fn whole(self) -> Result<ScenarioSpec, ScenarioError> {
+        if self.mistakes.is_empty() {
+            Ok(self.spec)
+        } else {
+            Err(self.spec.origin.error(self.mistakes))
+        }
+    }
+}
+
+/// The entries of a section; those that cannot be read are named among the `broken` ones.
+fn section<T: DeserializeOwned>(
+    origin: &Origin,
+    key: &str,
+    entries: BTreeMap<String, Value>,
+    broken: &mut BTreeSet<String>,
+    mistakes: &mut Vec<Mistake>,
+) -> Entries<T> {
+    let mut all = Entries::default();
+    for (name, value) in entries {
+        match typed(origin, &format!("{key}.{name}"), value) {
+            Ok(entry) => {
+                all.insert(name, entry);
+            }
+            Err(mistake) => {
+                mistakes.push(mistake);
+                broken.insert(name);
+            }
+        }
+    }
+    all
+}
+
+/// What a file says of measures and of what is kept. The rest of the file does not matter.
+pub(in crate::scenario) struct Measured {
+    pub(in crate::scenario) origin: Origin,
+    pub(in crate::scenario) measures: Entries<MeasureSpec>,
+    pub(in crate::scenario) record: Entries<RecordSpec>,
+}
+
+/// Reads what `file` says of measures and of what is kept.
+pub(in crate::scenario) fn measured(file: &Path) -> Result<Measured, ScenarioError> {
+    let text = text::read(file)?;
+    let mut table = text::parse(file, &text)?;
+    let origin = Origin::of(file.to_owned(), text);
+    let mut mistakes = Vec::new();
+    let measures = match table.remove("measures") {
+        Some(Value::Table(sections)) => {
+            let sections = sections.into_iter().collect();
+            section(&origin, "measures", sections, &mut BTreeSet::new(), &mut mistakes)
+        }
+        _ => Entries::default(),
+    };
+    let record = match table.remove("record") {
+        Some(Value::Table(record)) => record::read(&origin, record, &mut mistakes),
+        _ => Entries::default(),
+    };
+    if !mistakes.is_empty() {
+        return Err(origin.error(mistakes));
+    }
+    Ok(Measured {
+        origin,
+        measures,
+        record,
+    })
+}

@@ -1,0 +1,109 @@
+//! Times as a scenario has them: exact, and as they were written.
+
+use std::fmt;
+
+use lockstep::time::{Rational, TimeError};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// A time in a scenario: `"10 ms"`, `"1/300 s"`, `"30 Hz"`, or a [`Rational`].
+///
+/// A text that is no time stays what it is until the scenario is made, which then names its key.
+///
+/// ```
+/// use engine::scenario::Time;
+///
+/// assert_eq!(Time::from("0.01 s"), Time::from("100 Hz"));
+/// assert_eq!(Time::from("100 Hz").to_string(), "100 Hz");
+/// assert!(Time::from("soon").exact().is_err());
+/// ```
+#[derive(Debug, Clone)]
+pub struct Time {
+    text: String,
+    exact: Result<Rational, TimeError>,
+}
+
+impl Time {
+    /// The time as a fraction of seconds.
+    ///
+    /// # Errors
+    /// When the text is no time.
+    pub fn exact(&self) -> Result<Rational, &TimeError> {
+        self.exact.as_ref().copied()
+    }
+
+    /// The same once all times of a scenario have been looked at; zero for what is none.
+    pub(in crate::scenario) fn checked(&self) -> Rational {
+        self.exact().unwrap_or(Rational::ZERO)
+    }
+
+    /// The time in its shortest text, for what is compared as text.
+    pub(in crate::scenario) fn shorten(&mut self) {
+        if let Ok(exact) = &self.exact {
+            self.text = exact.to_string();
+        }
+    }
+}
+
+impl Default for Time {
+    /// Zero.
+    fn default() -> Time {
+        Rational::ZERO.into()
+    }
+}
+
+impl PartialEq for Time {
+    /// Whether both are the same instant, however they are written.
+    fn eq(&self, other: &Time) -> bool {
+        match (&self.exact, &other.exact) {
+            (Ok(own), Ok(other)) => own == other,
+            _ => self.text == other.text,
+        }
+    }
+}
+
+impl From<&str> for Time {
+    fn from(text: &str) -> Time {
+        text.to_owned().into()
+    }
+}
+
+impl From<String> for Time {
+    fn from(text: String) -> Time {
+        Time {
+            exact: text.parse(),
+            text,
+        }
+    }
+}
+
+impl From<Rational> for Time {
+    fn from(exact: Rational) -> Time {
+        Time {
+            text: exact.to_string(),
+            exact: Ok(exact),
+        }
+    }
+}
+
+impl fmt::Display for Time {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Serialize for Time {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.text)
+    }
+}
+
+impl<'de> Deserialize<'de> for Time {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Time, D::Error> {
+        let time = Time::from(String::deserialize(deserializer)?);
+        match &time.exact {
+            Ok(_) => Ok(time),
+            Err(error) => Err(D::Error::custom(error)),
+        }
+    }
+}
