@@ -40,3 +40,22 @@ fn two_futures_part_and_the_better_one_is_kept() {
     assert!(idle < depth(&out, "at 60 s") && idle < pumped, "{out}");
     assert_eq!(depth(&out, "kept: 0 m^3/s"), idle, "{out}");
 }
+
+#[test]
+fn scenario_that_no_file_says_is_one_tape_in_one_process_and_in_many() {
+    let out = said("without_file");
+    let tapes: Vec<&str> = out.lines().filter(|line| line.starts_with("Complete, tape ")).collect();
+    assert!(out.contains("the same tape in processes: true"), "{out}");
+    assert_eq!(tapes.len(), 3, "{out}");
+    assert!(tapes[0] == tapes[1] && tapes[1] != tapes[2], "{out}");
+    let filled: Vec<f64> = out
+        .lines()
+        .filter_map(|line| {
+            line.trim_start()
+                .strip_prefix("ok")
+                .or(line.trim_start().strip_prefix("!!"))
+        })
+        .filter_map(|line| line.split_whitespace().find_map(|word| word.parse().ok()))
+        .collect();
+    assert!(filled.len() >= 2 && filled[0] == filled[1], "{out}");
+}
