@@ -1,4 +1,4 @@
-//! A water tank with a pump and a leak, for programs that drive a run of it from code.
+//! A water tank with a leak, and a pump that holds its level, for programs that make and drive runs from code.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -83,12 +83,68 @@ impl Participant for Tank {
     }
 }
 
+/// Gives as much as the level lacks.
+struct Controller {
+    ports: Ports,
+    level: InputPort<Level>,
+    flow: OutputPort<Pump>,
+    parameters: Gains,
+}
+
+/// What the scenario may say below `parameters` of a pump.
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gains {
+    /// The depth that is wanted, m.
+    pub wanted: f64,
+    /// Flow for each metre that is missing, m²/s.
+    pub gain: f64,
+}
+
+impl Controller {
+    fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+        let mut ports = Ports::new(Kind::Sampled);
+        Ok(Box::new(Controller {
+            level: ports.input("level"),
+            flow: ports.output("flow"),
+            ports,
+            parameters: escapement::lockstep::units::read(&setup.parameters)?,
+        }))
+    }
+}
+
+impl Participant for Controller {
+    fn interface(&self) -> Interface {
+        self.ports.interface()
+    }
+
+    fn step(&mut self, _: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        let missing = self.parameters.wanted - inputs[self.level].depth;
+        outputs[self.flow].flow = (self.parameters.gain * missing).max(0.0);
+        Ok(())
+    }
+}
+
+/// Everything that scenarios may name.
+pub fn contents(catalogue: Catalogue) -> Catalogue {
+    catalogue
+        .participant("tank", make)
+        .participant("pump", Controller::make)
+}
+
+/// A catalogue of that.
+pub fn catalogue() -> Arc<Catalogue> {
+    Arc::new(contents(Catalogue::new(concat!(
+        "from-code ",
+        env!("CARGO_PKG_VERSION")
+    ))))
+}
+
 /// Two minutes of a tank that leaks. Nobody in the scenario feeds its pump: code does, so it is named in `inputs`.
 ///
 /// # Errors
 /// None, unless the text below is wrong.
 pub fn scenario() -> Result<Scenario, Box<dyn std::error::Error>> {
-    let catalogue = Catalogue::new(concat!("from-code ", env!("CARGO_PKG_VERSION"))).participant("tank", make);
     let text = r#"
         title = "A tank that leaks"
         duration = "120 s"
@@ -99,7 +155,7 @@ pub fn scenario() -> Result<Scenario, Box<dyn std::error::Error>> {
         period = "50 ms"
         parameters = { depth = 0.4, leak = 0.002 }
     "#;
-    Ok(Scenario::read_text(&Arc::new(catalogue), Path::new("tank.toml"), text)?)
+    Ok(Scenario::read_text(&catalogue(), Path::new("tank.toml"), text)?)
 }
 
 /// In this process, with the tape in memory.
