@@ -127,7 +127,7 @@ fn told<'py>(py: Python<'py>, outcome: &Outcome, raised: &Raised) -> PyResult<Bo
     let all = PyDict::new(py);
     all.set_item("summary", values::of_json(py, &outcome.summary())?)?;
     all.set_item("folder", &outcome.folder)?;
-    all.set_item("text", outcome.figures.as_ref().map(|figures| &figures.text))?;
+    all.set_item("text", outcome.figures.as_ref().map(|figures| figures.text()))?;
     let status = match outcome.ending {
         Ending::Complete => "complete",
         Ending::Stopped { .. } => "stopped",

@@ -61,7 +61,7 @@ fn figures_are_the_same_to_every_digit_from_run_and_from_sweep() {
             assert!(figures.len() > 50);
             for (name, value) in figures {
                 let own = match name.split_once('[') {
-                    None => &single[name],
+                    None => single.get(name).unwrap_or(&single["measures"][name]["value"]),
                     Some((list, at)) => &single[list][at.trim_end_matches(']').parse::<usize>().unwrap()],
                 };
                 // whether the gripper has closed counts as 0 or 1

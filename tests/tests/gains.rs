@@ -13,8 +13,8 @@ fn specification(folder: &Folder, title: &str, length: &str, rate: &str) -> Path
     for (stock, new) in [
         ("\"Hold the end effector after a push\"", format!("\"{title}\"")),
         (
-            "base_rate_at_end = \"0.02 deg/s\"",
-            format!("base_rate_at_end = \"{rate}\""),
+            "at-most = \"0.02 deg/s\"",
+            format!("at-most = \"{rate}\""),
         ),
         ("duration = \"20 s\"", format!("duration = \"{length}\"")),
         ("grasp_at = \"20 s\"", format!("grasp_at = \"{length}\"")),

@@ -259,9 +259,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         &run.summary(),
         &serde_json::json!({
             "captured": true,
-            "position_error_at_grasp_m": 1.1e-4,
-            "attitude_error_at_grasp_deg": 0.0017,
-            "relative_speed_at_grasp_m_s": 2e-4,
+            "measures": {
+                "position_error_at_grasp": { "value": 0.11, "unit": "mm" },
+                "attitude_error_at_grasp": { "value": 0.0017, "unit": "deg" },
+                "relative_speed_at_grasp": { "value": 0.2, "unit": "mm/s" },
+            },
             "peak_base_torque_n_m": 0.069 * (1.0 + 2.0 * flavour),
             "saturated_fraction": 0.0,
             "tape_digest": digest,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use engine::campaign::{self, Campaign, CampaignError, Cluster, Engine, Number, Options, Step};
+use engine::campaign::{self, Campaign, CampaignError, Cluster, Engine, Number, Options, Progressed, Step};
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
@@ -15,7 +15,7 @@ use crate::catalogue::catalogue;
 pub struct ClusterArgs {
     /// Let an engine run the shards on other machines: shell prints a command line for each, slurm and hyperqueue get jobs. The same command
     /// again gives what is missing once more, and makes the table when all are complete
-    #[arg(long, value_name = "ENGINE", conflicts_with_all = ["shard", "keep", "until", "json"])]
+    #[arg(long, value_name = "ENGINE", conflicts_with_all = ["shard", "keep", "json"])]
     pub on: Option<Engine>,
     /// How many shards; as many as before when not given, or 16
     #[arg(long, value_name = "COUNT", requires = "on", value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -66,7 +66,15 @@ impl ClusterArgs {
             args: self.engine_args.iter().flat_map(|text| words(text)).collect(),
             include: self.include.clone(),
         };
-        let step = campaign::submit(catalogue(), campaign, scenario, options, &cluster)?;
+        let step = match &options.until {
+            None => campaign::submit(catalogue(), campaign, scenario, options, &cluster)?,
+            Some(watch) => match campaign::submit_until(catalogue(), campaign, scenario, options, &cluster, watch)? {
+                Progressed::Given(step) => step,
+                Progressed::Enough(campaign, finished) => {
+                    return conclude(&campaign, &finished, &figures(&finished), figure, how).map(Some);
+                }
+            },
+        };
         if let Step::Complete { root, shards } = &step {
             let (campaign, finished) = campaign::merge(root, shards)?;
             return conclude(&campaign, &finished, &figures(&finished), figure, how).map(Some);

@@ -110,7 +110,7 @@ pub fn run(args: &MeasureArgs) -> anyhow::Result<i32> {
         serde_json::to_writer_pretty(&mut out, &all)?;
         writeln!(out)?;
     } else {
-        writeln!(out, "{}", figures.text)?;
+        writeln!(out, "{}", figures.text())?;
     }
     Ok(if figures.met() { 0 } else { NOT_MET })
 }

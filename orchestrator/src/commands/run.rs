@@ -239,7 +239,7 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
         println!("{}", scenario.title);
     }
     if let Some(figures) = &outcome.figures {
-        println!("{}", figures.text);
+        println!("{}", figures.text());
     }
     println!(
         "{:.3} s simulated in {:.3} s: {} times real time ({})",

@@ -3,12 +3,12 @@
 //! Peaks and saturation are those of the command before any limit, at the controller's samples, the largest absolute
 //! component of the group. Everything else is the truth's.
 
-use engine::assessment::{Assessment, Figures, Numbers, stream};
+use engine::assessment::{Assessment, Figures, Measured, Numbers, stream};
 use lockstep::participant::ParameterError;
 use tape::StreamSpec;
 
 use super::Summary;
-use super::criteria::judge;
+use super::criteria::judged;
 use super::parameters::{Criteria, Limits, Parameters};
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
@@ -34,17 +34,12 @@ struct TruthFields {
     period: f64,
     base_position: Numbers<3>,
     joints: Numbers<7>,
-    joint_rates: Numbers<7>,
-    base_rate: Numbers<3>,
     slosh: Numbers<2>,
     slosh_swing: Numbers<1>,
     thruster_force: Numbers<3>,
     thrust: Numbers<12>,
     wheel_momentum: Numbers<3>,
     end_effector_velocity: Numbers<3>,
-    position_error: Numbers<1>,
-    attitude_error: Numbers<1>,
-    relative_speed: Numbers<1>,
     grasped: Numbers<1>,
     linear_residual: Numbers<3>,
     angular_residual: Numbers<3>,
@@ -65,9 +60,6 @@ struct CommandFields {
 /// What has been seen so far.
 #[derive(Debug, Default)]
 struct Seen {
-    /// Position, attitude and speed error at the grasp.
-    at_grasp: Option<[f64; 3]>,
-    largest_after: Option<f64>,
     peaks: [f64; 13],
     integrals: [f64; 3],
     commands: u64,
@@ -90,8 +82,6 @@ struct Last {
     stamp: f64,
     base_position: [f64; 3],
     joints: [f64; 7],
-    base_rate: f64,
-    joint_rate: f64,
     grasped: bool,
     impact_loss: f64,
 }
@@ -160,15 +150,6 @@ impl Capture {
 
     fn truth(&mut self, stamp: f64, payload: &[u8]) {
         let (fields, figures) = (&self.truth, &mut self.seen);
-        let [position_error] = fields.position_error.read(payload);
-        if stamp >= self.grasp_at - SAME_INSTANT_S {
-            figures.at_grasp.get_or_insert_with(|| {
-                let [attitude_error] = fields.attitude_error.read(payload);
-                let [relative_speed] = fields.relative_speed.read(payload);
-                [position_error, attitude_error, relative_speed]
-            });
-            figures.largest_after = Some(figures.largest_after.unwrap_or(0.0).max(position_error));
-        }
         figures.slosh = figures.slosh.max(largest(&fields.slosh.read(payload)));
         figures.wheel_momentum = figures
             .wheel_momentum
@@ -203,8 +184,6 @@ impl Capture {
             stamp,
             base_position: fields.base_position.read(payload),
             joints,
-            base_rate: length(fields.base_rate.read(payload)),
-            joint_rate: largest(&fields.joint_rates.read(payload)),
             grasped: grasped > 0.5,
             impact_loss,
         });
@@ -247,17 +226,12 @@ impl TruthFields {
             period: spec.period.seconds(),
             base_position: Numbers::find(spec, key, "p_NB_N", "m")?,
             joints: Numbers::find(spec, key, "q", "rad")?,
-            joint_rates: Numbers::find(spec, key, "qdot", "rad/s")?,
-            base_rate: Numbers::find(spec, key, "omega_NB_B", "rad/s")?,
             slosh: Numbers::find(spec, key, "slosh", "rad")?,
             slosh_swing: Numbers::find(spec, key, "slosh_swing", "rad")?,
             thrust: Numbers::find(spec, key, "thrust", "N")?,
             thruster_force: Numbers::find(spec, key, "thruster_force_B", "N")?,
             wheel_momentum: Numbers::find(spec, key, "wheel_momentum_B", "N m s")?,
             end_effector_velocity: Numbers::find(spec, key, "v_NE_N", "m/s")?,
-            position_error: Numbers::find(spec, key, "position_error", "m")?,
-            attitude_error: Numbers::find(spec, key, "attitude_error", "rad")?,
-            relative_speed: Numbers::find(spec, key, "relative_speed", "m/s")?,
             grasped: Numbers::find(spec, key, "grasped", "1")?,
             linear_residual: Numbers::find(spec, key, "linear_residual_N", "kg m/s")?,
             angular_residual: Numbers::find(spec, key, "angular_residual_N", "N m s")?,
@@ -293,8 +267,10 @@ impl Assessment for Capture {
         }
     }
 
-    fn finish(&mut self) -> Figures {
-        self.summary().into()
+    fn finish(&mut self, measures: Vec<Measured>) -> Figures {
+        let summary = self.summary();
+        let own = judged(&self.criteria, &summary);
+        summary.figures(own, measures)
     }
 }
 
@@ -303,11 +279,10 @@ impl Capture {
     pub fn summary(&self) -> Summary {
         let figures = &self.seen;
         let last = figures.last;
-        let grasp = |at: usize| figures.at_grasp.map(|errors| errors[at]);
         let part = |count: u64| count as f64 / figures.commands.max(1) as f64;
         let [low, high] = figures.joint_range.unwrap_or_default();
         let end_s = last.map_or(0.0, |last| last.stamp);
-        let incomplete = if figures.at_grasp.is_none() {
+        let incomplete = if last.is_none_or(|last| last.stamp < self.grasp_at - SAME_INSTANT_S) {
             Some(format!(
                 "the run ended at {end_s} s, before the grasp at {} s",
                 self.grasp_at
@@ -317,13 +292,8 @@ impl Capture {
         } else {
             None
         };
-        let mut summary = Summary {
-            captured: false,
+        Summary {
             incomplete,
-            position_error_at_grasp_m: grasp(0),
-            attitude_error_at_grasp_deg: grasp(1).map(|angle| angle / DEGREE),
-            relative_speed_at_grasp_m_s: grasp(2),
-            largest_error_after_grasp_m: figures.largest_after,
             peak_base_torque_n_m: largest(&figures.peaks[..3]),
             peak_base_force_n: largest(&figures.peaks[3..6]),
             peak_joint_torque_n_m: largest(&figures.peaks[6..]),
@@ -349,13 +319,8 @@ impl Capture {
             joint_angles_at_end_rad: last.map_or([0.0; 7], |last| last.joints),
             joint_angles_min_deg: low.map(|angle| angle / DEGREE),
             joint_angles_max_deg: high.map(|angle| angle / DEGREE),
-            base_rate_at_end_deg_s: last.map_or(0.0, |last| last.base_rate / DEGREE),
-            joint_rate_at_end_deg_s: last.map_or(0.0, |last| last.joint_rate / DEGREE),
             grasped: last.is_some_and(|last| last.grasped),
             end_s,
-            criteria: Vec::new(),
-        };
-        judge(&self.criteria, &mut summary);
-        summary
+        }
     }
 }

@@ -1,8 +1,6 @@
 //! The table `assessment` of a scenario.
 
-use lockstep::units::{
-    Angle, AngularMomentum, AngularRate, Each, Energy, Force, Length, Quantity, Speed, Time, Torque,
-};
+use lockstep::units::{Angle, Each, Force, Quantity, Time, Torque};
 use serde::Deserialize;
 
 /// `[assessment]`.
@@ -56,60 +54,12 @@ impl Default for Limits {
     }
 }
 
-/// Largest value of each figure that is a success. Without the table, the first four.
-#[derive(Debug, Clone, Deserialize)]
+/// Largest value of each figure that is a success, of what the measures of a scenario cannot say. No criterion unless given.
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Criteria {
-    /// Distance between end effector and grasp frame at the grasp.
-    pub position_error_at_grasp: Option<Quantity<Length>>,
-    /// Angle between them.
-    pub attitude_error_at_grasp: Option<Quantity<Angle>>,
-    /// Speed between them.
-    pub relative_speed_at_grasp: Option<Quantity<Speed>>,
     /// Part of the controller's samples with an actuator asked for more than it has.
     pub saturated_fraction: Option<f64>,
-    /// Largest distance from the grasp on.
-    pub largest_error_after_grasp: Option<Quantity<Length>>,
-    /// Largest torque asked of a wheel.
-    pub peak_base_torque: Option<Quantity<Torque>>,
-    /// Largest force asked along an axis.
-    pub peak_base_force: Option<Quantity<Force>>,
-    /// Largest torque asked of a joint.
-    pub peak_joint_torque: Option<Quantity<Torque>>,
-    /// Largest angle of the pendulum.
-    pub slosh_max: Option<Quantity<Angle>>,
-    /// Largest momentum in a wheel.
-    pub wheel_momentum_max: Option<Quantity<AngularMomentum>>,
-    /// Largest missing momentum, linear (as a number in kg m/s) or angular (in N m s).
-    pub momentum_residual: Option<f64>,
-    /// Largest missing energy.
-    pub energy_residual: Option<Quantity<Energy>>,
     /// Range of each joint, either way from zero: the part of it that is used must not exceed one.
     pub joint_ranges: Option<Each<Angle, 7>>,
-    /// Angular speed of the base at the end.
-    pub base_rate_at_end: Option<Quantity<AngularRate>>,
-    /// Largest angular speed of a joint at the end.
-    pub joint_rate_at_end: Option<Quantity<AngularRate>>,
-}
-
-impl Default for Criteria {
-    fn default() -> Self {
-        Self {
-            position_error_at_grasp: Some(Quantity::of(5e-3)),
-            attitude_error_at_grasp: Some(Quantity::of(0.5 * std::f64::consts::PI / 180.0)),
-            relative_speed_at_grasp: Some(Quantity::of(5e-3)),
-            saturated_fraction: Some(0.0),
-            largest_error_after_grasp: None,
-            peak_base_torque: None,
-            peak_base_force: None,
-            peak_joint_torque: None,
-            slosh_max: None,
-            wheel_momentum_max: None,
-            momentum_residual: None,
-            energy_residual: None,
-            joint_ranges: None,
-            base_rate_at_end: None,
-            joint_rate_at_end: None,
-        }
-    }
 }

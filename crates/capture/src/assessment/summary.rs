@@ -1,26 +1,14 @@
 //! The figures of a run.
 
-use std::fmt;
-
-use engine::assessment::{Criterion, Figures, short};
+use engine::assessment::{Criterion, Figures, Measured, short};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// The figures of a run. What could not be measured because the run ended before is absent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Whether every criterion is met.
-    pub captured: bool,
     /// Why there is no verdict, when the run ended too early.
     pub incomplete: Option<String>,
-    /// Distance between end effector and grasp frame at the grasp, m.
-    pub position_error_at_grasp_m: Option<f64>,
-    /// Angle between them, deg.
-    pub attitude_error_at_grasp_deg: Option<f64>,
-    /// Speed between them, m/s.
-    pub relative_speed_at_grasp_m_s: Option<f64>,
-    /// Largest distance between them from the grasp on, m.
-    pub largest_error_after_grasp_m: Option<f64>,
     /// Largest torque asked of a wheel, before any limit, N m.
     pub peak_base_torque_n_m: f64,
     /// Largest force asked along an axis of the base, before any limit, N.
@@ -72,45 +60,41 @@ pub struct Summary {
     pub joint_angles_min_deg: [f64; 7],
     /// Largest angle of each joint, deg.
     pub joint_angles_max_deg: [f64; 7],
-    /// Angular speed of the base at the end, deg/s.
-    pub base_rate_at_end_deg_s: f64,
-    /// Largest angular speed of a joint at the end, deg/s.
-    pub joint_rate_at_end_deg_s: f64,
     /// Whether the gripper has closed on the target.
     pub grasped: bool,
     /// Stamp of the last sample of the truth, s.
     pub end_s: f64,
-    /// The criteria and what became of them.
-    pub criteria: Vec<Criterion>,
 }
 
-impl From<Summary> for Figures {
-    fn from(summary: Summary) -> Figures {
-        let values = match serde_json::to_value(&summary) {
+impl Summary {
+    /// As the figures of a run with the criteria `own` beside `measures`. With criteria, and all of them met, the target is captured.
+    pub fn figures(self, own: Vec<Criterion>, measures: Vec<Measured>) -> Figures {
+        let values = match serde_json::to_value(&self) {
             Ok(Value::Object(values)) => values,
             _ => serde_json::Map::new(),
         };
-        Figures {
+        let lines = self.lines();
+        let mut figures = Figures {
             values,
-            text: summary.to_string(),
-            criteria: summary.criteria,
-            incomplete: summary.incomplete,
+            lines,
+            criteria: own,
+            incomplete: self.incomplete,
             ..Figures::default()
         }
+        .with(measures);
+        let captured = figures.met() && !figures.criteria.is_empty();
+        figures.values.insert("captured".into(), captured.into());
+        figures.headline = Some(match (&figures.incomplete, captured) {
+            (Some(reason), _) => format!("no capture: {reason}"),
+            (None, true) => "captured".to_owned(),
+            (None, false) if figures.criteria.is_empty() => "complete, without a criterion".to_owned(),
+            (None, false) => "no capture: a criterion is not met".to_owned(),
+        });
+        figures
     }
-}
 
-impl fmt::Display for Summary {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let verdict = match (self.captured, &self.incomplete) {
-            (true, _) => "captured".to_owned(),
-            (false, Some(reason)) => format!("no capture: {reason}"),
-            (false, None) => "no capture: a criterion is not met".to_owned(),
-        };
-        writeln!(f, "{verdict}")?;
-        for criterion in &self.criteria {
-            writeln!(f, "{}", criterion.line())?;
-        }
+    /// What people look for first, a line each.
+    fn lines(&self) -> Vec<String> {
         let lines = [
             ("peak base torque", self.peak_base_torque_n_m, "N m"),
             ("peak base force", self.peak_base_force_n, "N"),
@@ -132,10 +116,7 @@ impl fmt::Display for Summary {
             ),
             ("missing energy", self.energy_residual_j, "J"),
         ];
-        for (at, (name, value, unit)) in lines.iter().enumerate() {
-            let end = if at + 1 < lines.len() { "\n" } else { "" };
-            write!(f, "       {name:<28} {} {unit}{end}", short(*value))?;
-        }
-        Ok(())
+        let line = |(name, value, unit)| format!("       {name:<28} {} {unit}", short(value));
+        lines.map(line).into()
     }
 }

@@ -21,9 +21,9 @@ use table::{FIGURES, FigureSpec, Share};
 /// What people look for first in the summary of a capture.
 const HEADLINE: [&str; 9] = [
     "captured",
-    "position_error_at_grasp_m",
-    "attitude_error_at_grasp_deg",
-    "relative_speed_at_grasp_m_s",
+    "measures.position_error_at_grasp",
+    "measures.attitude_error_at_grasp",
+    "measures.relative_speed_at_grasp",
     "peak_base_torque_n_m",
     "peak_base_force_n",
     "peak_joint_torque_n_m",

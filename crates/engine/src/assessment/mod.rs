@@ -21,8 +21,10 @@ pub struct Figures {
     pub criteria: Vec<Criterion>,
     /// Why there is no verdict, when the run ended too early.
     pub incomplete: Option<String>,
-    /// The figures for people, without a line end behind the last line.
-    pub text: String,
+    /// The verdict for people, in the words of an assessment; else it is that of the criteria.
+    pub headline: Option<String>,
+    /// The values for people, a line each.
+    pub lines: Vec<String>,
 }
 
 impl Figures {
@@ -40,28 +42,28 @@ impl Figures {
         }
     }
 
-    /// With the figures `measures` beside them.
+    /// With the figures `measures` beside them, and their criteria before the others.
     #[must_use]
     pub fn with(mut self, measures: Vec<Measured>) -> Figures {
-        let mut lines: Vec<String> = Vec::new();
-        if !self.text.is_empty() {
-            lines.push(std::mem::take(&mut self.text));
-        }
-        let missed = measures.iter().filter_map(|measure| measure.criterion.as_ref());
-        let missed: Vec<bool> = missed.map(|criterion| criterion.met).collect();
-        match (missed.len(), missed.iter().filter(|met| !**met).count()) {
-            (0, _) => {}
-            (_, 0) => lines.push("met".to_owned()),
-            (all, not) => lines.push(format!("not met: {not} of {all} criteria")),
-        }
-        let judged = measures.iter().filter(|measure| measure.criterion.is_some());
-        let others = measures.iter().filter(|measure| measure.criterion.is_none());
-        lines.extend(judged.chain(others).map(Measured::line));
-        self.text = lines.join("\n");
-        self.criteria
-            .extend(measures.iter().filter_map(|measure| measure.criterion.clone()));
+        let declared = measures.iter().filter_map(|measure| measure.criterion.clone());
+        self.criteria.splice(0..0, declared);
         self.measures.extend(measures);
         self
+    }
+
+    /// For people: the verdict, the criteria, and the other figures, without a line end behind the last line.
+    pub fn text(&self) -> String {
+        let missed = self.criteria.iter().filter(|criterion| !criterion.met).count();
+        let verdict = match (&self.headline, self.criteria.len(), missed) {
+            (Some(headline), ..) => Some(headline.clone()),
+            (None, 0, _) => None,
+            (None, _, 0) => Some("met".to_owned()),
+            (None, all, not) => Some(format!("not met: {not} of {all} criteria")),
+        };
+        let criteria = self.criteria.iter().map(Criterion::line);
+        let plain = self.measures.iter().filter(|measure| measure.criterion.is_none());
+        let lines = verdict.into_iter().chain(criteria).chain(plain.map(Measured::line));
+        lines.chain(self.lines.clone()).collect::<Vec<_>>().join("\n")
     }
 
     /// As they stand in `summary.json`.
@@ -70,8 +72,8 @@ impl Figures {
         if !self.measures.is_empty() {
             let measures = self.measures.iter().map(|one| (one.name.clone(), one.json()));
             all.insert("measures".into(), Value::Object(measures.collect()));
-            all.insert("criteria".into(), serde_json::json!(self.criteria));
         }
+        all.insert("criteria".into(), serde_json::json!(self.criteria));
         all
     }
 
@@ -92,6 +94,6 @@ pub trait Assessment: Send {
     /// Takes in a sample of stream number `stream` with its stamp, s.
     fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]);
 
-    /// The figures of what has been seen.
-    fn finish(&mut self) -> Figures;
+    /// The figures of what has been seen, with `measures`, which the scenario declares, [beside them](Figures::with).
+    fn finish(&mut self, measures: Vec<Measured>) -> Figures;
 }

@@ -223,5 +223,5 @@ fn concluded(scenario: Arc<Scenario>, options: run::Options) -> std::result::Res
 pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Figures {
     let made = scenario.assess(&run::streams(plan)).ok().flatten();
     let none = || Figures::new(Vec::new(), Vec::new());
-    made.map_or_else(none, |mut assessment| Figures::of(&assessment.finish()))
+    made.map_or_else(none, |mut assessment| Figures::of(&assessment.finish(Vec::new())))
 }

@@ -1,7 +1,7 @@
 //! The measures of a scenario beside its assessment.
 
 use super::Measures;
-use crate::assessment::{Assessment, Figures};
+use crate::assessment::{Assessment, Figures, Measured};
 
 /// Both as one assessment: the figures of both stand side by side, and a run is a success when the criteria of both are met.
 pub struct Together {
@@ -28,8 +28,11 @@ impl Assessment for Together {
         self.measures.sample(stream, stamp_s, payload);
     }
 
-    fn finish(&mut self) -> Figures {
-        let own = self.own.as_mut().map(|own| own.finish());
-        own.unwrap_or_default().with(self.measures.finish())
+    fn finish(&mut self, measures: Vec<Measured>) -> Figures {
+        let all = self.measures.finish().into_iter().chain(measures).collect();
+        match &mut self.own {
+            Some(own) => own.finish(all),
+            None => Figures::default().with(all),
+        }
     }
 }

@@ -454,12 +454,12 @@ impl Recorder {
 
     /// The figures of what has come so far.
     pub fn figures(&mut self) -> Option<Figures> {
-        self.assessment.as_mut().map(|assessment| assessment.finish())
+        self.assessment.as_mut().map(|assessment| assessment.finish(Vec::new()))
     }
 
     /// Closes the tape. What is on it can be read even if that fails.
     pub fn finish(self) -> (Result<Option<Digest>, AppendError>, Option<Figures>) {
         let digest = self.store.finish();
-        (digest, self.assessment.map(|mut assessment| assessment.finish()))
+        (digest, self.assessment.map(|mut assessment| assessment.finish(Vec::new())))
     }
 }

@@ -72,7 +72,7 @@ impl Scenario {
         }
         let definitions = self.measures(streams, |_| true)?;
         if let Some(mut own) = own()? {
-            let figures = own.finish();
+            let figures = own.finish(Vec::new());
             let named = |name: &str| {
                 figures
                     .values

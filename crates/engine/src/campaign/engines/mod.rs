@@ -5,10 +5,12 @@
 
 mod dispatch;
 mod engine;
+mod enough;
 mod hyperqueue;
 mod job;
 mod slurm;
 mod submit;
 
 pub use engine::Engine;
+pub use enough::{Progressed, submit_until};
 pub use submit::{Cluster, Step, Waiting, submit, waiting};

@@ -13,7 +13,7 @@ use super::job::{Job, Order};
 use crate::Catalogue;
 use crate::campaign::bundle::{Bundle, bundle};
 use crate::campaign::folder::Folder;
-use crate::campaign::identity::{Identity, default_root, failed};
+use crate::campaign::identity::{Identity, failed};
 use crate::campaign::shard::Shard;
 use crate::campaign::status::{State, parts};
 use crate::campaign::{Campaign, CampaignError, Options};
@@ -135,6 +135,12 @@ fn quoted(path: &Path) -> String {
     )
 }
 
+/// The folder of `campaign`, from the root on.
+pub(super) fn place(campaign: &Campaign, identity: &Identity, options: &Options) -> Result<PathBuf, CampaignError> {
+    let root = Folder::place(campaign, identity, options);
+    std::path::absolute(&root).map_err(failed(&root, "find the folder"))
+}
+
 /// Gives those shards of `campaign` to the engine that are missing and not with it.
 ///
 /// # Errors
@@ -148,12 +154,7 @@ pub fn submit(
 ) -> Result<Step, CampaignError> {
     let version = cluster.engine.version()?;
     let identity = Identity::of(campaign, scenario)?;
-    let root = match &options.out {
-        Some(out) => out.clone(),
-        None if options.grows => default_root(&identity, &identity.digest_of(campaign, 1)),
-        None => default_root(&identity, &identity.digest),
-    };
-    let root = std::path::absolute(&root).map_err(failed(&root, "find the folder"))?;
+    let root = place(campaign, &identity, options)?;
     // Held to the end: two that give the same shards would run them twice.
     let (folder, _) = Folder::take(&root, campaign, &identity)?;
     let before = Given::read(&root)?;
