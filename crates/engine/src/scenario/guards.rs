@@ -96,6 +96,9 @@ impl Guard {
             return Err(("output", unknown("output", output, known.into_iter())));
         };
         let descriptor = &own.interface.outputs[position].descriptor;
+        if let Some(reason) = Slot::too_many(descriptor, self.field.as_deref()) {
+            return Err((if self.field.is_some() { "field" } else { "output" }, reason));
+        }
         let (field, slots) = match &self.field {
             None => (None, Slot::all(descriptor)),
             Some(name) => {

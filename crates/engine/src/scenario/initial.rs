@@ -9,7 +9,7 @@ use super::symbols::symbol;
 /// Reads `"zero"`, `"first-sample"` or a table of fields, in the units of the descriptor.
 pub(super) fn initial(value: &Value, descriptor: &Descriptor) -> Result<Initial, String> {
     match value {
-        Value::String(text) if text == "zero" => Ok(Initial::Value(vec![0; descriptor.size as usize])),
+        Value::String(text) if text == "zero" => Ok(Initial::zero(descriptor.size as usize)),
         Value::String(text) if text == "first-sample" => Ok(Initial::FirstSample),
         Value::Table(_) => payload(value, descriptor).map(Initial::Value),
         other => Err(format!(

@@ -4,6 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::port::{Descriptor, Element, Field};
 
+/// The most elements that are looked at one by one.
+const ELEMENTS_MAX: usize = 1 << 20;
+
 /// One element of a payload.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Slot {
@@ -20,19 +23,40 @@ impl Slot {
     }
 
     /// The elements of a field.
-    fn of(field: &Field) -> Vec<Slot> {
-        let slot = |index: usize| Slot {
+    fn of(field: &Field) -> impl Iterator<Item = Slot> {
+        (0..field.len()).map(|index| Slot::element_of(field, index))
+    }
+
+    /// Element `index` of a field, row-major.
+    pub fn element_of(field: &Field, index: usize) -> Slot {
+        Slot {
             offset: field.offset + (index * field.element.size()) as u32,
             element: field.element,
-        };
-        (0..field.len()).map(slot).collect()
+        }
     }
 
     /// The elements that `name` names: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the field they
     /// are of. `None` when the payload has nothing of that name.
     pub fn named<'a>(descriptor: &'a Descriptor, name: &str) -> Option<(&'a Field, Vec<Slot>)> {
         let (field, elements) = descriptor.named(name)?;
-        Some((field, Slot::of(field)[elements].to_vec()))
+        let slots = elements.map(|index| Slot::element_of(field, index)).collect();
+        Some((field, slots))
+    }
+
+    /// Why the elements that `name` names, or all of them, are not looked at one by one, if there are too many.
+    pub fn too_many(descriptor: &Descriptor, name: Option<&str>) -> Option<String> {
+        let count = match name {
+            Some(name) => descriptor.named(name)?.1.len(),
+            None => descriptor.fields.iter().map(Field::len).sum(),
+        };
+        (count > ELEMENTS_MAX).then(|| {
+            let first = descriptor.fields.first().map(|field| field.element_name(0)).unwrap_or_default();
+            format!(
+                "`{}` has {count} elements, and at most {ELEMENTS_MAX} are looked at one by one: name a field or an element of it, such as \
+                 `{first}`",
+                name.unwrap_or(&descriptor.name)
+            )
+        })
     }
 
     /// Where the bytes of the element are in a payload.
@@ -73,6 +97,6 @@ impl Slot {
 
     /// True when the element lies inside a payload of `descriptor`.
     pub(crate) fn fits(self, descriptor: &Descriptor) -> bool {
-        Slot::all(descriptor).contains(&self)
+        self.run_fits(1, descriptor)
     }
 }

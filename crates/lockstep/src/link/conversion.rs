@@ -39,11 +39,26 @@ pub struct Term {
 }
 
 impl Conversion {
+    /// Why an input that takes `takes` is not put together from fields, if it is too large for that.
+    pub fn too_large(takes: &Descriptor) -> Option<String> {
+        let (size, most) = (takes.size, Descriptor::PARTS_MAX);
+        (size > most).then(|| {
+            format!(
+                "an input of {size} bytes (`{}`) is not put together from fields, only one of at most {most}: connect it with an output \
+                 of the same description",
+                takes.name
+            )
+        })
+    }
+
     /// Whether it turns samples of its message into elements of `takes`.
     ///
     /// # Errors
     /// What is wrong.
     pub(crate) fn check(&self, takes: &Descriptor) -> Result<(), String> {
+        if let Some(reason) = Conversion::too_large(takes) {
+            return Err(reason);
+        }
         for pair in &self.pairs {
             let count = pair.count as usize;
             if count == 0 || !pair.to.run_fits(count, takes) {

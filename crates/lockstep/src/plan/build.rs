@@ -198,10 +198,11 @@ impl Plan {
     }
 
     fn add(&mut self, link: Link, errors: &mut Vec<PlanError>) {
-        let others = &self.participants[link.to.0].inputs[link.to.1];
+        // A whole link stands alone, so the first one of an input says whether it is fed whole.
+        let first = self.participants[link.to.0].inputs[link.to.1].first();
         let whole = |link: &Link| link.conversion.is_none();
-        let other = others.iter().map(|&other| &self.links[other]);
-        match other.clone().find(|other| whole(other) || whole(&link)) {
+        let first = first.map(|&first| &self.links[first]);
+        match first.filter(|first| whole(first) || whole(&link)) {
             Some(first) => errors.push(PlanError::FedTwice {
                 input: self.input_name(link.to),
                 first: first.name.clone(),
@@ -253,9 +254,9 @@ const SHOWN_MAX: usize = 24;
 
 /// What the link from `from` to `to` delivers at first, for payloads of `size` bytes.
 fn initial(spec: &LinkSpec, from: &Participant, to: &Participant, size: usize) -> Result<Initial, PlanError> {
-    let initial = spec.initial.clone().unwrap_or_else(|| Initial::Value(vec![0; size]));
+    let initial = spec.initial.clone().unwrap_or_else(|| Initial::zero(size));
     match &initial {
-        Initial::Value(bytes) if bytes.len() != size => {
+        Initial::Value(bytes) if !initial.fits(size) => {
             return Err(PlanError::InitialSize {
                 link: spec.name.clone(),
                 given: bytes.len(),

@@ -6,23 +6,41 @@ use super::Observed;
 use crate::fault::{LinkFault, SignalFault};
 use crate::link::{Conversion, ReadSchedule, Timing, Visibility};
 use crate::participant::Interface;
+use crate::port::Descriptor;
 use crate::time::{Rational, SampleTime, Ticks, Timebase};
 
 /// What a link delivers before the first sample is visible.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Initial {
-    /// This payload.
+    /// This payload; no bytes stand for the zeros of a large one.
     Value(Vec<u8>),
     /// The producer's sample 0, which exists before the run starts. Only for outputs without feedthrough.
     FirstSample,
 }
 
 impl Initial {
+    /// Zeros, for an input of `size` bytes. Those of a large one are not written out: they would be in every copy of the plan.
+    pub fn zero(size: usize) -> Initial {
+        match size > Descriptor::PARTS_MAX as usize {
+            true => Initial::Value(Vec::new()),
+            false => Initial::Value(vec![0; size]),
+        }
+    }
+
+    /// Whether it is one of an input of `size` bytes.
+    pub(super) fn fits(&self, size: usize) -> bool {
+        match self {
+            Initial::Value(bytes) if bytes.is_empty() => *self == Initial::zero(size),
+            Initial::Value(bytes) => bytes.len() == size,
+            Initial::FirstSample => true,
+        }
+    }
+
     /// The payload of an input of `size` bytes where no sample is read: zero where sample 0 would stand in and is lost.
     pub(crate) fn payload(&self, size: usize) -> Vec<u8> {
         match self {
-            Initial::Value(bytes) => bytes.clone(),
-            Initial::FirstSample => vec![0; size],
+            Initial::Value(bytes) if !bytes.is_empty() => bytes.clone(),
+            Initial::Value(_) | Initial::FirstSample => vec![0; size],
         }
     }
 }
@@ -138,6 +156,17 @@ impl Plan {
     /// What is observed of stream number `stream`.
     pub fn observed(&self, stream: usize) -> Observed {
         self.observed.get(stream).copied().unwrap_or(Observed::ALL)
+    }
+
+    /// The bytes of a payload of each stream that participant number `participant` puts on the tape.
+    pub fn recorded_sizes(&self, participant: usize) -> impl Iterator<Item = usize> {
+        let Interface { inputs, outputs, .. } = &self.participants[participant].interface;
+        let outputs = outputs.iter().map(|port| port.descriptor.size as usize);
+        let first = self.seen.partition_point(|seen| seen.participant < participant);
+        let seen = self.seen[first..]
+            .iter()
+            .take_while(move |seen| seen.participant == participant);
+        outputs.chain(seen.map(|seen| inputs[seen.input].descriptor.size as usize))
     }
 
     /// How many streams the run has: one for each output, and one for each input that a fault may disturb.

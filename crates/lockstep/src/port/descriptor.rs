@@ -143,8 +143,11 @@ pub enum DescriptorError {
 }
 
 impl Descriptor {
-    /// The largest payload, bytes.
-    pub const MAX_SIZE: u32 = 1 << 20;
+    /// The largest payload, bytes: a picture, a point cloud.
+    pub const MAX_SIZE: u32 = 64 << 20;
+    /// The largest payload that is put together from fields, bytes. A larger one is connected as it is, and where zeros are meant of it,
+    /// they are not written out.
+    pub const PARTS_MAX: u32 = 1 << 20;
 
     /// Checks what a foreign participant says of its own payload: nothing later needs to be afraid of an offset.
     pub fn validate(&self) -> Result<(), DescriptorError> {
@@ -214,8 +217,19 @@ impl Descriptor {
             return Some((field, 0..field.len()));
         }
         let field = self.field(name.split('[').next()?)?;
-        let index = (0..field.len()).find(|&index| field.element_name(index) == name)?;
-        Some((field, index..index + 1))
+        let mut rest = &name[field.name.len()..];
+        let mut index = 0;
+        for &extent in &field.shape {
+            let (digits, behind) = rest.strip_prefix('[')?.split_once(']')?;
+            let at: u32 = digits.parse().ok()?;
+            // An element has one name: no sign, no zeros in front.
+            if at >= extent || at.to_string() != digits {
+                return None;
+            }
+            index = index * extent as usize + at as usize;
+            rest = behind;
+        }
+        (rest.is_empty() && !field.shape.is_empty()).then_some((field, index..index + 1))
     }
 
     /// A 64-bit FNV-1a hash of names, types, shapes, units, frames and offsets. Equal descriptors have equal hashes on
@@ -278,5 +292,61 @@ impl Descriptor {
             "message `{}` of {} bytes against `{}` of {}",
             self.name, self.size, other.name, other.size
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_element_has_one_name() {
+        let field = |name: &str, shape: &[u32], offset: u32| Field {
+            name: name.into(),
+            element: Element::U8,
+            shape: shape.to_vec(),
+            unit: "1".into(),
+            frame: String::new(),
+            offset,
+            values: Vec::new(),
+        };
+        let descriptor = Descriptor {
+            name: "Message".into(),
+            size: 31,
+            fields: vec![
+                field("cube", &[2, 3, 4], 0),
+                field("row", &[6], 24),
+                field("one", &[], 30),
+            ],
+        };
+        assert_eq!(descriptor.validate(), Ok(()));
+        for field in &descriptor.fields {
+            for index in 0..field.len() {
+                let found = descriptor.named(&field.element_name(index));
+                assert_eq!(found, Some((field, index..index + 1)));
+            }
+            assert_eq!(descriptor.named(&field.name), Some((field, 0..field.len())));
+        }
+        for name in [
+            "row[6]",
+            "row[00]",
+            "row[+1]",
+            "row[-1]",
+            "row[ 1]",
+            "row[1",
+            "row[1]]",
+            "row[1][0]",
+            "row[]",
+            "row[1]x",
+            "cube[1][2]",
+            "cube[1][2][4]",
+            "one[0]",
+            "two",
+            "",
+            "[0]",
+            "row[99999999999]",
+        ] {
+            assert_eq!(descriptor.named(name), None, "{name}");
+        }
     }
 }

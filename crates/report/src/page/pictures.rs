@@ -9,7 +9,7 @@ use toml::{Table, Value};
 
 use super::error::ReportError;
 use crate::scene::{BoundScene, Scene, bind as bind_scene};
-use crate::view::{Bound, View, Views, bind, every_field, limits_of};
+use crate::view::{Bound, View, Views, bind, every_field, left_out, limits_of};
 
 /// Figures, marks and scene, bound to the streams of a run.
 pub(super) struct Pictures {
@@ -43,6 +43,7 @@ pub(super) fn pictures(
         scene = scene.or(view.scene);
     }
     bind(&every_field(streams), streams, &limits, true, &mut bound);
+    notes.extend(left_out(streams));
     let scene = with_models(scene, models)?;
     let scene = scene.and_then(|scene| bind_scene(&scene, streams).0);
     Ok(Pictures {

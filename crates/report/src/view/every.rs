@@ -1,15 +1,40 @@
 //! A figure for each field of each stream.
 
+use lockstep::port::Field;
 use tape::StreamSpec;
 
 use super::{Curve, Figure, Formula, Signal, Unit};
+
+/// A field with more elements than this is a picture or a cloud of points: a curve for each would say nothing.
+const WIDEST: usize = 256;
+
+fn is_wide(field: &Field) -> bool {
+    field.len() > WIDEST
+}
+
+/// What is said of the fields that have no figure.
+pub(crate) fn left_out(streams: &[StreamSpec]) -> Vec<String> {
+    let fields = streams
+        .iter()
+        .flat_map(|spec| spec.descriptor.fields.iter().map(move |field| (spec, field)));
+    let wide = fields.filter(|(_, field)| is_wide(field));
+    let words = wide.map(|(spec, field)| {
+        format!(
+            "{}.{} has {} elements and no figure: [report] can draw single elements, and `export` writes all of them",
+            spec.name(),
+            field.name,
+            field.len()
+        )
+    });
+    words.collect()
+}
 
 /// One figure a field, the components of a vector together, in the order of participants, ports and fields.
 pub(crate) fn every_field(streams: &[StreamSpec]) -> Vec<Figure> {
     let fields = streams
         .iter()
         .flat_map(|spec| spec.descriptor.fields.iter().map(move |field| (spec, field)));
-    let figures = fields.map(|(spec, field)| {
+    let figures = fields.filter(|(_, field)| !is_wide(field)).map(|(spec, field)| {
         let signal = Signal {
             participant: Some(spec.participant.clone()),
             port: spec.port.clone(),

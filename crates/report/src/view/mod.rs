@@ -14,7 +14,7 @@ mod read;
 mod signal;
 
 pub(crate) use bind::{Axis, Binding, Bound, Drawn, bind};
-pub(crate) use every::every_field;
+pub(crate) use every::{every_field, left_out};
 pub use figure::{Computed, Curve, Figure, Formula, Line, Unit, View, Views};
 pub(crate) use limits::{Limit, limits_of};
 pub use mistake::Mistake;

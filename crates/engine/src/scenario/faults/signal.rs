@@ -164,6 +164,9 @@ impl Signal {
     }
 
     fn slots<'a>(&self, descriptor: &'a Descriptor) -> Result<(Option<&'a Field>, Vec<Slot>), Refusal> {
+        if let Some(reason) = Slot::too_many(descriptor, self.field.as_deref()) {
+            return Err(refusal(if self.field.is_some() { "field" } else { "" }, reason));
+        }
         let Some(name) = &self.field else {
             return Ok((None, Slot::all(descriptor)));
         };

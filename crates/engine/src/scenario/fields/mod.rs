@@ -49,6 +49,9 @@ pub(super) fn conversion(
         any_frames: connection.any_frames(),
     };
     let key = if connection.map.is_some() { "map" } else { "to" };
+    if let Some(reason) = Conversion::too_large(takes).filter(|_| !wiring.is_whole()) {
+        return Err((key, reason));
+    }
     let pairs = match &wiring {
         Wiring::Whole => return Ok(None),
         Wiring::ByName => ports.by_name().map_err(|reason| (key, reason))?,

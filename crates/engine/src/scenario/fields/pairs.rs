@@ -28,7 +28,7 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn find(descriptor: &'a Descriptor, name: &'a str) -> Result<Run<'a>, String> {
-        let Some((field, slots)) = Slot::named(descriptor, name) else {
+        let Some((field, elements)) = descriptor.named(name) else {
             let known: Vec<String> = descriptor.fields.iter().map(|field| format!("`{field}`")).collect();
             return Err(format!(
                 "`{}` has no field or element `{name}`; it has {}",
@@ -39,8 +39,8 @@ impl<'a> Run<'a> {
         Ok(Run {
             name,
             field,
-            first: slots[0],
-            count: slots.len(),
+            first: Slot::element_of(field, elements.start),
+            count: elements.len(),
         })
     }
 

@@ -35,6 +35,9 @@ impl<'a> Chosen<'a> {
         };
         let spec = &streams[stream];
         let name = &path[spec.name().len() + 1..];
+        if let Some(reason) = Slot::too_many(&spec.descriptor, Some(name)) {
+            return refusal(key, reason);
+        }
         let Some((field, slots)) = Slot::named(&spec.descriptor, name) else {
             let known: Vec<String> = spec
                 .descriptor

@@ -209,20 +209,25 @@ impl EntryReceiver {
         }
         let ring = &words[LINE..];
         let at = (self.taken % size as u64) as usize;
-        let mut used = 0;
-        for batch in [BATCH.min(new), new] {
+        let mut batch = BATCH.min(new);
+        let used = loop {
             self.copy.clear();
             let before = batch.min(size - at);
             self.copy.extend(ring[at..at + before].iter().map(|word| word.get()));
             self.copy.extend(ring[..batch - before].iter().map(|word| word.get()));
-            used = unpack(&self.copy, &mut take)?;
+            let used = unpack(&self.copy, &mut take)?;
             if used == new || (0 < used && batch < new) {
-                break;
+                break used;
             }
-            if batch == new {
-                return Err(Broken("recorded an entry that goes on behind what it committed".to_owned()).into());
-            }
-        }
+            // An entry that is longer than a batch comes alone.
+            let longer = (self.copy.get(1))
+                .and_then(|&bytes| usize::try_from(bytes).ok())
+                .map(words_of);
+            batch = match longer {
+                Some(words) if batch < words && words <= new => words,
+                _ => return Err(Broken("recorded an entry that goes on behind what it committed".to_owned()).into()),
+            };
+        };
         self.taken += used as u64;
         count.set(self.taken);
         Ok(true)
