@@ -1,10 +1,12 @@
 //! The largest runs that there may be: 512 participants with 256 inputs each. Looking through all links for each link would be ten
 //! thousand million comparisons; none of this does.
 
+use lockstep::executor::{InLoop, Moment, assemble};
 use lockstep::link::Timing;
-use lockstep::participant::{Interface, Kind};
+use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan, PlanError};
 use lockstep::time::Rational;
+use lockstep::transport::NoRecording;
 
 const PARTICIPANTS: usize = 512;
 const INPUTS: usize = 256;
@@ -61,8 +63,8 @@ fn every_input_of_the_largest_plan_has_its_link() {
             assert_eq!((link.from.0, link.to), ((to * 7 + input) % PARTICIPANTS, (to, input)));
         }
     }
-    let consumers: usize = (0..PARTICIPANTS)
-        .map(|number| plan.assignment(number).outputs[0].consumers.len())
+    let consumers: usize = (plan.assignments())
+        .map(|assignment| assignment.outputs[0].consumers.len())
         .sum();
     assert_eq!(consumers, plan.links.len());
 }
@@ -95,4 +97,52 @@ fn every_mistake_of_the_largest_plan_is_named() {
     let count = |is: fn(&PlanError) -> bool| errors.iter().filter(|error| is(error)).count();
     assert_eq!(count(|error| matches!(error, PlanError::NameTwice(_))), all.len());
     assert_eq!(count(|error| matches!(error, PlanError::FedTwice { .. })), all.len());
+}
+
+/// Does nothing.
+struct Idle;
+
+impl Participant for Idle {
+    fn interface(&self) -> Interface {
+        Interface::new(Kind::Sampled).output::<Number>("out")
+    }
+    fn initialise(&mut self, _: f64, _: &mut Outputs) -> Result<(), Failure> {
+        Ok(())
+    }
+    fn step(&mut self, _: &Step, _: &Inputs, _: &mut Outputs) -> Result<(), Failure> {
+        Ok(())
+    }
+}
+
+#[test]
+fn activations_of_many_come_by_instant_and_rank() {
+    // Five periods, and offsets of which some coincide.
+    let specs = (0..PARTICIPANTS as i128).map(|number| ParticipantSpec {
+        name: format!("p{number:03}"),
+        period: Rational::from_millis([1, 2, 5, 3, 7][number as usize % 5]),
+        offset: Rational::new(number * 37 % 300, 300_000).unwrap(),
+        interface: Idle.interface(),
+    });
+    let plan = Plan::build(specs.collect(), &[], Rational::from_millis(40), 1).unwrap();
+    let idle = (0..PARTICIPANTS).map(|_| Box::new(Idle) as Box<dyn Participant>);
+    let mut looped = InLoop::new(&plan, assemble(&plan, idle.collect(), |_| Box::new(NoRecording)));
+    let mut stepped = Vec::new();
+    // In stretches, as a run goes on.
+    for horizon in [1, plan.end / 3, plan.end / 2, plan.end] {
+        let watch = |moment: Moment| {
+            if let Moment::Stepped {
+                participant,
+                activation,
+            } = moment
+            {
+                let own = &plan.participants[participant];
+                stepped.push((own.sample_time.instant(activation), own.rank));
+            }
+        };
+        looped.run_to(horizon, watch).unwrap();
+        assert!(stepped.iter().all(|(instant, _)| *instant < horizon));
+    }
+    assert!(stepped.is_sorted());
+    let all: u64 = plan.participants.iter().map(|own| own.activations).sum();
+    assert_eq!(stepped.len() as u64, all);
 }

@@ -12,6 +12,7 @@ use tape::folder::RunFolder;
 
 use crate::arguments::{HowArgs, ScenarioArgs};
 use crate::{signals, terminal};
+use engine::Progress;
 use engine::campaign::Recalled;
 use engine::live::{self, Server, Steering};
 use engine::run::{Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, factor, run as run_scenario};
@@ -51,13 +52,8 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
             return Ok(2);
         }
     };
-    if !args.how.common.quiet {
-        for warning in catalogue().warnings(&scenario) {
-            eprintln!("warning: {warning}");
-        }
-    }
     match shadows(args, &scenario) {
-        Ok(shadows) => execute(&scenario, &args.how, None, &shadows),
+        Ok(shadows) => executed(&scenario, &args.how, None, &shadows, true).map(|(code, _)| code),
         Err((reason, code)) => {
             eprintln!("error: {reason}");
             Ok(code)
@@ -81,7 +77,7 @@ fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
         Ok(scenario) => scenario,
         Err(error) => return refused(&error),
     };
-    let (code, outcome) = executed(&scenario, &args.how, None, &[])?;
+    let (code, outcome) = executed(&scenario, &args.how, None, &[], false)?;
     let common = || Scenario::read(catalogue(), &point.file, point.common()).ok();
     // With changes of its own it is another run.
     let compared = outcome.filter(|_| more.is_empty()).zip(common());
@@ -94,15 +90,34 @@ fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
 
 /// Runs `scenario`, from `origin` if there is one, with `shadows`, and reports.
 pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shadows: &[Shadow]) -> anyhow::Result<i32> {
-    executed(scenario, how, origin, shadows).map(|(code, _)| code)
+    executed(scenario, how, origin, shadows, false).map(|(code, _)| code)
 }
 
-/// The same, with what became of it.
+/// Runs `scenario`. With `warned`, what the catalogue warns of is said while the programs start: to find it takes as long as their
+/// start.
+fn begun(scenario: &Scenario, options: &Options, warned: bool) -> Result<Outcome, RunFailure> {
+    let warn = |progress: Progress| {
+        let warnings = catalogue().warnings(scenario);
+        warnings
+            .iter()
+            .for_each(|warning| progress.say(&format!("warning: {warning}")));
+    };
+    std::thread::scope(|scope| {
+        if warned {
+            let progress = options.progress.clone();
+            scope.spawn(|| warn(progress));
+        }
+        run_scenario(scenario, options)
+    })
+}
+
+/// The same, with what became of it, and with the warnings about the scenario if it is to be `warned` of.
 fn executed(
     scenario: &Scenario,
     how: &HowArgs,
     origin: Option<Origin>,
     shadows: &[Shadow],
+    warned: bool,
 ) -> anyhow::Result<(i32, Option<Outcome>)> {
     let server = match live(how) {
         Ok(server) => server,
@@ -116,7 +131,7 @@ fn executed(
         steering: server.as_ref().map(|(_, steering)| steering.clone()),
         ..options(how)
     };
-    let outcome = match run_scenario(scenario, &options) {
+    let outcome = match begun(scenario, &options, warned && !how.common.quiet) {
         Ok(outcome) => outcome,
         Err(failure) => {
             eprintln!("error: {failure}");

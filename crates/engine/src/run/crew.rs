@@ -1,17 +1,16 @@
 //! The participants of a run with everything the orchestrator holds of them.
 
+use std::borrow::Borrow;
 use std::time::{Duration, Instant};
 
-use lockstep::control::{Note, PROTOCOL, Reply, Request, Timing};
-use lockstep::participant::Interface;
-use lockstep::plan::{Plan, Position};
+use lockstep::control::{Note, Reply, Request, Timing};
+use lockstep::plan::Plan;
 use lockstep::span::{Detail, Span};
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;
-use lockstep::transport::iceoryx::{Domain, Recorded, Sleeping};
+use lockstep::transport::iceoryx::{Asked, Domain, Recorded, Sleeping};
 
 use super::awake::{Awake, Patience};
-use super::checkpoint::CANNOT_SAVE;
 use super::child::Participant;
 use super::explain;
 use super::life::life;
@@ -19,7 +18,6 @@ use super::log::{flood, words};
 use super::monitor::Monitor;
 use super::options::Options;
 use super::outcome::RunFailure;
-use super::placement::Placement;
 use super::ports::Ports;
 use super::recording::Recorder;
 use super::room;
@@ -52,7 +50,7 @@ pub(super) enum Taken {
 /// One participant.
 pub(super) struct Member {
     pub(super) process: Participant,
-    ports: Ports,
+    pub(super) ports: Ports,
     /// How long it may take to enter the run, and to answer a request.
     within: Duration,
     /// Where its time went; known when it is done.
@@ -185,27 +183,17 @@ impl Member {
 
     /// Sends a request and waits for the reply.
     pub(super) fn ask(&mut self, request: &Request, monitor: &Monitor) -> Result<Reply, RunFailure> {
-        let Member { ports, process, .. } = self;
-        ports.bell.ring();
-        let control = &ports.control;
-        let mut patience = Patience::new(self.within);
-        let reply = control.ask(request, || {
-            let failed = process.ended().is_some() || process.floods() || monitor.failure().is_some();
-            failed || patience.is_over()
-        });
-        let when = match request {
-            Request::Hello { .. } => "when it was greeted",
-            Request::Configure { .. } => "when it was given its parameters",
-            Request::Connect { .. } => "when it was given its part of the plan",
-            Request::Save => "when it was asked for its state",
-            Request::Move { .. } => "when it was asked to move",
-            Request::Terminate => "when it was told to leave",
-        };
-        match reply {
-            Ok(Some(reply)) => Ok(reply),
-            Ok(None) => Err(silent(&mut self.process, self.within, monitor, "answer", when)),
-            Err(broken) => Err(self.odd(format!("gave no answer that can be used {when}: {broken}"))),
-        }
+        let mut reply = None;
+        ask_all(
+            std::slice::from_mut(self),
+            |_| request,
+            monitor,
+            |_, _, one| {
+                reply = Some(one);
+                Ok(())
+            },
+        )?;
+        Ok(reply.expect("the only one has answered"))
     }
 
     /// A failure of this participant; `reason` may contain text of the participant.
@@ -214,6 +202,109 @@ impl Member {
             participant: self.process.name.clone(),
             reason: quoted(reason.as_ref()),
         }
+    }
+}
+
+/// A request under way, with what is looked at while its reply is waited for.
+struct Pending<'a> {
+    asked: Asked<'a>,
+    process: &'a mut Participant,
+    within: Duration,
+    patience: Patience,
+    when: &'static str,
+    reply: Option<Reply>,
+}
+
+impl Pending<'_> {
+    /// Looks for the reply; `elsewhere` says that the monitor reports a failure.
+    ///
+    /// # Errors
+    /// There will be none that can be used.
+    fn look(&mut self, monitor: &Monitor, elsewhere: bool) -> Result<(), RunFailure> {
+        if self.reply.is_none() {
+            let looked = self.asked.reply();
+            self.reply = looked.map_err(|broken| unusable(self.process, self.when, &broken))?;
+        }
+        if self.reply.is_some() {
+            return Ok(());
+        }
+        let process = &mut *self.process;
+        let failed = elsewhere || process.ended().is_some() || process.floods();
+        match failed || self.patience.is_over() {
+            true => Err(silent(process, self.within, monitor, "answer", self.when)),
+            false => Ok(()),
+        }
+    }
+}
+
+/// Sends each of `crew` the request that `request` gives, and hands the replies to `take` in their order. The participants work on
+/// their answers at the same time.
+///
+/// # Errors
+/// A participant that does not answer, or what `take` says of an answer before it.
+pub(super) fn ask_all<R: Borrow<Request>>(
+    crew: &mut [Member],
+    mut request: impl FnMut(usize) -> R,
+    monitor: &Monitor,
+    mut take: impl FnMut(usize, &mut Member, Reply) -> Result<(), RunFailure>,
+) -> Result<(), RunFailure> {
+    let mut all = Vec::with_capacity(crew.len());
+    for (number, member) in crew.iter_mut().enumerate() {
+        let request = request(number);
+        let Member {
+            ports, process, within, ..
+        } = member;
+        ports.bell.ring();
+        let when = when(request.borrow());
+        let asked = ports.control.begin(request.borrow());
+        all.push(Pending {
+            asked: asked.map_err(|broken| unusable(process, when, &broken))?,
+            process,
+            within: *within,
+            patience: Patience::new(*within),
+            when,
+            reply: None,
+        });
+    }
+    let mut waited = Ok(());
+    loop {
+        // Once for all of them: the monitor asks the system about every process.
+        let elsewhere = monitor.failure().is_some();
+        waited = all
+            .iter_mut()
+            .map(|one| one.look(monitor, elsewhere))
+            .fold(waited, Result::and);
+        let mut answered = all.iter().map_while(|one| one.reply.as_ref());
+        let refused = answered.any(|reply| matches!(reply, Reply::Refused { .. }));
+        if waited.is_err() || refused || all.iter().all(|one| one.reply.is_some()) {
+            break;
+        }
+        std::thread::sleep(Asked::LOOK);
+    }
+    let replies: Vec<Reply> = all.into_iter().map_while(|one| one.reply).collect();
+    for (number, (member, reply)) in crew.iter_mut().zip(replies).enumerate() {
+        take(number, member, reply)?;
+    }
+    waited
+}
+
+/// The instant of a request in words.
+fn when(request: &Request) -> &'static str {
+    match request {
+        Request::Hello { .. } => "when it was greeted",
+        Request::Configure { .. } => "when it was given its parameters",
+        Request::Connect { .. } => "when it was given its part of the plan",
+        Request::Save => "when it was asked for its state",
+        Request::Move { .. } => "when it was asked to move",
+        Request::Terminate => "when it was told to leave",
+    }
+}
+
+/// The failure of a participant that gave no answer that can be used.
+fn unusable(process: &Participant, when: &str, broken: &Broken) -> RunFailure {
+    RunFailure::Participant {
+        participant: process.name.clone(),
+        reason: quoted(&format!("gave no answer that can be used {when}: {broken}")),
     }
 }
 
@@ -299,130 +390,4 @@ pub(super) fn arrive(member: &mut Member, waited: &mut Awake, monitor: &Monitor)
         std::thread::sleep(Duration::from_micros(300));
     }
     Ok(())
-}
-
-/// Hello.
-pub(super) fn greet(member: &mut Member, monitor: &Monitor) -> Result<(), RunFailure> {
-    match member.ask(&Request::Hello { protocol: PROTOCOL }, monitor)? {
-        Reply::Hello { protocol: PROTOCOL, .. } => Ok(()),
-        Reply::Hello { protocol, program } => Err(member.odd(format!(
-            "`{program}` speaks version {protocol} of the protocol; this orchestrator speaks {PROTOCOL}"
-        ))),
-        other => Err(member.odd(format!("answered the greeting with {other:?}"))),
-    }
-}
-
-/// Hello and parameters: the participant tells its ports, which must be those that are `known`, if any are.
-pub(super) fn introduce(
-    scenario: &Scenario,
-    entry: &Entry,
-    known: Option<&Interface>,
-    member: &mut Member,
-    monitor: &Monitor,
-) -> Result<Interface, RunFailure> {
-    greet(member, monitor)?;
-    let setup = &entry.setup;
-    let request = Request::Configure {
-        name: setup.name.clone(),
-        parameters: setup.parameters.to_string(),
-        seed: setup.seed,
-        period: setup.period,
-        offset: setup.offset,
-    };
-    let interface = match member.ask(&request, monitor)? {
-        Reply::Described { interface } => interface,
-        Reply::Refused { key, reason } => {
-            let refusal = scenario.refusal(entry, &quoted(&key), &quoted(&reason));
-            return Err(refusal.into());
-        }
-        other => return Err(member.odd(format!("answered its parameters with {other:?}"))),
-    };
-    interface
-        .validate()
-        .map_err(|error| member.odd(format!("describes ports that cannot be: {error}")))?;
-    if let Some(text) = control_text(&interface) {
-        return Err(member.odd(format!(
-            "describes ports that cannot be: a name, unit or frame has a control character in it: {text}"
-        )));
-    }
-    if let Some(difference) = known.and_then(|known| interface.difference(known)) {
-        return Err(member.odd(format!("describes other ports than expected: {difference}")));
-    }
-    Ok(interface)
-}
-
-/// A name, unit or frame with a control character. They appear in messages, file names and pages.
-fn control_text(interface: &Interface) -> Option<&str> {
-    let inputs = interface.inputs.iter().map(|port| &port.descriptor);
-    let mut all = inputs.chain(interface.outputs.iter().map(|port| &port.descriptor));
-    all.find_map(|descriptor| {
-        let fields = descriptor.fields.iter();
-        let mut texts =
-            std::iter::once(&descriptor.name).chain(fields.flat_map(|field| [&field.name, &field.unit, &field.frame]));
-        texts.find(|text| quoted(text) != **text).map(String::as_str)
-    })
-}
-
-/// Gives participant number `number` its part of the plan, its cores, and where to take up the work; nothing for the start of
-/// a run. `ring` is the size of its record's ring, bytes.
-#[allow(
-    clippy::too_many_arguments,
-    reason = "what a participant is connected with comes from all parts of a run"
-)]
-pub(super) fn connect(
-    plan: &Plan,
-    number: usize,
-    member: &mut Member,
-    position: Option<Position>,
-    placement: &Placement,
-    ring: u32,
-    monitor: &Monitor,
-) -> Result<(), RunFailure> {
-    let request = Request::Connect {
-        assignment: plan.assignment(number),
-        cores: placement.cores[number].iter().map(|&core| core as u32).collect(),
-        waiting: placement.waiting[number],
-        record: ring,
-        position: position.map(Box::new),
-    };
-    let reply = member.ask(&request, monitor)?;
-    let failure = match reply {
-        // Whatever it records from now on is there for the recorder, even if it leaves at once.
-        Reply::Done => match member.ports.record.take_memory() {
-            Ok(true) => return super::place::all_there(),
-            Ok(false) => "has connected without sending the memory of its record".to_owned(),
-            Err(broken) => format!("its record cannot be received: {broken}"),
-        },
-        Reply::Refused { reason, .. } => format!("cannot connect: {reason}"),
-        other => format!("answered its part of the plan with {other:?}"),
-    };
-    match member.foreign_writer(monitor.all()) {
-        Some((author, process)) => Err(RunFailure::Participant {
-            participant: author.to_owned(),
-            reason: quoted(&foreign_writer_reason(&member.process.name, process, &failure)),
-        }),
-        None => Err(member.odd(failure)),
-    }
-}
-
-/// Asks a participant at rest to go to `address` when the clock says leave.
-pub(super) fn send_to(member: &mut Member, address: &str, monitor: &Monitor) -> Result<(), RunFailure> {
-    let address = address.to_owned();
-    match member.ask(&Request::Move { address }, monitor)? {
-        Reply::Done => Ok(()),
-        Reply::Refused { reason, .. } => {
-            Err(member.odd(format!("cannot take part in a substitution or a restart: {reason}")))
-        }
-        other => Err(member.odd(format!("answered the request to move with {other:?}"))),
-    }
-}
-
-/// The state of a participant at rest.
-pub(super) fn save(member: &mut Member, monitor: &Monitor) -> Result<Vec<u8>, RunFailure> {
-    match member.ask(&Request::Save, monitor)? {
-        Reply::State(Some(state)) => Ok(state),
-        Reply::State(None) => Err(member.odd(CANNOT_SAVE)),
-        Reply::Refused { reason, .. } => Err(member.odd(format!("cannot save its state: {reason}"))),
-        other => Err(member.odd(format!("answered the request for its state with {other:?}"))),
-    }
 }

@@ -10,6 +10,7 @@ use super::options::Options;
 
 use super::child::GRACE;
 use super::crew::{self, Member};
+use super::handshake;
 use super::monitor::Monitor;
 use super::outcome::RunFailure;
 use super::place::Place;
@@ -72,10 +73,7 @@ fn ask_monitored(
     for member in &mut members {
         crew::arrive(member, &mut waited, monitor)?;
     }
-    let mut interfaces = Vec::new();
-    for (member, entry) in members.iter_mut().zip(entries) {
-        interfaces.push(crew::introduce(scenario, entry, None, member, monitor)?);
-    }
+    let interfaces = handshake::introduce_all(scenario, entries, &[], &mut members, monitor)?;
     for member in &mut members {
         let _ = member.ask(&Request::Terminate, monitor);
     }

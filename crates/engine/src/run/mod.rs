@@ -18,6 +18,7 @@ mod fallen;
 pub mod faults;
 mod guard;
 mod handle;
+mod handshake;
 mod horizon;
 mod in_process;
 mod inputs;

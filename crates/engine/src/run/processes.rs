@@ -12,6 +12,7 @@ use super::course::Course;
 use super::crew::{self, Member, Taken};
 use super::executor::{Account, Executor, Seat, Turn};
 use super::fallen::{Fallen, Restarts};
+use super::handshake;
 use super::monitor::Monitor;
 use super::outcome::{Ending, RunFailure};
 use super::place::Place;
@@ -265,7 +266,7 @@ impl Executor for Processes {
     }
 
     fn save(&mut self, _: &Course, number: usize) -> Result<Vec<u8>, RunFailure> {
-        crew::save(&mut self.crew[number], &self.monitor)
+        handshake::save(&mut self.crew[number], &self.monitor)
     }
 
     fn take_up(

@@ -16,6 +16,7 @@ use super::awake::Awake;
 use super::crew::{self, Member};
 use super::describe;
 use super::fallen::{RESTARTS_MAX, Restarts};
+use super::handshake;
 use super::monitor::Monitor;
 use super::options::Options;
 use super::outcome::RunFailure;
@@ -217,12 +218,11 @@ impl SetUp<'_> {
         for member in &mut crew {
             crew::arrive(member, &mut waited, &monitor)?;
         }
-        let mut interfaces = Vec::new();
-        let before = basis.as_ref().map(|basis| basis.interfaces.as_slice());
-        for (number, (member, entry)) in crew.iter_mut().zip(entries).enumerate() {
-            let known = before.map_or(self.known[number].as_ref(), |before| Some(&before[number]));
-            interfaces.push(crew::introduce(scenario, entry, known, member, &monitor)?);
-        }
+        let known: Vec<Option<&Interface>> = match &*basis {
+            Some(before) => before.interfaces.iter().map(Some).collect(),
+            None => self.known.iter().map(Option::as_ref).collect(),
+        };
+        let interfaces = handshake::introduce_all(scenario, entries, &known, &mut crew, &monitor)?;
         let Basis { plan, start, .. } = match basis {
             Some(basis) => basis,
             None => {
@@ -242,11 +242,12 @@ impl SetUp<'_> {
         let place = Place::furnish(domain, plan)?;
         let placement = Placement::choose(plan, options);
         let rings = reserved.give_rings(plan);
-        for (number, member) in crew.iter_mut().enumerate() {
-            let ring = rings[number];
-            let position = start.positions.as_ref().map(|positions| positions[number].clone());
-            crew::connect(plan, number, member, position, &placement, ring, &monitor)?;
-        }
+        let connecting = handshake::Connecting {
+            placement: &placement,
+            rings: &rings,
+            monitor: &monitor,
+        };
+        connecting.all(&mut crew, plan, start.positions.as_deref())?;
         Ok((scope, place, placement, crew))
     }
 }

@@ -14,6 +14,7 @@ use super::course::Course;
 use super::crew::{self, Member};
 use super::executor::Seat;
 use super::fallen::Fallen;
+use super::handshake;
 use super::outcome::RunFailure;
 use super::place::Place;
 use super::placement::Placement;
@@ -48,7 +49,9 @@ impl Processes {
         let address = domain.address().to_string();
         for (number, (member, seat)) in old.iter_mut().zip(&seats).enumerate() {
             if let Seat::Same(_) = seat {
-                missing.unless(number, member, |member| crew::send_to(member, &address, &self.monitor))?;
+                missing.unless(number, member, |member| {
+                    handshake::send_to(member, &address, &self.monitor)
+                })?;
             }
         }
         self.place.clock.stop();
@@ -83,11 +86,15 @@ impl Processes {
         }
         let placement = Placement::choose(&course.plan, &course.options);
         let rings = room::rings_now(&course.plan)?;
-        for (number, (member, position)) in crew.iter_mut().zip(positions).enumerate() {
+        let connecting = handshake::Connecting {
+            placement: &placement,
+            rings: &rings,
+            monitor: &self.monitor,
+        };
+        let parts = course.plan.assignments().zip(positions);
+        for (number, (member, (assignment, position))) in crew.iter_mut().zip(parts).enumerate() {
             missing.unless(number, member, |member| {
-                let position = Some(position);
-                let ring = rings[number];
-                crew::connect(&course.plan, number, member, position, &placement, ring, &self.monitor)
+                connecting.one(number, member, assignment, Some(position))
             })?;
         }
         self.crew = crew;
@@ -114,10 +121,10 @@ impl Processes {
             missing.unless(number, member, |member| {
                 crew::arrive(member, &mut waited, &self.monitor)?;
                 match newcomer {
-                    None => crew::greet(member, &self.monitor),
+                    None => handshake::greet(member, &self.monitor),
                     Some(entry) => {
                         let known = &course.plan.participants[number].interface;
-                        crew::introduce(&course.scenario, entry, Some(known), member, &self.monitor).map(drop)
+                        handshake::introduce(&course.scenario, entry, Some(known), member, &self.monitor).map(drop)
                     }
                 }
             })?;

@@ -101,8 +101,7 @@ pub fn assemble(
         receivers.push(Some(receiver));
     }
     let mut parts = Vec::with_capacity(participants.len());
-    for (number, participant) in participants.into_iter().enumerate() {
-        let assignment = plan.assignment(number);
+    for (number, (participant, assignment)) in participants.into_iter().zip(plan.assignments()).enumerate() {
         let own = assignment.inputs.iter();
         let receivers = own.filter_map(|link| receivers[link.link as usize].take()).collect();
         let own = assignment.outputs.iter();

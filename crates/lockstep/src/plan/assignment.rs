@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Initial, Observed, Plan};
+use super::{Initial, Link, Observed, Participant, Plan};
 use crate::fault::{Disturbance, Place};
 use crate::link::{Conversion, ReadSchedule, Visibility};
 use crate::participant::Interface;
@@ -125,8 +125,19 @@ impl Consumer {
 }
 
 impl Plan {
-    /// The part of the plan that participant number `participant` works from.
-    pub fn assignment(&self, participant: usize) -> Assignment {
+    /// The part of the plan that each participant works from: links are looked through once for all of them.
+    pub fn assignments(&self) -> impl Iterator<Item = Assignment> {
+        let outputs = |own: &Participant| vec![Vec::new(); own.interface.outputs.len()];
+        let mut readers: Vec<Vec<Vec<usize>>> = self.participants.iter().map(outputs).collect();
+        for (number, Link { from, .. }) in self.links.iter().enumerate() {
+            readers[from.0][from.1].push(number);
+        }
+        let all = readers.into_iter().enumerate();
+        all.map(|(participant, readers)| self.assignment(participant, &readers))
+    }
+
+    /// The part of the plan that participant number `participant` works from, with the links that read each of its outputs.
+    fn assignment(&self, participant: usize, readers: &[Vec<usize>]) -> Assignment {
         let own = &self.participants[participant];
         let inputs = own.inputs.iter().enumerate();
         let inputs = inputs.flat_map(|(input, links)| links.iter().map(move |&number| (input, number)));
@@ -152,12 +163,6 @@ impl Plan {
                 faults: self.disturbances(Place::Input { participant, port }),
             })
         });
-        let mut readers: Vec<Vec<usize>> = vec![Vec::new(); own.interface.outputs.len()];
-        for (number, link) in self.links.iter().enumerate() {
-            if link.from.0 == participant {
-                readers[link.from.1].push(number);
-            }
-        }
         let outputs = readers.iter().enumerate().map(|(output, readers)| {
             let consumers = readers.iter().map(|&number| (number, &self.links[number]));
             let consumers = consumers.map(|(number, link)| Consumer {

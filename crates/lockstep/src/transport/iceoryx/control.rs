@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::DegradationAction;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
@@ -69,28 +70,9 @@ impl ControlClient {
     /// Sends `request` and looks for the reply until `abandon`, which is called before each pause, returns true. `Ok(None)`
     /// when no reply came.
     pub fn ask(&self, request: &Request, mut abandon: impl FnMut() -> bool) -> Result<Option<Reply>, Broken> {
-        let bytes = wire::encode("a request", request).map_err(|error| Broken(error.to_string()))?;
-        let pending = loop {
-            let message = self
-                .client
-                .loan_slice_uninit(bytes.len())
-                .map_err(|error| broken("no memory", error))?;
-            let sent = message.write_from_slice(&bytes).send();
-            let pending = sent.map_err(|error| broken("asking", error))?;
-            // A server is counted before a client can reach it. What reached no server has not been sent.
-            if pending.number_of_server_connections() > 0 {
-                break pending;
-            }
-            if abandon() {
-                return Ok(None);
-            }
-            std::thread::sleep(LOOK);
-        };
+        let mut asked = self.begin(request)?;
         loop {
-            if let Some(reply) = pending.receive().map_err(|error| broken("receiving a reply", error))? {
-                // A copy, so that what is decoded does not change meanwhile.
-                let bytes = reply.payload().to_vec();
-                let reply = wire::decode("a reply", &bytes).map_err(|error| Broken(error.to_string()))?;
+            if let Some(reply) = asked.reply()? {
                 return Ok(Some(reply));
             }
             if abandon() {
@@ -98,6 +80,53 @@ impl ControlClient {
             }
             std::thread::sleep(LOOK);
         }
+    }
+
+    /// Begins to ask: others may be asked before the reply is there. There is one request at a time.
+    pub fn begin(&self, request: &Request) -> Result<Asked<'_>, Broken> {
+        let bytes = wire::encode("a request", request).map_err(|error| Broken(error.to_string()))?;
+        Ok(Asked {
+            client: &self.client,
+            bytes,
+            pending: None,
+        })
+    }
+}
+
+/// A request under way.
+pub struct Asked<'a> {
+    client: &'a Client<Ipc, [u8], (), [u8], ()>,
+    bytes: Vec<u8>,
+    /// Since the request has reached a server.
+    pending: Option<PendingResponse<Ipc, [u8], (), [u8], ()>>,
+}
+
+impl Asked<'_> {
+    /// The pause between two looks for a reply.
+    pub const LOOK: Duration = LOOK;
+
+    /// The reply, once it is there. Sends the request first where it has reached no server yet.
+    pub fn reply(&mut self) -> Result<Option<Reply>, Broken> {
+        if self.pending.is_none() {
+            let message = self
+                .client
+                .loan_slice_uninit(self.bytes.len())
+                .map_err(|error| broken("no memory", error))?;
+            let sent = message.write_from_slice(&self.bytes).send();
+            let pending = sent.map_err(|error| broken("asking", error))?;
+            // A server is counted before a client can reach it. What reached no server has not been sent.
+            self.pending = (pending.number_of_server_connections() > 0).then_some(pending);
+        }
+        let Some(pending) = &self.pending else {
+            return Ok(None);
+        };
+        let Some(reply) = pending.receive().map_err(|error| broken("receiving a reply", error))? else {
+            return Ok(None);
+        };
+        // A copy, so that what is decoded does not change meanwhile.
+        let bytes = reply.payload().to_vec();
+        let reply = wire::decode("a reply", &bytes).map_err(|error| Broken(error.to_string()))?;
+        Ok(Some(reply))
     }
 }
 

@@ -52,10 +52,9 @@ pub fn footprint(plan: &Plan) -> Footprint {
             ring_bytes(output.descriptor.size as usize, link.capacity)
         })
         .collect();
-    let own = |number: usize| {
-        let ends = plan.links.iter().flat_map(|link| [link.from.0, link.to.0]);
-        ends.filter(|&end| end == number).count() as u64
-    };
+    let mut ends = vec![0_u64; participants];
+    let all = plan.links.iter().flat_map(|link| [link.from.0, link.to.0]);
+    all.for_each(|end| ends[end] += 1);
     let [base, participant, link, stream] = FILES;
     let [own_base, end] = FILES_OF_PARTICIPANT;
     Footprint {
@@ -64,14 +63,13 @@ pub fn footprint(plan: &Plan) -> Footprint {
             + rings.iter().map(|ring| ring.next_multiple_of(PAGE)).sum::<u64>(),
         records: (0..participants)
             .map(|number| {
-                let assignment = plan.assignment(number);
-                let sizes: Vec<usize> = assignment.streams().map(|(_, size)| size).collect();
-                record_room(&sizes, assignment.activations)
+                let sizes: Vec<usize> = plan.recorded_sizes(number).collect();
+                record_room(&sizes, plan.participants[number].activations)
             })
             .collect(),
         largest: rings.iter().copied().max().unwrap_or(0).max(CONTROL),
         files: base + participant * count + link * links as u64 + stream * plan.stream_count() as u64,
-        participant_files: own_base + end * (0..participants).map(own).max().unwrap_or(0),
+        participant_files: own_base + end * ends.into_iter().max().unwrap_or(0),
     }
 }
 

@@ -28,7 +28,7 @@ pub use crate::transport::lock_free::asleep::Sleeping;
 pub use crate::transport::lock_free::clock::Order;
 pub use crate::transport::lock_free::entries::{Recorded, record_room, unpack};
 pub use clock::{ClockReader, ClockWriter};
-pub use control::{ControlClient, ControlServer};
+pub use control::{Asked, ControlClient, ControlServer};
 pub use domain::{Address, Domain, DomainError};
 pub use footprint::{Footprint, footprint};
 pub use ipc::VERSION;
