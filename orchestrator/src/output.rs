@@ -10,7 +10,7 @@
 
 use std::borrow::Cow;
 use std::fmt::Arguments;
-use std::io::{self, ErrorKind, StderrLock, StdoutLock, Write};
+use std::io::{self, BufWriter, ErrorKind, StderrLock, StdoutLock, Write};
 
 macro_rules! println {
     ($($text:tt)*) => { $crate::output::line(&mut $crate::output::stdout(), format_args!($($text)*)) };
@@ -26,6 +26,11 @@ macro_rules! eprintln {
 
 macro_rules! eprint {
     ($($text:tt)*) => { $crate::output::text(&mut $crate::output::stderr(), format_args!($($text)*)) };
+}
+
+/// A line of a page that is written at once: `println!` makes a system call for each.
+macro_rules! say {
+    ($out:expr, $($text:tt)*) => { $crate::output::line($out, format_args!($($text)*)) };
 }
 
 /// A stream whose reader may leave. Control characters are replaced by their numbers, except line feed, tab and carriage return.
@@ -83,6 +88,11 @@ impl<W: Write> Write for Heard<W> {
 /// Standard output.
 pub fn stdout() -> Heard<StdoutLock<'static>> {
     Heard(io::stdout().lock())
+}
+
+/// Standard output for a page of many lines, which are written when it is dropped or has become large.
+pub fn page() -> BufWriter<impl Write> {
+    BufWriter::with_capacity(1 << 16, stdout())
 }
 
 /// Standard error.

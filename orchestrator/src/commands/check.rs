@@ -1,10 +1,13 @@
 //! `escapement check SCENARIO`: everything but the run.
 
+use std::io::Write;
+
 use clap::Args;
 use serde_json::{Value, json};
 
 use crate::arguments::{ScenarioArgs, StartArgs};
 use crate::catalogue::catalogue;
+use crate::output;
 use engine::run::{Known, Options, Placement, RunFailure, faults, room};
 use engine::scenario::{Program, Scenario};
 use lockstep::link::Hold;
@@ -55,10 +58,11 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
         println!("{}", serde_json::to_string_pretty(&said)?);
         return Ok(0);
     }
-    describe(&scenario, &known);
-    println!("placement: {}", placement.reason);
-    println!("{}", room::describe(&known.plan));
-    findings.iter().for_each(|one| println!("{}", one.text));
+    let out = &mut output::page();
+    describe(out, &scenario, &known);
+    say!(out, "placement: {}", placement.reason);
+    say!(out, "{}", room::describe(&known.plan));
+    findings.iter().for_each(|one| say!(out, "{}", one.text));
     Ok(0)
 }
 
@@ -104,35 +108,37 @@ fn program(program: &Program) -> String {
     }
 }
 
-fn describe(scenario: &Scenario, known: &Known) {
+fn describe(out: &mut impl Write, scenario: &Scenario, known: &Known) {
     let (plan, unknown) = (&known.plan, known.unknown());
-    println!("{}: {}", scenario.name, scenario.title);
-    println!(
+    say!(out, "{}: {}", scenario.name, scenario.title);
+    say!(
+        out,
         "duration {}, tick {}, seed {}",
         scenario.duration,
         plan.timebase.tick(),
         plan.seed
     );
-    describe_participants(scenario, known, &unknown);
-    println!("connections:");
+    describe_participants(out, scenario, known, &unknown);
+    say!(out, "connections:");
     for link in &plan.links {
-        describe_link(known, link);
+        describe_link(out, known, link);
     }
     if scenario.guards().next().is_some() {
-        println!("guards:");
+        say!(out, "guards:");
     }
     for (name, words) in scenario.guards() {
-        println!("  {name:<24} {words}");
+        say!(out, "  {name:<24} {words}");
     }
     let faults = faults::notices(plan);
     if !faults.is_empty() {
-        println!("faults:");
+        say!(out, "faults:");
     }
     for fault in faults {
-        println!("  {:<24} {}, {}", fault.name, fault.words, fault.when());
+        say!(out, "  {:<24} {}, {}", fault.name, fault.words, fault.when());
     }
     for substitution in &scenario.substitutions {
-        println!(
+        say!(
+            out,
             "  {:<24} {} takes the place of {} at {}, {} state, {} parameters",
             substitution.name,
             program(&substitution.entry.program),
@@ -148,14 +154,17 @@ fn describe(scenario: &Scenario, known: &Known) {
     }
 }
 
-fn describe_participants(scenario: &Scenario, known: &Known, unknown: &[&str]) {
+fn describe_participants(out: &mut impl Write, scenario: &Scenario, known: &Known, unknown: &[&str]) {
     let plan = &known.plan;
     let mut order: Vec<usize> = (0..plan.participants.len()).collect();
     if unknown.is_empty() {
         order.sort_by_key(|&number| plan.participants[number].rank);
-        println!("participants, in the order of activations at one instant:");
+        say!(out, "participants, in the order of activations at one instant:");
     } else {
-        println!("participants, by name; the order of activations at one instant is unknown:");
+        say!(
+            out,
+            "participants, by name; the order of activations at one instant is unknown:"
+        );
     }
     for number in order {
         let own = &plan.participants[number];
@@ -164,13 +173,18 @@ fn describe_participants(scenario: &Scenario, known: &Known, unknown: &[&str]) {
             Some(interface) => format!("{:?}", interface.kind),
             None => "of unknown kind,".to_owned(),
         };
-        println!(
+        say!(
+            out,
             "  {:<16} {kind} every {} from {}, {} activations ({program})",
-            own.name, own.period, own.offset, own.activations
+            own.name,
+            own.period,
+            own.offset,
+            own.activations
         );
     }
     if !unknown.is_empty() {
-        println!(
+        say!(
+            out,
             "not asked: {}. Kind and ports are unknown, and so is whether they fit, whether all inputs are fed, and whether there \
              is an algebraic loop: --start asks",
             unknown.join(", ")
@@ -178,7 +192,7 @@ fn describe_participants(scenario: &Scenario, known: &Known, unknown: &[&str]) {
     }
 }
 
-fn describe_link(known: &Known, link: &Link) {
+fn describe_link(out: &mut impl Write, known: &Known, link: &Link) {
     let plan = &known.plan;
     let mut timing = format!("delay {}", link.timing.delay);
     if link.timing.jitter.is_positive() {
@@ -190,7 +204,8 @@ fn describe_link(known: &Known, link: &Link) {
     if link.timing.hold == Hold::Linear {
         timing += ", interpolated";
     }
-    println!(
+    say!(
+        out,
         "  {:<24} {} -> {} ({timing}, room for {} samples)",
         link.name,
         plan.output_name(link.from),
@@ -202,8 +217,8 @@ fn describe_link(known: &Known, link: &Link) {
         .iter()
         .all(|&end| known.interfaces[end].is_some());
     match &link.conversion {
-        Some(conversion) if certain => (conversion.words(taken).iter()).for_each(|words| println!("    {words}")),
-        Some(_) => println!("    between fields of ports that are not known"),
+        Some(conversion) if certain => (conversion.words(taken).iter()).for_each(|words| say!(out, "    {words}")),
+        Some(_) => say!(out, "    between fields of ports that are not known"),
         None => {}
     }
 }

@@ -1,5 +1,7 @@
 //! `escapement graph SCENARIO`: a drawing of who tells whom what, how often and how late.
 
+use std::collections::HashMap;
+
 use crate::catalogue::catalogue;
 use clap::Args;
 use lockstep::fault::Place;
@@ -64,9 +66,9 @@ fn draw(known: &Known, format: GraphFormat) -> String {
 }
 
 /// What stands below a participant's name: its order only where that of all is known.
-fn about(known: &Known, number: usize) -> String {
+fn about(known: &Known, all_known: bool, number: usize) -> String {
     let own = &known.plan.participants[number];
-    let order = match (known.unknown().is_empty(), &known.interfaces[number]) {
+    let order = match (all_known, &known.interfaces[number]) {
         (true, _) => format!(", order {}", own.rank + 1),
         (false, Some(_)) => String::new(),
         (false, None) => ", kind unknown".to_owned(),
@@ -94,31 +96,62 @@ fn label(link: &Link, plan: &Plan) -> String {
     label
 }
 
-/// A line for each fault that link number `link` or what its reader sees suffers from.
-fn faults(plan: &Plan, link: &Link) -> Vec<String> {
-    let places = [
-        Place::Output {
-            participant: link.from.0,
-            port: link.from.1,
-        },
-        Place::Input {
-            participant: link.to.0,
-            port: link.to.1,
-        },
-    ];
-    let signals = plan.faults.iter().filter(|fault| places.contains(&fault.place));
-    let names: Vec<&str> = signals
-        .map(|fault| fault.name.as_str())
-        .chain(link.faults.iter().map(|fault| fault.name.as_str()))
-        .collect();
-    let notices = notices(plan).into_iter().filter(|notice| names.contains(&notice.name));
-    notices
-        .map(|notice| format!("fault {} {}", notice.name, notice.when()))
-        .collect()
+/// A line for each fault of a plan, by what suffers from it.
+struct Faults<'a> {
+    /// Of an output or an input.
+    signals: HashMap<Place, Vec<&'a str>>,
+    /// By name, in the order of their begin.
+    lines: Vec<(String, String)>,
+}
+
+impl Faults<'_> {
+    fn of(plan: &Plan) -> Faults<'_> {
+        let mut signals: HashMap<Place, Vec<&str>> = HashMap::new();
+        for fault in &plan.faults {
+            signals.entry(fault.place).or_default().push(&fault.name);
+        }
+        let lines = notices(plan).into_iter();
+        let lines = lines.map(|notice| {
+            let line = format!("fault {} {}", notice.name, notice.when());
+            (notice.name.to_owned(), line)
+        });
+        Faults {
+            signals,
+            lines: lines.collect(),
+        }
+    }
+
+    /// Those that `link` or what its reader sees suffers from.
+    fn on(&self, link: &Link) -> Vec<&str> {
+        let places = [
+            Place::Output {
+                participant: link.from.0,
+                port: link.from.1,
+            },
+            Place::Input {
+                participant: link.to.0,
+                port: link.to.1,
+            },
+        ];
+        let signals = places
+            .iter()
+            .filter_map(|place| self.signals.get(place))
+            .flatten()
+            .copied();
+        let names: Vec<&str> = signals
+            .chain(link.faults.iter().map(|fault| fault.name.as_str()))
+            .collect();
+        if names.is_empty() {
+            return Vec::new();
+        }
+        let lines = self.lines.iter().filter(|(name, _)| names.contains(&name.as_str()));
+        lines.map(|(_, line)| line.as_str()).collect()
+    }
 }
 
 fn mermaid(known: &Known) -> String {
     let plan = &known.plan;
+    let (all, all_known) = (Faults::of(plan), known.unknown().is_empty());
     let mut text = String::from("flowchart LR\n");
     for (number, own) in plan.participants.iter().enumerate() {
         // A continuous participant has no feedthrough: it breaks every circle, and looks different.
@@ -130,12 +163,12 @@ fn mermaid(known: &Known) -> String {
         text += &format!(
             "    p{number}{open}\"{}<br/>{}\"{close}\n",
             own.name,
-            about(known, number)
+            about(known, all_known, number)
         );
     }
     for link in &plan.links {
         let mut label = label(link, plan);
-        let faults = faults(plan, link);
+        let faults = all.on(link);
         faults.iter().for_each(|fault| label += &format!("<br/>{fault}"));
         // A faulty link is drawn thick.
         let arrow = if faults.is_empty() { "-->" } else { "==>" };
@@ -146,6 +179,7 @@ fn mermaid(known: &Known) -> String {
 
 fn dot(known: &Known) -> String {
     let plan = &known.plan;
+    let (all, all_known) = (Faults::of(plan), known.unknown().is_empty());
     let mut text = String::from(
         "digraph run {\n    rankdir=LR;\n    node [fontname=\"sans-serif\"];\n    edge [fontname=\"sans-serif\"];\n",
     );
@@ -158,12 +192,12 @@ fn dot(known: &Known) -> String {
         text += &format!(
             "    p{number} [shape={shape}, label=\"{}\\n{}\"];\n",
             own.name,
-            about(known, number)
+            about(known, all_known, number)
         );
     }
     for link in &plan.links {
         let mut label = label(link, plan);
-        let faults = faults(plan, link);
+        let faults = all.on(link);
         faults.iter().for_each(|fault| label += &format!("\\n{fault}"));
         let style = if faults.is_empty() { "" } else { ", style=bold" };
         text += &format!("    p{} -> p{} [label=\"{label}\"{style}];\n", link.from.0, link.to.0);

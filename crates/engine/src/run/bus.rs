@@ -27,7 +27,7 @@ pub fn guard() -> io::Result<()> {
     static INSTALLED: Once = Once::new();
     let mut installed = Ok(());
     INSTALLED.call_once(|| {
-        PAGE.store(rustix::param::page_size(), Ordering::Relaxed);
+        PAGE.store(page_size(), Ordering::Relaxed);
         // SAFETY: all zeros is a value of this plain structure.
         let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
         action.sa_sigaction = at_missing_page as *const () as usize;
@@ -38,6 +38,13 @@ pub fn guard() -> io::Result<()> {
         }
     });
     installed
+}
+
+/// The bytes of a page. The C library knows them; asking the kernel anew takes system calls, and fails under a profiler that shows
+/// a program another auxiliary vector.
+fn page_size() -> usize {
+    // SAFETY: a question without arguments in memory.
+    usize::try_from(unsafe { libc::sysconf(libc::_SC_PAGESIZE) }).unwrap_or(4096)
 }
 
 extern "C" fn at_missing_page(_: libc::c_int, about: *mut libc::siginfo_t, _: *mut libc::c_void) {
@@ -77,7 +84,7 @@ mod tests {
     #[test]
     fn touching_a_page_that_cannot_be_had_is_survived() {
         guard().expect("a handler");
-        let size = rustix::param::page_size();
+        let size = page_size();
         let path = std::env::temp_dir().join(format!("escapement-bus-{}", std::process::id()));
         let file = std::fs::File::options()
             .read(true)

@@ -113,8 +113,20 @@ pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Kno
     let interfaces: Vec<Interface> = (known.interfaces.into_iter())
         .filter_map(|interface| interface.or_else(|| told.next()))
         .collect();
+    let check_substitutes = || {
+        let monitor = Monitor::new(options.interrupt.clone());
+        describe::check_substitutes(scenario, &interfaces, options, &monitor)
+    };
+    if unknown.is_empty() {
+        // Nothing was assumed, so this is the plan.
+        check_substitutes()?;
+        return Ok(Known {
+            interfaces: interfaces.into_iter().map(Some).collect(),
+            plan: known.plan,
+        });
+    }
     let plan = scenario.plan(&interfaces)?;
-    describe::check_substitutes(scenario, &interfaces, options, &Monitor::new(options.interrupt.clone()))?;
+    check_substitutes()?;
     assess(scenario, &streams(&plan))?;
     scenario.watches(&plan, |_| true)?;
     scenario.check_pictures(&plan, |_| true)?;

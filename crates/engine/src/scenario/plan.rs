@@ -130,11 +130,17 @@ impl Scenario {
         mistakes: &mut Vec<Mistake>,
     ) -> Vec<Interface> {
         let mut interfaces = interfaces.to_vec();
+        if self.inputs.is_empty() {
+            return interfaces;
+        }
+        let mut feeds: HashMap<(&str, &str), &str> = HashMap::new();
+        for link in links {
+            let (participant, input) = &link.to;
+            feeds.entry((participant, input)).or_insert(&link.name);
+        }
         for (participant, name) in self.inputs.iter().filter(|(participant, _)| certain(*participant)) {
             let port = format!("{}.{name}", self.participants[*participant].setup.name);
-            let fed = links
-                .iter()
-                .find(|link| link.to == (self.participants[*participant].setup.name.clone(), name.clone()));
+            let fed = feeds.get(&(self.participants[*participant].setup.name.as_str(), name.as_str()));
             let inputs = &mut interfaces[*participant].inputs;
             let reason = match (inputs.iter_mut().find(|input| input.name == *name), fed) {
                 (Some(input), None) => {
@@ -142,7 +148,7 @@ impl Scenario {
                     continue;
                 }
                 (Some(_), Some(link)) => {
-                    format!("the connection `{}` feeds `{port}`: leave one of them out", link.name)
+                    format!("the connection `{link}` feeds `{port}`: leave one of them out")
                 }
                 (None, _) => {
                     let known: Vec<String> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();

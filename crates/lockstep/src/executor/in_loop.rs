@@ -1,5 +1,9 @@
 //! All participants in one loop, in the order of simulated time.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::collections::binary_heap::PeekMut;
+
 use super::{Part, RunError};
 use crate::participant::Participant;
 use crate::plan::{Plan, Position};
@@ -23,9 +27,31 @@ pub enum Moment {
 /// A run in one loop of one thread: the fastest way without parallelism, and the measure for the other executors.
 pub struct InLoop {
     steppers: Vec<Stepper>,
-    /// Positions of the steppers, ordered by rank.
-    by_rank: Vec<usize>,
+    /// The next activation of each stepper that has one, the earliest first: an instant costs what its own activations cost, however many
+    /// participants have none there.
+    due: BinaryHeap<Reverse<Due>>,
+    /// Those that wait for one of higher rank at the same instant.
+    waiting: Vec<Due>,
     started: bool,
+}
+
+/// The next activation of a stepper.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Due {
+    instant: Ticks,
+    rank: u32,
+    number: u32,
+}
+
+impl Due {
+    /// The next activation of `stepper`, if it has one.
+    fn of(stepper: &Stepper, rank: u32, number: u32) -> Option<Due> {
+        (stepper.next_activation() < stepper.assignment().activations).then(|| Due {
+            instant: stepper.next_instant(),
+            rank,
+            number,
+        })
+    }
 }
 
 impl InLoop {
@@ -45,11 +71,13 @@ impl InLoop {
     }
 
     fn of(plan: &Plan, steppers: Vec<Stepper>) -> InLoop {
-        let mut by_rank: Vec<usize> = (0..steppers.len()).collect();
-        by_rank.sort_by_key(|&number| plan.participants[number].rank);
+        let ranked = steppers.iter().zip(&plan.participants).enumerate();
+        let due = ranked.filter_map(|(number, (stepper, own))| Due::of(stepper, own.rank, number as u32));
+        let due: BinaryHeap<Reverse<Due>> = due.map(Reverse).collect();
         InLoop {
+            waiting: Vec::with_capacity(due.len()),
+            due,
             steppers,
-            by_rank,
             started: false,
         }
     }
@@ -65,46 +93,43 @@ impl InLoop {
         for stepper in &mut self.steppers {
             stepper.extend_horizon(horizon);
         }
-        loop {
-            let next = self
-                .steppers
-                .iter()
-                .filter(|s| s.next_activation() < s.assignment().activations);
-            let now = next.map(Stepper::next_instant).min().unwrap_or(Ticks::MAX);
-            if now >= horizon {
-                return self.settle();
+        while let Some(&Reverse(Due { instant, .. })) = self.due.peek() {
+            if instant >= horizon {
+                break;
             }
-            self.instant(now, &mut watch)?;
+            self.instant(instant, &mut watch)?;
         }
+        self.settle()
     }
 
     /// All activations at `now`. Ranks give the order; where a circle of zero-delay links is open only at this instant,
     /// a participant may have to wait for one of higher rank, and its turn comes again.
     fn instant(&mut self, now: Ticks, watch: &mut impl FnMut(Moment)) -> Result<(), RunError> {
         loop {
-            let (mut moved, mut left) = (false, false);
-            for &number in &self.by_rank {
-                let stepper = &mut self.steppers[number];
-                if stepper.next_instant() != now || stepper.next_activation() >= stepper.assignment().activations {
-                    continue;
-                }
+            let mut moved = false;
+            while let Some(next) = self.due.peek_mut().filter(|due| due.0.instant == now) {
+                let Due { rank, number, .. } = next.0;
+                let stepper = &mut self.steppers[number as usize];
                 let activation = stepper.next_activation();
                 watch(Moment::Begins);
                 match stepper.poll().map_err(|source| RunError::of(stepper, source))? {
                     Progress::Stepped => {
                         moved = true;
+                        replace(next, Due::of(stepper, rank, number));
                         watch(Moment::Stepped {
-                            participant: number,
+                            participant: number as usize,
                             activation,
                         });
                     }
-                    Progress::Waiting(_) => left = true,
-                    Progress::AtHorizon | Progress::Finished => {}
+                    Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished => {
+                        self.waiting.push(PeekMut::pop(next).0);
+                    }
                 }
             }
-            if !left {
+            if self.waiting.is_empty() {
                 return Ok(());
             }
+            self.due.extend(self.waiting.drain(..).map(Reverse));
             if !moved {
                 return Err(self.stuck(now));
             }
@@ -173,5 +198,15 @@ impl InLoop {
     /// The participants, for figures that only they know.
     pub fn steppers(&self) -> &[Stepper] {
         &self.steppers
+    }
+}
+
+/// Puts the activation that comes after `done` in its place.
+fn replace(mut done: PeekMut<'_, Reverse<Due>>, next: Option<Due>) {
+    match next {
+        Some(next) => done.0 = next,
+        None => {
+            PeekMut::pop(done);
+        }
     }
 }

@@ -30,7 +30,7 @@ pub struct LinkFault {
 }
 
 /// Where a signal is disturbed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Place {
     /// At a participant's input, in its activations within the span: nobody else sees it.
     Input {

@@ -4,6 +4,8 @@
 //! other on one core, and ten times that when one must be woken on another core. So: a core for everybody where there are
 //! enough; else those who must take turns anyway share a core, and those who can work at the same time get different ones.
 
+use std::collections::HashMap;
+
 use super::Plan;
 use super::components::strongly_connected;
 
@@ -78,8 +80,9 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
         cores.len(),
         listed.join("; ")
     );
-    let company = |member: usize| own.iter().filter(|&&core| core == own[member]).count();
-    let sharing = (0..count).map(company).collect();
+    let mut on_core: HashMap<Option<usize>, usize> = HashMap::new();
+    own.iter().for_each(|core| *on_core.entry(*core).or_default() += 1);
+    let sharing = own.iter().map(|core| on_core[core]).collect();
     Placement {
         cores: own,
         sharing,

@@ -1,5 +1,7 @@
 //! The receiving side of a stepper: links with their schedules, and what they make of the participant's inputs.
 
+use std::ops::Range;
+
 use super::StepError;
 use super::between::Between;
 use super::source::Source;
@@ -91,6 +93,8 @@ impl InputState {
 /// An input that is put together from what its links bring.
 pub(super) struct Assembled {
     port: usize,
+    /// Its links among those of all inputs.
+    links: Range<usize>,
     descriptor: Descriptor,
     values: ValueCheck,
 }
@@ -98,26 +102,35 @@ pub(super) struct Assembled {
 impl Assembled {
     /// Those of a participant.
     pub(super) fn all(assignment: &Assignment) -> Vec<Assembled> {
-        let ports = assignment.interface.inputs.iter().enumerate();
-        let assembled = ports.filter_map(|(port, input)| {
-            let links = || assignment.inputs.iter().filter(|link| link.input as usize == port);
-            links().any(|link| link.conversion.is_some()).then(|| Assembled {
-                port,
-                values: ValueCheck::new(&input.descriptor, links().any(|link| link.disturbed)),
-                descriptor: input.descriptor.clone(),
-            })
-        });
-        assembled.collect()
+        let port = |link: &InputLink| link.input as usize;
+        let mut assembled = Vec::new();
+        let mut start = 0;
+        // The links of a participant come in the order of its inputs.
+        for own in assignment.inputs.chunk_by(|one, next| port(one) == port(next)) {
+            let links = start..start + own.len();
+            start = links.end;
+            if own.iter().any(|link| link.conversion.is_some()) {
+                let port = port(&own[0]);
+                let descriptor = &assignment.interface.inputs[port].descriptor;
+                assembled.push(Assembled {
+                    port,
+                    links,
+                    values: ValueCheck::new(descriptor, own.iter().any(|link| link.disturbed)),
+                    descriptor: descriptor.clone(),
+                });
+            }
+        }
+        assembled
     }
 
     /// Makes the payload out of what `links`, those of all inputs, have brought.
     pub(super) fn assemble(&self, links: &[InputState], buffers: &mut Inputs) -> Result<(), StepError> {
         let payload = buffers.payloads[self.port].bytes_mut();
-        let own = || links.iter().filter(|link| link.port == self.port);
-        for (conversion, _) in own().filter_map(|link| link.conversion.as_ref()) {
+        let own = &links[self.links.clone()];
+        for (conversion, _) in own.iter().filter_map(|link| link.conversion.as_ref()) {
             conversion.clear(payload);
         }
-        for link in own() {
+        for link in own {
             match &link.conversion {
                 Some((conversion, _)) if link.shows_initial => conversion.stand_in(&link.initial, payload),
                 Some((conversion, sample)) => conversion.apply(sample.bytes(), payload),
@@ -125,7 +138,7 @@ impl Assembled {
             }
         }
         if !self.values.passes(payload) {
-            let from: Vec<&str> = own().map(|link| link.source.from()).collect();
+            let from: Vec<&str> = own.iter().map(|link| link.source.from()).collect();
             return Err(StepError::BadSample {
                 from: from.join("`, `"),
                 what: format!(
