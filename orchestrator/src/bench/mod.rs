@@ -1,5 +1,6 @@
 //! What lockstep costs on this machine, as ratios measured side by side in one run.
 
+mod ahead;
 mod deaths;
 mod exchange;
 mod figures;
@@ -7,6 +8,7 @@ mod participants;
 mod scaling;
 mod share;
 
+pub use ahead::{STEPS, ahead};
 pub use deaths::deaths;
 pub use exchange::{be_an_end, exchange};
 pub use figures::Figures;

@@ -1,8 +1,10 @@
-//! Participants that do nothing but exchange 27 doubles.
+//! Participants that exchange 27 doubles: relays, which do nothing else, and workers.
+
+use std::hint::black_box;
 
 use engine::Catalogue;
 use engine::scenario::{ConnectionSpec, ParticipantSpec, ScenarioSpec};
-use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Participant, Step};
+use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
 
 lockstep::message! {
     /// As large as a measured state of the stock plant.
@@ -30,11 +32,46 @@ impl Participant for Relay {
     }
 }
 
-/// Adds the two relays under the names by which a scenario of [`ring`] asks for them.
+/// Computes for a while: a number that depends on every turn.
+pub fn compute(turns: u64, seed: f64) -> f64 {
+    (0..turns).fold(seed, |sum, _| black_box(sum.mul_add(0.999, 0.001)))
+}
+
+/// Computes for so many turns, and passes the result on.
+struct Worker {
+    turns: u64,
+}
+
+/// Makes one.
+fn worker(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
+    let turns = setup.parameters.get("turns").and_then(|value| value.as_integer());
+    let turns = turns.and_then(|turns| u64::try_from(turns).ok());
+    let turns = turns.ok_or_else(|| ParameterError::new("turns", "is not a whole number"))?;
+    Ok(Box::new(Worker { turns }))
+}
+
+impl Participant for Worker {
+    fn interface(&self) -> Interface {
+        Interface::new(Kind::Sampled)
+            .input::<Parcel>("from")
+            .output::<Parcel>("to")
+    }
+    fn initialise(&mut self, _: f64, _: &mut Outputs) -> Result<(), Failure> {
+        Ok(())
+    }
+    fn step(&mut self, _: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
+        let heard = inputs.get::<Parcel>(0).values[0];
+        outputs.get_mut::<Parcel>(0).values[0] = compute(self.turns, heard);
+        Ok(())
+    }
+}
+
+/// Adds the workers, and the two relays under the names by which scenarios ask for them.
 pub fn register(catalogue: Catalogue) -> Catalogue {
     catalogue
         .internal("bench-continuous", |_| Ok(Box::new(Relay(Kind::Continuous))))
         .internal("bench-sampled", |_| Ok(Box::new(Relay(Kind::Sampled))))
+        .internal("bench-worker", worker)
 }
 
 /// A ring of `count` relays, the first of them continuous, all activated every millisecond for `steps` steps.
@@ -50,5 +87,16 @@ pub fn ring(count: usize, steps: u64) -> ScenarioSpec {
         let link = ConnectionSpec::new(&format!("r{before:02}.to"), &format!("r{number:02}.from"));
         ring.participant(&format!("r{number:02}"), ParticipantSpec::builtin(kind).every("1 ms"))
             .connection(&format!("c{number:02}"), link)
+    })
+}
+
+/// Two workers that do `turns` turns a step and read each other `late` steps late, for `steps` steps.
+pub fn workers(turns: u64, late: u64, steps: u64) -> ScenarioSpec {
+    let scenario = ScenarioSpec::new(format!("{steps} ms")).title("two that work");
+    let turns = i64::try_from(turns).unwrap_or(i64::MAX);
+    [("one", "two"), ("two", "one")].into_iter().fold(scenario, |scenario, (own, other)| {
+        let worker = ParticipantSpec::builtin("bench-worker").every("1 ms").parameter("turns", turns);
+        let link = ConnectionSpec::new(&format!("{other}.to"), &format!("{own}.from")).delay(format!("{late} ms"));
+        scenario.participant(own, worker).connection(own, link)
     })
 }

@@ -7,7 +7,7 @@ use clap::Args;
 
 use crate::bench::{self, Figures};
 use engine::run::{Options, Outcome, Wait, run as run_scenario};
-use engine::scenario::Scenario;
+use engine::scenario::{Scenario, ScenarioSpec};
 use engine::scope::Scope;
 
 /// Arguments of `bench`.
@@ -53,6 +53,12 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
     for (size, figures) in &sizes {
         row(&format!("N = {size}"), figures);
     }
+
+    let ahead = bench::ahead(args.rounds, |scenario, in_process| worked(folder, scenario, in_process))?;
+    println!("\ntwo participants with 20 us of work a step that read each other ten steps late, us a step of both");
+    row("in one loop", &ahead.looped);
+    row("a process each", &ahead.processes);
+    row("  one loop / a process each", &ahead.looped.beside(&ahead.processes));
 
     if args.deaths > 0 {
         println!("\nfrom kill -9 of a participant to the orchestrator's knowing it, ms");
@@ -105,6 +111,23 @@ fn row(name: &str, figures: &Figures) {
         }
     };
     println!("  {name:<42} {} {} {}", cell(5), cell(50), cell(95));
+}
+
+/// Runs the two workers for [`bench::STEPS`] steps; microseconds per step.
+fn worked(folder: &Path, spec: &ScenarioSpec, in_process: bool) -> anyhow::Result<f64> {
+    let scenario = Scenario::of(catalogue(), spec.clone(), &folder.join("ahead.toml"))?;
+    let options = Options {
+        out: Some(folder.join("run")),
+        in_process,
+        patience_s: 60.0,
+        ..Options::default()
+    };
+    let outcome = run_scenario(&scenario, &options)?;
+    outcome.folder.iter().try_for_each(std::fs::remove_dir_all)?;
+    if outcome.ending != engine::run::Ending::Complete {
+        anyhow::bail!("two that work did not run to their end: {:?}", outcome.ending);
+    }
+    Ok(1e6 * outcome.wall_s / bench::STEPS as f64)
 }
 
 /// More steps than anybody waits for.

@@ -1,0 +1,50 @@
+//! What a delay buys: two participants that compute as much as each other, in one loop and in two processes.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use engine::scenario::ScenarioSpec;
+
+use super::Figures;
+use super::participants::{compute, workers};
+
+/// The work of a step.
+const WORK: Duration = Duration::from_micros(20);
+/// Steps between what one gives and the other reads.
+const DELAY_STEPS: u64 = 10;
+/// Steps of a round.
+pub const STEPS: u64 = 20_000;
+
+/// Seconds per step of the same two participants.
+pub struct Ahead {
+    /// In one loop.
+    pub looped: Figures,
+    /// In two processes.
+    pub processes: Figures,
+}
+
+/// Measures `rounds` rounds of each, in turn. `run` runs a scenario, in one loop or in processes, and gives seconds per step.
+pub fn ahead(rounds: usize, mut run: impl FnMut(&ScenarioSpec, bool) -> anyhow::Result<f64>) -> anyhow::Result<Ahead> {
+    let scenario = workers(turns_of(WORK), DELAY_STEPS, STEPS);
+    let mut all = Ahead {
+        looped: Figures::default(),
+        processes: Figures::default(),
+    };
+    for _ in 0..rounds {
+        all.looped.add(run(&scenario, true)?);
+        all.processes.add(run(&scenario, false)?);
+    }
+    Ok(all)
+}
+
+/// How many turns take `time` here: of several tries the shortest.
+fn turns_of(time: Duration) -> u64 {
+    const TURNS: u64 = 100_000;
+    let tries = (0..5).map(|_| {
+        let started = Instant::now();
+        black_box(compute(TURNS, 1.0));
+        started.elapsed()
+    });
+    let shortest = tries.min().unwrap_or(time);
+    (TURNS as f64 * time.as_secs_f64() / shortest.as_secs_f64().max(1e-9)).ceil() as u64
+}
