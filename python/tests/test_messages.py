@@ -40,6 +40,41 @@ def test_values_are_written_into_memory_that_stays():
     assert again == pose and again is not pose
 
 
+class Said(esc.Message):
+    count = esc.Field(element="u32")
+    frame = esc.Field(element="bytes[6]")
+    phase = esc.Field(element="text[8]")
+    names = esc.Field(element="text[4]", shape=2)
+    padding = esc.Field(element="u8", shape=2)
+
+
+def test_texts_and_bytes_are_fields():
+    assert Said.dtype.itemsize == 32
+    assert [part["element"] for part in Said.descriptor["fields"]] == ["u32", {"bytes": 6}, {"text": 8}, {"text": 4}, "u8"]
+    said = Said(phase="Höhe", frame=b"\1\0\xff", names=["a", "bcd"])
+    assert (said.phase, said.frame, said.names, said["phase"]) == ("Höhe", b"\1\0\xff", ("a", "bcd"), "Höhe")
+    assert bytes(said)[4:8] == b"\3\0\0\0" and bytes(said)[14:22] == "Höhe".encode().ljust(8, b"\0")
+    said.phase = ""
+    assert bytes(said)[14:22] == bytes(8)
+    assert esc.Message.of(Said.descriptor).descriptor == Said.descriptor
+    assert pickle.loads(pickle.dumps(said)) == said
+    for key, value, words in [
+        ("phase", "too long for it", "15 bytes, and there is room for 8"),
+        ("phase", "a\0b", "zero"),
+        ("phase", b"a", "takes a str"),
+        ("frame", bytes(7), "7 bytes, and there is room for 6"),
+        ("frame", "a", "takes bytes"),
+        ("names", ["a"], "a list of 2"),
+        ("names", ["a", "bcdef"], "5 bytes"),
+    ]:
+        with pytest.raises(esc.MessageError, match=words):
+            setattr(said, key, value)
+    with pytest.raises(esc.MessageError, match="no unit"):
+        esc.Field("m", element="text[3]")
+    with pytest.raises(esc.MessageError, match="no element type"):
+        esc.Field(element="text[0]")
+
+
 class Phase(enum.IntEnum):
     Idle = 0
     Spray = 4

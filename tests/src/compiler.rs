@@ -113,7 +113,9 @@ pub fn examples() -> &'static Workshop {
         workshop.plugin("examples/cpp/spring.cpp", "cpp/libspring.so", &[]);
         workshop.plugin("examples/cpp/loop.cpp", "cpp/libloop.so", &[]);
         workshop.plugin("examples/cpp/operator.cpp", "cpp/liboperator.so", &[]);
-        workshop.plugin("examples/c/crossing.c", "c/libcrossing.so", &[]);
+        for name in ["crossing", "beacon"] {
+            workshop.plugin(&format!("examples/c/{name}.c"), &format!("c/lib{name}.so"), &[]);
+        }
         workshop
     })
 }

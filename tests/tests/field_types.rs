@@ -7,6 +7,22 @@ use escapement_tests::program::{Folder, Said, built, call, orchestrate, root, te
 
 const TANK: &str = "examples/tank/tank.toml";
 const CROSSING: &str = "examples/c/crossing.toml";
+const BEACON: &str = "examples/c/beacon.toml";
+
+/// The changes that name the plug-in of the beacon.
+fn beacon_sets() -> [String; 2] {
+    let file = examples().path("c/libbeacon.so");
+    ["beacon", "station"].map(|name| library(name, &file, Some(name)))
+}
+
+/// A command for the beacon's scenario.
+fn beacon(command: &str, more: &[&str]) -> Said {
+    let sets = beacon_sets();
+    let mut all = vec![command, BEACON];
+    sets.iter().for_each(|set| all.extend(["--set", set]));
+    all.extend(more);
+    orchestrate(&all)
+}
 
 fn tank(arguments: &[&str]) -> Said {
     call(&built().join("tank"), arguments)
@@ -110,6 +126,165 @@ fn named_values_of_c_give_one_tape() {
     assert!(table.contains(",red and amber,0,1\n"), "{table}");
 }
 
+#[test]
+fn texts_and_bytes_give_one_tape_and_are_exported() {
+    let folder = Folder::new("beacon");
+    one_tape(&folder, &|arguments| {
+        beacon(arguments[0], &[&["--quiet"], &arguments[1..]].concat())
+    });
+    let out = folder.path().join("within");
+    let said = orchestrate(&["export", text(&out), "--to", "csv"]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    let table = walk(folder.path(), "beacon.beacon.csv");
+    let lines: Vec<&str> = table.lines().collect();
+    assert!(
+        lines[0].starts_with("t [s],count [1],frame,phase,state,"),
+        "{}",
+        lines[0]
+    );
+    assert_eq!(lines[1], "0.0,0,,wartet – idle,idle,0,0,0");
+    // The first frame has the first byte of the answer, `<`.
+    assert_eq!(lines[4], "1.5,1,3c,sending,sending,0,0,0");
+    assert!(table.contains(",\"fault, \"\"again\"\"\",fault,"), "{table}");
+    let summary = std::fs::read_to_string(out.join("summary.json")).expect("the run has a summary");
+    let summary: serde_json::Value = serde_json::from_str(&summary).expect("JSON");
+    assert_eq!(summary["measures"]["words"]["value"], 59.0, "{summary}");
+    for format in ["parquet", "mat", "mcap"] {
+        let said = orchestrate(&["export", text(&out), "--to", format]);
+        assert_eq!(said.code, Some(0), "{format}: {said:?}");
+    }
+    let said = orchestrate(&["report", text(&out)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+}
+
+#[test]
+fn foreign_text_without_a_meaning_ends_the_run() {
+    let folder = Folder::new("garbled");
+    let good = std::fs::read_to_string(root().join("examples/c/beacon.c")).unwrap();
+    let last = "    memcpy(outputs[0], beacon, sizeof *beacon);\n";
+    assert!(good.contains(last));
+    let shop = Workshop::open("garbled");
+    let words = "its output `beacon` has ";
+    for (name, line, reason) in [
+        (
+            "utf",
+            "beacon->phase[2] = (char)0xff;",
+            "phase: it is not UTF-8 from byte 2 on",
+        ),
+        (
+            "rest",
+            "beacon->phase[20] = 'x';",
+            "phase: the text ends at byte 15, and byte 20 behind it is not zero",
+        ),
+        (
+            "length",
+            "beacon->frame.length = 300;",
+            "frame: its length is 300, and it has room for 32 bytes",
+        ),
+        (
+            "behind",
+            "beacon->frame.data[9] = 1;",
+            "frame: bytes behind its 0 bytes are not zero",
+        ),
+    ] {
+        let spoilt = good.replace(last, &format!("    if (step->index == 6) {line}\n{last}"));
+        let file = folder.write(&format!("{name}.c"), &spoilt);
+        let plugin = shop.plugin(text(&file), &format!("lib{name}.so"), &[]);
+        let set = library("beacon", &plugin, Some("beacon"));
+        for how in [&[][..], &["--in-process"]] {
+            let out = folder.path().join(format!("{name}{}", how.len()));
+            let said = beacon("run", &[&["--quiet", "--set", &set, "--out", text(&out)], how].concat());
+            assert_eq!(said.code, Some(1), "{said:?}");
+            for part in ["`beacon`", "t = 3 s", words, reason] {
+                assert!(said.err.contains(part), "{part}: {said:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_makes_no_sense_of_texts_is_refused() {
+    let two = "connections.beacon={ from = \"beacon.beacon\", to = \"station.beacon\", map = ";
+    let rest = "count = \"count\", frame = \"frame\", state = \"state\" } }";
+    let map = |phase: &str| format!("{two}{{ phase = {phase}, {rest}");
+    for (set, words) in [
+        (map("\"count\""), "text[24] does not hold every value of u32"),
+        (map("\"frame\""), "text[24] does not hold every value of bytes[32]"),
+        (
+            map("{ from = \"phase\", factor = 2.0 }"),
+            "is made of values that are taken over as they are",
+        ),
+        (map("{ value = \"always\" }"), "has no constant"),
+        (
+            "connections.beacon.initial={ phase = \"longer than the room that there is\" }".into(),
+            "34 bytes do not fit into 24",
+        ),
+        (
+            "connections.beacon.initial={ frame = \"0g\" }".into(),
+            "write them in hexadecimal",
+        ),
+        ("connections.beacon.initial={ phase = 3 }".into(), "`3` is no text"),
+        (
+            "guards.alive.never=\"idle\"".into(),
+            "has neither a range nor named values: it can be guarded with `frozen-for` alone",
+        ),
+        (
+            "measures.words.compute=\"mean\"".into(),
+            "ask for compute = \"changes\"",
+        ),
+        (
+            "measures.words.compute=\"final\"".into(),
+            "ask for compute = \"changes\"",
+        ),
+        (
+            "faults=[{ at = \"1 s\", output = \"beacon.beacon\", field = \"phase\", kind = \"noise\", value = 1 }]"
+                .into(),
+            "can be stuck or drop out",
+        ),
+        (
+            "faults=[{ at = \"1 s\", output = \"beacon.beacon\", field = \"phase\", kind = \"stuck\", value = \"x\" }]"
+                .into(),
+            "leave the value out",
+        ),
+        (
+            "report={ panels = [{ title = \"x\", curves = [\"beacon.beacon.phase\"] }] }".into(),
+            "has no place on an axis",
+        ),
+    ] {
+        let said = beacon("check", &["--set", &set]);
+        assert_eq!(said.code, Some(2), "{set}: {said:?}");
+        assert!(said.err.contains(words), "{set}: {said:?}");
+    }
+}
+
+#[test]
+fn texts_are_stuck_guarded_and_mapped() {
+    let folder = Folder::new("text-uses");
+    let run = |name: &str, sets: &[&str]| {
+        let out = folder.path().join(name);
+        let mut more = vec!["--quiet", "--in-process", "--out", text(&out)];
+        sets.iter().for_each(|set| more.extend(["--set", *set]));
+        beacon("run", &more)
+    };
+    let stuck = "faults=[{ at = \"10 s\", output = \"beacon.beacon\", field = \"phase\", kind = \"stuck\" }]";
+    let said = run(
+        "stuck",
+        &[
+            stuck,
+            "guards.g={ output = \"station.station\", field = \"answer\", frozen-for = \"5 s\" }",
+        ],
+    );
+    assert_eq!(said.code, Some(1), "{said:?}");
+    assert!(said.err.contains("frozen: answer = \"<"), "{said:?}");
+    let map = "connections.beacon.map={ count = \"count\", frame = \"frame\", phase = \"phase\", state = \"state\" }";
+    for (name, sets) in [("plain", &[][..]), ("mapped", &[map])] {
+        let said = run(name, sets);
+        assert_eq!(said.code, Some(0), "{said:?}");
+    }
+    let tape = |name: &str| std::fs::read(folder.path().join(name).join("tape/station.station.bin")).unwrap();
+    assert_eq!(tape("mapped"), tape("plain"));
+}
+
 /// The text of the file `name` somewhere below `folder`.
 fn walk(folder: &Path, name: &str) -> String {
     let mut folders = vec![folder.to_owned()];
@@ -178,7 +353,7 @@ fn what_makes_no_sense_of_names_is_refused() {
         ),
         (
             "faults=[{ at = \"1 s\", output = \"tank.gauge\", field = \"full\", kind = \"bias\", value = 1 }]",
-            "a bias changes numbers, and `full: bool` has a bool or an enumeration",
+            "a bias changes numbers, and `full: bool` has a bool, an enumeration, a text or bytes",
         ),
         (
             "faults=[{ at = \"1 s\", output = \"operator.order\", field = \"valve\", kind = \"stuck\", value = \"Broken\" }]",

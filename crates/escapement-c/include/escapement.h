@@ -24,6 +24,7 @@
 #ifndef __cplusplus
 #include <stdarg.h>
 #include <stdio.h>
+#include <string.h>
 #endif
 
 #ifdef __cplusplus
@@ -54,6 +55,9 @@ typedef int32_t escapement_status;
 #define ESCAPEMENT_U16 10u
 #define ESCAPEMENT_BOOL 11u /* a byte: 0 or 1, as bool of C and C++ */
 #define ESCAPEMENT_ENUM 12u /* a byte: one of named values, one of which is 0 */
+
+#define ESCAPEMENT_TEXT 13u /* UTF-8 in an array of char, with zeros behind its end; the last extent is its room */
+#define ESCAPEMENT_BYTES 14u /* their number (uint32_t), then room for them, zeros behind them; the last extent is the room */
 
 #define ESCAPEMENT_RANK_MAX 4
 
@@ -245,6 +249,17 @@ const escapement_participant *escapement_plugin(uint32_t index);
      offsetof(type, field), ESCAPEMENT_RANK_(((type *)0)->field),                                                              \
      {ESCAPEMENT_RANK_(((type *)0)->field) ? (uint32_t)sizeof(((type *)0)->field) : 0u}}
 
+/* A text, and bytes of varying number:
+ *
+ *     typedef struct { char phase[16]; struct { uint32_t length; uint8_t data[64]; } frame; } Report;
+ *     ESCAPEMENT_MESSAGE(Report, ESCAPEMENT_TEXT_FIELD(Report, phase), ESCAPEMENT_BYTES_FIELD(Report, frame));
+ */
+#define ESCAPEMENT_TEXT_FIELD(type, field)                                                                                     \
+    {#field, "1", "", _Generic(((type *)0)->field, char *: ESCAPEMENT_TEXT), offsetof(type, field), 1u,                          \
+     {(uint32_t)sizeof(((type *)0)->field)}}
+#define ESCAPEMENT_BYTES_FIELD(type, field)                                                                                    \
+    {#field, "1", "", ESCAPEMENT_BYTES, offsetof(type, field), 1u, {(uint32_t)(sizeof(((type *)0)->field) - 4u)}}
+
 /* A field that is a matrix: double field[rows][columns]. */
 #define ESCAPEMENT_MATRIX(type, field, unit, frame)                                                                            \
     {#field, unit, frame, ESCAPEMENT_ELEMENT_(((type *)0)->field[0]), offsetof(type, field), 2u,                               \
@@ -282,6 +297,17 @@ static inline escapement_status escapement_optional_number(const escapement_host
 static inline escapement_status escapement_numbers(const escapement_host *host, const char *key, const char *unit, double *values,
                                                    uint32_t count) {
     return host->numbers(host, key, unit, 1u, values, count);
+}
+
+/* Puts a text into its room, with zeros behind it; 0 where it is too long, and nothing is done then. */
+static inline int escapement_put_text(char *to, size_t room, const char *text) {
+    size_t length = strlen(text);
+    if (length > room) {
+        return 0;
+    }
+    memset(to, 0, room);
+    memcpy(to, text, length);
+    return 1;
 }
 
 /* Fails with a message as printf writes it, up to 1000 bytes: return escapement_fail(host, "the angle is %g rad; …", angle); */

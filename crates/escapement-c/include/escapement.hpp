@@ -96,6 +96,21 @@ template <class T> constexpr escapement_field named(const char *name, const char
     return made;
 }
 
+// A text and bytes have room, their last extent.
+template <class T> constexpr escapement_field text(const char *name, std::size_t offset) {
+    static_assert(std::is_array_v<T> && std::is_same_v<std::remove_all_extents_t<T>, char>, "a text is an array of char");
+    escapement_field made = field<unsigned char[sizeof(T)]>(name, "1", "", offset);
+    made.element = ESCAPEMENT_TEXT;
+    return made;
+}
+
+template <class T> constexpr escapement_field bytes(const char *name, std::size_t offset) {
+    static_assert(sizeof(T) > 4, "bytes are a struct of their number, a uint32_t, and an array");
+    escapement_field made = field<unsigned char[sizeof(T) - 4]>(name, "1", "", offset);
+    made.element = ESCAPEMENT_BYTES;
+    return made;
+}
+
 } // namespace detail
 
 // What the program that runs the participant offers at any time.
@@ -390,6 +405,9 @@ template <class T> struct Table {
 // An enumeration, or a list of values: enum class Valve : uint8_t { closed, open }; … ESCAPEMENT_ENUM_FIELD(Tank, valve, "closed = 0, open = 1")
 #define ESCAPEMENT_ENUM_FIELD(type, field_, values)                                                                            \
     ::escapement::detail::named<decltype(type::field_)>(#field_, values, offsetof(type, field_))
+// A text, char phase[16], and bytes, struct { uint32_t length; uint8_t data[64]; } frame
+#define ESCAPEMENT_TEXT_FIELD(type, field_) ::escapement::detail::text<decltype(type::field_)>(#field_, offsetof(type, field_))
+#define ESCAPEMENT_BYTES_FIELD(type, field_) ::escapement::detail::bytes<decltype(type::field_)>(#field_, offsetof(type, field_))
 #define ESCAPEMENT_MATRIX(type, field_, unit, frame) ESCAPEMENT_FIELD(type, field_, unit, frame)
 
 // The table of a class, under the name by which scenarios know the participant.

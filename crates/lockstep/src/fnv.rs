@@ -1,9 +1,9 @@
 //! FNV-1a, a hash that any language has in three lines.
 
-/// The 64-bit FNV-1a hash of `text`.
-pub fn fnv1a(text: &str) -> u64 {
-    text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+/// The 64-bit FNV-1a hash of a text or of bytes.
+pub fn fnv1a(text: impl AsRef<[u8]>) -> u64 {
+    text.as_ref().iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })
 }
 

@@ -5,7 +5,7 @@ use std::ffi::{CString, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use lockstep::participant::{Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
-use lockstep::port::Descriptor;
+use lockstep::port::{Descriptor, Element};
 
 use crate::table::{self, Field, Host, Message, OK, RANK_MAX, Status};
 
@@ -219,19 +219,29 @@ fn with_message(descriptor: &Descriptor, give: impl FnOnce(*const Message) -> St
         .collect();
     let mut fields = Vec::new();
     for (field, [name, unit, frame]) in descriptor.fields.iter().zip(&words) {
+        // The room of a text is its last extent.
+        let room = field.element.room().map(|room| room as u32);
+        let shape: Vec<u32> = field.shape.iter().copied().chain(room).collect();
         let mut extents = [0; RANK_MAX];
-        let Some(places) = extents.get_mut(..field.shape.len()) else {
+        let Some(places) = extents.get_mut(..shape.len()) else {
             return Err(format!("field `{}` has more than {RANK_MAX} extents", field.name));
         };
-        places.copy_from_slice(&field.shape);
-        let element = table::ELEMENTS.iter().position(|element| *element == field.element);
+        places.copy_from_slice(&shape);
+        let element = match field.element {
+            Element::Text(_) => table::TEXT,
+            Element::Bytes(_) => table::BYTES,
+            other => {
+                let place = table::ELEMENTS.iter().position(|element| *element == other);
+                place.map_or(0, |place| place as u32 + 1)
+            }
+        };
         fields.push(Field {
             name: name.as_ptr(),
             unit: unit.as_ptr(),
             frame: frame.as_ptr(),
-            element: element.map_or(0, |element| element as u32 + 1),
+            element,
             offset: field.offset,
-            rank: field.shape.len() as u32,
+            rank: shape.len() as u32,
             extents,
         });
     }

@@ -190,6 +190,24 @@ unsafe extern "C" fn kind(host: *const Host, kind: u32) -> Status {
     unsafe { with(host, work) }
 }
 
+/// The element type that a number stands for, and the extents of the field: those of texts and bytes end with their room.
+fn element(number: u32, extents: &[u32]) -> Result<(Element, &[u32]), String> {
+    let content = match number {
+        table::TEXT => Element::Text,
+        table::BYTES => Element::Bytes,
+        _ => {
+            let place = (number as usize).checked_sub(1);
+            let element = place.and_then(|place| table::ELEMENTS.get(place));
+            let element = element.ok_or_else(|| format!("there is no element type {number}"))?;
+            return Ok((*element, extents));
+        }
+    };
+    match extents.split_last() {
+        Some((room, shape)) => Ok((content(*room), shape)),
+        None => Err("a text or bytes need an extent, their room".into()),
+    }
+}
+
 /// The descriptor that a message of foreign code stands for.
 ///
 /// # Safety
@@ -215,9 +233,6 @@ unsafe fn descriptor(message: *const Message) -> Result<Descriptor, String> {
         let (Some(own), Some(unit)) = (own, unit) else {
             return Err(odd("its name or unit is NULL, or not UTF-8".into()));
         };
-        let element = (field.element as usize).checked_sub(1);
-        let element = element.and_then(|element| table::ELEMENTS.get(element));
-        let element = element.ok_or_else(|| odd(format!("there is no element type {}", field.element)))?;
         let shape = field.extents.get(..field.rank as usize).ok_or_else(|| {
             odd(format!(
                 "it has {} extents; at most {} are allowed",
@@ -225,13 +240,14 @@ unsafe fn descriptor(message: *const Message) -> Result<Descriptor, String> {
                 table::RANK_MAX
             ))
         })?;
+        let (element, shape) = element(field.element, shape).map_err(odd)?;
         let (unit, values) = match element {
             Element::Enum => ("1", EnumValue::list(unit).map_err(odd)?),
             _ => (unit, Vec::new()),
         };
         fields.push(Field {
             name: own.to_owned(),
-            element: *element,
+            element,
             shape: shape.to_vec(),
             unit: unit.to_owned(),
             values,

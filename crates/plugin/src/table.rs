@@ -20,7 +20,8 @@ pub const SAMPLED: u32 = 1;
 /// Integrates from t to the next instant: [`lockstep::participant::Kind::Continuous`].
 pub const CONTINUOUS: u32 = 2;
 
-/// The element types of fields: f64, f32, i64, i32, u64, u32, u8, i8, i16, u16, bool, enum are 1 to 12.
+/// The element types of fields: f64, f32, i64, i32, u64, u32, u8, i8, i16, u16, bool, enum are 1 to 12, text and bytes [`TEXT`] and
+/// [`BYTES`].
 pub const ELEMENTS: [lockstep::port::Element; 12] = {
     use lockstep::port::Element;
     [
@@ -39,6 +40,11 @@ pub const ELEMENTS: [lockstep::port::Element; 12] = {
     ]
 };
 
+/// The element type of texts. The last extent of a field is their room, bytes.
+pub const TEXT: u32 = 13;
+/// The element type of bytes, which have their number (32 bits) in front of their room.
+pub const BYTES: u32 = 14;
+
 /// The most extents that a field may have.
 pub const RANK_MAX: usize = 4;
 
@@ -53,7 +59,7 @@ pub struct Field {
     pub unit: *const c_char,
     /// The frame in which a vector's components are given; empty or null where that means nothing.
     pub frame: *const c_char,
-    /// The type of each element: one more than its place in [`ELEMENTS`].
+    /// The type of each element: one more than its place in [`ELEMENTS`], [`TEXT`] or [`BYTES`].
     pub element: u32,
     /// Where the field starts in the payload, bytes.
     pub offset: u32,

@@ -253,18 +253,20 @@ fn compare_record(
     fields: &mut [Option<FieldDifference>],
 ) -> Option<FirstDifference> {
     let (a, b) = (split_record(a, index), split_record(b, index));
-    let found = |element: String, unit: &str, (x, x_bytes): (f64, &[u8]), (y, y_bytes): (f64, &[u8])| FirstDifference {
-        stream: spec.name(),
-        index,
-        stamp_s: a.stamp_s,
-        element,
-        unit: unit.to_owned(),
-        a: Value::of(x, x_bytes),
-        b: Value::of(y, y_bytes),
-    };
+    let found =
+        |element: String, unit: &str, (x, x_bytes): (String, &[u8]), (y, y_bytes): (String, &[u8])| FirstDifference {
+            stream: spec.name(),
+            index,
+            stamp_s: a.stamp_s,
+            element,
+            unit: unit.to_owned(),
+            a: Value::of(x, x_bytes),
+            b: Value::of(y, y_bytes),
+        };
     let mut first = (a.stamp_s.to_bits() != b.stamp_s.to_bits()).then(|| {
         let (x, y) = (a.stamp_s.to_le_bytes(), b.stamp_s.to_le_bytes());
-        found("stamp".to_owned(), "s", (a.stamp_s, &x), (b.stamp_s, &y))
+        let shown = |stamp: f64| format!("{stamp:?}");
+        found("stamp".to_owned(), "s", (shown(a.stamp_s), &x), (shown(b.stamp_s), &y))
     });
     for (field, slot) in spec.descriptor.fields.iter().zip(fields) {
         let range = field.range();
@@ -289,6 +291,11 @@ fn compare_record(
             }
             let (x, y) = (field.value(a.payload, element), field.value(b.payload, element));
             if first.is_none() {
+                let shown = |payload, value: f64| match field.element.room() {
+                    Some(_) => field.shown(payload, element),
+                    None => format!("{value:?}"),
+                };
+                let (x, y) = (shown(a.payload, x), shown(b.payload, y));
                 first = Some(found(
                     field.element_name(element),
                     &field.unit,
@@ -296,7 +303,8 @@ fn compare_record(
                     (y, y_bytes),
                 ));
             }
-            let distance = distance(x, y);
+            // Between texts there is no distance: they are the same, or not.
+            let distance = field.element.room().map_or_else(|| distance(x, y), |_| 1.0);
             if exceeds(distance, slot.largest) {
                 slot.largest = distance;
                 slot.element = field.element_name(element);
@@ -322,9 +330,9 @@ fn exceeds(distance: f64, largest: f64) -> bool {
 }
 
 impl Value {
-    fn of(value: f64, bytes: &[u8]) -> Value {
+    fn of(value: String, bytes: &[u8]) -> Value {
         Value {
-            value: format!("{value:?}"),
+            value,
             bits: bytes.iter().rev().map(|byte| format!("{byte:02x}")).collect(),
         }
     }

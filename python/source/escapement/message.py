@@ -2,6 +2,7 @@
 
 import enum
 import operator
+import re
 
 import numpy as np
 
@@ -22,6 +23,8 @@ ELEMENTS = {
     "bool": ("|b1", "?"),
     "enum": ("|u1", "B"),
 }
+# A text or bytes with their room: `text[64]`, `bytes[256]`.
+_CONTENT = re.compile(r"(text|bytes)\[([1-9][0-9]{0,6})\]")
 # What separates names of values where a list of them is a text.
 _SEPARATORS = "|,="
 
@@ -39,23 +42,27 @@ def _values(cls):
 
 class Field:
     """A field of a message: its unit, the frame of a vector, its shape (`()`, `3`, `(3, 3)`) and its element type: `"f64"`, …, `"i8"`,
-    `"bool"` or `bool`, or a class of `enum.IntEnum` with a value 0, whose members are the values of one byte."""
+    `"bool"` or `bool`, or a class of `enum.IntEnum` with a value 0, whose members are the values of one byte; `"text[64]"` is a `str` of at
+    most 64 bytes of UTF-8, `"bytes[256]"` a `bytes` of at most 256."""
 
-    __slots__ = ("unit", "frame", "shape", "element", "values")
+    __slots__ = ("unit", "frame", "shape", "element", "values", "room")
 
     def __init__(self, unit="1", frame="", shape=(), element="f64"):
-        self.values = None
-        if element is bool:
+        self.values, self.room = None, 0
+        content = _CONTENT.fullmatch(element) if isinstance(element, str) else None
+        if content:
+            self.room = int(content[2])
+        elif element is bool:
             element = "bool"
         elif isinstance(element, type) and issubclass(element, enum.IntEnum):
             _values(element)
             element, self.values = "enum", element
         elif element == "enum":
             raise MessageError("an enumeration is declared with its class: element=Mode, with class Mode(enum.IntEnum)")
-        if element in ("bool", "enum") and str(unit) != "1":
-            raise MessageError(f"a bool or an enumeration has no unit, and {unit!r} was given")
-        if element not in ELEMENTS:
-            raise MessageError(f"there is no element type {element!r}; there is {', '.join(ELEMENTS)}")
+        if (content or element in ("bool", "enum")) and str(unit) != "1":
+            raise MessageError(f"a bool, an enumeration, a text and bytes have no unit, and {unit!r} was given")
+        if not content and element not in ELEMENTS:
+            raise MessageError(f"there is no element type {element!r}; there is {', '.join(ELEMENTS)}, text[ROOM], bytes[ROOM]")
         shape = (shape,) if isinstance(shape, int) else tuple(shape)
         if not all(isinstance(extent, int) and extent > 0 for extent in shape):
             raise MessageError(f"the shape {shape} has something else than positive whole numbers in it")
@@ -70,6 +77,58 @@ class Field:
         )
 
     __hash__ = None
+
+
+def _type_of(element):
+    """The numpy type of an element."""
+    content = _CONTENT.fullmatch(element)
+    if not content:
+        return np.dtype(ELEMENTS[element][0])
+    room = int(content[2])
+    return np.dtype(f"S{room}") if content[1] == "text" else np.dtype([("length", "<u4"), ("data", "|u1", (room,))])
+
+
+def _read(value):
+    """The `str` or `bytes` of an element of numpy."""
+    return value.decode() if isinstance(value, bytes) else value["data"][: int(value["length"])].tobytes()
+
+
+def _written(message, name, field, value):
+    """The element of numpy for a `str` or `bytes`: all of it, or an error."""
+    text = field.element.startswith("text")
+    if not isinstance(value, str if text else (bytes, bytearray, memoryview)):
+        raise _refused(message, name, value, f"it is {field.element}, which takes {'a str' if text else 'bytes'}")
+    content = value.encode() if text else bytes(value)
+    if len(content) > field.room:
+        raise _refused(message, name, value, f"it has {len(content)} bytes, and there is room for {field.room}")
+    if not text:
+        return (len(content), np.frombuffer(content.ljust(field.room, b"\0"), np.uint8))
+    if b"\0" in content:
+        raise _refused(message, name, value, "there is a zero in it, which ends a text")
+    return content
+
+
+def _content(name, field):
+    """The property of a text or of bytes: a `str` or `bytes`; of several ones a tuple of them."""
+
+    def get(message):
+        value = message.array[name]
+        return tuple(_read(one) for one in value.reshape(-1)) if field.shape else _read(value[()])
+
+    def put(message, value):
+        if field.shape:
+            count = int(np.prod(field.shape))
+            if isinstance(value, (str, bytes)) or len(value) != count:
+                raise _refused(message, name, value, f"it takes a list of {count}")
+            value = np.array([_written(message, name, field, one) for one in value], _type_of(field.element)).reshape(field.shape)
+        else:
+            value = _written(message, name, field, value)
+        try:
+            message.array[name] = value
+        except ValueError as error:
+            raise _refused(message, name, value, error) from None
+
+    return property(get, put)
 
 
 def _member(cls, name, value):
@@ -98,6 +157,8 @@ def _named(name, view, at, cls):
 
 
 def _property(name, view, at, field):
+    if field.room:
+        return _content(name, field)
     if field.shape:
         return _array(name, view, field.shape)
     return _named(name, view, at, field.values) if field.values else _scalar(name, view, at)
@@ -187,18 +248,18 @@ class Message:
     def _describe(cls, name, own):
         """Sets the layout: plain old data in C order without padding."""
         offset, described, places = 0, [], []
-        largest = max(np.dtype(ELEMENTS[field.element][0]).itemsize for _, field in own)
+        largest = max(1 if field.room else _type_of(field.element).itemsize for _, field in own)
         for number, (key, field) in enumerate(own):
-            code, letter = ELEMENTS[field.element]
-            size = np.dtype(code).itemsize
-            if offset % size:
+            letter = "" if field.room else ELEMENTS[field.element][1]
+            size = _type_of(field.element).itemsize
+            if not field.room and offset % size:
                 raise MessageError(
                     f"`{name}`: `{key}` would start at byte {offset}, which is no multiple of its element's {size}: put larger elements first"
                 )
             described.append(
                 {
                     "name": key,
-                    "element": field.element,
+                    "element": {field.element.split("[")[0]: field.room} if field.room else field.element,
                     "shape": list(field.shape),
                     "unit": field.unit,
                     "frame": field.frame,
@@ -206,7 +267,7 @@ class Message:
                     "values": _values(field.values) if field.values else [],
                 }
             )
-            view = f"_field_{number}" if field.shape else f"_scalars_{'truth' if letter == '?' else letter}"
+            view = f"_field_{number}" if field.shape or field.room else f"_scalars_{'truth' if letter == '?' else letter}"
             places.append((view, key, offset // size, field))
             offset += size * int(np.prod(field.shape, dtype=int))
         if offset % largest:
@@ -253,6 +314,8 @@ class Message:
         self.array = array
         self._bytes_view = view
         for name, key, _, field in self._places:
+            if field.room:
+                continue
             if field.shape:
                 setattr(self, name, array[key])
             elif not hasattr(self, name):
@@ -262,6 +325,8 @@ class Message:
         if key not in self.fields:
             raise KeyError(key)
         value, field = self.array[key], self.fields[key]
+        if field.room:
+            return _content(key, field).fget(self)
         if field.shape:
             return value
         return field.values(value.item()) if field.values else value.item()
@@ -304,6 +369,8 @@ def _again(cls, payload):
 
 def element_of(part):
     """What `Field` takes as the element of a described field: its type, or a class of the values of an enumeration."""
+    if isinstance(part["element"], dict):
+        return "".join(f"{kind}[{room}]" for kind, room in part["element"].items())
     if part["element"] != "enum":
         return part["element"]
     return enum.IntEnum(part["name"], [(one["name"], one["value"]) for one in part["values"]])
@@ -312,4 +379,9 @@ def element_of(part):
 def dtype_of(descriptor):
     """The numpy type of a payload."""
     parts = descriptor["fields"]
-    return np.dtype([(part["name"], ELEMENTS[part["element"]][0], tuple(part["shape"])) for part in parts])
+
+    def one(part):
+        element = part["element"]
+        return _type_of(element if isinstance(element, str) else element_of(part))
+
+    return np.dtype([(part["name"], one(part), tuple(part["shape"])) for part in parts])

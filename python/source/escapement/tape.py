@@ -65,6 +65,18 @@ class Stream:
         table = np.array([values.get(number, "") for number in range(256)])
         return table[self[field]]
 
+    def contents(self, field):
+        """The samples of texts or bytes as an array of `str` or `bytes`, in the shape of the samples."""
+        part = self._part(field)
+        if not isinstance(part["element"], dict):
+            raise TapeError(f"`{field}` of `{self.name}` is neither text nor bytes: it is {part['element']}")
+        values = self[field]
+        read = np.empty(values.shape, object)
+        for at in np.ndindex(*values.shape):
+            one = values[at]
+            read[at] = one.decode() if isinstance(one, bytes) else one["data"][: int(one["length"])].tobytes()
+        return read
+
     @property
     def message(self):
         """The message class of the samples."""
@@ -102,7 +114,8 @@ class Stream:
 
         columns, units, frames = {}, {}, {}
         for name, part in self.fields.items():
-            values = self[name].reshape(len(self), -1)
+            values = self.contents(name) if isinstance(part["element"], dict) else self[name]
+            values = values.reshape(len(self), -1)
             names = [name]
             if part["shape"]:
                 names = [name + "".join(f"[{at}]" for at in index) for index in np.ndindex(*part["shape"])]
@@ -130,7 +143,8 @@ class Stream:
                 # As the conventions for climate and forecast data have it.
                 about |= {"flag_values": np.array(list(values), np.uint8), "flag_meanings": " ".join(n.replace(" ", "_") for n in values.values())}
             # The stamps have this name.
-            variables["t_2" if name == "t" else name] = (["t", *inner], self[name], about)
+            values = self.contents(name) if isinstance(part["element"], dict) else self[name]
+            variables["t_2" if name == "t" else name] = (["t", *inner], values, about)
         stamps = ("t", self.t, {"units": "s"})
         return xarray.Dataset(variables, coords={"t": stamps}, attrs={"stream": self.name})
 

@@ -36,11 +36,8 @@ struct Element {
 impl Element {
     /// `q_m[3] = 0.25 rad`, `mode = fault`
     fn words(&self, payload: &[u8]) -> String {
-        let value = self.slot.value(payload);
-        match self.field.name_of(value) {
-            Some(name) => format!("{} = {name}", self.name),
-            None => format!("{} = {value}{}", self.name, self.unit),
-        }
+        let at = (self.slot.offset - self.field.offset) as usize / self.slot.element.size();
+        format!("{} = {}{}", self.name, self.field.shown(payload, at), self.unit)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use lockstep::plan::{Plan, Position};
-use lockstep::port::{Descriptor, Element, Field};
+use lockstep::port::{Content, Descriptor, Element, Field};
 use lockstep::time::Rational;
 use tape::{Event, EventKind};
 use toml::{Table, Value};
@@ -89,6 +89,11 @@ fn fields(descriptor: &Descriptor, payload: &[u8]) -> Table {
 
 /// One element: as a name where it has one, as text where TOML's numbers end.
 fn value(field: &Field, number: f64, bytes: &[u8]) -> Value {
+    match field.element.content(bytes) {
+        Ok(Content::Text(text)) => return Value::String(text.to_owned()),
+        Ok(Content::Bytes(bytes)) => return Value::String(crate::scenario::hexadecimal(bytes)),
+        Err(_) => {}
+    }
     match (field.element, field.name_of(number)) {
         (Element::F64 | Element::F32, _) => Value::Float(number),
         (Element::Bool, _) => Value::Boolean(number != 0.0),
@@ -142,6 +147,7 @@ pub(super) fn find(plan: &Plan, port: &str) -> Result<(usize, usize), RunFailure
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lockstep::port::{Bytes, Text};
 
     lockstep::enumeration! {
         /// Named values.
@@ -176,6 +182,10 @@ mod tests {
             pub mode: Mode = "1",
             /// True or false.
             pub truths: [bool; 8] = "1",
+            /// Said.
+            pub said: [Text<8>; 2] = "1",
+            /// Sent.
+            pub sent: Bytes<4> = "1",
         }
     }
 
@@ -194,6 +204,8 @@ mod tests {
             shortest: -1,
             mode: Mode::On,
             truths: [true, false, true, true, false, false, true, false],
+            said: [Text::new("a \"b\"\n").unwrap(), Text::default()],
+            sent: Bytes::new(&[0, 255, 16]).unwrap(),
         };
         let payload = Payload::of(&value);
         let text = format!("x = {}", Value::Table(fields(&All::descriptor(), payload.bytes())));

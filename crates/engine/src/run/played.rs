@@ -162,15 +162,16 @@ pub fn difference(descriptor: &Descriptor, before: &[u8], now: &[u8]) -> String 
         .iter()
         .flat_map(|field| (0..field.len()).map(move |at| (field, at)));
     let differs = elements.find(|(field, at)| {
-        let (before, now) = (field.value(before, *at), field.value(now, *at));
-        before.to_bits() != now.to_bits()
+        let size = field.element.size();
+        let own = field.range().start + at * size..field.range().start + (at + 1) * size;
+        before[own.clone()] != now[own]
     });
     match differs {
         Some((field, at)) => format!(
             "{} = {} {unit} where it was {} {unit}",
             field.element_name(at),
-            field.value(now, at),
-            field.value(before, at),
+            field.shown(now, at),
+            field.shown(before, at),
             unit = field.unit
         ),
         None => "other bytes".into(),

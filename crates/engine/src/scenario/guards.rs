@@ -121,6 +121,14 @@ impl Guard {
                 format!("{value} is not a range: write two bounds, the lower one first, such as \"[-10, 10] {unit}\""),
             )),
         };
+        if let Some(field) = field.filter(|field| field.element.room().is_some())
+            && (self.range.is_some() || self.never.is_some())
+        {
+            let key = if self.range.is_some() { "range" } else { "never" };
+            let reason =
+                format!("`{field}` has neither a range nor named values: it can be guarded with `frozen-for` alone");
+            return Err((key, reason));
+        }
         if let (Some(_), Some(field)) = (&self.range, field.filter(|field| !field.element.is_number())) {
             let reason =
                 format!("`{field}` has no range: name the values that it must not have, such as never = \"fault\"");

@@ -58,6 +58,7 @@ fn write(value: &Value, field: &Field, bytes: &mut [u8]) -> Result<(), String> {
     for (number, slot) in numbers.iter().zip(bytes.chunks_exact_mut(field.element.size())) {
         let put = match field.element {
             Element::Bool | Element::Enum => symbol(number, field).map(|byte| slot.fill(byte)),
+            Element::Text(_) | Element::Bytes(_) => put_content(number, field.element, slot),
             element => put(number, element, slot),
         };
         put.map_err(|reason| format!("`{}`: {reason} ({field})", field.name))?;
@@ -70,6 +71,36 @@ fn flatten<'a>(value: &'a Value, into: &mut Vec<&'a Value>) {
         Value::Array(items) => items.iter().for_each(|item| flatten(item, into)),
         other => into.push(other),
     }
+}
+
+/// Writes a text, or bytes from a text in hexadecimal.
+pub(super) fn put_content(value: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> {
+    let bytes = match (element, value) {
+        (Element::Text(_), Value::String(text)) if text.contains('\0') => Err("the text has a zero byte".to_owned()),
+        (Element::Text(_), Value::String(text)) => Ok(text.as_bytes().to_owned()),
+        (Element::Text(_), other) => Err(format!("`{other}` is no text: write it in quotes")),
+        (_, Value::String(text)) => of_hexadecimal(text)
+            .ok_or_else(|| format!("`{text}` is not bytes: write them in hexadecimal, such as \"0a1b2c\"")),
+        (_, other) => Err(format!(
+            "`{other}` is not bytes: write them in hexadecimal, such as \"0a1b2c\""
+        )),
+    };
+    element.put_content(&bytes?, slot).map_err(|error| error.to_string())
+}
+
+/// Bytes as a scenario writes them.
+pub(crate) fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn of_hexadecimal(text: &str) -> Option<Vec<u8>> {
+    let pairs = text.as_bytes().chunks(2);
+    let digit = |letter: u8| char::from(letter).to_digit(16);
+    let byte = |pair: &[u8]| match *pair {
+        [high, low] => Some((digit(high)? * 16 + digit(low)?) as u8),
+        _ => None,
+    };
+    pairs.map(byte).collect()
 }
 
 /// Writes `number` exactly, or says why an element cannot hold it.

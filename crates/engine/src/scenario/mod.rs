@@ -28,7 +28,7 @@ mod value;
 pub use entry::Entry;
 pub use error::{Mistake, ScenarioError};
 pub use failure::OnFailure;
-pub(crate) use initial::payload;
+pub(crate) use initial::{hexadecimal, payload};
 pub(crate) use lines::Lines;
 pub use measures::{DeclaredMeasure, measures_of_file, measures_of_plan};
 pub use names::{ORCHESTRATOR, fault_name};

@@ -18,9 +18,10 @@ pub(super) fn symbol(value: &Value, field: &Field) -> Result<u8, String> {
         Value::Float(number) if number.fract() == 0.0 && (0.0..256.0).contains(number) => Some(*number as u8),
         _ => None,
     };
-    let named = named.filter(|byte| field.allows(f64::from(*byte)));
+    let named = named.filter(|byte| field.element.room().is_none() && field.allows(f64::from(*byte)));
     named.ok_or_else(|| match field.element {
         Element::Bool => format!("`{value}` is no truth value: write true or false"),
+        Element::Text(_) | Element::Bytes(_) => "texts and bytes cannot be given here".to_owned(),
         _ => {
             let known: Vec<String> = field.values.iter().map(|named| format!("\"{}\"", named.name)).collect();
             format!("`{value}` is none of its values: write {}", known.join(", "))

@@ -73,14 +73,14 @@ impl Conversion {
             }
             let to = pair.to.element;
             if let Some(term) = pair.terms.iter().find(|term| !to.holds(term.from.element)) {
-                let (from, to) = (term.from.element.name(), to.name());
+                let from = term.from.element;
                 return Err(format!("{to} does not hold every value of {from}"));
             }
             if !pair.terms.is_empty() && !pair.copies() && !to.is_decimal() {
-                return Err(format!(
-                    "arithmetic needs f64 or f32 where the elements are {}",
-                    to.name()
-                ));
+                return Err(format!("arithmetic needs f64 or f32 where the elements are {to}"));
+            }
+            if pair.terms.is_empty() && pair.offset != 0.0 && to.room().is_some() {
+                return Err(format!("no number is a constant where the elements are {to}"));
             }
         }
         Ok(())
@@ -167,7 +167,11 @@ impl Pair {
         for number in 0..self.count {
             let (from, to) = (from.after(number), self.to.after(number));
             let bytes = to.bytes(payload);
-            if to.element.is_decimal() {
+            if to.element.room().is_some() {
+                // More room behind the same bytes.
+                bytes.fill(0);
+                bytes[..from.element.size()].copy_from_slice(&sample[from.range()]);
+            } else if to.element.is_decimal() {
                 to.element.put(from.value(sample), bytes);
             } else {
                 let whole = from.element.whole(&sample[from.range()]).to_le_bytes();

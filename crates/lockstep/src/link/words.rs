@@ -39,7 +39,7 @@ impl Conversion {
         };
         let mut text = format!("{scale}{name}{}", unit(field));
         if field.element != to.element {
-            text += &format!(" ({} to {})", field.element.name(), to.element.name());
+            text += &format!(" ({} to {})", field.element, to.element);
         }
         if field.frame != to.frame {
             let frame = |field: &Field| match field.frame.as_str() {

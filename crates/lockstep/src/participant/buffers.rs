@@ -56,6 +56,8 @@ pub(crate) struct ValueCheck {
     singles: Vec<Range<usize>>,
     /// Truth values and enumerations, each with a bit for every byte that is one of their values.
     bytes: Vec<(Range<usize>, [u64; 4])>,
+    /// Texts and bytes.
+    contents: Vec<(Range<usize>, Element)>,
 }
 
 impl ValueCheck {
@@ -71,7 +73,9 @@ impl ValueCheck {
             }
             runs
         };
-        let bytes = descriptor.fields.iter().filter(|field| !field.element.is_number());
+        let (contents, bytes): (Vec<&Field>, Vec<&Field>) = (descriptor.fields.iter())
+            .filter(|field| !field.element.is_number())
+            .partition(|field| field.element.room().is_some());
         let allowed = |field: &Field| {
             let mut allowed = [0; 4];
             for byte in (0..=u8::MAX).filter(|byte| field.allows(f64::from(*byte))) {
@@ -83,7 +87,8 @@ impl ValueCheck {
             disturbed,
             doubles: runs(Element::F64),
             singles: runs(Element::F32),
-            bytes: bytes.map(|field| (field.range(), allowed(field))).collect(),
+            bytes: bytes.iter().map(|field| (field.range(), allowed(field))).collect(),
+            contents: contents.iter().map(|field| (field.range(), field.element)).collect(),
         }
     }
 
@@ -104,6 +109,10 @@ impl ValueCheck {
             for byte in &payload[run.clone()] {
                 good &= allowed[usize::from(byte / 64)] >> (byte % 64) & 1 == 1;
             }
+        }
+        for (run, element) in &self.contents {
+            let mut each = payload[run.clone()].chunks_exact(element.size());
+            good &= each.all(|bytes| element.is_content(bytes));
         }
         good
     }

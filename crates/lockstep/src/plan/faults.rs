@@ -58,7 +58,9 @@ impl Plan {
                 fields.find(|field| field.range().contains(&(slot.offset as usize)))
             };
             let mut stuck = fault.slots.iter().zip(values);
-            let allowed = |(slot, value): &(&Slot, &f64)| field(slot).is_some_and(|field| field.allows(**value));
+            let allowed = |(slot, value): &(&Slot, &f64)| {
+                slot.element.room().is_none() && field(slot).is_some_and(|field| field.allows(**value))
+            };
             if let Some((slot, value)) = stuck.find(|stuck| !allowed(stuck)) {
                 let field = field(slot).map(ToString::to_string).unwrap_or_default();
                 return Err(format!("`{field}` cannot be stuck at {value}"));
@@ -242,7 +244,7 @@ impl Effect {
         };
         let symbols = slots.iter().any(|slot| !slot.element.is_number());
         if symbols && !matches!(self, Effect::Stuck(_) | Effect::Dropout(_)) {
-            return Err("a bool or an enumeration can be stuck or drop out, and nothing else".into());
+            return Err("a bool, an enumeration, a text or bytes can be stuck or drop out, and nothing else".into());
         }
         match self {
             Effect::Bias(values) | Effect::Scale(values) | Effect::Ramp(values) | Effect::Stuck(Some(values)) => {

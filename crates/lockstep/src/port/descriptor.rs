@@ -52,10 +52,14 @@ impl Field {
         start..start + self.len() * self.element.size()
     }
 
+    /// Where element `index` starts in a payload.
+    fn start(&self, index: usize) -> usize {
+        self.offset as usize + index * self.element.size()
+    }
+
     /// Element `index` of the field of `payload` as a double.
     pub fn value(&self, payload: &[u8], index: usize) -> f64 {
-        let start = self.offset as usize + index * self.element.size();
-        self.element.to_f64(&payload[start..])
+        self.element.to_f64(&payload[self.start(index)..])
     }
 
     /// Whether an element may be `value`: finite, 0 or 1 for a truth value, one with a name for an enumeration.
@@ -64,6 +68,30 @@ impl Field {
             Element::Bool => value == 0.0 || value == 1.0,
             Element::Enum => self.values.iter().any(|named| f64::from(named.value) == value),
             _ => value.is_finite(),
+        }
+    }
+
+    /// What is wrong with element `index` of `payload`, if anything is: a number that is not finite, a truth value that is neither 0 nor 1,
+    /// a value of an enumeration that has no name, a text that is not UTF-8, a length beyond the room.
+    fn mistake(&self, payload: &[u8], index: usize) -> Option<InvalidValue> {
+        if self.element.room().is_some() {
+            let content = self.element.content(&payload[self.start(index)..]);
+            return content
+                .err()
+                .map(|reason| InvalidValue::of_content(self.element_name(index), reason));
+        }
+        let value = self.value(payload, index);
+        (!self.allows(value)).then(|| InvalidValue::new(self.element_name(index), self.element, &self.values, value))
+    }
+
+    /// Element `index` of `payload` as text: `0.5`, `open`, `"grasp"`.
+    pub fn shown(&self, payload: &[u8], index: usize) -> String {
+        let value = self.value(payload, index);
+        match (self.name_of(value), self.element.content(&payload[self.start(index)..])) {
+            (Some(name), _) => name.to_owned(),
+            (None, Ok(content)) => content.to_string(),
+            (None, Err(reason)) if self.element.room().is_some() => reason,
+            (None, Err(_)) => value.to_string(),
         }
     }
 
@@ -90,7 +118,7 @@ impl Field {
 
 impl fmt::Display for Field {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {}", self.name, self.element.name())?;
+        write!(f, "{}: {}", self.name, self.element)?;
         if !self.shape.is_empty() {
             write!(f, "{:?}", self.shape)?;
         }
@@ -178,13 +206,16 @@ impl Descriptor {
                 .try_fold(1_u64, |product, &extent| product.checked_mul(u64::from(extent)));
             let bytes = match count.and_then(|count| count.checked_mul(field.element.size() as u64)) {
                 None => return refuse("the shape is too large"),
-                Some(0) => return refuse("the shape has a zero in it"),
+                Some(0) if field.element.size() > 0 => return refuse("the shape has a zero in it"),
                 Some(bytes) => bytes,
             };
             if let Some(reason) = enumeration::mistake(field.element, &field.unit, &field.values) {
                 return refuse(reason);
             }
-            if !u64::from(field.offset).is_multiple_of(field.element.size() as u64) {
+            if field.element.room() == Some(0) || bytes > u64::from(Self::MAX_SIZE) && field.element.room().is_some() {
+                return refuse("a text or bytes need room for 1 byte at least, and for no more than a payload has");
+            }
+            if !u64::from(field.offset).is_multiple_of(field.element.align() as u64) {
                 return refuse("the offset is not a multiple of the element's size");
             }
             if u64::from(field.offset) != end {
@@ -248,7 +279,7 @@ impl Descriptor {
             text += &format!(
                 "{}|{}|{}|{}|{}|{}{}\n",
                 field.name,
-                field.element.name(),
+                field.element,
                 extents.join(","),
                 field.unit,
                 field.frame,
@@ -260,14 +291,11 @@ impl Descriptor {
     }
 
     /// The elements of `payload`, which has the size of this descriptor, that no element of their type may be: a number that is not
-    /// finite, a truth value that is neither 0 nor 1, a value of an enumeration that has no name.
+    /// finite, a truth value that is neither 0 nor 1, a value of an enumeration that has no name, a text that is not UTF-8, a length
+    /// beyond the room.
     pub fn invalid(&self, payload: &[u8]) -> impl Iterator<Item = InvalidValue> {
         let elements = (self.fields.iter()).flat_map(|field| (0..field.len()).map(move |index| (field, index)));
-        elements.filter_map(|(field, index)| {
-            let value = field.value(payload, index);
-            (!field.allows(value))
-                .then(|| InvalidValue::new(field.element_name(index), field.element, &field.values, value))
-        })
+        elements.filter_map(|(field, index)| field.mistake(payload, index))
     }
 
     /// The first difference between two descriptors in words, for a user who connected the wrong ports.

@@ -1,8 +1,10 @@
 //! The element types of fields.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
-/// The element type of a field. Every one is little-endian and naturally aligned.
+/// The element type of a field. Every one is little-endian and naturally aligned; texts and bytes stand anywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Element {
@@ -30,20 +32,34 @@ pub enum Element {
     Bool,
     /// Enumeration: one byte, one of the named values of the field.
     Enum,
+    /// Text of at most so many bytes: UTF-8, with zeros behind its end.
+    Text(u32),
+    /// At most so many bytes, behind their number (32 bits), with zeros behind them.
+    Bytes(u32),
 }
 
 impl Element {
-    /// Size, which is also the alignment, bytes.
+    /// Size, bytes.
     pub const fn size(self) -> usize {
         match self {
             Element::F64 | Element::I64 | Element::U64 => 8,
             Element::F32 | Element::I32 | Element::U32 => 4,
             Element::I16 | Element::U16 => 2,
             Element::U8 | Element::I8 | Element::Bool | Element::Enum => 1,
+            Element::Text(room) => room as usize,
+            Element::Bytes(room) => 4 + room as usize,
         }
     }
 
-    /// The name used in files: `f64`, `u8`, `bool`, …
+    /// What an offset is a multiple of, bytes.
+    pub const fn align(self) -> usize {
+        match self {
+            Element::Text(_) | Element::Bytes(_) => 1,
+            other => other.size(),
+        }
+    }
+
+    /// The name used in files: `f64`, `u8`, `bool`, … Texts and bytes have their room behind it, as it is displayed: `text[64]`.
     pub const fn name(self) -> &'static str {
         match self {
             Element::F64 => "f64",
@@ -58,6 +74,8 @@ impl Element {
             Element::U16 => "u16",
             Element::Bool => "bool",
             Element::Enum => "enum",
+            Element::Text(_) => "text",
+            Element::Bytes(_) => "bytes",
         }
     }
 
@@ -66,9 +84,9 @@ impl Element {
         matches!(self, Element::F64 | Element::F32)
     }
 
-    /// Whether it is a number, with which arithmetic makes sense: everything but truth values and enumerations.
+    /// Whether it is a number, with which arithmetic makes sense: no truth value, enumeration, text or bytes.
     pub const fn is_number(self) -> bool {
-        !matches!(self, Element::Bool | Element::Enum)
+        !matches!(self, Element::Bool | Element::Enum) && self.room().is_none()
     }
 
     /// The least and the largest value of a type whose values are whole; nothing for floating-point numbers.
@@ -84,15 +102,20 @@ impl Element {
             Element::U16 => (0, u16::MAX as i128),
             Element::U8 | Element::Enum => (0, u8::MAX as i128),
             Element::Bool => (0, 1),
+            Element::Text(_) | Element::Bytes(_) => (0, 0),
         })
     }
 
     /// Whether every value of an `other` is a value of this type too. A truth value and a value of an enumeration are whole numbers
-    /// that other types hold; no number is one of them. That two enumerations name the same values is for their fields to say.
+    /// that other types hold; no number is one of them. That two enumerations name the same values is for their fields to say. A text
+    /// holds texts with no more room, as bytes do bytes.
     pub fn holds(self, other: Element) -> bool {
         let within =
             |(low, high): (i128, i128)| other.range().is_some_and(|(least, most)| low <= least && most <= high);
         match self {
+            Element::Text(room) => matches!(other, Element::Text(least) if least <= room),
+            Element::Bytes(room) => matches!(other, Element::Bytes(least) if least <= room),
+            _ if other.room().is_some() => false,
             Element::Bool | Element::Enum => other == self,
             Element::F64 => other.is_decimal() || within((-(1 << 53), 1 << 53)),
             Element::F32 => other == Element::F32 || within((-(1 << 24), 1 << 24)),
@@ -100,8 +123,11 @@ impl Element {
         }
     }
 
-    /// One element of a type whose values are whole, exactly. `bytes` starts at the element.
+    /// One element of a type whose values are whole, exactly; 0 for texts and bytes. `bytes` starts at the element.
     pub fn whole(self, bytes: &[u8]) -> i128 {
+        if self.room().is_some() {
+            return 0;
+        }
         let size = self.size();
         let signed = self.range().is_some_and(|(least, _)| least < 0);
         let fill = if signed && bytes[size - 1] & 0x80 != 0 { 0xff } else { 0 };
@@ -110,7 +136,8 @@ impl Element {
         i128::from_le_bytes(wide)
     }
 
-    /// One element of this type as a double (integers beyond 2^53 are rounded). `bytes` starts at the element.
+    /// One element of this type as a double (integers beyond 2^53 are rounded; of a text or bytes a number that is the same for equal
+    /// ones, and 0 for none). `bytes` starts at the element.
     pub fn to_f64(self, bytes: &[u8]) -> f64 {
         macro_rules! read {
             ($type:ty) => {{
@@ -130,11 +157,13 @@ impl Element {
             Element::U16 => read!(u16),
             Element::I8 => read!(i8),
             Element::U8 | Element::Bool | Element::Enum => f64::from(bytes[0]),
+            Element::Text(_) | Element::Bytes(_) => self.fingerprint(bytes),
         }
     }
 
     /// Puts a double into the bytes of an element: integers take the nearest whole number that they can hold (NaN is zero).
-    /// A truth value or an enumeration takes the byte; whoever puts it knows that it is one of their values.
+    /// A truth value or an enumeration takes the byte; whoever puts it knows that it is one of their values. No double is a text or bytes,
+    /// which become empty.
     pub fn put(self, value: f64, bytes: &mut [u8]) {
         let whole = value.round_ties_even();
         match self {
@@ -148,6 +177,14 @@ impl Element {
             Element::U16 => bytes.copy_from_slice(&(whole as u16).to_le_bytes()),
             Element::I8 => bytes.copy_from_slice(&(whole as i8).to_le_bytes()),
             Element::U8 | Element::Bool | Element::Enum => bytes.copy_from_slice(&[whole as u8]),
+            Element::Text(_) | Element::Bytes(_) => bytes.fill(0),
         }
+    }
+}
+
+impl fmt::Display for Element {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())?;
+        self.room().map_or(Ok(()), |room| write!(f, "[{room}]"))
     }
 }

@@ -56,6 +56,8 @@ pub struct InvalidValue {
     pub value: f64,
     /// What the type allows; nothing for floating-point numbers, which must be finite.
     allowed: Option<String>,
+    /// Whether the value says nothing: that of a text.
+    content: bool,
 }
 
 impl InvalidValue {
@@ -70,6 +72,17 @@ impl InvalidValue {
             element: name,
             value,
             allowed,
+            content: false,
+        }
+    }
+
+    /// The element called `name`, a text or bytes, with what is wrong with it.
+    pub(super) fn of_content(name: String, reason: String) -> InvalidValue {
+        InvalidValue {
+            element: name,
+            value: f64::NAN,
+            allowed: Some(reason),
+            content: true,
         }
     }
 
@@ -84,6 +97,9 @@ impl InvalidValue {
             Some(allowed) => allowed.clone(),
             None => format!("{what} must be finite"),
         };
+        if self.content {
+            return format!("{}: {rule}", self.element);
+        }
         format!("{} = {}: {rule}", self.element, self.value)
     }
 }
@@ -110,7 +126,7 @@ pub(super) fn canonical(values: &[EnumValue]) -> String {
 /// What is wrong with the values and the unit of a field that may be foreign.
 pub(super) fn mistake(element: Element, unit: &str, values: &[EnumValue]) -> Option<&'static str> {
     if !element.is_number() && unit != "1" {
-        return Some("a bool or an enumeration has no unit: write 1");
+        return Some("a bool, an enumeration, a text and bytes have no unit: write 1");
     }
     if element != Element::Enum {
         return (!values.is_empty()).then_some("only an enumeration has named values");

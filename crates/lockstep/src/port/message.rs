@@ -10,8 +10,8 @@ pub trait Message: bytemuck::NoUninit + bytemuck::Zeroable + bytemuck::CheckedBi
     fn descriptor() -> Descriptor;
 }
 
-/// A type that a field of a message may have: a number, a truth value, an enumeration ([`crate::enumeration!`]), or a (nested) array
-/// of one of them.
+/// A type that a field of a message may have: a number, a truth value, an enumeration ([`crate::enumeration!`]), a text ([`super::Text`]),
+/// bytes ([`super::Bytes`]), or a (nested) array of one of them.
 ///
 /// # Safety
 /// `Bits` has the size and the alignment of the type, which has no bytes without a value; [`FieldType::is_valid`] is true only for bits
@@ -109,7 +109,9 @@ pub mod __private {
         fn visit_bytes<E: serde::de::Error>(self, bytes: &[u8]) -> Result<M, E> {
             use bytemuck::checked::CheckedCastError::InvalidBitPattern;
             bytemuck::checked::try_pod_read_unaligned(bytes).map_err(|error| match error {
-                InvalidBitPattern => E::custom("a bool or an enumeration has a byte that is none of its values"),
+                InvalidBitPattern => {
+                    E::custom("a bool, an enumeration or a text has bytes that are none of its values")
+                }
                 _ => E::invalid_length(bytes.len(), &self),
             })
         }
@@ -144,8 +146,8 @@ pub mod __private {
 }
 
 /// Declares a message: a `#[repr(C)]` struct of plain data whose fields carry a unit and, for vectors, a frame. Fields are numbers of
-/// 8 to 64 bits, `bool`, enumerations of one byte ([`enumeration!`](crate::enumeration)), and arrays of these. A `bool` or an enumeration
-/// has the unit `"1"`.
+/// 8 to 64 bits, `bool`, enumerations of one byte ([`enumeration!`](crate::enumeration)), texts and bytes in fixed room
+/// ([`Text`](crate::port::Text), [`Bytes`](crate::port::Bytes)), and arrays of these. What is no number has the unit `"1"`.
 ///
 /// ```
 /// lockstep::message! {

@@ -5,8 +5,10 @@ mod element;
 mod enumeration;
 mod message;
 mod named;
+mod room;
 
 pub use descriptor::{Descriptor, DescriptorError, Field};
 pub use element::Element;
 pub use enumeration::{EnumValue, InvalidValue};
 pub use message::{__private, FieldType, Message};
+pub use room::{Bytes, Content, Text, TooLong};

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use lockstep::port::{Element, Field};
+use lockstep::port::{Content, Element, Field};
 
 use tape::StreamSpec;
 
@@ -30,6 +30,14 @@ impl Column<'_> {
     /// What an enumeration calls the value in the cell.
     pub(super) fn name_in(&self, payload: &[u8]) -> Option<&str> {
         self.field.name_of(self.field.element.to_f64(&payload[self.start..]))
+    }
+
+    /// The text or the bytes in the cell, as a text in tables: bytes in hexadecimal.
+    pub(super) fn content_in(&self, payload: &[u8]) -> Option<String> {
+        Some(match self.field.element.content(&payload[self.start..]).ok()? {
+            Content::Text(text) => text.to_owned(),
+            Content::Bytes(bytes) => bytes.iter().map(|byte| format!("{byte:02x}")).collect(),
+        })
     }
 
     /// The bytes of the cell.
@@ -155,6 +163,8 @@ pub(super) fn number(element: Element, payload: &[u8], start: usize) -> Number {
         Element::I8 => Number::I64(i64::from(raw!(i8))),
         Element::U16 => Number::U64(u64::from(raw!(u16))),
         Element::U8 | Element::Bool | Element::Enum => Number::U64(u64::from(payload[start])),
+        // Not asked for: tables have what is in them.
+        Element::Text(_) | Element::Bytes(_) => Number::U64(0),
     }
 }
 

@@ -46,6 +46,10 @@ fn row(table: &mut Draft, columns: &[Column<'_>], stamp_s: f64, payload: &[u8]) 
                 write!(out, ",{}", quoted(name))?;
                 continue;
             }
+            if let Some(content) = column.content_in(payload) {
+                write!(out, ",{}", quoted(&content))?;
+                continue;
+            }
             match number(column.field.element, payload, column.start) {
                 Number::F64(x) => write!(out, ",{x:?}")?,
                 Number::F32(x) => write!(out, ",{x:?}")?,

@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::os::unix::fs::FileExt;
 
-use lockstep::port::{Element, Field};
+use lockstep::port::{Content, Element, Field};
 use tape::{Source, StreamSpec};
 
 use super::columns::{distinct, is_wide};
@@ -55,6 +55,9 @@ fn types(element: Element) -> (u32, u32) {
         // The number of an enumeration's value.
         Element::U8 | Element::Enum => (2, 9),
         Element::Bool => (2, 9 | LOGICAL),
+        // Characters of 16 bits, and the number of bytes in front of them.
+        Element::Text(_) => (4, CHAR),
+        Element::Bytes(_) => (2, 9),
     }
 }
 
@@ -92,7 +95,8 @@ impl Value<'_> {
         match self {
             Value::Stamps(samples) => Some((DOUBLE, 8 * samples)),
             Value::Samples(field, samples) => {
-                let bytes = (field.len() * field.element.size()) as u64;
+                let (parts, size) = parts(field.element);
+                let bytes = (field.len() * parts.unwrap_or(1) * size) as u64;
                 Some((types(field.element).0, bytes * samples))
             }
             Value::Text(_) | Value::Struct(_) => None,
@@ -147,9 +151,22 @@ impl Value<'_> {
     }
 }
 
+/// How many numbers an element is in the file, where it is not one itself, and the bytes of each of them.
+fn parts(element: Element) -> (Option<usize>, usize) {
+    match element {
+        Element::Text(room) => (Some(room as usize), 2),
+        Element::Bytes(_) => (Some(element.size()), 1),
+        number => (None, number.size()),
+    }
+}
+
 /// The samples of a field along the first extent, as tables have them; along the last one where each is a picture or the like.
 fn extents(field: &Field, samples: u64) -> Vec<u64> {
     let own = field.shape.iter().map(|&extent| u64::from(extent));
+    if let (Some(parts), _) = parts(field.element) {
+        let own = std::iter::once(samples).chain(own);
+        return own.chain([parts as u64]).collect();
+    }
     match (is_wide(field), &field.shape[..]) {
         (true, _) => own.chain([samples]).collect(),
         (false, []) => vec![samples, 1],
@@ -292,12 +309,25 @@ fn fill(source: &dyn Source, stream: usize, places: &[u64], file: &File) -> Resu
         start: 0,
         size: 8,
         at: places[0],
+        part: None,
+        room: 0,
     };
     let mut columns = vec![stamps];
     let mut wide = Vec::new();
     for (field, &at) in spec.descriptor.fields.iter().zip(&places[1..]) {
         let (start, size) = (8 + field.offset as usize, field.element.size());
         let places = column_major(field);
+        if let (Some(parts), each) = parts(field.element) {
+            let columns_of = (0..parts).flat_map(|part| places.iter().map(move |place| (part, place)));
+            columns.extend(columns_of.enumerate().map(|(number, (part, place))| Column {
+                start: start + place * size,
+                size: each,
+                at: at + number as u64 * samples * each as u64,
+                part: Some(part),
+                room: size,
+            }));
+            continue;
+        }
         if is_wide(field) {
             wide.push((start, size, places, at));
             continue;
@@ -306,6 +336,8 @@ fn fill(source: &dyn Source, stream: usize, places: &[u64], file: &File) -> Resu
             start: start + place * size,
             size,
             at: at + number as u64 * samples * size as u64,
+            part: None,
+            room: size,
         }));
     }
     let room = (CHUNK / stride).max(1) as u64;
@@ -317,7 +349,7 @@ fn fill(source: &dyn Source, stream: usize, places: &[u64], file: &File) -> Resu
         for column in &columns {
             bytes.clear();
             for record in records.chunks_exact(stride) {
-                bytes.extend_from_slice(&record[column.start..column.start + column.size]);
+                column.put(record, &mut bytes);
             }
             file.write_all_at(&bytes, column.at + first * column.size as u64)?;
         }
@@ -343,6 +375,27 @@ struct Column {
     size: usize,
     /// Where in the file.
     at: u64,
+    /// The number of the character or byte that it has of an element, which has so much room in the record.
+    part: Option<usize>,
+    room: usize,
+}
+
+impl Column {
+    /// What it has of a record. A text has zeros behind its end.
+    fn put(&self, record: &[u8], out: &mut Vec<u8>) {
+        match (self.part, self.size) {
+            (None, size) => out.extend_from_slice(&record[self.start..self.start + size]),
+            (Some(part), 2) => {
+                let text = Element::Text(self.room as u32).content(&record[self.start..self.start + self.room]);
+                let unit = match text {
+                    Ok(Content::Text(text)) => units(text).nth(part),
+                    _ => None,
+                };
+                out.extend_from_slice(&unit.unwrap_or(0).to_le_bytes());
+            }
+            (Some(part), _) => out.push(record[self.start + part]),
+        }
+    }
 }
 
 /// Where in a sample, which has its last extent fastest, the elements lie in the order in which the first one is fastest.

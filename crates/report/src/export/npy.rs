@@ -5,22 +5,31 @@ use lockstep::port::{Element, Field};
 /// The head of a file with `samples` values of `field`, one behind the other as they lie in the payload: format version 1.0
 /// of NumPy's specification. The array has the field's shape behind the number of samples.
 pub(super) fn head(field: &Field, samples: u64) -> Vec<u8> {
+    let room;
     let kind = match field.element {
-        Element::F64 => "<f8",
-        Element::F32 => "<f4",
-        Element::I64 => "<i8",
-        Element::I32 => "<i4",
-        Element::U64 => "<u8",
-        Element::U32 => "<u4",
-        Element::I16 => "<i2",
-        Element::U16 => "<u2",
-        Element::I8 => "|i1",
-        Element::U8 | Element::Enum => "|u1",
-        Element::Bool => "|b1",
+        Element::Text(length) => {
+            room = format!("'|S{length}'");
+            &room
+        }
+        Element::Bytes(length) => {
+            room = format!("[('length', '<u4'), ('data', '|u1', ({length},))]");
+            &room
+        }
+        Element::F64 => "'<f8'",
+        Element::F32 => "'<f4'",
+        Element::I64 => "'<i8'",
+        Element::I32 => "'<i4'",
+        Element::U64 => "'<u8'",
+        Element::U32 => "'<u4'",
+        Element::I16 => "'<i2'",
+        Element::U16 => "'<u2'",
+        Element::I8 => "'|i1'",
+        Element::U8 | Element::Enum => "'|u1'",
+        Element::Bool => "'|b1'",
     };
     let extents: Vec<String> = field.shape.iter().map(u32::to_string).collect();
     let shape = format!("({samples}, {})", extents.join(", "));
-    let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
+    let mut text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}");
     // Spaces up to a multiple of 64 bytes, and the end of a line.
     let before = b"\x93NUMPY\x01\x00".len() + 2;
     while !(before + text.len() + 1).is_multiple_of(64) {

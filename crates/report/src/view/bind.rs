@@ -239,6 +239,12 @@ impl Operands<'_> {
     fn operand(&mut self, signal: &Signal, like: Option<&Slice>, least: usize) -> Result<Operand, String> {
         let (stream, slice) = signal.find(self.all).ok_or_else(|| signal.missing(self.all))?;
         let name = format!("{}.{}", self.all[stream].name(), written(&slice));
+        if slice.field.element.room().is_some() {
+            let field = &slice.field;
+            return Err(format!(
+                "`{name}` is `{field}`, which has no place on an axis: export it, or measure its changes"
+            ));
+        }
         if slice.len < least {
             return Err(format!("`{name}` has {} elements, and {least} are needed", slice.len));
         }

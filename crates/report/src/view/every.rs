@@ -33,8 +33,10 @@ pub(crate) fn left_out(streams: &[StreamSpec]) -> Vec<String> {
 pub(crate) fn every_field(streams: &[StreamSpec]) -> Vec<Figure> {
     let fields = streams
         .iter()
-        .flat_map(|spec| spec.descriptor.fields.iter().map(move |field| (spec, field)));
-    let figures = fields.filter(|(_, field)| !is_wide(field)).map(|(spec, field)| {
+        .flat_map(|spec| spec.descriptor.fields.iter().map(move |field| (spec, field)))
+        // A text or bytes have no place on an axis.
+        .filter(|(_, field)| field.element.room().is_none() && !is_wide(field));
+    let figures = fields.map(|(spec, field)| {
         let signal = Signal {
             participant: Some(spec.participant.clone()),
             port: spec.port.clone(),

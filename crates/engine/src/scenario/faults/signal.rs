@@ -188,8 +188,8 @@ impl Signal {
         let symbols = slots.iter().any(|slot| !slot.element.is_number());
         if symbols && !matches!(self.kind, FaultKind::Stuck | FaultKind::Dropout) {
             let reason = format!(
-                "a {} changes numbers, and {} has a bool or an enumeration, which can be stuck or drop out: name a field of numbers, or \
-                 take kind = \"stuck\" or \"dropout\"",
+                "a {} changes numbers, and {} has a bool, an enumeration, a text or bytes, which can be stuck or drop out: name a field of \
+                 numbers, or take kind = \"stuck\" or \"dropout\"",
                 self.kind.name(),
                 field.map_or_else(|| "the message".to_owned(), |field| format!("`{field}`")),
             );
@@ -213,6 +213,11 @@ impl Signal {
                 Effect::Noise(sigma)
             }
             FaultKind::Stuck if symbols => {
+                if let Some(field) = field.filter(|field| field.element.room().is_some() && self.value.is_some()) {
+                    let reason =
+                        format!("`{field}` is stuck at what it was when the fault begins: leave the value out");
+                    return Err(refusal("value", reason));
+                }
                 let given = self.value.as_ref().zip(field);
                 let values = given.map(|(value, field)| {
                     let values = crate::scenario::symbols::symbols(value, field, slots.len());

@@ -127,9 +127,10 @@ impl Ports<'_> {
                 .terms
                 .iter()
                 .filter_map(|part| Run::find(self.sends, &part.from).ok());
-            if let Some(part) = parts.find(|part| part.field.element == Element::Enum) {
+            let symbol = |field: &Field| field.element == Element::Enum || field.element.room().is_some();
+            if let Some(part) = parts.find(|part| symbol(part.field)) {
                 return Err(format!(
-                    "`{}` is an enumeration, with which nothing can be computed: leave `factor`, `offset` and sums out",
+                    "`{}` is no number, with which nothing can be computed: leave `factor`, `offset` and sums out",
                     part.field
                 ));
             }
@@ -155,11 +156,7 @@ impl Ports<'_> {
         if !to.field.element.holds(from.field.element) {
             return Err(format!(
                 "`{}` cannot be `{}`: {} does not hold every value of {}; make the input {}",
-                to.field,
-                from.field,
-                to.field.element.name(),
-                from.field.element.name(),
-                from.field.element.name(),
+                to.field, from.field, to.field.element, from.field.element, from.field.element,
             ));
         }
         if to.field.element == Element::Enum {
@@ -242,6 +239,12 @@ fn product(factor: &str, unit: &str) -> String {
 
 /// What the elements of `run` always are.
 fn constants(run: &Run<'_>, value: &Value) -> Result<Vec<f64>, String> {
+    if run.field.element.room().is_some() {
+        return Err(format!(
+            "`{}` has no constant: let a participant give it, or say `initial`",
+            run.field
+        ));
+    }
     if !run.field.element.is_number() {
         return symbols(value, run.field, run.count).map_err(|reason| format!("`{}`: {reason}", run.field));
     }

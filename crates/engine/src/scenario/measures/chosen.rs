@@ -123,6 +123,13 @@ impl<'a> Chosen<'a> {
 
     /// That arithmetic makes sense.
     pub(super) fn is_number(&self, key: &str) -> Result<(), Refusal> {
+        if self.field.element.room().is_some() {
+            let reason = format!(
+                "`{}` is `{}`, with which nothing can be computed: ask for compute = \"changes\"",
+                self.path, self.field
+            );
+            return refusal(key, reason);
+        }
         if self.field.element != Element::Enum {
             return Ok(());
         }

@@ -74,10 +74,9 @@ impl DeclaredMeasure {
             None => None,
         };
         let is = of.is(entry.is.as_ref())?;
-        let counted = matches!(
-            entry.compute,
-            MeasureKind::Changes | MeasureKind::Final | MeasureKind::At
-        );
+        let content = of.field.element.room().is_some();
+        let counted = entry.compute == MeasureKind::Changes
+            || !content && matches!(entry.compute, MeasureKind::Final | MeasureKind::At);
         if is.is_none() && (!counted || entry.through.is_some() || minus.is_some()) {
             of.is_number("of")?;
             minus.iter().try_for_each(|minus| minus.is_number("minus"))?;

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use lockstep::port::{Descriptor, Element, Field};
+use lockstep::port::{Content, Descriptor, Element, Field};
 
 use super::proto;
 use crate::export::columns::{distinct, is_wide};
@@ -118,6 +118,8 @@ fn kind(field: &Field) -> Type {
         Element::I8 | Element::I16 => Type::Sint32,
         Element::Bool => Type::Bool,
         Element::Enum => Type::Enum,
+        Element::Text(_) => Type::Text,
+        Element::Bytes(_) => Type::Bytes,
     }
 }
 
@@ -133,7 +135,8 @@ fn stream_type(name: &str, fields: &[Field], identifiers: &[String]) -> Vec<u8> 
     proto::text(&mut out, 1, name);
     for (at, (field, identifier)) in fields.iter().zip(identifiers).enumerate() {
         let kind = kind(field);
-        let repeated = !field.shape.is_empty() && !matches!(kind, Type::Bytes);
+        let content = field.element.room().is_some();
+        let repeated = !field.shape.is_empty() && (content || !matches!(kind, Type::Bytes));
         proto::message(&mut out, 2, |described| {
             proto::text(described, 1, identifier);
             proto::integer(described, 3, at as u64 + 1);
@@ -142,7 +145,7 @@ fn stream_type(name: &str, fields: &[Field], identifiers: &[String]) -> Vec<u8> 
             if let Type::Enum = kind {
                 proto::text(described, 6, &format!(".escapement.{name}.{identifier}_.Value"));
             }
-            if repeated {
+            if repeated && !content {
                 let packed = |options: &mut Vec<u8>| proto::integer(options, 2, 1);
                 proto::message(described, 8, packed);
             }
@@ -219,6 +222,13 @@ impl Schema {
         for (at, field) in self.descriptor.fields.iter().enumerate() {
             let (key, bytes) = (at as u32 + 1, &payload[field.range()]);
             let element = field.element;
+            if element.room().is_some() {
+                for bytes in bytes.chunks_exact(element.size()) {
+                    let content = element.content(bytes).ok();
+                    proto::bytes(out, key, content.as_ref().map_or(&[], Content::as_bytes));
+                }
+                continue;
+            }
             let single = element.size() < 4 && !matches!(kind(field), Type::Bytes);
             if !field.shape.is_empty() {
                 if single {

@@ -60,6 +60,7 @@ type Type = (u8, Vec<Slot>);
 fn number(element: Element) -> Type {
     const INT: u8 = 2;
     const FLOAT: u8 = 3;
+    const BINARY: u8 = 4;
     const UTF8: u8 = 5;
     const BOOL: u8 = 6;
     let integer = |bits, signed| (INT, vec![Slot::Int(bits), Slot::Byte(signed)]);
@@ -75,7 +76,8 @@ fn number(element: Element) -> Type {
         Element::I8 => integer(8, 1),
         Element::U8 => integer(8, 0),
         Element::Bool => (BOOL, Vec::new()),
-        Element::Enum => (UTF8, Vec::new()),
+        Element::Enum | Element::Text(_) => (UTF8, Vec::new()),
+        Element::Bytes(_) => (BINARY, Vec::new()),
     }
 }
 
@@ -86,7 +88,7 @@ fn cell(column: &Column<'_>) -> (Type, Vec<Vec<Slot>>) {
     let (element, size) = (column.field.element, Slot::Int(column.elements as i32));
     match element {
         _ if !column.is_wide() => (number(element), Vec::new()),
-        _ if element.size() == 1 => ((FIXED_SIZE_BINARY, vec![size]), Vec::new()),
+        _ if element.size() == 1 && element.room().is_none() => ((FIXED_SIZE_BINARY, vec![size]), Vec::new()),
         _ => {
             let inner = field("element", number(element), Vec::new(), &[]);
             ((FIXED_SIZE_LIST, vec![size]), vec![inner])

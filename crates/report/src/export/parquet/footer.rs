@@ -42,7 +42,7 @@ impl Leaf<'_> {
         let (physical, converted, cell) = match (element, elements) {
             (_, 1) => (physical, converted, Cell::One),
             // As integers, bytes would take four times the room.
-            (one, _) if one.size() == 1 => (FIXED_LENGTH_BYTES, None, Cell::Bytes(elements)),
+            (one, _) if one.size() == 1 && one.room().is_none() => (FIXED_LENGTH_BYTES, None, Cell::Bytes(elements)),
             _ => (physical, converted, Cell::List(elements)),
         };
         Leaf {
@@ -120,7 +120,8 @@ fn types(element: Element) -> (i32, Option<i32>) {
         Element::F64 => (5, None),
         Element::Bool => (BOOLEAN, None),
         // Texts: the names.
-        Element::Enum => (6, Some(0)),
+        Element::Enum | Element::Text(_) => (6, Some(0)),
+        Element::Bytes(_) => (6, None),
     }
 }
 

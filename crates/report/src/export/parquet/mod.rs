@@ -13,7 +13,7 @@ mod thrift;
 use std::fs::File;
 use std::io::BufWriter;
 
-use lockstep::port::Element;
+use lockstep::port::{Content, Element};
 use serde_json::json;
 
 use super::columns::{Column, TIME, columns};
@@ -34,10 +34,19 @@ fn width(column: &Column<'_>) -> usize {
     column.elements * column.field.element.size().max(4) + longest.unwrap_or(0)
 }
 
-/// Puts a cell behind those of its column: numbers of one or two bytes become 32-bit integers, enumerations texts.
+/// Puts a cell behind those of its column: numbers of one or two bytes become 32-bit integers, enumerations texts. A text or
+/// bytes stand behind their length.
 fn put_cell(column: &Column<'_>, payload: &[u8], values: &mut Vec<u8>) {
     let (bytes, element) = (column.cell(payload), column.field.element);
     match element {
+        Element::Text(_) | Element::Bytes(_) => {
+            for bytes in bytes.chunks_exact(element.size()) {
+                let content = element.content(bytes).ok();
+                let content = content.as_ref().map_or(&[][..], Content::as_bytes);
+                values.extend((content.len() as u32).to_le_bytes());
+                values.extend(content);
+            }
+        }
         _ if element.size() >= 4 || (column.is_wide() && element.size() == 1) => values.extend_from_slice(bytes),
         Element::Bool => values.push(bytes[0]),
         Element::Enum => {
