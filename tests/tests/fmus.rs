@@ -67,7 +67,7 @@ fn reproduces(model: &str, period: &str, duration: &str, ports: &str, tolerance:
         let reader = Reader::open(&run.join("tape")).expect("the run has a tape");
         let stream = &reader.streams()[reader.stream("it.outputs").expect("it has outputs")];
         for (column, name) in names.iter().enumerate().skip(1) {
-            // FMI 2.0 knows fewer types, and text is no signal.
+            // FMI 2.0 knows fewer types, and a text is a signal where it is named.
             if stream.descriptor.field(name).is_none() {
                 continue;
             }

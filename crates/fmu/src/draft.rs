@@ -131,11 +131,16 @@ fn port_of(about: &Description, variable: &str) -> &'static str {
     }
 }
 
+/// Whether a variable is a text or bytes, which are signals where they are named.
+fn is_content(about: &Description, variable: &Variable) -> bool {
+    element(about.version, variable).is_some_and(|one| one.room().is_some())
+}
+
 /// The variables of one causality that are signals, larger elements first.
 fn signals(about: &Description, causality: Causality) -> Vec<&Variable> {
     let own = about.variables.iter().filter(|one| one.causality == causality);
     let mut own: Vec<_> = own
-        .filter_map(|one| Some((element(about.version, one)?.size(), one)))
+        .filter_map(|one| Some((element(about.version, one)?.align(), one)))
         .collect();
     own.sort_by_key(|(size, _)| std::cmp::Reverse(*size));
     own.into_iter().map(|(_, one)| one).collect()
@@ -153,7 +158,12 @@ impl Draft<'_> {
             self.part(number, &mut text);
         }
         self.connections(&mut text);
-        for (title, (part, variable)) in &self.figures {
+        let drawn = |number: &usize, name: &str| {
+            let about = self.parts[*number].about;
+            about.variable(name).is_none_or(|one| !is_content(about, one))
+        };
+        let figures = (self.figures.iter()).filter(|(_, (part, variable))| drawn(part, variable));
+        for (title, (part, variable)) in figures {
             let part = &self.parts[*part];
             let curve = format!("{}.{}.{variable}", part.name, port_of(part.about, variable));
             let _ = write!(
@@ -187,15 +197,31 @@ impl Draft<'_> {
                 .any(|wire| wire.to.0 == number && wire.to.1 == one.name)
         };
         let fed: Vec<&str> = all.iter().filter(is_fed).map(|one| one.name.as_str()).collect();
-        if fed.len() < all.len() {
-            text.push_str(match fed.is_empty() {
-                true => "# Nothing feeds it: its inputs keep their start values.\n",
-                false => "# All other inputs keep their start values.\n",
-            });
-            let _ = writeln!(text, "ports = {{ inputs = {} }}", list(&fed));
-        }
         let sources = self.wires.iter().map(|wire| &wire.from);
         let sources = sources.chain(self.figures.iter().map(|(_, from)| from));
+        let mut ports = Vec::new();
+        if all.iter().any(|one| is_fed(&one) == is_content(part.about, one)) {
+            if fed.len() < all.len() {
+                text.push_str(match fed.is_empty() {
+                    true => "# Nothing feeds it: its inputs keep their start values.\n",
+                    false => "# All other inputs keep their start values.\n",
+                });
+            }
+            ports.push(format!("inputs = {}", list(&fed)));
+        }
+        let outputs = signals(part.about, Causality::Output);
+        let read = |one: &Variable| {
+            let is_read = |(from, name): &&(usize, String)| *from == number && *name == one.name;
+            sources.clone().any(|from| is_read(&from))
+        };
+        if outputs.iter().any(|one| is_content(part.about, one) && read(one)) {
+            let named = outputs.iter().filter(|one| !is_content(part.about, one) || read(one));
+            let named: Vec<&str> = named.map(|one| one.name.as_str()).collect();
+            ports.push(format!("outputs = {}", list(&named)));
+        }
+        if !ports.is_empty() {
+            let _ = writeln!(text, "ports = {{ {} }}", ports.join(", "));
+        }
         let recorded: BTreeSet<&str> = sources
             .filter(|(part, _)| *part == number)
             .map(|(_, variable)| variable.as_str())

@@ -59,14 +59,19 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
         problems.push(error.to_string());
     }
     let texts = about.variables.iter().filter(|one| {
-        matches!(one.causality, Causality::Input | Causality::Output) && element(about.version, one).is_none()
+        let own = element(about.version, one);
+        matches!(one.causality, Causality::Input | Causality::Output) && own.is_none_or(|own| own.room().is_some())
     });
     for one in texts {
-        problems.push(format!(
-            "`{}` is a {}, which is no signal, as it has no fixed size: it keeps its start value",
-            one.name,
-            one.kind.name()
-        ));
+        let kind = one.kind.name();
+        problems.push(match element(about.version, one) {
+            Some(element) => format!(
+                "`{}` is a {kind}: it is a signal, {element}, where `ports` names it; {{ variable = \"{}\", size = BYTES }} gives it more \
+                 room",
+                one.name, one.name
+            ),
+            None => format!("`{}` is a {kind}, which is no signal", one.name),
+        });
     }
     for problem in &problems {
         let _ = writeln!(text, "note: {problem}");
@@ -204,7 +209,8 @@ fn scenario(model: &Model, file: &Path) -> String {
     let inputs = about
         .variables
         .iter()
-        .any(|one| one.causality == Causality::Input && element(about.version, one).is_some());
+        .filter(|one| one.causality == Causality::Input)
+        .any(|one| element(about.version, one).is_some_and(|one| one.room().is_none()));
     if inputs {
         text.push_str("# Nothing feeds it: its inputs keep their start values. Without this line the port `inputs` must be connected.\nrun.ports.inputs = []\n");
     }

@@ -6,10 +6,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use lockstep::participant::Failure;
 
 use crate::abi::{self, Instance, Log, Status, Texts};
-use crate::layout::Transfer;
 use crate::model::Model;
 use crate::scratch::Scratch;
 use crate::settings::{Content, Setting, Settings};
+use crate::transfer::Transfer;
 
 /// The FMUs of which a process may hold one instance only, as long as there is one.
 static SINGLE: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());

@@ -9,6 +9,7 @@ use crate::items::Items;
 use crate::names::unknown;
 use crate::options::{FieldEntry, Options};
 use crate::settings::Settings;
+use crate::transfer::{Slot, Transfer};
 
 /// The port of all inputs.
 pub const INPUTS: &str = "inputs";
@@ -18,30 +19,6 @@ pub const OUTPUTS: &str = "outputs";
 pub const MESSAGE: &str = "Signals";
 /// The port of what is recorded besides.
 pub const RECORDED: &str = "recorded";
-
-/// Where the values of one variable are in a payload.
-#[derive(Debug, Clone)]
-struct Slot {
-    /// The port's number.
-    port: usize,
-    /// Where the first element is, bytes.
-    offset: usize,
-    element: Element,
-    /// The first value's number among those of its function, and how many there are.
-    first: usize,
-    len: usize,
-    conversion: Option<(f64, f64)>,
-    items: Items,
-    name: String,
-}
-
-/// The variables that one function takes.
-#[derive(Debug, Clone)]
-pub struct Transfer {
-    /// The values.
-    pub values: Values,
-    slots: Vec<Slot>,
-}
 
 /// Ports and transfers.
 #[derive(Debug, Clone)]
@@ -54,7 +31,13 @@ pub struct Layout {
     pub outputs: Vec<Transfer>,
 }
 
-/// The element of a field for a variable; nothing for what is no signal.
+/// The most bytes of a text unless the scenario says so.
+pub const TEXT_ROOM: u32 = 256;
+/// The most bytes of a Binary unless the scenario or its FMU (`maxSize`) says so.
+pub const BYTES_ROOM: u32 = 1024;
+
+/// The element of a field for a variable; nothing for what is no signal. A text or bytes are signals where they are named, because they take
+/// their room in each sample.
 pub fn element(version: Version, variable: &Variable) -> Option<Element> {
     Some(match variable.kind {
         Type::Float64 => Element::F64,
@@ -71,8 +54,28 @@ pub fn element(version: Version, variable: &Variable) -> Option<Element> {
         Type::Enumeration if !Items::of(variable).values.is_empty() => Element::Enum,
         Type::Enumeration if version == Version::Two => Element::I32,
         Type::Enumeration => Element::I64,
-        Type::String | Type::Binary | Type::Clock => return None,
+        Type::String => Element::Text(TEXT_ROOM),
+        Type::Binary => {
+            let own = variable.range.max.as_ref().and_then(|max| max.parse().ok());
+            let fits = |room: &u32| (1..=Descriptor::MAX_SIZE / 2).contains(room);
+            Element::Bytes(own.filter(fits).unwrap_or(BYTES_ROOM))
+        }
+        Type::Clock => return None,
     })
+}
+
+/// The element with as much room as an entry says.
+fn sized(variable: &Variable, element: Element, size: Option<u32>) -> Result<Element, String> {
+    match (size, element) {
+        (None, element) => Ok(element),
+        (Some(size), Element::Text(_)) if size > 0 => Ok(Element::Text(size)),
+        (Some(size), Element::Bytes(_)) if size > 0 => Ok(Element::Bytes(size)),
+        (Some(size), _) => Err(format!(
+            "`{}` is a {}, and its size is {size} bytes: a size belongs to a String or a Binary, and is 1 at least",
+            variable.name,
+            variable.kind.name()
+        )),
+    }
 }
 
 /// A field with the variables behind it.
@@ -212,7 +215,7 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// All variables of one causality that can be signals, in an order without gaps.
+    /// All variables of one causality that are signals without being named, in an order without gaps.
     fn every(&self, causality: Causality) -> Result<Vec<Planned<'a>>, String> {
         let version = self.description.version;
         let own = self
@@ -220,11 +223,11 @@ impl<'a> Planner<'a> {
             .variables
             .iter()
             .filter(|one| one.causality == causality);
-        let signals = own.filter(|one| element(version, one).is_some());
+        let signals = own.filter(|one| element(version, one).is_some_and(|one| one.room().is_none()));
         let mut fields = signals
-            .map(|one| self.field(one.name.clone(), vec![one], false, None, ""))
+            .map(|one| self.field(one.name.clone(), vec![one], false, (None, "", None)))
             .collect::<Result<Vec<_>, _>>()?;
-        fields.sort_by_key(|planned| std::cmp::Reverse(planned.field.element.size()));
+        fields.sort_by_key(|planned| std::cmp::Reverse(planned.field.element.align()));
         Ok(fields)
     }
 
@@ -235,7 +238,7 @@ impl<'a> Planner<'a> {
                 .into_iter()
                 .map(|name| self.variable(name))
                 .collect::<Result<Vec<_>, _>>()?;
-            self.field(name, variables, listed, unit, frame)
+            self.field(name, variables, listed, (unit, frame, entry.size()))
         });
         planned.collect()
     }
@@ -245,20 +248,17 @@ impl<'a> Planner<'a> {
         name: String,
         variables: Vec<&'a Variable>,
         listed: bool,
-        unit: Option<&str>,
-        frame: &str,
+        (unit, frame, size): (Option<&str>, &str, Option<u32>),
     ) -> Result<Planned<'a>, String> {
         let first = *variables
             .first()
             .ok_or_else(|| format!("the field `{name}` has no variables"))?;
         let version = self.description.version;
         let Some(element) = element(version, first) else {
-            return Err(format!(
-                "`{}` is a {}, which is no signal, as it has no fixed size; it keeps its start value",
-                first.name,
-                first.kind.name()
-            ));
+            let kind = first.kind.name();
+            return Err(format!("`{}` is a {kind}, which is no signal", first.name));
         };
+        let element = sized(first, element, size)?;
         if let Some(other) = variables
             .iter()
             .find(|one| (one.kind, &one.unit, &one.items) != (first.kind, &first.unit, &first.items))
@@ -330,10 +330,10 @@ impl<'a> Planner<'a> {
         let mut largest = 1;
         let mut described = Vec::new();
         for mut planned in fields {
-            let size = planned.field.element.size();
-            if !offset.is_multiple_of(size) {
+            let (size, align) = (planned.field.element.size(), planned.field.element.align());
+            if !offset.is_multiple_of(align) {
                 return Err(format!(
-                    "`{}` has elements of {size} bytes and would start at byte {offset}: list the fields with larger elements first",
+                    "`{}` has elements of {align} bytes and would start at byte {offset}: list the fields with larger elements first",
                     planned.field.name
                 ));
             }
@@ -343,7 +343,7 @@ impl<'a> Planner<'a> {
             planned.field.offset = offset as u32;
             self.slots(input, number, &planned)?;
             offset += planned.field.len() * size;
-            largest = largest.max(size);
+            largest = largest.max(align);
             described.push(planned.field);
         }
         let rest = offset.next_multiple_of(largest) - offset;
@@ -424,72 +424,6 @@ impl<'a> Planner<'a> {
                 items: Items::of(variable),
                 name: variable.name.clone(),
             });
-        }
-        Ok(())
-    }
-}
-
-impl Slot {
-    fn read(&self, payload: &[u8], values: &mut Values) -> Result<(), String> {
-        let size = self.element.size();
-        for index in 0..self.len {
-            let at = self.offset + index * size;
-            let own = &payload[at..at + size];
-            let mut bytes = [0; 8];
-            match (values.native, self.conversion) {
-                (Native::F64, Some((factor, shift))) => {
-                    let value = f64::from_le_bytes(own.try_into().unwrap_or_default());
-                    bytes = ((value - shift) / factor).to_ne_bytes();
-                }
-                (Native::F32, Some((factor, shift))) => {
-                    let value = f64::from(f32::from_le_bytes(own.try_into().unwrap_or_default()));
-                    bytes[..4].copy_from_slice(&(((value - shift) / factor) as f32).to_ne_bytes());
-                }
-                // Bytes that have been looked at as they came in; a truth value of FMI 2.0 has four.
-                _ if self.element == Element::Enum => {
-                    let value = self.items.own(own[0]).ok_or_else(|| {
-                        let name = &self.name;
-                        format!("the input `{name}` is {}, which is no item: say `initial`", own[0])
-                    })?;
-                    bytes = value.to_le_bytes();
-                }
-                _ => bytes[..size].copy_from_slice(own),
-            }
-            values.put(self.first + index, &bytes);
-        }
-        Ok(())
-    }
-
-    fn write(&self, values: &Values, payload: &mut [u8]) -> Result<(), String> {
-        let size = self.element.size();
-        for index in 0..self.len {
-            let bytes = values.bytes(self.first + index);
-            let at = self.offset + index * size;
-            let own = &mut payload[at..at + size];
-            let four = [bytes[0], bytes[1], bytes[2], bytes[3]];
-            match (values.native, self.conversion) {
-                (Native::F64, Some((factor, shift))) => {
-                    own.copy_from_slice(&(f64::from_ne_bytes(bytes) * factor + shift).to_le_bytes());
-                }
-                (Native::F32, Some((factor, shift))) => {
-                    let value = f64::from(f32::from_ne_bytes(four)) * factor + shift;
-                    own.copy_from_slice(&(value as f32).to_le_bytes());
-                }
-                (native, _) if self.element == Element::Enum => {
-                    let value = match native {
-                        Native::I32 => i64::from(i32::from_ne_bytes(four)),
-                        _ => i64::from_ne_bytes(bytes),
-                    };
-                    own[0] = self.items.byte(value).ok_or_else(|| {
-                        let name = &self.name;
-                        format!("its output `{name}` is {value}, which is no item of its enumeration")
-                    })?;
-                }
-                // Whatever is not false is true.
-                (Native::Bool32, _) => own[0] = u8::from(i32::from_ne_bytes(four) != 0),
-                (Native::Bool8, _) => own[0] = u8::from(bytes[0] != 0),
-                _ => own.copy_from_slice(&bytes[..size]),
-            }
         }
         Ok(())
     }

@@ -18,6 +18,7 @@ mod options;
 mod participant;
 mod scratch;
 mod settings;
+mod transfer;
 mod zip;
 
 pub use abi::to_standard_error;

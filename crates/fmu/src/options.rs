@@ -44,6 +44,8 @@ pub struct FullEntry {
     /// The frame of its components.
     #[serde(default)]
     pub frame: String,
+    /// The most bytes of a text or of bytes.
+    pub size: Option<u32>,
 }
 
 /// One variable or several.
@@ -65,7 +67,7 @@ impl Options {
         let options: Options = lockstep::units::read(table).map_err(|error| {
             let reason = match error.reason.contains("untagged") {
                 true => "a field is the name of a variable, or { name = \"FIELD\", variable = \"NAME\" or [\"NAME\", …], unit = \
-                         \"UNIT\", frame = \"FRAME\" }"
+                         \"UNIT\", frame = \"FRAME\", size = BYTES }"
                     .to_owned(),
                 false => error.reason,
             };
@@ -80,6 +82,14 @@ impl Options {
 }
 
 impl FieldEntry {
+    /// How many bytes a text or bytes may have, where it is said.
+    pub(crate) fn size(&self) -> Option<u32> {
+        match self {
+            FieldEntry::Plain(_) => None,
+            FieldEntry::Full(full) => full.size,
+        }
+    }
+
     /// Name, variables, unit and frame.
     pub(crate) fn parts(&self) -> (String, Vec<&str>, bool, Option<&str>, &str) {
         match self {

@@ -1,6 +1,6 @@
 //! What both versions of the standard have in common: statuses, values, and the calls of an instance.
 
-use std::ffi::c_void;
+use std::ffi::{CStr, c_void};
 
 use crate::description::{Description, Type, Version};
 
@@ -66,10 +66,14 @@ pub enum Native {
     Bool32,
     /// `fmi3Boolean`, a byte.
     Bool8,
+    /// Pointers to texts that end with a zero.
+    Text,
+    /// Pointers to bytes, with their numbers beside them.
+    Binary,
 }
 
 impl Native {
-    /// The function for variables of `kind`; nothing for strings, binaries and clocks.
+    /// The function for variables of `kind`; nothing for clocks.
     pub fn of(version: Version, kind: Type) -> Option<Native> {
         Some(match (version, kind) {
             (_, Type::Float64) => Native::F64,
@@ -85,17 +89,20 @@ impl Native {
             (Version::Three, Type::Int64 | Type::Enumeration) => Native::I64,
             (Version::Three, Type::UInt64) => Native::U64,
             (Version::Three, Type::Boolean) => Native::Bool8,
+            (_, Type::String) => Native::Text,
+            (Version::Three, Type::Binary) => Native::Binary,
             _ => return None,
         })
     }
 
-    /// Bytes of one value.
+    /// Bytes of one value; texts and bytes have no fixed number.
     pub const fn size(self) -> usize {
         match self {
             Native::F64 | Native::I64 | Native::U64 => 8,
             Native::F32 | Native::I32 | Native::U32 | Native::Bool32 => 4,
             Native::I16 | Native::U16 => 2,
             Native::I8 | Native::U8 | Native::Bool8 => 1,
+            Native::Text | Native::Binary => 0,
         }
     }
 }
@@ -110,6 +117,14 @@ pub struct Values {
     /// How many values they have together.
     pub count: usize,
     words: Vec<u64>,
+    /// Texts, each with a zero at its end, or bytes.
+    contents: Vec<Vec<u8>>,
+}
+
+/// Pointers to texts or bytes as functions take and give them, with the numbers of bytes.
+pub(super) struct Pointers {
+    pub(super) pointers: Vec<*const u8>,
+    pub(super) sizes: Vec<usize>,
 }
 
 impl Values {
@@ -121,7 +136,61 @@ impl Values {
             references,
             count,
             words,
+            contents: match native {
+                Native::Text => vec![vec![0]; count],
+                Native::Binary => vec![Vec::new(); count],
+                _ => Vec::new(),
+            },
         }
+    }
+
+    /// Pointers to the texts or bytes, which are not changed as long as they are used.
+    pub(super) fn pointers(&self) -> Pointers {
+        Pointers {
+            pointers: self.contents.iter().map(|one| one.as_ptr()).collect(),
+            sizes: self.contents.iter().map(Vec::len).collect(),
+        }
+    }
+
+    /// Room for the pointers that a function gives.
+    pub(super) fn no_pointers(&self) -> Pointers {
+        Pointers {
+            pointers: vec![std::ptr::null(); self.count],
+            sizes: vec![0; self.count],
+        }
+    }
+
+    /// Copies what a function gave. A null pointer stands for nothing.
+    ///
+    /// # Safety
+    /// Each pointer is null, or leads to a text with a zero at its end, or to as many bytes as its size says.
+    pub(super) unsafe fn take(&mut self, given: &Pointers) {
+        let each = given.pointers.iter().zip(&given.sizes);
+        for (own, (pointer, size)) in self.contents.iter_mut().zip(each) {
+            own.clear();
+            match (pointer.is_null(), self.native) {
+                (true, Native::Text) => own.push(0),
+                (true, _) => {}
+                // SAFETY: as the caller says.
+                (false, Native::Text) => own.extend(unsafe { CStr::from_ptr(pointer.cast()) }.to_bytes_with_nul()),
+                // SAFETY: as the caller says.
+                (false, _) => own.extend(unsafe { std::slice::from_raw_parts(*pointer, *size) }),
+            }
+        }
+    }
+
+    /// Text or bytes number `index`.
+    pub fn content(&self, index: usize) -> &[u8] {
+        let own = &self.contents[index];
+        &own[..own.len() - usize::from(self.native == Native::Text)]
+    }
+
+    /// Puts text or bytes number `index`. There is no zero in a text.
+    pub fn put_content(&mut self, index: usize, content: &[u8]) {
+        let own = &mut self.contents[index];
+        own.clear();
+        own.extend(content);
+        own.extend((self.native == Native::Text).then_some(0));
     }
 
     pub(super) fn pointer(&mut self) -> *mut c_void {

@@ -52,6 +52,14 @@ functions! {
 }
 
 functions! {
+    /// Asked for only where texts or bytes are read.
+    ContentFunctions {
+        get_string = "fmi3GetString": fn(Pointer, *const u32, usize, *mut *const c_char, usize) -> c_int;
+        get_binary = "fmi3GetBinary": fn(Pointer, *const u32, usize, *mut usize, *mut *const u8, usize) -> c_int;
+    }
+}
+
+functions! {
     /// Asked for only where the description says that they are there.
     StateFunctions {
         get = "fmi3GetFMUState": fn(Pointer, *mut Pointer) -> c_int;
@@ -68,6 +76,7 @@ pub struct Three {
     instance: Pointer,
     functions: Functions,
     state: Option<StateFunctions>,
+    contents: Option<ContentFunctions>,
     /// Last: it is unloaded after everything else.
     library: Library,
 }
@@ -124,6 +133,7 @@ impl Three {
             instance,
             functions,
             state,
+            contents: ContentFunctions::load(&loaded).ok(),
             library: loaded,
         };
         three.log_failures_only(description);
@@ -155,6 +165,42 @@ impl Three {
                 pointer,
                 values.count,
             )
+        })
+    }
+}
+
+impl Three {
+    fn get_contents(&self, values: &mut Values) -> Status {
+        let Some(own) = &self.contents else {
+            return Status::Error;
+        };
+        let (references, count) = (values.references.as_ptr(), values.references.len());
+        let mut given = values.no_pointers();
+        let (pointers, sizes, room) = (given.pointers.as_mut_ptr(), given.sizes.as_mut_ptr(), values.count);
+        // SAFETY: there is room for `count` pointers and sizes; what they lead to is copied before the FMU is called again.
+        unsafe {
+            let status = Status::of(match values.native {
+                Native::Text => (own.get_string)(self.instance, references, count, pointers.cast(), room),
+                _ => (own.get_binary)(self.instance, references, count, sizes, pointers, room),
+            });
+            if status.done() {
+                values.take(&given);
+            }
+            status
+        }
+    }
+
+    fn set_contents(&self, values: &Values) -> Status {
+        let own = &self.functions;
+        let (references, count) = (values.references.as_ptr(), values.references.len());
+        let given = values.pointers();
+        let (pointers, sizes, room) = (given.pointers.as_ptr(), given.sizes.as_ptr(), values.count);
+        // SAFETY: texts end with a zero, and the size of bytes stands beside them.
+        Status::of(unsafe {
+            match values.native {
+                Native::Text => (own.set_string)(self.instance, references, count, pointers.cast(), room),
+                _ => (own.set_binary)(self.instance, references, count, sizes, pointers, room),
+            }
         })
     }
 }
@@ -201,6 +247,7 @@ impl Instance for Three {
             Native::U64 => own.get_u64,
             Native::Bool8 => own.get_boolean,
             Native::Bool32 => return Status::Error,
+            Native::Text | Native::Binary => return self.get_contents(values),
         };
         self.transfer(function, values)
     }
@@ -220,6 +267,7 @@ impl Instance for Three {
             Native::U64 => own.set_u64,
             Native::Bool8 => own.set_boolean,
             Native::Bool32 => return Status::Error,
+            Native::Text | Native::Binary => return self.set_contents(values),
         };
         self.transfer(function, values)
     }

@@ -48,6 +48,13 @@ functions! {
 }
 
 functions! {
+    /// Asked for only where texts are read.
+    TextFunctions {
+        get_string = "fmi2GetString": fn(Component, *const u32, usize, *mut *const c_char) -> c_int;
+    }
+}
+
+functions! {
     /// Asked for only where the description says that they are there.
     StateFunctions {
         get = "fmi2GetFMUstate": fn(Component, *mut *mut c_void) -> c_int;
@@ -68,6 +75,7 @@ pub struct Two {
     component: Component,
     functions: Functions,
     state: Option<StateFunctions>,
+    texts: Option<TextFunctions>,
     // The FMU keeps pointers to these.
     _callbacks: Box<Callbacks>,
     /// Last: it is unloaded after everything else.
@@ -131,6 +139,7 @@ impl Two {
             component,
             functions,
             state,
+            texts: TextFunctions::load(&loaded).ok(),
             _callbacks: callbacks,
             _library: loaded,
         };
@@ -190,12 +199,34 @@ impl Instance for Two {
     }
 
     fn get(&mut self, values: &mut Values) -> Status {
+        if values.native == Native::Text {
+            let Some(texts) = &self.texts else { return Status::Error };
+            let (references, count) = (values.references.as_ptr(), values.references.len());
+            let mut given = values.no_pointers();
+            // SAFETY: there is room for one pointer for each reference; the texts are copied before the FMU is called again.
+            return unsafe {
+                let pointers = given.pointers.as_mut_ptr();
+                let status = Status::of((texts.get_string)(self.component, references, count, pointers.cast()));
+                if status.done() {
+                    values.take(&given);
+                }
+                status
+            };
+        }
         let own = &self.functions;
         self.transfer(values, own.get_real, own.get_integer, own.get_boolean)
     }
 
     fn set(&mut self, values: &mut Values) -> Status {
         let own = &self.functions;
+        if values.native == Native::Text {
+            let (references, count) = (values.references.as_ptr(), values.references.len());
+            let given = values.pointers();
+            // SAFETY: one text with a zero at its end for each reference.
+            return Status::of(unsafe {
+                (own.set_string)(self.component, references, count, given.pointers.as_ptr().cast())
+            });
+        }
         self.transfer(values, own.set_real, own.set_integer, own.set_boolean)
     }
 

@@ -18,7 +18,8 @@ pub(super) fn range(node: Node<'_, '_>) -> Range {
     let text = |name| node.attribute(name).map(|text| text.trim().to_owned());
     Range {
         min: text("min"),
-        max: text("max"),
+        // Of a Binary: the most bytes that it has.
+        max: text("max").or_else(|| text("maxSize")),
     }
 }
 

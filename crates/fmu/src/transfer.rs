@@ -1,0 +1,127 @@
+//! Values of variables in payloads.
+
+use lockstep::port::Element;
+
+use crate::abi::{Native, Values};
+use crate::items::Items;
+
+/// Where the values of one variable are in a payload.
+#[derive(Debug, Clone)]
+pub(crate) struct Slot {
+    /// The port's number.
+    pub(crate) port: usize,
+    /// Where the first element is, bytes.
+    pub(crate) offset: usize,
+    pub(crate) element: Element,
+    /// The first value's number among those of its function, and how many there are.
+    pub(crate) first: usize,
+    pub(crate) len: usize,
+    pub(crate) conversion: Option<(f64, f64)>,
+    pub(crate) items: Items,
+    pub(crate) name: String,
+}
+
+/// The variables that one function takes.
+#[derive(Debug, Clone)]
+pub struct Transfer {
+    /// The values.
+    pub values: Values,
+    pub(crate) slots: Vec<Slot>,
+}
+
+impl Slot {
+    /// Takes the variable's part of a payload as values.
+    pub(crate) fn read(&self, payload: &[u8], values: &mut Values) -> Result<(), String> {
+        let size = self.element.size();
+        for index in 0..self.len {
+            let at = self.offset + index * size;
+            let own = &payload[at..at + size];
+            if self.element.room().is_some() {
+                let content = self.element.content(own);
+                let content = content.map_err(|reason| format!("the input `{}`: {reason}", self.name))?;
+                values.put_content(self.first + index, content.as_bytes());
+                continue;
+            }
+            let mut bytes = [0; 8];
+            match (values.native, self.conversion) {
+                (Native::F64, Some((factor, shift))) => {
+                    let value = f64::from_le_bytes(own.try_into().unwrap_or_default());
+                    bytes = ((value - shift) / factor).to_ne_bytes();
+                }
+                (Native::F32, Some((factor, shift))) => {
+                    let value = f64::from(f32::from_le_bytes(own.try_into().unwrap_or_default()));
+                    bytes[..4].copy_from_slice(&(((value - shift) / factor) as f32).to_ne_bytes());
+                }
+                // Bytes that have been looked at as they came in; a truth value of FMI 2.0 has four.
+                _ if self.element == Element::Enum => {
+                    let value = self.items.own(own[0]).ok_or_else(|| {
+                        let name = &self.name;
+                        format!("the input `{name}` is {}, which is no item: say `initial`", own[0])
+                    })?;
+                    bytes = value.to_le_bytes();
+                }
+                _ => bytes[..size].copy_from_slice(own),
+            }
+            values.put(self.first + index, &bytes);
+        }
+        Ok(())
+    }
+
+    /// Puts the values into their part of a payload.
+    pub(crate) fn write(&self, values: &Values, payload: &mut [u8]) -> Result<(), String> {
+        let size = self.element.size();
+        for index in 0..self.len {
+            if self.element.room().is_some() {
+                let at = self.offset + index * size;
+                self.write_content(values.content(self.first + index), &mut payload[at..at + size])?;
+                continue;
+            }
+            let bytes = values.bytes(self.first + index);
+            let at = self.offset + index * size;
+            let own = &mut payload[at..at + size];
+            let four = [bytes[0], bytes[1], bytes[2], bytes[3]];
+            match (values.native, self.conversion) {
+                (Native::F64, Some((factor, shift))) => {
+                    own.copy_from_slice(&(f64::from_ne_bytes(bytes) * factor + shift).to_le_bytes());
+                }
+                (Native::F32, Some((factor, shift))) => {
+                    let value = f64::from(f32::from_ne_bytes(four)) * factor + shift;
+                    own.copy_from_slice(&(value as f32).to_le_bytes());
+                }
+                (native, _) if self.element == Element::Enum => {
+                    let value = match native {
+                        Native::I32 => i64::from(i32::from_ne_bytes(four)),
+                        _ => i64::from_ne_bytes(bytes),
+                    };
+                    own[0] = self.items.byte(value).ok_or_else(|| {
+                        let name = &self.name;
+                        format!("its output `{name}` is {value}, which is no item of its enumeration")
+                    })?;
+                }
+                // Whatever is not false is true.
+                (Native::Bool32, _) => own[0] = u8::from(i32::from_ne_bytes(four) != 0),
+                (Native::Bool8, _) => own[0] = u8::from(bytes[0] != 0),
+                _ => own.copy_from_slice(&bytes[..size]),
+            }
+        }
+        Ok(())
+    }
+
+    /// A text or bytes as the FMU gives them: all of them, or none.
+    fn write_content(&self, content: &[u8], own: &mut [u8]) -> Result<(), String> {
+        let name = &self.name;
+        if let (Element::Text(_), Err(error)) = (self.element, std::str::from_utf8(content)) {
+            return Err(format!(
+                "its output `{name}` is not UTF-8 from byte {} on",
+                error.valid_up_to()
+            ));
+        }
+        self.element.put_content(content, own).map_err(|error| {
+            format!(
+                "its output `{name}` has {} bytes, and its field room for {}: give it more, as {{ variable = \"{name}\", size = {} }} in \
+                 `ports` or `record`",
+                error.length, error.room, error.length
+            )
+        })
+    }
+}
