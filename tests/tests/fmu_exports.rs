@@ -8,6 +8,8 @@ use tape::{Reader, Source};
 
 const CLOSE: &str = "scenarios/close.toml";
 const PID: &str = "examples/pid/pid.toml";
+const CROSSING: &str = "examples/c/crossing.toml";
+const BEACON: &str = "examples/c/beacon.toml";
 
 fn run(scenario: &str, out: &Path, sets: &[String], more: &[&str]) {
     let mut arguments = vec!["run", scenario, "--quiet", "--out", text(out)];
@@ -115,6 +117,119 @@ fn position_loop_of_fmus_of_plugins_is_the_same_run() {
         .collect();
     changes_no_bit(&folder, PID, &sets, &["plant", "controller", "reference"], &[]);
 }
+
+/// Enumerations, truth values and small numbers of an FMU are those of the participant that it was made of.
+#[test]
+fn named_values_of_fmus_are_the_same_run() {
+    let folder = Folder::new("exported-crossing");
+    let file = examples().path("c/libcrossing.so");
+    let sets = ["light", "crowd"].map(|name| library(name, &file, Some(name)));
+    changes_no_bit(&folder, CROSSING, &sets, &["light", "crowd"], &[]);
+}
+
+/// Texts in both versions, bytes in the one that has a type for them.
+#[test]
+fn texts_and_bytes_of_fmus_are_the_same_run() {
+    let folder = Folder::new("exported-beacon");
+    let file = examples().path("c/libbeacon.so");
+    let sets = ["beacon", "station"].map(|name| library(name, &file, Some(name)));
+    let path = |name: &str| folder.path().join(name);
+    run(BEACON, &path("reference"), &sets, &[]);
+    let mut all = sets.to_vec();
+    for name in ["beacon", "station"] {
+        let own = in_its_place(&folder, BEACON, name, "3", &sets);
+        run(BEACON, &path(name), &[&sets[..], &own].concat(), &["--in-process"]);
+        same(&path("reference"), &path(name));
+        all.extend(own);
+    }
+    run(BEACON, &path("all"), &all, &["--checkpoint-every", "20 s"]);
+    same(&path("reference"), &path("all"));
+    let said = orchestrate(&[
+        "resume",
+        text(&path("all")),
+        "--from",
+        "40 s",
+        "--out",
+        text(&path("resumed")),
+        "--quiet",
+    ]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    same(&path("reference"), &path("resumed"));
+    let said = orchestrate(&["fmu", "inspect", text(&path("beacon-3.fmu"))]);
+    assert!(
+        said.out
+            .contains("`beacon.frame` is a Binary: it is a signal, bytes[32], where `ports` names it"),
+        "{said:?}"
+    );
+    let two = path("two.fmu");
+    let more = ["--participant", "beacon", "--fmi", "2", "--out", text(&two)];
+    let said = export(BEACON, &more, &sets);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    assert!(
+        said.err
+            .contains("`beacon.frame` has bytes, for which FMI 2.0 has no type"),
+        "{said:?}"
+    );
+    // Without the bytes the older version does.
+    let table = folder.write("words.toml", WORDS);
+    let shop = escapement_tests::compiler::Workshop::open("words");
+    let plugin = shop.plugin(text(&folder.write("words.c", WORDS_C)), "libwords.so", &[]);
+    let sets = [library("one", &plugin, None), library("two", &plugin, None)];
+    let names = Folder::new("exported-words");
+    changes_no_bit(&names, text(&table), &sets, &["one", "two"], &[]);
+}
+
+/// A longer text than the room that its field has ends the run.
+#[test]
+fn text_of_an_fmu_is_not_cut_off() {
+    let folder = Folder::new("exported-long");
+    let file = examples().path("c/libbeacon.so");
+    let sets = ["beacon", "station"].map(|name| library(name, &file, Some(name)));
+    let own = in_its_place(&folder, BEACON, "beacon", "3", &sets);
+    let short = own[0].replace("size = 24", "size = 9");
+    assert_ne!(short, own[0]);
+    let out = folder.path().join("short");
+    let mut arguments = vec!["run", BEACON, "--quiet", "--out", text(&out)];
+    let map = "connections.beacon.map={ count = \"count\", frame = \"frame\", phase = \"phase\", state = \"state\" }";
+    let all = [&sets[..], &[short, own[1].clone(), map.to_owned()]].concat();
+    all.iter().for_each(|set| arguments.extend(["--set", set]));
+    let said = orchestrate(&arguments);
+    assert_eq!(said.code, Some(1), "{said:?}");
+    let words = "its output `beacon.phase` has 15 bytes, and its field room for 9: give it more, as { variable = \"beacon.phase\", size = 15 }";
+    assert!(said.err.contains("`beacon`") && said.err.contains(words), "{said:?}");
+}
+
+/// Two participants that tell each other what they were told.
+const WORDS: &str = "duration = \"5 s\"\n[participants.one]\nperiod = \"100 ms\"\n[participants.two]\nperiod = \"130 ms\"\n\
+                     offset = \"10 ms\"\n[connections.there]\nfrom = \"one.said\"\nto = \"two.heard\"\n\
+                     [connections.back]\nfrom = \"two.said\"\nto = \"one.heard\"\ndelay = \"20 ms\"\ninitial = { word = [\"Öl\", \"\"] }\n";
+const WORDS_C: &str = r#"
+#include "escapement.h"
+typedef struct { char word[2][16]; } Words;
+static const escapement_field fields[] = {{"word", "1", "", ESCAPEMENT_TEXT, 0, 2, {2, 16}}};
+static const escapement_message Words_message = {"Words", fields, 1, sizeof(Words)};
+static escapement_status describe(const escapement_host *host, void **own) {
+    (void)own;
+    host->kind(host, ESCAPEMENT_SAMPLED);
+    ESCAPEMENT_INPUT(host, "heard", Words);
+    ESCAPEMENT_OUTPUT(host, "said", Words);
+    return ESCAPEMENT_OK;
+}
+static escapement_status step(const escapement_host *host, void *own, const escapement_step *step, const void *const *inputs,
+                              void *const *outputs) {
+    const Words *heard = inputs[0];
+    Words *said = outputs[0];
+    char text[40];
+    (void)own;
+    snprintf(text, sizeof text, "%s %u", host->name, (unsigned)step->index);
+    escapement_put_text(said->word[0], sizeof said->word[0], text);
+    memcpy(said->word[1], heard->word[0], sizeof said->word[1]);
+    return ESCAPEMENT_OK;
+}
+static const escapement_participant words = {ESCAPEMENT_TABLE, .name = "words", .version = "1", .state_size = ESCAPEMENT_STATELESS,
+                                             .describe = describe, .step = step};
+ESCAPEMENT_PLUGIN(&words);
+"#;
 
 /// A program of its own exports what it contains, by its own library.
 #[test]

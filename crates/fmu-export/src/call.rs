@@ -140,12 +140,19 @@ fn counted(instance: &Instance, references: &[u32], native: Native, room: usize)
 ///
 /// # Safety
 /// As for [`get`].
-pub unsafe fn get_texts(pointer: Pointer, references: *const u32, count: usize, to: *mut *const c_char) -> c_int {
+pub unsafe fn get_texts(
+    pointer: Pointer,
+    (references, count): (*const u32, usize),
+    to: *mut *const c_char,
+    room: usize,
+) -> c_int {
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
-        let texts = instance.get_texts(unsafe { list(references, count) })?;
+        let references = unsafe { list(references, count) };
+        counted(instance, references, Native::Text, room)?;
+        let texts = instance.get_texts(references)?;
         for (number, text) in texts.iter().enumerate() {
-            // SAFETY: there is room for as many texts as there are references.
+            // SAFETY: there is room for as many texts as there are.
             unsafe { to.add(number).write(text.as_ptr()) };
         }
         Ok(())
@@ -158,15 +165,79 @@ pub unsafe fn get_texts(pointer: Pointer, references: *const u32, count: usize, 
 ///
 /// # Safety
 /// As for [`get`].
-pub unsafe fn set_texts(pointer: Pointer, references: *const u32, count: usize, from: *const *const c_char) -> c_int {
+pub unsafe fn set_texts(
+    pointer: Pointer,
+    (references, count): (*const u32, usize),
+    from: *const *const c_char,
+    room: usize,
+) -> c_int {
     let work = |instance: &mut Instance| {
         // SAFETY: as the caller says.
-        let (references, texts) = unsafe { (list(references, count), list(from, count)) };
-        for (reference, at) in references.iter().zip(texts) {
-            // SAFETY: as above.
-            instance.set_text(*reference, &unsafe { text(*at) })?;
+        let references = unsafe { list(references, count) };
+        counted(instance, references, Native::Text, room)?;
+        // SAFETY: as the caller says.
+        let texts = unsafe { list(from, room) };
+        let bytes = |at: &*const c_char| match at.is_null() {
+            true => &[][..],
+            // SAFETY: as the caller says.
+            false => unsafe { CStr::from_ptr(*at) }.to_bytes(),
+        };
+        let contents: Vec<&[u8]> = texts.iter().map(bytes).collect();
+        instance.set_contents(references, Native::Text, &contents)
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, false, work) }
+}
+
+/// Reads bytes, with their numbers into `sizes`.
+///
+/// # Safety
+/// As for [`get`].
+pub unsafe fn get_binaries(
+    pointer: Pointer,
+    (references, count): (*const u32, usize),
+    sizes: *mut usize,
+    to: *mut *const u8,
+    room: usize,
+) -> c_int {
+    let work = |instance: &mut Instance| {
+        // SAFETY: as the caller says.
+        let references = unsafe { list(references, count) };
+        counted(instance, references, Native::Binary, room)?;
+        for (number, bytes) in instance.get_binaries(references)?.iter().enumerate() {
+            // SAFETY: there is room for as many as there are.
+            unsafe {
+                to.add(number).write(bytes.as_ptr());
+                sizes.add(number).write(bytes.len());
+            }
         }
         Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, false, work) }
+}
+
+/// Sets bytes.
+///
+/// # Safety
+/// As for [`get`].
+pub unsafe fn set_binaries(
+    pointer: Pointer,
+    (references, count): (*const u32, usize),
+    sizes: *const usize,
+    from: *const *const u8,
+    room: usize,
+) -> c_int {
+    let work = |instance: &mut Instance| {
+        // SAFETY: as the caller says.
+        let references = unsafe { list(references, count) };
+        counted(instance, references, Native::Binary, room)?;
+        // SAFETY: as the caller says.
+        let (sizes, pointers) = unsafe { (list(sizes, room), list(from, room)) };
+        // SAFETY: as the caller says.
+        let each = sizes.iter().zip(pointers).map(|(size, at)| unsafe { list(*at, *size) });
+        let contents: Vec<&[u8]> = each.collect();
+        instance.set_contents(references, Native::Binary, &contents)
     };
     // SAFETY: as the caller says.
     unsafe { call(pointer, false, work) }

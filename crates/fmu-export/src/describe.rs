@@ -232,7 +232,8 @@ fn start(variable: &Variable, parameters: &[Parameter]) -> Option<String> {
         Kind::Number(element) => element.whole(bytes).to_string(),
         Kind::Enumeration => bytes[0].to_string(),
         Kind::Boolean => (bytes[0] != 0).to_string(),
-        Kind::Text => String::new(),
+        // An input is empty at first.
+        Kind::Text | Kind::Content(_) => String::new(),
     };
     let all: Vec<String> = bytes.chunks_exact(variable.kind.size()).map(one).collect();
     Some(all.join(" "))
@@ -283,7 +284,8 @@ fn variable_three(
     let (causality, variability, initial) = nature(variable, ports);
     let kind = variable.kind.name(Version::Three);
     let start = start(variable, parameters);
-    let written = start.as_ref().filter(|_| variable.kind != Kind::Text);
+    let content = matches!(variable.kind, Kind::Text | Kind::Content(_));
+    let written = start.as_ref().filter(|_| !content);
     let _ = write!(
         text,
         "    <{kind} name=\"{}\" valueReference=\"{reference}\"{} causality=\"{causality}\" variability=\"{variability}\"{}{}{}{}",
@@ -294,12 +296,16 @@ fn variable_three(
         unit_of(variable),
         written.map_or_else(String::new, |start| attribute("start", start)),
     );
+    if let Kind::Content(Element::Bytes(room)) = variable.kind {
+        let _ = write!(text, " maxSize=\"{room}\"");
+    }
     let mut inside = String::new();
     for extent in &variable.extents {
         let _ = write!(inside, "<Dimension start=\"{extent}\"/>");
     }
-    if variable.kind == Kind::Text {
-        let _ = write!(inside, "<Start value=\"{}\"/>", quoted(&start.unwrap_or_default()));
+    if let (true, Some(start)) = (content, &start) {
+        let one = format!("<Start value=\"{}\"/>", quoted(start.trim()));
+        inside += &one.repeat(variable.len);
     }
     if inside.is_empty() {
         text.push_str("/>\n");

@@ -11,12 +11,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, exact};
 use crate::describe::{About, describe};
-use crate::kind::Version;
+use crate::kind::{Native, Version};
 use crate::manifest::{Content, FORMAT, MANIFEST, Manifest, SCENARIO, token};
 use crate::model::Model;
 use crate::pack::Pack;
 use crate::single::Single;
 use crate::usage;
+use crate::variable::Variable;
 use crate::whole::{self, Whole};
 
 /// What is to be exported.
@@ -117,7 +118,7 @@ pub fn export(catalogue: &Arc<Catalogue>, request: &Request) -> Result<String, E
         scenario: read.map_err(|error| broken(format!("the exported scenario cannot be read again: {error}")))?,
         token: token.clone(),
     });
-    let model = model.map_err(refuse)?;
+    let model = checked(model.map_err(refuse)?, parts.manifest.version())?;
     let identifier = identifier(&parts.manifest.model);
     let about = About {
         version: parts.manifest.version(),
@@ -289,6 +290,18 @@ fn whole(scenario: &Scenario, request: &Request) -> Result<Parts, ExportError> {
         files,
         description: scenario.title.clone(),
     })
+}
+
+/// The model, if the version has a type for every variable.
+fn checked(model: Model, version: Version) -> Result<Model, ExportError> {
+    let binary = |one: &&Variable| one.kind.native(version) == Native::Binary;
+    match model.variables.iter().find(binary) {
+        Some(one) if version == Version::Two => Err(refuse(format!(
+            "`{}` has bytes, for which FMI 2.0 has no type: export it with --fmi 3",
+            one.name
+        ))),
+        _ => Ok(model),
+    }
 }
 
 /// Whether the participant can be saved once it has begun, which is tried.

@@ -45,8 +45,8 @@ macro_rules! fmu {
                 fn fmi2SetInteger(i: Pointer, r: *const u32, n: usize, from: *const c_void) -> c_int = two::set(i, Native::Int32, r, n, from);
                 fn fmi2GetBoolean(i: Pointer, r: *const u32, n: usize, to: *mut c_void) -> c_int = two::get(i, Native::Boolean32, r, n, to);
                 fn fmi2SetBoolean(i: Pointer, r: *const u32, n: usize, from: *const c_void) -> c_int = two::set(i, Native::Boolean32, r, n, from);
-                fn fmi2GetString(i: Pointer, r: *const u32, n: usize, to: *mut *const c_char) -> c_int = call::get_texts(i, r, n, to);
-                fn fmi2SetString(i: Pointer, r: *const u32, n: usize, from: *const *const c_char) -> c_int = call::set_texts(i, r, n, from);
+                fn fmi2GetString(i: Pointer, r: *const u32, n: usize, to: *mut *const c_char) -> c_int = call::get_texts(i, (r, n), to, n);
+                fn fmi2SetString(i: Pointer, r: *const u32, n: usize, from: *const *const c_char) -> c_int = call::set_texts(i, (r, n), from, n);
                 fn fmi2GetFMUstate(i: Pointer, state: *mut Pointer) -> c_int = call::save(i, state);
                 fn fmi2SetFMUstate(i: Pointer, state: Pointer) -> c_int = call::restore(i, state);
                 fn fmi2FreeFMUstate(_i: Pointer, state: *mut Pointer) -> c_int = { call::free_state(state); 0 };
@@ -101,10 +101,10 @@ macro_rules! fmu {
                 fn fmi3SetUInt64(i: Pointer, r: *const u32, n: usize, from: *const c_void, room: usize) -> c_int = three::set(i, Native::UInt64, r, n, from, room);
                 fn fmi3GetBoolean(i: Pointer, r: *const u32, n: usize, to: *mut c_void, room: usize) -> c_int = three::get(i, Native::Boolean8, r, n, to, room);
                 fn fmi3SetBoolean(i: Pointer, r: *const u32, n: usize, from: *const c_void, room: usize) -> c_int = three::set(i, Native::Boolean8, r, n, from, room);
-                fn fmi3GetString(i: Pointer, r: *const u32, n: usize, to: *mut *const c_char, _room: usize) -> c_int = call::get_texts(i, r, n, to);
-                fn fmi3SetString(i: Pointer, r: *const u32, n: usize, from: *const *const c_char, _room: usize) -> c_int = call::set_texts(i, r, n, from);
-                fn fmi3GetBinary(i: Pointer, _r: *const u32, n: usize) -> c_int = three::none_of(i, "Binary", n);
-                fn fmi3SetBinary(i: Pointer, _r: *const u32, n: usize) -> c_int = three::none_of(i, "Binary", n);
+                fn fmi3GetString(i: Pointer, r: *const u32, n: usize, to: *mut *const c_char, room: usize) -> c_int = call::get_texts(i, (r, n), to, room);
+                fn fmi3SetString(i: Pointer, r: *const u32, n: usize, from: *const *const c_char, room: usize) -> c_int = call::set_texts(i, (r, n), from, room);
+                fn fmi3GetBinary(i: Pointer, r: *const u32, n: usize, sizes: *mut usize, to: *mut *const u8, room: usize) -> c_int = call::get_binaries(i, (r, n), sizes, to, room);
+                fn fmi3SetBinary(i: Pointer, r: *const u32, n: usize, sizes: *const usize, from: *const *const u8, room: usize) -> c_int = call::set_binaries(i, (r, n), sizes, from, room);
                 fn fmi3GetClock(i: Pointer, _r: *const u32, n: usize) -> c_int = three::none_of(i, "Clock", n);
                 fn fmi3SetClock(i: Pointer, _r: *const u32, n: usize) -> c_int = three::none_of(i, "Clock", n);
                 fn fmi3GetNumberOfVariableDependencies(i: Pointer, r: u32, count: *mut usize) -> c_int = three::dependency_count(i, r, count);

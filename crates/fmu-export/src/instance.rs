@@ -1,5 +1,7 @@
 //! An instance: what both versions of the standard have in common.
 
+mod contents;
+
 use std::ffi::CString;
 use std::path::Path;
 use std::sync::Arc;
@@ -45,6 +47,8 @@ pub struct Instance {
     variables: Vec<Variable>,
     /// Texts that were handed out by the last call.
     texts: Vec<CString>,
+    /// The same of bytes.
+    binaries: Vec<Vec<u8>>,
     saves: bool,
     /// Parameters were set since it began.
     outdated: bool,
@@ -111,6 +115,7 @@ impl Instance {
             parameters: model.parameters,
             variables: model.variables,
             texts: Vec::new(),
+            binaries: Vec::new(),
             saves: model.saves,
             outdated: false,
         })
@@ -332,33 +337,6 @@ impl Instance {
         Err(Refusal::error(format!(
             "the parameter `{name}` is fixed: set it before the initialization mode is left"
         )))
-    }
-
-    /// Sets a text.
-    pub fn set_text(&mut self, reference: u32, text: &str) -> Result<(), Refusal> {
-        let number = self.variable(reference, Native::Text)?;
-        self.parameters_may_be_set(number)?;
-        if let Place::Parameter(parameter) = self.variables[number].place {
-            let parameter = &mut self.parameters[parameter];
-            let held = Held::Text(text.to_owned());
-            parameter.changed |= parameter.held != held;
-            parameter.held = held;
-        }
-        Ok(())
-    }
-
-    /// Texts, which stay until the next call.
-    pub fn get_texts(&mut self, references: &[u32]) -> Result<&[CString], Refusal> {
-        self.texts.clear();
-        for reference in references {
-            let number = self.variable(*reference, Native::Text)?;
-            if let Place::Parameter(parameter) = self.variables[number].place
-                && let Held::Text(text) = &self.parameters[parameter].held
-            {
-                self.texts.push(CString::new(text.as_str()).unwrap_or_default());
-            }
-        }
-        Ok(&self.texts)
     }
 
     /// The state.

@@ -22,8 +22,10 @@ pub enum Kind {
     Boolean,
     /// An enumeration, one byte: the standard's functions have an Integer (FMI 2.0) or an Int64 (FMI 3.0) for it.
     Enumeration,
-    /// A text.
+    /// A text that is a parameter.
     Text,
+    /// A text or bytes in a payload, with their room.
+    Content(Element),
 }
 
 /// What a caller's values are: one get and one set function of the standard for each.
@@ -45,13 +47,15 @@ pub enum Native {
     /// An int (FMI 2.0).
     Boolean32,
     Text,
+    /// FMI 3.0.
+    Binary,
 }
 
 impl Native {
     /// Bytes of one value.
     pub fn size(self) -> usize {
         match self {
-            Native::Float64 | Native::Int64 | Native::UInt64 | Native::Text => 8,
+            Native::Float64 | Native::Int64 | Native::UInt64 | Native::Text | Native::Binary => 8,
             Native::Float32 | Native::Int32 | Native::UInt32 | Native::Boolean32 => 4,
             Native::Int16 | Native::UInt16 => 2,
             Native::Int8 | Native::UInt8 | Native::Boolean8 => 1,
@@ -66,6 +70,7 @@ impl Kind {
             Kind::Number(element) => element.size(),
             Kind::Boolean | Kind::Enumeration => 1,
             Kind::Text => 0,
+            Kind::Content(element) => element.size(),
         }
     }
 
@@ -77,7 +82,9 @@ impl Kind {
     /// The function that takes it.
     pub fn native(self, version: Version) -> Native {
         match (version, self) {
-            (_, Kind::Text) => Native::Text,
+            (_, Kind::Text | Kind::Content(Element::Text(_))) => Native::Text,
+            // FMI 2.0 has none: ports with bytes are not exported for it.
+            (_, Kind::Content(_)) => Native::Binary,
             (Version::Two, Kind::Number(Element::F64 | Element::F32)) => Native::Float64,
             (Version::Two, Kind::Number(_) | Kind::Enumeration) => Native::Int32,
             (Version::Three, Kind::Enumeration) => Native::Int64,
@@ -93,7 +100,8 @@ impl Kind {
                 Element::I16 => Native::Int16,
                 Element::U16 => Native::UInt16,
                 Element::I8 => Native::Int8,
-                Element::U8 | Element::Bool | Element::Enum => Native::UInt8,
+                // What is no number has a kind of its own.
+                _ => Native::UInt8,
             },
         }
     }
@@ -103,6 +111,7 @@ impl Kind {
         match element {
             Element::Bool => Kind::Boolean,
             Element::Enum => Kind::Enumeration,
+            Element::Text(_) | Element::Bytes(_) => Kind::Content(element),
             number => Kind::Number(number),
         }
     }
@@ -127,6 +136,7 @@ impl Kind {
             Native::UInt64 => "UInt64",
             Native::Boolean8 | Native::Boolean32 => "Boolean",
             Native::Text => "String",
+            Native::Binary => "Binary",
         }
     }
 

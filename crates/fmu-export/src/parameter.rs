@@ -72,7 +72,7 @@ impl Parameter {
             Kind::Number(Element::F64) => Value::Float(Element::F64.to_f64(bytes)),
             Kind::Number(element) => Value::Integer(element.whole(bytes) as i64),
             // No parameter is one.
-            Kind::Enumeration | Kind::Text => Value::String(String::new()),
+            Kind::Enumeration | Kind::Text | Kind::Content(_) => Value::String(String::new()),
         };
         let all: Vec<Value> = bytes.chunks_exact(size).map(one).collect();
         if unit::is_unit(&self.unit) {

@@ -2,7 +2,7 @@
 
 use engine::scenario::{Entry, Scenario};
 use lockstep::participant::{Inputs, Interface, Kind, Outputs, Participant, Payload, Step};
-use lockstep::port::{Descriptor, Element};
+use lockstep::port::Descriptor;
 use lockstep::time::{Rational, SampleTime, Timebase};
 use lockstep::wire;
 use serde::{Deserialize, Serialize};
@@ -158,18 +158,13 @@ impl Running {
         self.timebase.seconds(self.times.instant(self.next))
     }
 
-    /// Outputs that are not finite are the end of it.
+    /// Outputs that are not finite, or no value of their type, are the end of it.
     fn check(&mut self, interface: &Interface, t: f64) -> Result<(), String> {
         for (number, port) in interface.outputs.iter().enumerate() {
             let payload: &[u8] = self.outputs.bytes_mut(number);
-            for field in &port.descriptor.fields {
-                if !matches!(field.element, Element::F64 | Element::F32) {
-                    continue;
-                }
-                if let Some(at) = (0..field.len()).find(|&at| !field.value(payload, at).is_finite()) {
-                    let (name, value) = (field.element_name(at), field.value(payload, at));
-                    return Err(format!("it gave out {}.{name} = {value} at t = {t} s", port.name));
-                }
+            if let Some(invalid) = port.descriptor.invalid(payload).next() {
+                let words = invalid.words("an output");
+                return Err(format!("it gave out {}.{words} at t = {t} s", port.name));
             }
         }
         Ok(())

@@ -79,6 +79,9 @@ fn fields(version: Version, port: &Port) -> Vec<String> {
         if unit::is_unit(&field.unit) {
             let _ = write!(entry, ", unit = {}", text(&field.unit));
         }
+        if let Some(room) = field.element.room() {
+            let _ = write!(entry, ", size = {room}");
+        }
         if !field.frame.is_empty() {
             let _ = write!(entry, ", frame = {}", text(&field.frame));
         }

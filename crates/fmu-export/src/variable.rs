@@ -145,6 +145,10 @@ fn fields(version: Version, all: &mut Vec<Variable>, port: &Port, place: impl Fn
         } else {
             format!("{}, components in frame {}", port.descriptor.name, field.frame)
         };
+        let description = match field.element.room() {
+            Some(room) => format!("{description}, at most {room} bytes"),
+            None => description,
+        };
         let whole = Variable {
             name: format!("{}.{}", port.name, field.name),
             description,

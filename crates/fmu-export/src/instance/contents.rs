@@ -1,0 +1,110 @@
+//! Variables that are texts or bytes.
+
+use std::ffi::CString;
+
+use lockstep::port::Element;
+
+use super::{Instance, named};
+use crate::kind::{Kind, Native};
+use crate::parameter::Held;
+use crate::refusal::Refusal;
+use crate::variable::Place;
+
+impl Instance {
+    /// Sets texts or bytes, which stand one behind the other for variables that are arrays.
+    pub fn set_contents(&mut self, references: &[u32], native: Native, contents: &[&[u8]]) -> Result<(), Refusal> {
+        let mut rest = contents;
+        for reference in references {
+            let number = self.variable(*reference, native)?;
+            let (own, after) = rest.split_at(self.variables[number].len);
+            let set = match self.variables[number].place {
+                Place::Parameter(parameter) => self.set_parameter(number, parameter, own),
+                Place::Input(port, at) => self.set_input(self.variables[number].kind, (port, at), own),
+                _ => Err(Refusal::error("cannot be set: it is no input and no parameter")),
+            };
+            set.map_err(|refusal| named(&self.variables[number].name, refusal))?;
+            rest = after;
+        }
+        Ok(())
+    }
+
+    fn set_parameter(&mut self, number: usize, parameter: usize, own: &[&[u8]]) -> Result<(), Refusal> {
+        self.parameters_may_be_set(number)?;
+        let parameter = &mut self.parameters[parameter];
+        let text = own.first().map(|text| String::from_utf8_lossy(text).into_owned());
+        let held = Held::Text(text.unwrap_or_default());
+        parameter.changed |= parameter.held != held;
+        parameter.held = held;
+        Ok(())
+    }
+
+    fn set_input(&mut self, kind: Kind, (port, at): (usize, usize), own: &[&[u8]]) -> Result<(), Refusal> {
+        let Kind::Content(element) = kind else {
+            return Err(Refusal::error("is no text of a port"));
+        };
+        let size = element.size();
+        let mut payload = vec![0; own.len() * size];
+        for (content, place) in own.iter().zip(payload.chunks_exact_mut(size)) {
+            if let (Element::Text(_), Err(error)) = (element, std::str::from_utf8(content)) {
+                let from = error.valid_up_to();
+                return Err(Refusal::discard(format!(
+                    "cannot be set: it is not UTF-8 from byte {from} on"
+                )));
+            }
+            let put = element.put_content(content, place);
+            put.map_err(|error| Refusal::discard(format!("cannot be set: {error}")))?;
+        }
+        self.body.set(port, at, &payload);
+        Ok(())
+    }
+
+    /// The payload's bytes of a variable that is a text or bytes, with the type of its elements.
+    fn contents_of(&mut self, number: usize) -> Result<Vec<Vec<u8>>, Refusal> {
+        let (place, kind, len) = {
+            let variable = &self.variables[number];
+            (variable.place, variable.kind, variable.len)
+        };
+        let payload = match place {
+            Place::Parameter(parameter) => {
+                return match &self.parameters[parameter].held {
+                    Held::Text(text) => Ok(vec![text.clone().into_bytes()]),
+                    Held::Bytes(_) => Err(Refusal::error("is no text")),
+                };
+            }
+            Place::Input(port, at) => &self.body.input(port)[at..],
+            Place::Output(port, at) => &self.body.output(port)?[at..],
+            Place::Time | Place::Figure(_) => return Err(Refusal::error("is no text")),
+        };
+        let Kind::Content(element) = kind else {
+            return Err(Refusal::error("is no text"));
+        };
+        let each = payload.chunks_exact(element.size()).take(len);
+        let contents = each.map(|bytes| element.content(bytes).map(|content| content.as_bytes().to_vec()));
+        Ok(contents.collect::<Result<_, String>>()?)
+    }
+
+    fn contents(&mut self, references: &[u32], native: Native) -> Result<Vec<Vec<u8>>, Refusal> {
+        self.settle()?;
+        let mut all = Vec::new();
+        for reference in references {
+            let number = self.variable(*reference, native)?;
+            let own = self.contents_of(number);
+            all.extend(own.map_err(|refusal| named(&self.variables[number].name, refusal))?);
+        }
+        Ok(all)
+    }
+
+    /// Texts, which stay until the next call.
+    pub fn get_texts(&mut self, references: &[u32]) -> Result<&[CString], Refusal> {
+        let contents = self.contents(references, Native::Text)?;
+        let texts = contents.into_iter().map(CString::new);
+        self.texts = texts.map(Result::unwrap_or_default).collect();
+        Ok(&self.texts)
+    }
+
+    /// Bytes, which stay until the next call.
+    pub fn get_binaries(&mut self, references: &[u32]) -> Result<&[Vec<u8>], Refusal> {
+        self.binaries = self.contents(references, Native::Binary)?;
+        Ok(&self.binaries)
+    }
+}
