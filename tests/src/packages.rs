@@ -58,3 +58,35 @@ pub fn import(folder: &Folder, package: &Path, rest: &[&str]) -> Said {
     let out = folder.path().join("imported");
     orchestrate(&[&["import", text(package), "--out", text(&out)], rest].concat())
 }
+
+/// Two units and an experiment, for the end of a description.
+pub const NESTED_REST: &str = r#"<ssd:Units>
+  <ssc:Unit name="mm/s"><ssc:BaseUnit m="1" s="-1" factor="0.001"/></ssc:Unit>
+  <ssc:Unit name="N.s/mm"><ssc:BaseUnit kg="1" s="-1" factor="1000"/></ssc:Unit>
+</ssd:Units>
+<ssd:DefaultExperiment startTime="0" stopTime="2"/>"#;
+
+/// Runs the imported scenario in both ways and `by_hand` beside it, and sees that all have one tape.
+///
+/// # Panics
+/// When they have not.
+pub fn is_what_is_written_by_hand(folder: &Folder, by_hand: &str) {
+    let imported = folder.path().join("imported/scenario.toml");
+    let checked = orchestrate(&["check", text(&imported)]);
+    assert_eq!(checked.code, Some(0), "{checked:?}");
+    let by_hand = folder.write("imported/by-hand.toml", by_hand);
+    let runs = [
+        ("expected", &by_hand, &[][..]),
+        ("apart", &imported, &[]),
+        ("together", &imported, &["--in-process"]),
+    ];
+    let expected = folder.path().join("expected");
+    for (name, scenario, way) in runs {
+        let out = folder.path().join(name);
+        let said = orchestrate(&[&["run", text(scenario), "--out", text(&out), "--quiet"], way].concat());
+        assert_eq!(said.code, Some(0), "{said:?}");
+        let said = orchestrate(&["compare", text(&expected), text(&out)]);
+        let scenario = String::from_utf8_lossy(&read(&imported)).into_owned();
+        assert_eq!(said.code, Some(0), "{name}: {said:?}\n{scenario}");
+    }
+}

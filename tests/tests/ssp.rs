@@ -1,29 +1,9 @@
 //! System structures become scenarios, which run, and whose tapes are those of scenarios that are written by hand.
 
-use escapement_tests::packages::{SPACES, description, import, package, pair, read};
-use escapement_tests::program::{Folder, orchestrate, root, text};
-
-/// Runs the imported scenario in both ways and `by_hand` beside it, and sees that all have one tape.
-fn is_what_is_written_by_hand(folder: &Folder, by_hand: &str) {
-    let imported = folder.path().join("imported/scenario.toml");
-    let checked = orchestrate(&["check", text(&imported)]);
-    assert_eq!(checked.code, Some(0), "{checked:?}");
-    let by_hand = folder.write("imported/by-hand.toml", by_hand);
-    let runs = [
-        ("expected", &by_hand, &[][..]),
-        ("apart", &imported, &[]),
-        ("together", &imported, &["--in-process"]),
-    ];
-    let expected = folder.path().join("expected");
-    for (name, scenario, way) in runs {
-        let out = folder.path().join(name);
-        let said = orchestrate(&[&["run", text(scenario), "--out", text(&out), "--quiet"], way].concat());
-        assert_eq!(said.code, Some(0), "{said:?}");
-        let said = orchestrate(&["compare", text(&expected), text(&out)]);
-        let scenario = String::from_utf8_lossy(&read(&imported)).into_owned();
-        assert_eq!(said.code, Some(0), "{name}: {said:?}\n{scenario}");
-    }
-}
+use escapement_tests::packages::{
+    NESTED_REST, SPACES, description, import, is_what_is_written_by_hand, package, pair, read,
+};
+use escapement_tests::program::{Folder, root};
 
 /// Units and a transformation on the way through a nested system, a set of parameters with a prefix, another one with a mapping,
 /// and a parameter that goes through connectors.
@@ -80,12 +60,6 @@ const NESTED: &str = r#"
   <ssd:Connection startConnector="D" endElement="brake" endConnector="c"/>
   <ssd:Connection startElement="mass" startConnector="x" endConnector="position"/>
 </ssd:Connections>"#;
-
-const NESTED_REST: &str = r#"<ssd:Units>
-  <ssc:Unit name="mm/s"><ssc:BaseUnit m="1" s="-1" factor="0.001"/></ssc:Unit>
-  <ssc:Unit name="N.s/mm"><ssc:BaseUnit kg="1" s="-1" factor="1000"/></ssc:Unit>
-</ssd:Units>
-<ssd:DefaultExperiment startTime="0" stopTime="2"/>"#;
 
 #[test]
 fn nested_system_is_the_scenario_written_by_hand() {

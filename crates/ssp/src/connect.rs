@@ -6,7 +6,7 @@ use toml::Value;
 use crate::error::Problem;
 use crate::numbers::Line;
 use crate::parameters::{Passed, Values, resolve, setting};
-use crate::structure::{Kind, Structure};
+use crate::structure::{Kind, Place, Structure};
 use crate::trace::{Network, Step, Trace, unit_after};
 use crate::transform::Transformation;
 
@@ -90,7 +90,7 @@ impl<'a> System<'a> {
         })
     }
 
-    fn refuse(&mut self, line: u32, reason: String) {
+    fn refuse(&mut self, line: Place, reason: String) {
         let problem = self.structure.problem(line, reason);
         self.flat.problems.push(problem);
     }
@@ -269,7 +269,12 @@ impl<'a> System<'a> {
         let elements = element(sends.version, output).zip(element(takes.version, input));
         let (gives, holds) = elements.ok_or_else(|| format!("{} and {} are no signals", kinds.0, kinds.1))?;
         if !holds.holds(gives) {
-            return Err(format!("{} does not hold every value of {}", kinds.1, kinds.0));
+            return Err(match holds.room().and(gives.room()) {
+                Some(_) => {
+                    format!("{holds} does not hold every {gives}: give the output less room in its FMU (maxSize)")
+                }
+                None => format!("{} does not hold every value of {}", kinds.1, kinds.0),
+            });
         }
         if output.extents.len() != input.extents.len() {
             let shapes = (output.extents.len(), input.extents.len());

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use fmu::{Archive, Draft, Model, Names, Part};
+use fmu::{Archive, Draft, Model, Names, Part, ZipError};
 use lockstep::time::Rational;
 
 use crate::connect::{Flat, flatten};
 use crate::error::SspError;
 use crate::package::Package;
 use crate::read::{DESCRIPTION, read};
-use crate::structure::Structure;
+use crate::structure::{Place, Structure};
 
 /// The largest package that is read, bytes: 1 GiB.
 const FILE_MAX: u64 = 1 << 30;
@@ -75,7 +75,7 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
     let mut names = Names::default();
     for source in structure.elements.iter().filter_map(|one| one.source()) {
         if models.iter().all(|taken| taken.source != source)
-            && let Some(contents) = package.file(source)
+            && let Some(contents) = contents(package, &structure, source)
         {
             let contents = contents.map_err(zip)?;
             let model = Model::read(file.join(source), contents.clone())?;
@@ -109,9 +109,15 @@ pub fn import_package(file: &Path, package: &Package, options: Options) -> Resul
     })
 }
 
+/// The FMU of a component.
+fn contents(package: &Package, structure: &Structure, source: &str) -> Option<Result<Vec<u8>, ZipError>> {
+    let inside = structure.inside.get(source).cloned();
+    inside.map(Ok).or_else(|| package.file(source))
+}
+
 /// What a scenario cannot have.
 fn limits(structure: &Structure, components: &[(usize, &Model)], circle: &[usize], options: Options, flat: &mut Flat) {
-    let mut refuse = |line: u32, reason: String| flat.problems.push(structure.problem(line, reason));
+    let mut refuse = |line: Place, reason: String| flat.problems.push(structure.problem(line, reason));
     let root = structure.elements[0].line;
     if components.is_empty() || components.len() > PARTS_MAX {
         let count = components.len();

@@ -1,12 +1,15 @@
 //! The reader of `SystemStructure.ssd`, with the files that it names.
 
+mod reference;
+
+use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use roxmltree::Node;
 
 use crate::error::Problem;
 use crate::package::Package;
-use crate::structure::{Bound, Connection, Connector, Content, Element, End, Kind, Structure};
+use crate::structure::{Bound, Connection, Connector, Content, Element, End, Kind, Place, Structure};
 use crate::transform::Transformation;
 use crate::values::Given;
 use crate::xml::{Xml, child, children, elements, parse};
@@ -19,13 +22,34 @@ const DEPTH_MAX: usize = 64;
 /// The most elements of one structure.
 const ELEMENTS_MAX: usize = 10_000;
 
+/// What has been read so far, of the description and of those that it names.
+#[derive(Default)]
+struct Found {
+    files: Vec<Rc<str>>,
+    elements: Vec<Element>,
+    inside: BTreeMap<String, Vec<u8>>,
+    /// Signal dictionaries by the system that has them and their names.
+    dictionaries: Vec<(usize, String)>,
+    problems: Vec<Problem>,
+}
+
+/// Where a description stands.
+struct Home<'a> {
+    package: &'a Package,
+    /// What the names of its files begin with: `inner.ssp!/` of a package inside the package.
+    prefix: String,
+    /// The folder inside the package that sources start from, with a slash at its end, or nothing.
+    folder: String,
+}
+
 /// A reader of one description.
 struct Reader<'a> {
     xml: Xml<'a>,
     root: Node<'a, 'a>,
-    package: &'a Package,
-    elements: Vec<Element>,
-    problems: Vec<Problem>,
+    home: &'a Home<'a>,
+    /// The number of its file.
+    file: usize,
+    found: Found,
 }
 
 /// Reads the description of `package`, which is `bytes`.
@@ -33,40 +57,70 @@ struct Reader<'a> {
 /// # Errors
 /// Everything that is wrong with it or cannot be expressed.
 pub fn read(package: &Package, bytes: &[u8]) -> Result<Structure, Vec<Problem>> {
-    let mut found = Vec::new();
-    let structure = parse(DESCRIPTION, bytes, |xml, root| {
-        // The node and its document live as long as the call.
-        let mut reader = Reader {
-            xml,
-            root,
-            package,
-            elements: Vec::new(),
-            problems: Vec::new(),
-        };
-        let structure = reader.structure();
-        found = reader.problems;
-        structure
-    });
+    let home = Home {
+        package,
+        prefix: String::new(),
+        folder: String::new(),
+    };
+    let mut found = Found::default();
+    let structure = described(&home, DESCRIPTION, bytes, &mut found, |reader| reader.structure());
     match structure {
-        Ok(structure) if found.is_empty() => Ok(structure),
-        Ok(_) => Err(found),
+        Ok(structure) if found.problems.is_empty() => Ok(Structure {
+            files: found.files,
+            inside: found.inside,
+            elements: found.elements,
+            ..structure
+        }),
+        Ok(_) => Err(found.problems),
         Err(problem) => {
-            found.push(problem);
-            Err(found)
+            found.problems.push(problem);
+            Err(found.problems)
         }
     }
 }
 
+/// Reads the description `file`, which is `bytes`; what is found stands behind what was found before.
+fn described<T>(
+    home: &Home<'_>,
+    file: &str,
+    bytes: &[u8],
+    found: &mut Found,
+    work: impl FnOnce(&mut Reader<'_>) -> Result<T, Problem>,
+) -> Result<T, Problem> {
+    let name = format!("{}{file}", home.prefix);
+    parse(&name, bytes, |xml, root| {
+        found.files.push(name.as_str().into());
+        // The node and its document live as long as the call.
+        let mut reader = Reader {
+            xml,
+            root,
+            home,
+            file: found.files.len() - 1,
+            found: std::mem::take(found),
+        };
+        let done = work(&mut reader);
+        *found = reader.found;
+        done
+    })
+}
+
 impl<'a> Reader<'a> {
-    fn structure(&mut self) -> Result<Structure, Problem> {
+    /// The root system, of which the version is known.
+    fn root_system(&self) -> Result<Node<'a, 'a>, Problem> {
         let (xml, root) = (self.xml, self.root);
         xml.root(root, "SystemStructureDescription")?;
         let version = xml.needed(root, "version")?;
         if !(version.starts_with("1.") || version.starts_with("2.")) {
             return Err(xml.problem(root, format!("SSP version `{version}`; 1.0 and 2.0 are supported")));
         }
+        child(root, "System").ok_or_else(|| xml.problem(root, "it has no `System`"))
+    }
+
+    /// All but what was found.
+    fn structure(&mut self) -> Result<Structure, Problem> {
+        let system = self.root_system()?;
+        let (xml, root) = (self.xml, self.root);
         let name = xml.needed(root, "name")?;
-        let system = child(root, "System").ok_or_else(|| xml.problem(root, "it has no `System`"))?;
         let (mut start, mut stop) = (None, None);
         if let Some(experiment) = child(root, "DefaultExperiment") {
             start = xml.number(experiment, "startTime")?;
@@ -74,17 +128,25 @@ impl<'a> Reader<'a> {
         }
         self.system(system, None, 0)?;
         Ok(Structure {
-            file: xml.file.into(),
             name,
             start,
             stop,
-            elements: std::mem::take(&mut self.elements),
+            files: Vec::new(),
+            inside: BTreeMap::new(),
+            elements: Vec::new(),
         })
+    }
+
+    fn place(&self, node: Node<'_, '_>) -> Place {
+        Place {
+            file: self.file,
+            line: self.xml.line(node),
+        }
     }
 
     fn refuse(&mut self, node: Node<'_, '_>, reason: impl Into<String>) {
         let problem = self.xml.problem(node, reason);
-        self.problems.push(problem);
+        self.found.problems.push(problem);
     }
 
     /// What systems and components have in common.
@@ -95,12 +157,31 @@ impl<'a> Reader<'a> {
             None => node.attribute("name").unwrap_or_default().to_owned(),
             Some(_) => xml.needed(node, "name")?,
         };
-        if self.elements.len() >= ELEMENTS_MAX {
+        if self.found.elements.len() >= ELEMENTS_MAX {
             return Err(xml.problem(node, format!("there are more than {ELEMENTS_MAX} elements")));
         }
-        if self.elements.iter().any(|one| one.parent == parent && one.name == name) {
+        if self
+            .found
+            .elements
+            .iter()
+            .any(|one| one.parent == parent && one.name == name)
+        {
             self.refuse(node, format!("two elements of a system are called `{name}`"));
         }
+        let connectors = self.connectors(node, &name)?;
+        let bindings = self.bindings(node)?;
+        self.found.elements.push(Element {
+            name,
+            parent,
+            connectors,
+            bindings,
+            content,
+            line: self.place(node),
+        });
+        Ok(self.found.elements.len() - 1)
+    }
+
+    fn connectors(&mut self, node: Node<'a, 'a>, name: &str) -> Result<Vec<Connector>, Problem> {
         let mut connectors: Vec<Connector> = Vec::new();
         for own in children(node, "Connectors").flat_map(elements) {
             let connector = self.connector(own)?;
@@ -112,19 +193,15 @@ impl<'a> Reader<'a> {
             }
             connectors.push(connector);
         }
+        Ok(connectors)
+    }
+
+    fn bindings(&mut self, node: Node<'a, 'a>) -> Result<Vec<Bound>, Problem> {
         let mut bindings = Vec::new();
         for binding in children(node, "ParameterBindings").flat_map(elements) {
             bindings.extend(self.binding(binding)?);
         }
-        self.elements.push(Element {
-            name,
-            parent,
-            connectors,
-            bindings,
-            content,
-            line: xml.line(node),
-        });
-        Ok(self.elements.len() - 1)
+        Ok(bindings)
     }
 
     fn connector(&mut self, node: Node<'a, 'a>) -> Result<Connector, Problem> {
@@ -142,30 +219,35 @@ impl<'a> Reader<'a> {
             unit: of_type.map_or(Ok(None), |own| xml.unit(self.root, own))?,
             name,
             kind,
-            line: xml.line(node),
+            line: self.place(node),
         })
     }
 
     fn system(&mut self, node: Node<'a, 'a>, parent: Option<usize>, depth: usize) -> Result<(), Problem> {
+        let own = self.element(node, parent, Content::System(Vec::new()))?;
+        self.content_of(node, own, depth)
+    }
+
+    /// What stands inside the system `own`.
+    fn content_of(&mut self, node: Node<'a, 'a>, own: usize, depth: usize) -> Result<(), Problem> {
         if depth > DEPTH_MAX {
             return Err(self
                 .xml
                 .problem(node, format!("systems are nested more than {DEPTH_MAX} deep")));
         }
-        let own = self.element(node, parent, Content::System(Vec::new()))?;
-        if let Some(dictionaries) = child(node, "SignalDictionaries") {
-            self.refuse(
-                dictionaries,
-                "signal dictionaries are not supported: connect the components themselves",
-            );
+        for dictionary in children(node, "SignalDictionaries").flat_map(elements) {
+            let name = self.xml.needed(dictionary, "name")?;
+            self.found.dictionaries.push((own, name));
         }
         for inner in children(node, "Elements").flat_map(elements) {
             match inner.tag_name().name() {
                 "System" => self.system(inner, Some(own), depth + 1)?,
-                "Component" => self.component(inner, own)?,
+                "Component" => self.component(inner, own, depth)?,
+                "SignalDictionaryReference" => self.shared(inner, own)?,
                 other => {
-                    let reason =
-                        format!("`{other}` is not supported: the elements of a system are components and systems");
+                    let reason = format!(
+                        "`{other}` is not supported: the elements of a system are components, systems and references to signal dictionaries"
+                    );
                     self.refuse(inner, reason);
                 }
             }
@@ -174,19 +256,38 @@ impl<'a> Reader<'a> {
         for inner in children(node, "Connections").flat_map(elements) {
             connections.extend(self.connection(inner, own)?);
         }
-        self.elements[own].content = Content::System(connections);
+        self.found.elements[own].content = Content::System(connections);
         Ok(())
     }
 
-    fn component(&mut self, node: Node<'a, 'a>, parent: usize) -> Result<(), Problem> {
+    /// A reference to a signal dictionary of this system or of one around it.
+    fn shared(&mut self, node: Node<'a, 'a>, parent: usize) -> Result<(), Problem> {
+        let name = self.xml.needed(node, "dictionary")?;
+        let mut around = Some(parent);
+        while let Some(system) = around {
+            let mut all = self.found.dictionaries.iter();
+            if let Some(number) = all.position(|(owner, own)| *owner == system && *own == name) {
+                return self.element(node, Some(parent), Content::Shared(number)).map(|_| ());
+            }
+            around = self.found.elements[system].parent;
+        }
+        let reason = format!("there is no signal dictionary `{name}` in this system or in one around it");
+        self.refuse(node, reason);
+        Ok(())
+    }
+
+    fn component(&mut self, node: Node<'a, 'a>, parent: usize, depth: usize) -> Result<(), Problem> {
         const FMU: &str = "application/x-fmu-sharedlibrary";
         let name = node.attribute("name").unwrap_or_default();
         let kind = node.attribute("type").unwrap_or(FMU);
-        if kind != FMU {
-            self.refuse(
+        match kind {
+            FMU => {}
+            "application/x-ssp-definition" => return self.referenced(node, parent, depth, false),
+            "application/x-ssp-package" => return self.referenced(node, parent, depth, true),
+            _ => self.refuse(
                 node,
-                format!("the component `{name}` is a `{kind}`; only FMUs (`{FMU}`) can take part"),
-            );
+                format!("the component `{name}` is a `{kind}`; only FMUs (`{FMU}`) and systems can take part"),
+            ),
         }
         let implementation = node.attribute("implementation").unwrap_or("any");
         if !matches!(implementation, "any" | "CoSimulation") {
@@ -204,30 +305,29 @@ impl<'a> Reader<'a> {
                 None
             }
         };
-        self.element(node, Some(parent), Content::Component(source.unwrap_or_default()))?;
+        let source = source.map(|path| self.taken(path)).unwrap_or_default();
+        self.element(node, Some(parent), Content::Component(source))?;
         Ok(())
     }
 
     /// The entry of the archive that a URI names.
     fn entry(&mut self, node: Node<'a, 'a>, uri: &str) -> Option<String> {
-        let path = decoded(uri);
-        let path = path.strip_prefix("./").unwrap_or(&path);
-        let outside = path.contains("://") || path.starts_with('/') || path.split('/').any(|part| part == "..");
-        if outside
-            || path.contains('#')
-            || path.starts_with("file:")
-            || node.attribute("sourceBase") == Some("component")
+        let own = decoded(uri);
+        let own = own.strip_prefix("./").unwrap_or(&own);
+        let outside = own.contains("://") || own.starts_with('/') || own.split('/').any(|part| part == "..");
+        let path = format!("{}{own}", self.home.folder);
+        if outside || own.contains('#') || own.starts_with("file:") || node.attribute("sourceBase") == Some("component")
         {
             let reason =
                 format!("the source `{uri}` is not supported: name a file of the package, such as `resources/a.fmu`");
             self.refuse(node, reason);
             return None;
         }
-        if !self.package.has(path) {
+        if !self.home.package.has(&path) {
             self.refuse(node, format!("the source `{uri}` is not in the package"));
             return None;
         }
-        Some(path.to_owned())
+        Some(path)
     }
 
     fn connection(&mut self, node: Node<'a, 'a>, system: usize) -> Result<Option<Connection>, Problem> {
@@ -245,7 +345,7 @@ impl<'a> Reader<'a> {
             xml.flag(node, "suppressUnitConversion")?,
             Transformation::read(xml, node)?,
         );
-        let line = xml.line(node);
+        let line = self.place(node);
         Ok(start.zip(end).map(|(start, end)| Connection {
             start,
             end,
@@ -267,11 +367,12 @@ impl<'a> Reader<'a> {
             None => None,
             Some(name) => {
                 let found = self
+                    .found
                     .elements
                     .iter()
                     .position(|one| one.parent == Some(system) && one.name == name);
                 if found.is_none() {
-                    let own = self.elements.iter().filter(|one| one.parent == Some(system));
+                    let own = self.found.elements.iter().filter(|one| one.parent == Some(system));
                     let known: Vec<String> = own.map(|one| format!("`{}`", one.name)).collect();
                     let reason = format!(
                         "`{element}`: there is no element `{name}`; there is {}",
@@ -283,7 +384,7 @@ impl<'a> Reader<'a> {
                 found
             }
         };
-        let owner = &self.elements[found.unwrap_or(system)];
+        let owner = &self.found.elements[found.unwrap_or(system)];
         if owner.connector(&connector).is_none() {
             let known = fmu::nearest(&connector, owner.connectors.iter().map(|one| one.name.as_str()));
             let known = known.map_or(String::new(), |name| format!("; did you mean `{name}`?"));
@@ -344,8 +445,8 @@ impl<'a> Reader<'a> {
             let Some(entry) = self.entry(node, source) else {
                 return Ok(None);
             };
-            return match self.package.file(&entry) {
-                Some(Ok(bytes)) => parse(&entry, &bytes, read).map(Some),
+            return match self.home.package.file(&entry) {
+                Some(Ok(bytes)) => parse(&format!("{}{entry}", self.home.prefix), &bytes, read).map(Some),
                 Some(Err(error)) => Err(self.xml.problem(node, error.to_string())),
                 None => Ok(None),
             };

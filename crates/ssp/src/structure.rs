@@ -1,5 +1,6 @@
 //! A system structure: systems, components, and what connects them.
 
+use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use fmu::Unit;
@@ -11,8 +12,10 @@ use crate::values::Given;
 /// The description of a package. Elements are numbered; the first is the root system.
 #[derive(Debug)]
 pub struct Structure {
-    /// The file inside the package.
-    pub file: Rc<str>,
+    /// The files inside the package: the description, and those of other systems that it names.
+    pub files: Vec<Rc<str>>,
+    /// The FMUs of packages inside the package, by their sources.
+    pub inside: BTreeMap<String, Vec<u8>>,
     /// Its name.
     pub name: String,
     /// Start of the default experiment, s.
@@ -21,6 +24,15 @@ pub struct Structure {
     pub stop: Option<f64>,
     /// Systems and components.
     pub elements: Vec<Element>,
+}
+
+/// A line of one of the files.
+#[derive(Debug, Clone, Copy)]
+pub struct Place {
+    /// The file's number.
+    pub file: usize,
+    /// The line, from 1.
+    pub line: u32,
 }
 
 /// A system or a component.
@@ -37,7 +49,7 @@ pub struct Element {
     /// What it is.
     pub content: Content,
     /// The line.
-    pub line: u32,
+    pub line: Place,
 }
 
 /// What an element is.
@@ -47,6 +59,8 @@ pub enum Content {
     System(Vec<Connection>),
     /// A component with the entry of the archive that has its FMU.
     Component(String),
+    /// A reference to the signal dictionary of this number: what goes into a connector of one comes out of those of the same name of all.
+    Shared(usize),
 }
 
 /// A connector of an element.
@@ -59,7 +73,7 @@ pub struct Connector {
     /// Its unit, where it says one.
     pub unit: Option<Unit>,
     /// The line.
-    pub line: u32,
+    pub line: Place,
 }
 
 /// What a connector is for.
@@ -90,7 +104,7 @@ pub struct Connection {
     /// What becomes of the value.
     pub transformation: Transformation,
     /// The line.
-    pub line: u32,
+    pub line: Place,
 }
 
 /// A value for a parameter of an element, or of one inside it.
@@ -116,7 +130,7 @@ impl Element {
     pub fn source(&self) -> Option<&str> {
         match &self.content {
             Content::Component(source) => Some(source),
-            Content::System(_) => None,
+            Content::System(_) | Content::Shared(_) => None,
         }
     }
 }
@@ -142,11 +156,11 @@ impl Structure {
         }
     }
 
-    /// A problem in the description.
-    pub fn problem(&self, line: u32, reason: String) -> Problem {
+    /// A problem in a description.
+    pub fn problem(&self, place: Place, reason: String) -> Problem {
         Problem {
-            file: self.file.to_string(),
-            line,
+            file: self.files[place.file].to_string(),
+            line: place.line,
             reason,
         }
     }

@@ -29,6 +29,8 @@ pub struct Network<'a> {
     structure: &'a Structure,
     /// By system and taking end: the connection, its giving end and its taking one.
     feeds: HashMap<(usize, End), (&'a Connection, &'a End, &'a End)>,
+    /// By signal dictionary and name: the reference into which the value goes.
+    shared: HashMap<(usize, &'a str), usize>,
     count: usize,
 }
 
@@ -41,6 +43,7 @@ impl<'a> Network<'a> {
         let mut network = Network {
             structure,
             feeds: HashMap::new(),
+            shared: HashMap::new(),
             count: 0,
         };
         let mut problems = Vec::new();
@@ -68,13 +71,24 @@ impl<'a> Network<'a> {
                     }
                 };
                 let feed = (connection, giver, taker);
-                if network.feeds.insert((system, taker.clone()), feed).is_some() {
+                let twice = network.share(taker);
+                if network.feeds.insert((system, taker.clone()), feed).is_some() || twice {
                     let reason = format!("`{}` is fed by two connections", shown(taker));
                     problems.push(structure.problem(connection.line, reason));
                 }
             }
         }
         (network, problems)
+    }
+
+    /// Notes that a value goes into a reference to a signal dictionary; whether another one does already.
+    fn share(&mut self, taker: &'a End) -> bool {
+        let Some(reference) = taker.0 else { return false };
+        let Content::Shared(dictionary) = self.structure.elements[reference].content else {
+            return false;
+        };
+        let before = self.shared.insert((dictionary, &taker.1), reference);
+        before.is_some_and(|before| before != reference)
     }
 
     /// Whether an end gives a value inside `system`; an input of the system itself does.
@@ -131,8 +145,16 @@ impl<'a> Network<'a> {
                         steps,
                     });
                 }
-                // Out of a nested system: look inside.
-                Some(nested) => at = (nested, &giver.1, true),
+                // Out of a nested system: look inside. Out of a signal dictionary: look where the value goes in.
+                Some(nested) => {
+                    at = match structure.elements[nested].content {
+                        Content::Shared(dictionary) => match self.shared.get(&(dictionary, giver.1.as_str())) {
+                            Some(reference) => (*reference, giver.1.as_str(), false),
+                            None => (nested, giver.1.as_str(), true),
+                        },
+                        _ => (nested, giver.1.as_str(), true),
+                    }
+                }
                 // In through the system's own connector: look outside.
                 None => at = (system, &giver.1, false),
             }
