@@ -91,9 +91,10 @@ pub fn description(bytes: &[u8]) {
     }
 }
 
-/// The files of a system structure beside an FMU, with a line of three dashes between them: description, parameters and their mapping.
+/// The files of a system structure beside an FMU, with a line of three dashes between them: description, parameters and their mapping,
+/// and a description that the first one may name.
 pub fn ssp(bytes: &[u8]) {
-    const NAMES: [&str; 3] = ["SystemStructure.ssd", "a.ssv", "a.ssm"];
+    const NAMES: [&str; 4] = ["SystemStructure.ssd", "a.ssv", "a.ssm", "b.ssd"];
     let mut files = BTreeMap::from([(
         "a.fmu".to_owned(),
         include_bytes!("../../fuzz/corpus/fmu/pair.fmu").to_vec(),
@@ -166,7 +167,11 @@ fn check(interface: &Interface) {
             assert!(field.range().end <= payload.len());
             let last = field.len() - 1;
             let _ = (field.value(&payload, last), field.element_name(last));
+            let _ = field.shown(&payload, last);
         }
+        descriptor
+            .invalid(&payload)
+            .for_each(|invalid| drop(invalid.words("it")));
         assert_eq!(descriptor.hash64(), descriptor.clone().hash64());
     }
 }
