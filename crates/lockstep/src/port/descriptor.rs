@@ -84,7 +84,7 @@ impl Field {
         (!self.allows(value)).then(|| InvalidValue::new(self.element_name(index), self.element, &self.values, value))
     }
 
-    /// Element `index` of `payload` as text: `0.5`, `open`, `"grasp"`.
+    /// Element `index` of `payload` as text: `0.5`, `open`, `"ready"`.
     pub fn shown(&self, payload: &[u8], index: usize) -> String {
         let value = self.value(payload, index);
         match (self.name_of(value), self.element.content(&payload[self.start(index)..])) {

@@ -9,8 +9,8 @@ use super::{Element, EnumValue, FieldType};
 ///
 /// ```
 /// use lockstep::port::Text;
-/// let mut name: Text<8> = Text::new("grasp").unwrap();
-/// assert_eq!(name.as_str(), "grasp");
+/// let mut name: Text<8> = Text::new("ready").unwrap();
+/// assert_eq!(name.as_str(), "ready");
 /// assert!(name.set("too long for it").is_err());
 /// ```
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -51,7 +51,7 @@ pub enum Content<'a> {
 }
 
 impl fmt::Display for Content<'_> {
-    /// `"grasp"`, `3 bytes 0a1b2c`
+    /// `"ready"`, `3 bytes 0a1b2c`
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const SHOWN: usize = 16;
         match self {
@@ -308,7 +308,7 @@ mod tests {
     fn report() -> Report {
         Report {
             count: 7,
-            phase: Text::new("grasp").unwrap(),
+            phase: Text::new("ready").unwrap(),
             names: [Text::new("Höl").unwrap(), Text::default()],
             frame: Bytes::new(&[1, 0, 255]).unwrap(),
             end: [0; 2],
@@ -327,7 +327,7 @@ mod tests {
         let payload = Payload::of(&report());
         assert_eq!(payload.get::<Report>(), report());
         let shown = |name: &str, index| descriptor.field(name).unwrap().shown(payload.bytes(), index);
-        assert_eq!(shown("phase", 0), "\"grasp\"");
+        assert_eq!(shown("phase", 0), "\"ready\"");
         assert_eq!(shown("names", 0), "\"Höl\"");
         assert_eq!(shown("frame", 0), "3 bytes 0100ff");
         let phase = descriptor.field("phase").unwrap();

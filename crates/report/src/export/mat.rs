@@ -55,8 +55,8 @@ fn types(element: Element) -> (u32, u32) {
         // The number of an enumeration's value.
         Element::U8 | Element::Enum => (2, 9),
         Element::Bool => (2, 9 | LOGICAL),
-        // Characters of 16 bits, and the number of bytes in front of them.
-        Element::Text(_) => (4, CHAR),
+        // As the texts of a struct; bytes have their number in front of them.
+        Element::Text(_) => (UTF16, CHAR),
         Element::Bytes(_) => (2, 9),
     }
 }
