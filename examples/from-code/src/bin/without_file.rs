@@ -48,7 +48,7 @@ fn runs() -> Result<(), Box<dyn std::error::Error>> {
         let scenario = Scenario::of(&catalogue(), spec.clone(), Path::new("tank.toml"))?;
         let outcome = escapement::run(&scenario, options)?;
         let digest = outcome.digest.map_or("none".into(), |digest| digest.to_string());
-        let figures = outcome.figures.map_or(String::new(), |figures| figures.text);
+        let figures = outcome.figures.map_or(String::new(), |figures| figures.text());
         println!("{:?}, tape {digest}\n{figures}", outcome.ending);
         Ok(digest)
     };
