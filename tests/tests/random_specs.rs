@@ -165,7 +165,7 @@ impl Draws {
             participant.on_failure = match self.below(3) {
                 0 => OnFailureSpec::Stop,
                 1 => OnFailureSpec::RestartFromCheckpoint,
-                _ => OnFailureSpec::Substitute(self.run()),
+                _ => OnFailureSpec::Substitute(Box::new(self.run())),
             };
             spec.participants.insert(self.name(), participant);
         }

@@ -136,17 +136,18 @@ fn recorded(scenario: &Scenario, out: &Path, in_process: bool) -> (String, Strin
     (outcome.digest.expect("a digest").to_string(), plan)
 }
 
+/// A program that takes over needs all samples.
+fn whole(spec: &mut ScenarioSpec) {
+    spec.record.clear();
+    spec.participants["damper"].on_failure = OnFailureSpec::Stop;
+}
+
 #[test]
 fn scenario_made_in_code_is_the_one_that_a_file_says() {
     let (folder, catalogue) = (Folder::new("specs"), catalogue());
     let file = folder.path().join("loop.toml");
     let (mut read, mut own) = (ScenarioSpec::of_text(&file, TEXT).unwrap(), made(RunSpec::builtin));
     assert_eq!(read, own);
-    // A program that takes over needs all samples.
-    let whole = |spec: &mut ScenarioSpec| {
-        spec.record.clear();
-        spec.participants["damper"].on_failure = OnFailureSpec::Stop;
-    };
     whole(&mut read);
     whole(&mut own);
     let run = |spec: &ScenarioSpec, out: &str, in_process: bool| {
@@ -191,7 +192,9 @@ fn loaded_scenario_is_changed_by_its_fields_and_by_keys() {
     options.faults.remove(0);
     assert_eq!(options, fields);
     let digest = |spec: &ScenarioSpec| {
-        let scenario = Scenario::of(&catalogue, spec.clone(), file).unwrap();
+        let mut spec = spec.clone();
+        whole(&mut spec);
+        let scenario = Scenario::of(&catalogue, spec, file).unwrap();
         let options = Options {
             in_process: true,
             record: Record::Digest,

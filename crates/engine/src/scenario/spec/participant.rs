@@ -38,7 +38,7 @@ pub enum OnFailureSpec {
     /// All go back to the last checkpoint, the participant in a new process.
     RestartFromCheckpoint,
     /// Another program takes its place, from afresh.
-    Substitute(RunSpec),
+    Substitute(Box<RunSpec>),
 }
 
 #[derive(Deserialize, Serialize)]
@@ -69,7 +69,7 @@ impl From<Written> for OnFailureSpec {
         match written {
             Written::Named(Named::Stop) => OnFailureSpec::Stop,
             Written::Named(Named::RestartFromCheckpoint) => OnFailureSpec::RestartFromCheckpoint,
-            Written::Substitute(by) => OnFailureSpec::Substitute(by.substitute),
+            Written::Substitute(by) => OnFailureSpec::Substitute(Box::new(by.substitute)),
         }
     }
 }
@@ -79,7 +79,7 @@ impl From<OnFailureSpec> for Written {
         match spec {
             OnFailureSpec::Stop => Written::Named(Named::Stop),
             OnFailureSpec::RestartFromCheckpoint => Written::Named(Named::RestartFromCheckpoint),
-            OnFailureSpec::Substitute(substitute) => Written::Substitute(Box::new(Substitute { substitute })),
+            OnFailureSpec::Substitute(run) => Written::Substitute(Box::new(Substitute { substitute: *run })),
         }
     }
 }

@@ -20,7 +20,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 #[derive(Debug, Clone)]
 pub struct Time {
     text: String,
-    exact: Result<Rational, TimeError>,
+    /// What the text says, if it is a time.
+    exact: Option<Rational>,
 }
 
 impl Time {
@@ -28,18 +29,18 @@ impl Time {
     ///
     /// # Errors
     /// When the text is no time.
-    pub fn exact(&self) -> Result<Rational, &TimeError> {
-        self.exact.as_ref().copied()
+    pub fn exact(&self) -> Result<Rational, TimeError> {
+        self.exact.map_or_else(|| self.text.parse(), Ok)
     }
 
     /// The same once all times of a scenario have been looked at; zero for what is none.
     pub(in crate::scenario) fn checked(&self) -> Rational {
-        self.exact().unwrap_or(Rational::ZERO)
+        self.exact.unwrap_or(Rational::ZERO)
     }
 
     /// The time in its shortest text, for what is compared as text.
     pub(in crate::scenario) fn shorten(&mut self) {
-        if let Ok(exact) = &self.exact {
+        if let Some(exact) = self.exact {
             self.text = exact.to_string();
         }
     }
@@ -56,7 +57,7 @@ impl PartialEq for Time {
     /// Whether both are the same instant, however they are written.
     fn eq(&self, other: &Time) -> bool {
         match (&self.exact, &other.exact) {
-            (Ok(own), Ok(other)) => own == other,
+            (Some(own), Some(other)) => own == other,
             _ => self.text == other.text,
         }
     }
@@ -71,7 +72,7 @@ impl From<&str> for Time {
 impl From<String> for Time {
     fn from(text: String) -> Time {
         Time {
-            exact: text.parse(),
+            exact: text.parse().ok(),
             text,
         }
     }
@@ -81,7 +82,7 @@ impl From<Rational> for Time {
     fn from(exact: Rational) -> Time {
         Time {
             text: exact.to_string(),
-            exact: Ok(exact),
+            exact: Some(exact),
         }
     }
 }
@@ -101,7 +102,7 @@ impl Serialize for Time {
 impl<'de> Deserialize<'de> for Time {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Time, D::Error> {
         let time = Time::from(String::deserialize(deserializer)?);
-        match &time.exact {
+        match time.exact() {
             Ok(_) => Ok(time),
             Err(error) => Err(D::Error::custom(error)),
         }

@@ -164,7 +164,7 @@ impl ScenarioSpec {
     pub fn runs_mut(&mut self) -> impl Iterator<Item = &mut RunSpec> {
         let own = self.participants.values_mut().flat_map(|own| {
             let after = match &mut own.on_failure {
-                OnFailureSpec::Substitute(run) => Some(run),
+                OnFailureSpec::Substitute(run) => Some(&mut **run),
                 OnFailureSpec::Stop | OnFailureSpec::RestartFromCheckpoint => None,
             };
             std::iter::once(&mut own.run).chain(after)
@@ -189,22 +189,22 @@ impl ScenarioSpec {
         };
         for (name, own) in &mut self.participants {
             let (period, offset) = (Some(&mut own.period), Some(&mut own.offset));
-            let times = [
+            let mut times = [
                 ("period", period),
                 ("offset", offset),
                 ("start-within", own.start_within.as_mut()),
             ];
-            below("participants", name, &mut { times });
+            below("participants", name, &mut times);
         }
         for (name, own) in &mut self.connections {
-            let times = [("delay", Some(&mut own.delay)), ("jitter", Some(&mut own.jitter))];
-            below("connections", name, &mut { times });
+            let mut times = [("delay", Some(&mut own.delay)), ("jitter", Some(&mut own.jitter))];
+            below("connections", name, &mut times);
         }
         for (position, own) in self.faults.iter_mut().enumerate() {
             let name = fault_name(own.name.as_deref(), position);
             let (at, until) = (Some(&mut own.at), own.until.as_mut());
-            let times = [("at", at), ("until", until), ("extra-delay", own.extra_delay.as_mut())];
-            below("faults", &name, &mut { times });
+            let mut times = [("at", at), ("until", until), ("extra-delay", own.extra_delay.as_mut())];
+            below("faults", &name, &mut times);
         }
         for (name, own) in &mut self.guards {
             below("guards", name, &mut [("frozen-for", own.frozen_for.as_mut())]);
