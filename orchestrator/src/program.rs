@@ -155,7 +155,8 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         Command::Import(args) => Ok(commands::import::run(args)),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::CampaignWorker => {
-            engine::campaign::serve(catalogue::catalogue(), std::io::stdin().lock(), std::io::stdout())
+            let tasks = std::io::BufReader::new(std::io::stdin());
+            engine::campaign::serve(catalogue::catalogue(), tasks, std::io::stdout())
                 .map(|()| 0)
                 .map_err(Into::into)
         }

@@ -17,6 +17,7 @@
 //! Delays belong to links, not to the plant.
 #![allow(non_snake_case)] // monogram notation: `p_NE`, `R_NE` read like the equations they implement
 
+mod abreast;
 mod actuators;
 mod dynamics;
 mod parameters;
@@ -26,6 +27,7 @@ mod sensors;
 mod truth;
 
 use lockstep::participant::{ParameterError, Participant, Setup};
+use plant::Plant;
 
 /// Makes a plant from `setup.parameters`; docs/models/plant.md lists them.
 ///
@@ -33,5 +35,5 @@ use lockstep::participant::{ParameterError, Participant, Setup};
 /// Names the parameter, its value and the remedy.
 pub fn factory(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let parameters = lockstep::units::read(&setup.parameters)?;
-    Ok(Box::new(plant::Plant::new(setup, &parameters)?))
+    Ok(Box::new(Plant::new(setup, &parameters)?))
 }

@@ -1,14 +1,14 @@
 //! The participant.
 
 use interfaces::{CameraPose, Command, Couples, Housekeeping, Measured, TargetState, Truth};
-use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::participant::{Failure, Inputs, Interface, Kind, Member, Outputs, ParameterError, Participant, Setup, Step};
 use lockstep::wire;
 use multibody::{Method, Quaternion, rotation};
 use nalgebra::Vector3;
 
 use crate::actuators::{Actuators, THRUSTERS};
 use crate::dynamics::{
-    Bob, Books, Forces, Grasp, Mechanics, Model, Motion, Servicer, Target, Totals, quaternion_of, stop_joints,
+    Bob, Bodies, Books, Forces, Grasp, Mechanics, Model, Motion, Servicer, Target, Totals, Under, quaternion_of, stop_joints,
 };
 use crate::parameters::{AfterGrasp, Parameters, SloshModel, Start, TargetStart};
 use crate::saved::Saved;
@@ -23,22 +23,22 @@ const MEASURED: usize = 0;
 const TARGET: usize = 1;
 const CAMERA: usize = 2;
 const HOUSEKEEPING: usize = 3;
-const TRUTH: usize = 4;
+pub(crate) const TRUTH: usize = 4;
 
 /// The plant.
 #[derive(Debug)]
 pub struct Plant {
-    model: Model,
-    method: Method,
-    substeps: u32,
+    pub(crate) model: Model,
+    pub(crate) method: Method,
+    pub(crate) substeps: u32,
     after_grasp: Option<AfterGrasp>,
     actuators: Actuators,
     sensors: Sensors,
     motion: Motion,
     target: Target,
-    forces: Forces,
+    pub(crate) forces: Forces,
     books: Books,
-    grasp: Option<Grasp>,
+    pub(crate) grasp: Option<Grasp>,
     teller: TruthTeller,
 }
 
@@ -121,7 +121,20 @@ impl Plant {
         })
     }
 
-    fn integrate(&mut self, period: f64) {
+    /// What moves over a step.
+    pub(crate) fn under<'a>(&'a mut self, told: bool, bodies: &'a mut Option<Bodies>) -> Under<'a> {
+        Under {
+            model: &self.model,
+            forces: &self.forces,
+            motion: &mut self.motion,
+            target: &mut self.target,
+            told,
+            bodies,
+        }
+    }
+
+    /// Moves over a step.
+    pub(crate) fn integrate(&mut self, period: f64) {
         let mechanics = Mechanics { model: &self.model };
         let h = period / f64::from(self.substeps);
         for _ in 0..self.substeps {
@@ -136,6 +149,11 @@ impl Plant {
                     .step(self.method, &self.target, &nalgebra::SVector::zeros(), h);
             }
         }
+        self.carry();
+    }
+
+    /// Takes the target along, where it is held.
+    pub(crate) fn carry(&mut self) {
         if let Some(grasp) = &self.grasp {
             self.target = self.model.carried(&self.motion.servicer, &grasp.held);
         }
@@ -153,18 +171,49 @@ impl Plant {
         }
         let (within, within_angle) = (after.within.si(), after.within_angle.si());
         let servicer = &self.motion.servicer;
-        let grip = Grip::of(&self.model, &self.model.kinematics(servicer), servicer, &self.target);
+        let kinematics = self.model.kinematics(servicer);
+        let end_effector = self.model.tree.placement(&kinematics, self.model.end_effector);
+        let grip = Grip::of(&self.model, &end_effector, servicer, &self.target);
         if grip.distance() <= within && grip.angle() <= within_angle {
             self.grasp = self.model.grasp(&mut self.motion, &mut self.target);
             self.books.impact_loss += self.grasp.map_or(0.0, |grasp| grasp.loss);
         }
     }
 
-    fn tell(&mut self) -> Truth {
+    /// What happens at the begin of a step: the gripper closes, the actuators do what they are told, brakes take hold.
+    pub(crate) fn begin(&mut self, step: &Step, inputs: &Inputs) {
+        self.try_grasp(step.t);
+        let forces = self.actuators.apply(
+            step.t,
+            inputs.get::<Command>(COMMAND),
+            inputs.get::<Couples>(COUPLES),
+            &self.motion.wheel_momentum,
+            &self.motion.servicer.omega(),
+        );
+        if forces
+            .braked
+            .iter()
+            .zip(&self.forces.braked)
+            .any(|(now, before)| *now && !before)
+        {
+            self.books.impact_loss += stop_joints(&self.model, &mut self.motion, &forces.braked);
+        }
+        self.forces = forces;
+    }
+
+    fn tell(&mut self, bodies: Option<&Bodies>) -> Truth {
         let (forces, books) = (&self.forces, &self.books);
+        let own;
+        let bodies = match bodies {
+            Some(bodies) => bodies,
+            None => {
+                own = Bodies::of(&self.model, &self.motion);
+                &own
+            }
+        };
         self.teller.tell(
             &self.model,
-            &self.motion,
+            (&self.motion, bodies),
             &self.target,
             forces,
             books,
@@ -172,10 +221,10 @@ impl Plant {
         )
     }
 
-    /// Writes sample number `k` of each output, at `t`, s, where it is seen.
-    fn write(&mut self, k: u64, t: f64, outputs: &mut Outputs) {
+    /// Writes sample number `k` of each output, at `t`, s, where it is seen. `bodies`: what the truth takes from them, where that is known.
+    pub(crate) fn write(&mut self, k: u64, t: f64, bodies: Option<&Bodies>, outputs: &mut Outputs) {
         if outputs.is_seen(TRUTH) {
-            *outputs.get_mut::<Truth>(TRUTH) = self.tell();
+            *outputs.get_mut::<Truth>(TRUTH) = self.tell(bodies);
         } else if outputs.is_ever_seen(TRUTH) {
             self.teller.follow(&self.model, &self.motion, &self.target);
         }
@@ -222,31 +271,19 @@ impl Participant for Plant {
     }
 
     fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
-        self.write(0, t, outputs);
+        self.write(0, t, None, outputs);
         Ok(())
     }
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        self.try_grasp(step.t);
-        let forces = self.actuators.apply(
-            step.t,
-            inputs.get::<Command>(COMMAND),
-            inputs.get::<Couples>(COUPLES),
-            &self.motion.wheel_momentum,
-            &self.motion.servicer.omega(),
-        );
-        if forces
-            .braked
-            .iter()
-            .zip(&self.forces.braked)
-            .any(|(now, before)| *now && !before)
-        {
-            self.books.impact_loss += stop_joints(&self.model, &mut self.motion, &forces.braked);
-        }
-        self.forces = forces;
+        self.begin(step, inputs);
         self.integrate(step.period);
-        self.write(step.index + 1, step.t_next, outputs);
+        self.write(step.index + 1, step.t_next, None, outputs);
         Ok(())
+    }
+
+    fn abreast(&mut self) -> Option<Member<'_>> {
+        Some(Member::of(self))
     }
 
     fn save(&self) -> Option<Vec<u8>> {

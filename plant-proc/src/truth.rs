@@ -1,11 +1,11 @@
 //! What the truth port tells.
 
 use interfaces::Truth;
-use multibody::{Kinematics, Quaternion};
+use multibody::{Placement, Quaternion};
 use nalgebra::Vector3;
 
 use crate::dynamics::{
-    Bob, Books, COORDINATES, Forces, Model, Motion, Servicer, Target, Totals, VELOCITIES, quaternion_of,
+    Bob, Bodies, Books, Forces, Model, Motion, Servicer, Target, Totals, quaternion_of,
 };
 
 /// Where the end effector E and the grasp frame G of the target are, in world axes.
@@ -17,14 +17,8 @@ pub struct Grip {
 }
 
 impl Grip {
-    /// At this motion, of which `kinematics` are the servicer's.
-    pub fn of(
-        model: &Model,
-        kinematics: &Kinematics<COORDINATES, VELOCITIES>,
-        servicer: &Servicer,
-        target: &Target,
-    ) -> Self {
-        let p_BE = model.tree.placement(kinematics, model.end_effector);
+    /// Where the end effector has the pose `p_BE` in the base.
+    pub fn of(model: &Model, p_BE: &Placement, servicer: &Servicer, target: &Target) -> Self {
         Self {
             p_NE: servicer.p_nb + servicer.quat_nb.rotate(&p_BE.p),
             quat_NE: servicer.quat_nb.times(quaternion_of(&p_BE.r)),
@@ -54,25 +48,26 @@ pub struct TruthTeller {
 impl TruthTeller {
     /// Keeps the signs where the truth about this motion is not told, so that they are those of a teller that tells every time.
     pub fn follow(&mut self, model: &Model, motion: &Motion, target: &Target) {
-        let grip = Grip::of(model, &model.kinematics(&motion.servicer), &motion.servicer, target);
+        let kinematics = model.kinematics(&motion.servicer);
+        let p_BE = model.tree.placement(&kinematics, model.end_effector);
+        let grip = Grip::of(model, &p_BE, &motion.servicer, target);
         self.continuous(0, grip.quat_NE);
         self.continuous(1, grip.quat_NG);
     }
 
-    /// The truth about this motion, with `forces` the actuators' over the step that led here.
+    /// The truth about this motion, in which the servicer's `bodies` are, with `forces` the actuators' over the step that led here.
     pub fn tell(
         &mut self,
         model: &Model,
-        motion: &Motion,
+        (motion, bodies): (&Motion, &Bodies),
         target: &Target,
         forces: &Forces,
         books: &Books,
         grasped: bool,
     ) -> Truth {
         let servicer = &motion.servicer;
-        let kinematics = model.kinematics(servicer);
-        let grip = Grip::of(model, &kinematics, servicer, target);
-        let (omega_NE_E, v_NE_E) = model.twist(&kinematics, servicer);
+        let grip = Grip::of(model, &bodies.end_effector, servicer, target);
+        let (omega_NE_E, v_NE_E) = bodies.twist;
         let (quat_NE, quat_NG) = (grip.quat_NE, grip.quat_NG);
         let v_NE = quat_NE.rotate(&v_NE_E);
 
@@ -86,7 +81,7 @@ impl TruthTeller {
         let v_NG = v_NT + target.quat_nb.rotate(&omega_NT.cross(&model.grasp.p));
 
         let relative_rate = quat_NE.rotate(&omega_NE_E) - target.quat_nb.rotate(&omega_NT);
-        let totals = Totals::with(model, &kinematics, motion, target, grasped);
+        let totals = Totals::with(model, &bodies.momentum, motion, target, grasped);
         let residual = books.residual(&totals, motion);
         let [quat_NE, quat_NG] = [(0, quat_NE), (1, quat_NG)].map(|(at, quat)| self.continuous(at, quat));
         Truth {

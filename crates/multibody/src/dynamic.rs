@@ -156,8 +156,8 @@ impl DynTree {
 
     fn placed(&self, s: &DynState) -> (Vec<Placed<f64>>, Vec<Rates<f64>>) {
         self.check(s);
-        let placed = place::<Dynamic, f64>(self.model(), &self.ties().positions(&s.q));
-        let rates = rates::<Dynamic, f64>(self.model(), &placed, &self.ties().velocities(&s.nu));
+        let placed = place::<Dynamic, f64, _>(self.model(), &self.ties().positions(&s.q));
+        let rates = rates::<Dynamic, f64, _>(self.model(), &placed, &self.ties().velocities(&s.nu));
         (placed, rates)
     }
 
@@ -301,7 +301,7 @@ impl DynTree {
 
     /// Mass matrix over any scalar, column by column.
     pub fn mass_matrix_in<T: Real>(&self, q: &[T]) -> Vec<T> {
-        let placed = place::<Dynamic, T>(self.model(), &self.ties().positions(q));
+        let placed = place::<Dynamic, T, _>(self.model(), &self.ties().positions(q));
         let mut m = vec![T::of(0.0); self.full_dim() * self.full_dim()];
         let (model, rest) = (self.model(), V3::zero());
         inertia::mass_and_coriolis::<Dynamic, T, false>(model, &placed, &[], rest, &mut m, &mut []);
@@ -310,20 +310,20 @@ impl DynTree {
 
     /// Body Jacobian of a frame over any scalar, column by column; it depends on the joints alone.
     pub fn jacobian_in<T: Real>(&self, q: &[T], frame: FrameId) -> Vec<T> {
-        let placed = place::<Dynamic, T>(self.model(), &self.ties().positions(q));
+        let placed = place::<Dynamic, T, _>(self.model(), &self.ties().positions(q));
         let rest = vec![T::of(0.0); self.full_dim()];
-        let rates = rates::<Dynamic, T>(self.model(), &placed, &rest);
+        let rates = rates::<Dynamic, T, _>(self.model(), &placed, &rest);
         let mut j = vec![T::of(0.0); 6 * self.full_dim()];
         let frame = &self.constants.frames[frame.0];
-        jacobian::<T, false>(self.model(), &placed, &rates, V3::zero(), frame, &mut j);
+        jacobian::<T, f64, false>(self.model(), &placed, &rates, V3::zero(), frame, &mut j);
         self.ties().columns(6, j)
     }
 
     /// Pose of a frame in the base over any scalar: (`p_BE`, columns of `R_BE`).
     pub fn placement_in<T: Real>(&self, q: &[T], frame: FrameId) -> ([T; 3], [[T; 3]; 3]) {
-        let placed = place::<Dynamic, T>(self.model(), &self.ties().positions(q));
+        let placed = place::<Dynamic, T, _>(self.model(), &self.ties().positions(q));
         let rest = vec![T::of(0.0); self.full_dim()];
-        let rates = rates::<Dynamic, T>(self.model(), &placed, &rest);
+        let rates = rates::<Dynamic, T, _>(self.model(), &placed, &rest);
         let (r, p) = frame_at(&self.constants.frames[frame.0], &placed, &rates);
         (p.to_array(), r.c.map(V3::to_array))
     }
@@ -336,7 +336,7 @@ impl DynTree {
             return self.tied_forward_dynamics(s, tau);
         }
         let mut out = vec![0.0; self.dim()];
-        aba::aba::<Dynamic, f64>(self.model(), &s.q, &s.nu, tau, V3::zero(), None, &mut out);
+        aba::aba::<Dynamic, f64, _>(self.model(), &s.q, &s.nu, tau, V3::zero(), None, &mut out);
         out
     }
 
@@ -374,8 +374,8 @@ impl DynTree {
         let (mut j, mut rate) = (Dense::zeros(6, self.full_dim()), Dense::zeros(6, self.full_dim()));
         let frame = &self.constants.frames[frame.0];
         let omega = self.omega(s);
-        jacobian::<f64, false>(self.model(), &placed, &rates, omega, frame, &mut j.data);
-        jacobian::<f64, true>(self.model(), &placed, &rates, omega, frame, &mut rate.data);
+        jacobian::<f64, f64, false>(self.model(), &placed, &rates, omega, frame, &mut j.data);
+        jacobian::<f64, f64, true>(self.model(), &placed, &rates, omega, frame, &mut rate.data);
         let reduced = |full: Dense| Dense {
             rows: 6,
             cols: self.dim(),

@@ -75,8 +75,8 @@ pub use description::{
 pub use dynamic::{BodyInfo, Dense, DynState, DynTree};
 pub use integrate::{Flow, Method, Rate, UnknownMethod, dop853, rk4};
 pub use nalgebra;
-pub use num::{F64x4, Real, sin_cos};
+pub use num::{F64x4, F64x8, Lanes, Number, Real, sin_cos};
 pub use rotation::Quaternion;
 pub use slosh::{SloshError, SloshRate, SloshState, SloshTree, SphericalSlosh, from_two_hinges};
 pub use state::State;
-pub use tree::{FrameId, Kinematics, Momentum, Tree, TreeError, UnknownFrame};
+pub use tree::{FrameId, Kinematics, Momentum, Tree, TreeError, Trees, UnknownFrame};

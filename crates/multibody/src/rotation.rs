@@ -1,20 +1,20 @@
 //! Rotations: unit quaternions (Hamilton, scalar first) and the few constructions of rotation matrices we need.
 
-use crate::num::sin_cos;
+use crate::num::{Number, sin_cos};
 use nalgebra::{Matrix3, Vector3};
 
 /// A quaternion `w + x i + y j + z k` (Hamilton). As an attitude, `quat_AB` turns components in B axes into
 /// components in A axes, and a body rate ω (B axes) moves it by `½ q ⊗ [0, ω]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quaternion {
+pub struct Quaternion<T = f64> {
     /// Scalar part.
-    pub w: f64,
+    pub w: T,
     /// Vector part.
-    pub x: f64,
+    pub x: T,
     /// Vector part.
-    pub y: f64,
+    pub y: T,
     /// Vector part.
-    pub z: f64,
+    pub z: T,
 }
 
 impl Quaternion {
@@ -57,6 +57,18 @@ impl Quaternion {
         }
     }
 
+    /// `R_AB`. The length is divided out.
+    #[inline]
+    pub fn matrix(self) -> Matrix3<f64> {
+        Matrix3::from_columns(&[
+            self.rotate(&Vector3::x()),
+            self.rotate(&Vector3::y()),
+            self.rotate(&Vector3::z()),
+        ])
+    }
+}
+
+impl<T: Number> Quaternion<T> {
     /// Product `self ⊗ o`.
     #[inline]
     pub fn times(self, o: Self) -> Self {
@@ -82,18 +94,18 @@ impl Quaternion {
 
     /// `½ self ⊗ [0, ω]`, the rate of an attitude turning at `omega` (rad/s, body axes).
     #[inline]
-    pub fn rate(self, omega: &Vector3<f64>) -> Self {
+    pub fn rate(self, omega: &Vector3<T>) -> Self {
         self.times(Self {
-            w: 0.0,
-            x: 0.5 * omega.x,
-            y: 0.5 * omega.y,
-            z: 0.5 * omega.z,
+            w: T::of(0.0),
+            x: T::of(0.5) * omega.x,
+            y: T::of(0.5) * omega.y,
+            z: T::of(0.5) * omega.z,
         })
     }
 
     /// `self + k · o`, component by component.
     #[inline]
-    pub fn plus(self, k: f64, o: Self) -> Self {
+    pub fn plus(self, k: T, o: Self) -> Self {
         Self {
             w: k.mul_add(o.w, self.w),
             x: k.mul_add(o.x, self.x),
@@ -104,14 +116,14 @@ impl Quaternion {
 
     /// Squared length.
     #[inline]
-    pub fn norm_squared(self) -> f64 {
+    pub fn norm_squared(self) -> T {
         self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z
     }
 
     /// Scaled to unit length.
     #[inline]
     pub fn normalized(self) -> Self {
-        let k = 1.0 / self.norm_squared().sqrt();
+        let k = T::of(1.0) / self.norm_squared().sqrt();
         Self {
             w: k * self.w,
             x: k * self.x,
@@ -123,26 +135,16 @@ impl Quaternion {
     /// The vector `v` (B axes) in A axes. Exact to first order for a quaternion slightly off unit length, because the
     /// length is divided out.
     #[inline]
-    pub fn rotate(self, v: &Vector3<f64>) -> Vector3<f64> {
+    pub fn rotate(self, v: &Vector3<T>) -> Vector3<T> {
         let u = Vector3::new(self.x, self.y, self.z);
-        let t = u.cross(v) * (2.0 / self.norm_squared());
+        let t = u.cross(v) * (T::of(2.0) / self.norm_squared());
         v + t * self.w + u.cross(&t)
     }
 
     /// The vector `v` (A axes) in B axes.
     #[inline]
-    pub fn rotate_back(self, v: &Vector3<f64>) -> Vector3<f64> {
+    pub fn rotate_back(self, v: &Vector3<T>) -> Vector3<T> {
         self.conjugate().rotate(v)
-    }
-
-    /// `R_AB`. The length is divided out.
-    #[inline]
-    pub fn matrix(self) -> Matrix3<f64> {
-        Matrix3::from_columns(&[
-            self.rotate(&Vector3::x()),
-            self.rotate(&Vector3::y()),
-            self.rotate(&Vector3::z()),
-        ])
     }
 }
 

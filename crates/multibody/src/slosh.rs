@@ -190,8 +190,19 @@ impl<const N: usize, const V: usize> SloshTree<N, V> {
 
     /// Momentum of tree and pendulum together, B axes.
     pub fn momentum(&self, s: &SloshState<N, V>) -> Momentum {
+        self.momentum_and_energy(s).0
+    }
+
+    /// Kinetic energy of tree and pendulum (J).
+    pub fn kinetic_energy(&self, s: &SloshState<N, V>) -> f64 {
+        self.momentum_and_energy(s).1
+    }
+
+    /// Both for the price of one.
+    pub fn momentum_and_energy(&self, s: &SloshState<N, V>) -> (Momentum, f64) {
         let c = &self.slosh;
-        let m = self.tree.momentum(&self.tree.kinematics(&s.tree.q, &s.tree.nu));
+        let kinematics = self.tree.kinematics(&s.tree.q, &s.tree.nu);
+        let (m, energy) = self.tree.momentum_and_energy(&kinematics);
         let (p, v, across) = self.bob(s);
         let mass = m.mass + c.mass;
         let p_bc = (m.p_bc * m.mass + p * c.mass) / mass;
@@ -199,19 +210,14 @@ impl<const N: usize, const V: usize> SloshTree<N, V> {
         let linear_b = m.linear_b + v * c.mass;
         let reduced = m.mass * c.mass / mass;
         let angular_b = m.angular_b + across * c.inertia + (p - m.p_bc).cross(&(v - v_tree)) * reduced;
-        Momentum {
+        let momentum = Momentum {
             mass,
             p_bc,
             linear_b,
             angular_b,
-        }
-    }
-
-    /// Kinetic energy of tree and pendulum (J).
-    pub fn kinetic_energy(&self, s: &SloshState<N, V>) -> f64 {
-        let tree = self.tree.kinetic_energy(&self.tree.kinematics(&s.tree.q, &s.tree.nu));
-        let (_, v, across) = self.bob(s);
-        tree + 0.5 * self.slosh.mass * v.norm_squared() + 0.5 * self.slosh.inertia * across.norm_squared()
+        };
+        let energy = energy + 0.5 * c.mass * v.norm_squared() + 0.5 * c.inertia * across.norm_squared();
+        (momentum, energy)
     }
 
     /// Energy of the tree's springs and gravity and of the pendulum's spring (J).

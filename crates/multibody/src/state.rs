@@ -1,20 +1,22 @@
 //! Where a tree is and how it moves.
 
 use crate::description::Placement;
+use crate::integrate::Rate;
+use crate::num::Number;
 use crate::rotation::Quaternion;
 use nalgebra::{SVector, Vector3};
 
 /// State of a [`Tree<N, V>`](crate::Tree).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct State<const N: usize, const V: usize> {
+pub struct State<const N: usize, const V: usize, T = f64> {
     /// Base origin in the world, `p_NB` (N axes, m).
-    pub p_nb: Vector3<f64>,
+    pub p_nb: Vector3<T>,
     /// Attitude of the base, `quat_NB`.
-    pub quat_nb: Quaternion,
+    pub quat_nb: Quaternion<T>,
     /// Joint positions (rad or m).
-    pub q: SVector<f64, N>,
+    pub q: SVector<T, N>,
     /// Generalised velocity `[ω_NB; v_NB; joint rates]` (B axes); joint rates alone on a fixed base.
-    pub nu: SVector<f64, V>,
+    pub nu: SVector<T, V>,
 }
 
 impl<const N: usize, const V: usize> State<N, V> {
@@ -28,8 +30,18 @@ impl<const N: usize, const V: usize> State<N, V> {
         }
     }
 
+    /// Pose of the base: (`p_NB`, `R_NB`).
+    pub fn base(&self) -> Placement {
+        Placement {
+            p: self.p_nb,
+            r: self.quat_nb.matrix(),
+        }
+    }
+}
+
+impl<const N: usize, const V: usize, T: Number> State<N, V, T> {
     /// ω_NB in B axes (rad/s); zero on a fixed base.
-    pub fn omega(&self) -> Vector3<f64> {
+    pub fn omega(&self) -> Vector3<T> {
         if V == N {
             Vector3::zeros()
         } else {
@@ -38,7 +50,7 @@ impl<const N: usize, const V: usize> State<N, V> {
     }
 
     /// v_NB in B axes (m/s); zero on a fixed base.
-    pub fn velocity(&self) -> Vector3<f64> {
+    pub fn velocity(&self) -> Vector3<T> {
         if V == N {
             Vector3::zeros()
         } else {
@@ -46,11 +58,30 @@ impl<const N: usize, const V: usize> State<N, V> {
         }
     }
 
-    /// Pose of the base: (`p_NB`, `R_NB`).
-    pub fn base(&self) -> Placement {
-        Placement {
-            p: self.p_nb,
-            r: self.quat_nb.matrix(),
+    /// `self + Σ kᵢ rateᵢ`, coordinate by coordinate.
+    #[inline(always)]
+    pub fn moved(&self, by: &[(f64, &Rate<N, V, T>)]) -> Self {
+        let mut out = *self;
+        for (k, rate) in by {
+            let k = T::of(*k);
+            for i in 0..3 {
+                out.p_nb[i] = k.mul_add(rate.p_nb[i], out.p_nb[i]);
+            }
+            out.quat_nb = out.quat_nb.plus(k, rate.quat_nb);
+            for i in 0..N {
+                out.q[i] = k.mul_add(rate.q[i], out.q[i]);
+            }
+            for i in 0..V {
+                out.nu[i] = k.mul_add(rate.nu[i], out.nu[i]);
+            }
         }
+        out
+    }
+
+    /// The same with a quaternion of unit length.
+    #[inline(always)]
+    pub fn restored(mut self) -> Self {
+        self.quat_nb = self.quat_nb.normalized();
+        self
     }
 }

@@ -4,7 +4,7 @@ mod common;
 
 use common::random::{Rng, mechanism, state};
 use common::{load_reference, servicer};
-use multibody::{DynState, DynTree, F64x4, Method, State, Tree};
+use multibody::{Description, DynState, DynTree, F64x4, F64x8, Lanes, Method, State, Tree, Trees, rk4};
 use nalgebra::SVector;
 
 fn lanes<const K: usize>(columns: [&SVector<f64, K>; 4]) -> [F64x4; K] {
@@ -122,4 +122,108 @@ fn a_dynamic_tree_without_joints_is_a_rigid_body() {
     let h = tree.bias(&s);
     let back = tree.rnea(&s, &acc);
     assert!(h.iter().any(|x| *x != 0.0) && back.iter().all(|x| x.abs() < 1e-12));
+}
+
+/// The same mechanism with other masses, lengths and dampers.
+fn changed(description: &Description, rng: &mut Rng) -> Description {
+    let mut out = description.clone();
+    let mut factor = || 1.0 + 0.3 * rng.list(1, 1.0)[0];
+    for inertia in out.links.iter_mut().filter_map(|link| link.inertia.as_mut()) {
+        let by = factor();
+        inertia.mass *= by;
+        inertia.about_com *= by;
+        inertia.com *= factor();
+    }
+    for joint in &mut out.joints {
+        joint.origin.p *= factor();
+        joint.damping *= factor();
+    }
+    out
+}
+
+/// Trees of one shape in lanes, each against itself alone: a step, and what is told of a state.
+fn trees_in_lanes<T: Lanes>(seed: u64) {
+    let mut rng = Rng::new(seed);
+    let shape = servicer();
+    for round in 0..200 {
+        let there = 1 + round % T::WIDTH;
+        let trees: Vec<Tree<9, 15>> = (0..there)
+            .map(|_| Tree::new(&changed(&shape, &mut rng)).expect("valid"))
+            .collect();
+        let states: Vec<State<9, 15>> = (0..there)
+            .map(|_| {
+                let s = state(&mut rng, 9);
+                State {
+                    p_nb: s.p_nb,
+                    quat_nb: s.quat_nb,
+                    q: SVector::from_column_slice(&s.q),
+                    nu: SVector::from_column_slice(&s.nu),
+                }
+            })
+            .collect();
+        let force: Vec<SVector<f64, 15>> = (0..there)
+            .map(|_| SVector::from_column_slice(&rng.list(15, 5.0)))
+            .collect();
+        let abreast = Trees::<9, 15, T>::new(&trees.iter().collect::<Vec<_>>()).expect("one shape");
+        let s = State::gather(&states.iter().collect::<Vec<_>>());
+        let tau = SVector::from_fn(|i, _| T::gather(|lane| force[lane.min(there - 1)][i]));
+        let moved = rk4(&abreast, &s, &tau, 1e-3);
+        let k = abreast.kinematics(&s);
+        let frame = trees[0].frame("end_effector").expect("the model has it");
+        let (jacobian, (p, _)) = (abreast.jacobian(&k, frame), abreast.placement(&k, frame));
+        let (momentum, energy) = abreast.momentum_and_energy(&k);
+        for lane in 0..there {
+            let (tree, own) = (&trees[lane], &states[lane]);
+            let alone = rk4(tree, own, &force[lane], 1e-3);
+            let all = |s: &State<9, 15>| {
+                let pose = s.p_nb.iter().copied().chain(s.quat_nb.to_wxyz());
+                pose.chain(s.q.iter().chain(s.nu.iter()).copied())
+                    .map(f64::to_bits)
+                    .collect::<Vec<_>>()
+            };
+            assert_eq!(all(&moved.lane(lane)), all(&alone), "round {round}, lane {lane}");
+            let k = tree.kinematics(&own.q, &own.nu);
+            let same = |a: T, b: f64, what: &str| {
+                assert_eq!(a.lane(lane).to_bits(), b.to_bits(), "{what}, round {round}, lane {lane}");
+            };
+            for (a, b) in jacobian.iter().zip(tree.jacobian(&k, frame).iter()) {
+                same(*a, *b, "jacobian");
+            }
+            for (a, b) in p.iter().zip(tree.placement(&k, frame).p.iter()) {
+                same(*a, *b, "placement");
+            }
+            let (m, e) = tree.momentum_and_energy(&k);
+            assert_eq!((m, e), (tree.momentum(&k), tree.kinetic_energy(&k)));
+            same(energy, e, "energy");
+            for (a, b) in momentum.angular_b.iter().zip(m.angular_b.iter()) {
+                same(*a, *b, "momentum");
+            }
+            same(abreast.damper_power(&s.nu), tree.damper_power(&own.nu), "power");
+        }
+    }
+}
+
+#[test]
+fn trees_of_one_shape_side_by_side_have_the_bits_of_each_alone() {
+    trees_in_lanes::<F64x4>(11);
+    trees_in_lanes::<F64x8>(13);
+}
+
+#[test]
+fn trees_of_two_shapes_do_not_go_side_by_side() {
+    let mut rng = Rng::new(17);
+    let one = Tree::<4, 10>::new(&mechanism(&mut rng, 4)).expect("valid");
+    let (mut same, mut other) = (0, 0);
+    for _ in 0..50 {
+        let next = Tree::<4, 10>::new(&mechanism(&mut rng, 4)).expect("valid");
+        match Trees::<4, 10, F64x4>::new(&[&one, &next]) {
+            Some(_) => same += 1,
+            None => other += 1,
+        }
+    }
+    assert!(other > 20, "{same} {other}");
+    let heavy = one.clone().with_gravity(nalgebra::Vector3::z());
+    assert!(Trees::<4, 10, F64x4>::new(&[&one, &heavy]).is_none(), "gravity");
+    assert!(Trees::<4, 10, F64x4>::new(&[]).is_none());
+    assert!(Trees::<4, 10, F64x4>::new(&[&one; 5]).is_none(), "more than there are lanes");
 }

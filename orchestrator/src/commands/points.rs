@@ -35,6 +35,9 @@ pub struct CampaignArgs {
     /// Processes that work side by side; one a core when not given
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub workers: Option<u16>,
+    /// Points that go side by side in each of them, in the lanes of the processor; 1 runs one after the other. The results are the same
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=64))]
+    pub lanes: Option<u16>,
     /// Keep run folders, tape and all: of all points, of those that failed, of those that are not met, or of the worst ten (worst:10)
     #[arg(long, value_name = "WHICH", num_args = 0..=1, default_missing_value = "all")]
     pub keep: Vec<Keep>,
@@ -52,6 +55,7 @@ impl CampaignArgs {
         Options {
             out: self.out.clone(),
             workers: self.workers.map(usize::from),
+            lanes: self.lanes.map(usize::from),
             keep: self.keep.clone(),
             progress: terminal::progress(self.quiet),
             interrupt: signals::interrupt(),

@@ -1,6 +1,6 @@
 //! Momentum and energy of everything, and what is missing in them.
 
-use multibody::Kinematics;
+use multibody::{Kinematics, Momentum};
 use nalgebra::Vector3;
 
 use super::{COORDINATES, Model, Motion, Target, VELOCITIES};
@@ -28,31 +28,38 @@ pub struct Books {
 impl Totals {
     /// The sums over servicer, wheels and, while it is not `carried` as a part of the servicer, target.
     pub fn of(model: &Model, motion: &Motion, target: &Target, carried: bool) -> Self {
-        Self::with(model, &model.kinematics(&motion.servicer), motion, target, carried)
+        let own = Self::own(model, &model.kinematics(&motion.servicer), motion);
+        Self::with(model, &own, motion, target, carried)
     }
 
-    /// The same with the kinematics of the servicer.
-    pub fn with(
+    /// Momentum and kinetic energy of the servicer, of which `kinematics` are those of its tree.
+    pub fn own(
         model: &Model,
         kinematics: &Kinematics<COORDINATES, VELOCITIES>,
+        motion: &Motion,
+    ) -> (Momentum, f64) {
+        match &model.sphere {
+            None => model.tree.momentum_and_energy(kinematics),
+            Some(sphere) => sphere
+                .tree()
+                .momentum_and_energy(&sphere.state(&motion.servicer, &motion.bob)),
+        }
+    }
+
+    /// The sums with what [`Totals::own`] gives.
+    pub fn with(
+        model: &Model,
+        (momentum, own_energy): &(Momentum, f64),
         motion: &Motion,
         target: &Target,
         carried: bool,
     ) -> Self {
         let servicer = &motion.servicer;
-        let (momentum, own_energy) = match &model.sphere {
-            None => {
-                let energy = model.tree.kinetic_energy(kinematics) + model.tree.potential_energy(servicer);
-                (model.tree.momentum(kinematics), energy)
-            }
-            Some(sphere) => {
-                let (tree, state) = (sphere.tree(), sphere.state(servicer, &motion.bob));
-                (
-                    tree.momentum(&state),
-                    tree.kinetic_energy(&state) + tree.potential_energy(&state),
-                )
-            }
-        };
+        let own_energy = own_energy
+            + match &model.sphere {
+                None => model.tree.potential_energy(servicer),
+                Some(sphere) => sphere.tree().potential_energy(&sphere.state(servicer, &motion.bob)),
+            };
         let to_world = |vector: &Vector3<f64>| servicer.quat_nb.rotate(vector);
         let centre = servicer.p_nb + to_world(&momentum.p_bc);
         let mut linear = to_world(&momentum.linear_b);

@@ -1,23 +1,23 @@
 //! The servicer's motion as a differential equation, with wheel momentum, impulses, work and losses integrated beside it:
 //! with the same stages, so that the books close as well as the integrator is good.
 
-use multibody::{Flow, Rate};
-use nalgebra::Vector3;
+use multibody::{Flow, Number, Rate};
+use nalgebra::{SVector, Vector3};
 
 use super::constraint::hold_joints;
 use super::sphere::across;
-use super::{Bob, COORDINATES, Forces, Generalised, Model, Motion, VELOCITIES};
+use super::{Bob, COORDINATES, Forces, Model, Motion, VELOCITIES};
 
 /// Rates of a [`Motion`].
 #[derive(Debug, Clone, Copy)]
-pub struct MotionRate {
-    servicer: Rate<COORDINATES, VELOCITIES>,
-    bob: Bob,
-    wheel_momentum: Vector3<f64>,
-    impulse: Vector3<f64>,
-    angular_impulse: Vector3<f64>,
-    work: f64,
-    loss: f64,
+pub struct MotionRate<T = f64> {
+    servicer: Rate<COORDINATES, VELOCITIES, T>,
+    bob: Bob<T>,
+    wheel_momentum: Vector3<T>,
+    impulse: Vector3<T>,
+    angular_impulse: Vector3<T>,
+    work: T,
+    loss: T,
 }
 
 /// The equation.
@@ -25,6 +25,93 @@ pub struct MotionRate {
 pub struct Mechanics<'a> {
     /// The mechanism.
     pub model: &'a Model,
+}
+
+/// What acts on the servicer at a point of its motion.
+pub(super) struct Acting<T> {
+    /// On the servicer.
+    pub(super) generalised: SVector<T, VELOCITIES>,
+    /// Rate of the wheels' momentum.
+    wheel_rate: Vector3<T>,
+}
+
+impl<T: Number> Acting<T> {
+    /// The actuators' forces, with the gyroscopic torque of the wheels where it acts.
+    #[inline(always)]
+    pub(super) fn of(motion: &Motion<T>, forces: &Forces<T>) -> Self {
+        let turned = motion.servicer.omega().cross(&motion.wheel_momentum);
+        let (mut wheel_torque, mut wheel_rate) = (forces.wheel_torque, -forces.wheel_torque);
+        for (axis, compensated) in forces.compensated.iter().enumerate() {
+            if *compensated {
+                wheel_rate[axis] -= turned[axis];
+            } else {
+                wheel_torque[axis] -= turned[axis];
+            }
+        }
+        let torque = wheel_torque + forces.thruster_torque;
+        let mut generalised = SVector::<T, VELOCITIES>::zeros();
+        for axis in 0..3 {
+            generalised[axis] = torque[axis];
+            generalised[3 + axis] = forces.thruster_force[axis];
+        }
+        for (joint, torque) in forces.joint_torque.iter().enumerate() {
+            generalised[6 + joint] = *torque;
+        }
+        Self {
+            generalised,
+            wheel_rate,
+        }
+    }
+
+    /// All rates, with those of servicer and bob and the power of the dampers as given.
+    #[inline(always)]
+    pub(super) fn rates(
+        &self,
+        motion: &Motion<T>,
+        forces: &Forces<T>,
+        (servicer, bob, damper_power): (Rate<COORDINATES, VELOCITIES, T>, Bob<T>, T),
+    ) -> MotionRate<T> {
+        let now = &motion.servicer;
+        let force_n = now.quat_nb.rotate(&forces.thruster_force);
+        MotionRate {
+            servicer,
+            bob,
+            wheel_momentum: self.wheel_rate,
+            impulse: force_n,
+            angular_impulse: now.p_nb.cross(&force_n) + now.quat_nb.rotate(&forces.thruster_torque),
+            work: self.generalised.dot(&now.nu),
+            loss: -damper_power,
+        }
+    }
+}
+
+impl<T: Number> Motion<T> {
+    /// `self + Σ kᵢ rateᵢ`; the bob moves where the pendulum is spherical.
+    #[inline(always)]
+    pub(super) fn moved(&self, by: &[(f64, &MotionRate<T>)], spherical: bool) -> Self {
+        // as many as any method has stages
+        let mut servicer = [(0.0, &by[0].1.servicer); 16];
+        for (slot, (k, rate)) in servicer.iter_mut().zip(by) {
+            *slot = (*k, &rate.servicer);
+        }
+        let mut out = Motion {
+            servicer: self.servicer.moved(&servicer[..by.len()]),
+            ..*self
+        };
+        for (k, rate) in by {
+            let k = T::of(*k);
+            if spherical {
+                out.bob.d += rate.bob.d * k;
+                out.bob.w += rate.bob.w * k;
+            }
+            out.wheel_momentum += rate.wheel_momentum * k;
+            out.impulse += rate.impulse * k;
+            out.angular_impulse += rate.angular_impulse * k;
+            out.work += rate.work * k;
+            out.loss += rate.loss * k;
+        }
+        out
+    }
 }
 
 impl Flow for Mechanics<'_> {
@@ -35,38 +122,21 @@ impl Flow for Mechanics<'_> {
     #[inline]
     fn rate(&self, motion: &Motion, forces: &Forces) -> MotionRate {
         let servicer = &motion.servicer;
-        let omega = servicer.omega();
-        let turned = omega.cross(&motion.wheel_momentum);
-        let (mut wheel_torque, mut wheel_rate) = (forces.wheel_torque, -forces.wheel_torque);
-        for (axis, compensated) in forces.compensated.iter().enumerate() {
-            if *compensated {
-                wheel_rate[axis] -= turned[axis];
-            } else {
-                wheel_torque[axis] -= turned[axis];
-            }
-        }
-        let torque = wheel_torque + forces.thruster_torque;
-        let mut generalised = Generalised::zeros();
-        for axis in 0..3 {
-            generalised[axis] = torque[axis];
-            generalised[3 + axis] = forces.thruster_force[axis];
-        }
-        for (joint, torque) in forces.joint_torque.iter().enumerate() {
-            generalised[6 + joint] = *torque;
-        }
+        let acting = Acting::of(motion, forces);
+        let generalised = &acting.generalised;
         let braked = forces.braked.contains(&true);
         // a brake does no work: what it holds does not move
-        let (rate, bob, damper_power) = match &self.model.sphere {
+        let own = match &self.model.sphere {
             None => {
                 let tree = &self.model.tree;
-                let mut rate = tree.rate(servicer, &generalised);
+                let mut rate = tree.rate(servicer, generalised);
                 if braked {
                     hold_joints(&tree.mass_matrix(&servicer.q), &forces.braked, &mut rate.nu);
                 }
                 (rate, Bob::NONE, tree.damper_power(&servicer.nu))
             }
             Some(sphere) => {
-                let (mut nu, mut w) = sphere.accelerations(servicer, &motion.bob, &generalised);
+                let (mut nu, mut w) = sphere.accelerations(servicer, &motion.bob, generalised);
                 if braked {
                     hold_joints(&sphere.mass_matrix(servicer, &motion.bob), &forces.braked, &mut nu);
                     let [first, second] = across(&motion.bob.d);
@@ -78,41 +148,12 @@ impl Flow for Mechanics<'_> {
                 (Rate::of(servicer, nu), Bob { d, w }, power)
             }
         };
-        let force_n = servicer.quat_nb.rotate(&forces.thruster_force);
-        MotionRate {
-            servicer: rate,
-            bob,
-            wheel_momentum: wheel_rate,
-            impulse: force_n,
-            angular_impulse: servicer.p_nb.cross(&force_n) + servicer.quat_nb.rotate(&forces.thruster_torque),
-            work: generalised.dot(&servicer.nu),
-            loss: -damper_power,
-        }
+        acting.rates(motion, forces, own)
     }
 
     #[inline]
     fn moved(&self, motion: &Motion, by: &[(f64, &MotionRate)]) -> Motion {
-        // as many as any method has stages
-        let mut servicer: [(f64, &Rate<COORDINATES, VELOCITIES>); 16] = [(0.0, &by[0].1.servicer); 16];
-        for (slot, (k, rate)) in servicer.iter_mut().zip(by) {
-            *slot = (*k, &rate.servicer);
-        }
-        let mut out = Motion {
-            servicer: self.model.tree.moved(&motion.servicer, &servicer[..by.len()]),
-            ..*motion
-        };
-        for (k, rate) in by {
-            if self.model.sphere.is_some() {
-                out.bob.d += rate.bob.d * *k;
-                out.bob.w += rate.bob.w * *k;
-            }
-            out.wheel_momentum += rate.wheel_momentum * *k;
-            out.impulse += rate.impulse * *k;
-            out.angular_impulse += rate.angular_impulse * *k;
-            out.work += rate.work * k;
-            out.loss += rate.loss * k;
-        }
-        out
+        motion.moved(by, self.model.sphere.is_some())
     }
 
     #[inline]
@@ -123,7 +164,7 @@ impl Flow for Mechanics<'_> {
             bob.w -= bob.d * bob.d.dot(&bob.w);
         }
         Motion {
-            servicer: self.model.tree.restored(motion.servicer),
+            servicer: motion.servicer.restored(),
             bob,
             ..motion
         }

@@ -1,5 +1,7 @@
 //! The motion of the servicer, with the books that show that nothing was gained or lost.
 
+mod abreast;
+mod bodies;
 mod books;
 mod constraint;
 mod coordinates;
@@ -9,6 +11,8 @@ mod motion;
 mod slosh_model;
 mod sphere;
 
+pub use abreast::{Models, Under};
+pub use bodies::Bodies;
 pub use books::{Books, Totals};
 pub use constraint::stop_joints;
 pub use coordinates::{COORDINATES, Generalised, Servicer, Target, TargetTree, Tree, VELOCITIES};

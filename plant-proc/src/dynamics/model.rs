@@ -1,5 +1,7 @@
 //! The mechanisms: the servicer before and after the grasp, and the target.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use interfaces::files;
 use lockstep::participant::ParameterError;
 use multibody::{Description, FrameId, Inertia, Kinematics, Placement, Quaternion, rotation};
@@ -11,6 +13,8 @@ use super::{COORDINATES, Generalised, Motion, Servicer, SloshModel, Target, Targ
 /// The constants of a run.
 #[derive(Debug, Clone)]
 pub struct Model {
+    /// Models of one version have the same constants.
+    pub version: u64,
     /// The servicer, after the grasp with the target welded to it.
     pub tree: Tree,
     /// The same with a spherical pendulum in the place of the two hinges, if that is wanted. `tree` then tells the geometry alone.
@@ -95,6 +99,7 @@ impl Model {
             }
         };
         Ok(Self {
+            version: fresh(),
             tree,
             sphere,
             end_effector,
@@ -185,6 +190,7 @@ impl Model {
 
     /// Welds the target to the end effector at `held`, and changes nothing else: for a run that is restored after its grasp.
     pub fn restore_grasp(&mut self, held: &Placement) {
+        self.version = fresh();
         self.tree.attach(self.end_effector, held, &self.target_inertia);
         if let Some(sphere) = &mut self.sphere {
             sphere.attach(held, &self.target_inertia);
@@ -219,6 +225,12 @@ impl Model {
             Some(sphere) => sphere.mass_matrix(&motion.servicer, &motion.bob),
         }
     }
+}
+
+/// A version that no model of this process has yet.
+fn fresh() -> u64 {
+    static VERSIONS: AtomicU64 = AtomicU64::new(0);
+    VERSIONS.fetch_add(1, Ordering::Relaxed)
 }
 
 /// The quaternion of a rotation matrix.

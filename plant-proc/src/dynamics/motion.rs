@@ -2,44 +2,44 @@
 
 use nalgebra::Vector3;
 
-use super::{Bob, Servicer};
+use super::{Bob, COORDINATES, VELOCITIES};
 use crate::actuators::THRUSTERS;
 
 /// Everything that is integrated.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
+pub struct Motion<T = f64> {
     /// The servicer.
-    pub servicer: Servicer,
+    pub servicer: multibody::State<COORDINATES, VELOCITIES, T>,
     /// The bob of a spherical pendulum; the hinges' places in `servicer` are then zero.
-    pub bob: Bob,
+    pub bob: Bob<T>,
     /// Angular momentum in the wheels, base axes, N m s.
-    pub wheel_momentum: Vector3<f64>,
+    pub wheel_momentum: Vector3<T>,
     /// Impulse of the thrusters since the start, world axes, N s.
-    pub impulse: Vector3<f64>,
+    pub impulse: Vector3<T>,
     /// Angular impulse of the thrusters about the world's origin since the start, world axes, N m s.
-    pub angular_impulse: Vector3<f64>,
+    pub angular_impulse: Vector3<T>,
     /// Work of all actuators on the servicer since the start, J.
-    pub work: f64,
+    pub work: T,
     /// Energy that dampers have taken out since the start, J.
-    pub loss: f64,
+    pub loss: T,
 }
 
 /// What the actuators do over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Forces {
+pub struct Forces<T = f64> {
     /// Torque of the wheels, base axes, N m: on the base where the gyroscopic torque is compensated, of the motors elsewhere.
-    pub wheel_torque: Vector3<f64>,
+    pub wheel_torque: Vector3<T>,
     /// Axes on which the wheels' own control compensates the gyroscopic torque `ω × h` over the step: the base feels `wheel_torque`
     /// alone. On the others it feels `wheel_torque − ω × h`. Momentum is conserved either way.
     pub compensated: [bool; 3],
     /// Force of the thrusters, base axes, N.
-    pub thruster_force: Vector3<f64>,
+    pub thruster_force: Vector3<T>,
     /// Torque of the thrusters, base axes, N m.
-    pub thruster_torque: Vector3<f64>,
+    pub thruster_torque: Vector3<T>,
     /// Thrust of each thruster, N.
-    pub thrust: [f64; THRUSTERS],
+    pub thrust: [T; THRUSTERS],
     /// Torques of the joint motors, N m.
-    pub joint_torque: [f64; interfaces::JOINTS],
+    pub joint_torque: [T; interfaces::JOINTS],
     /// Joints that a brake holds; their motors do nothing.
     pub braked: [bool; interfaces::JOINTS],
 }

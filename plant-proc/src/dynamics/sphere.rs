@@ -17,11 +17,11 @@ const RIGID: usize = 6 + JOINTS;
 
 /// The state of the bob.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bob {
+pub struct Bob<T = f64> {
     /// Unit vector from hinge to bob, base axes; zero while the pendulum has hinges.
-    pub d: Vector3<f64>,
+    pub d: Vector3<T>,
     /// Angular velocity of the pendulum against the base, across `d`, base axes, rad/s.
-    pub w: Vector3<f64>,
+    pub w: Vector3<T>,
 }
 
 impl Bob {

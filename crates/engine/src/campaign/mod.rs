@@ -1,9 +1,11 @@
 //! Campaigns: many runs of one scenario with changes, and one table of what became of them.
 //!
-//! A campaign is a list of points, each a list of changes as `--set` takes them. Worker processes run the points, one at a
-//! time each, so that a crash of one point costs that point alone; the results go to a journal in the order in which they come
-//! and into the table in the order of the points. Nothing in the table depends on the number of workers or on time.
+//! A campaign is a list of points, each a list of changes as `--set` takes them. Worker processes run the points, each several side
+//! by side where participants allow it; those that a worker has when it crashes are run again one by one, so that a crash costs the
+//! point alone that crashes; the results go to a journal in the order in which they come
+//! and into the table in the order of the points. Nothing in the table depends on the number of workers, on lanes or on time.
 
+mod abreast;
 mod analysis;
 mod any_path;
 mod bundle;

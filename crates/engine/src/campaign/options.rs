@@ -15,6 +15,8 @@ pub struct Options {
     pub out: Option<PathBuf>,
     /// Processes that work side by side; one a core unless given.
     pub workers: Option<usize>,
+    /// Points side by side in the lanes of each worker's processor; as many as are good for this machine unless given.
+    pub lanes: Option<usize>,
     /// The points whose run folders are kept.
     pub keep: Vec<Keep>,
     /// The figure of merit by which points are the worst; the criteria unless given.

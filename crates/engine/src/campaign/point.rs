@@ -1,7 +1,7 @@
 //! One point: a run in this process that keeps figures and no tape, unless the tape is wanted.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use lockstep::plan::Plan;
@@ -10,7 +10,7 @@ use tape::folder::RunFolder;
 
 use super::figures::Figures;
 use crate::Catalogue;
-use crate::run::{self, Ending, RunFailure};
+use crate::run::{self, Abreast, Ending, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioSpec};
 
 /// What became of a point.
@@ -120,81 +120,118 @@ impl Result {
     }
 }
 
-/// Runs a point: the scenario that all points share, with the file in which it stands, and the point's own changes. `keep` names the run folder, if it is kept; `scratch` is where one may be made and removed. `digests`: whether the
-/// result has the digest of the tape.
-pub fn run_point(
-    catalogue: &Arc<Catalogue>,
-    (file, spec): (&Path, ScenarioSpec),
-    changes: &[String],
-    keep: Option<&Path>,
-    scratch: &Path,
-    digests: bool,
-) -> Result {
+/// A point that is to be run.
+#[derive(Debug, Clone)]
+pub struct Order {
+    /// The scenario file.
+    pub file: PathBuf,
+    /// What all points share.
+    pub spec: ScenarioSpec,
+    /// The point's own changes of it.
+    pub changes: Vec<String>,
+    /// The run folder, if it is kept.
+    pub keep: Option<PathBuf>,
+    /// Where one may be made and removed.
+    pub scratch: PathBuf,
+    /// Whether the result has the digest of the tape.
+    pub digests: bool,
+}
+
+/// A point that has been begun.
+pub enum Begun {
+    /// It is over already.
+    Over(Result),
+    /// It runs beside others.
+    Abreast(Box<Abreast>),
+}
+
+impl Order {
+    /// Begins the point. Where it can go beside others it has done nothing yet; any other is over, and so is every one that goes `alone`.
+    pub fn begin(&self, catalogue: &Arc<Catalogue>, alone: bool) -> Begun {
+        caught(|| self.begun(catalogue, alone)).unwrap_or_else(Begun::Over)
+    }
+
+    fn begun(&self, catalogue: &Arc<Catalogue>, alone: bool) -> Begun {
+        let mut spec = self.spec.clone();
+        let changed = spec.change(&self.changes);
+        let scenario = match changed.and_then(|()| Scenario::of(catalogue, spec, &self.file)) {
+            Ok(scenario) => scenario,
+            Err(error) => return Begun::Over(self.refused(&error)),
+        };
+        let in_process = !scenario.programs().any(Program::is_external);
+        let mut options = run::Options {
+            in_process,
+            no_placement: true,
+            ..run::Options::default()
+        };
+        let scenario = Arc::new(scenario);
+        let result = if in_process && self.keep.is_none() {
+            // Outputs of which no figure is made are not seen, and need not be computed.
+            options.record = if self.digests {
+                run::Record::Digest
+            } else {
+                run::Record::Nothing
+            };
+            match alone {
+                true => concluded(scenario, options),
+                false => match Abreast::begin(scenario, options) {
+                    Ok(run) => return Begun::Abreast(Box::new(run)),
+                    Err(failure) => Err(failure),
+                },
+            }
+        } else {
+            // Because the folder is wanted, or because a participant is a program of its own.
+            let out = self.keep.as_ref().unwrap_or(&self.scratch);
+            // What an interrupted campaign left there is not whole.
+            let _ = std::fs::remove_dir_all(out);
+            options.out = Some(out.to_owned());
+            let result = concluded(scenario, options);
+            if self.keep.is_none() {
+                let _ = std::fs::remove_dir_all(out);
+            }
+            result
+        };
+        Begun::Over(result.map_or_else(|failure| self.failed(&failure), |result| self.wanted(result)))
+    }
+
+    /// The result of a run that has come to its end.
+    pub fn concluded(&self, run: Box<Abreast>) -> Result {
+        caught(|| self.wanted(Result::of_run(&run.conclude()))).unwrap_or_else(|panic| panic)
+    }
+
+    /// A result with the digest where that is asked for.
+    fn wanted(&self, result: Result) -> Result {
+        Result {
+            tape: result.tape.filter(|_| self.digests),
+            ..result
+        }
+    }
+
+    fn failed(&self, failure: &RunFailure) -> Result {
+        match failure.exit_code() {
+            2 => self.refused(failure),
+            _ => Result::without(Outcome::Failed, failure.to_string()),
+        }
+    }
+
+    fn refused(&self, error: &dyn std::fmt::Display) -> Result {
+        Result::without(Outcome::Refused, placeless(&self.file, &error.to_string()))
+    }
+}
+
+/// What `work` gives, or a failed point where it panics.
+pub fn caught<T>(work: impl FnOnce() -> T) -> std::result::Result<T, Result> {
     // The hook of the process writes the message; it is wanted here as well.
     let message = Arc::new(Mutex::new(String::new()));
     let heard = message.clone();
     std::panic::set_hook(Box::new(move |panic| {
         *heard.lock().unwrap_or_else(PoisonError::into_inner) = panic.to_string();
     }));
-    let result = catch_unwind(AssertUnwindSafe(|| {
-        judged(catalogue, (file, spec), changes, keep, scratch, digests)
-    }));
+    let result = catch_unwind(AssertUnwindSafe(work));
     let _ = std::panic::take_hook();
-    let result = result.map(|result| Result {
-        tape: result.tape.filter(|_| digests),
-        ..result
-    });
-    result.unwrap_or_else(|_| {
+    result.map_err(|_| {
         let message = message.lock().unwrap_or_else(PoisonError::into_inner);
         Result::without(Outcome::Failed, message.replace('\n', " "))
-    })
-}
-
-fn judged(
-    catalogue: &Arc<Catalogue>,
-    (file, mut spec): (&Path, ScenarioSpec),
-    changes: &[String],
-    keep: Option<&Path>,
-    scratch: &Path,
-    digests: bool,
-) -> Result {
-    let refused =
-        |error: &dyn std::fmt::Display| Result::without(Outcome::Refused, placeless(file, &error.to_string()));
-    let changed = spec.change(changes);
-    let scenario = match changed.and_then(|()| Scenario::of(catalogue, spec, file)) {
-        Ok(scenario) => scenario,
-        Err(error) => return refused(&error),
-    };
-    let in_process = !scenario.programs().any(Program::is_external);
-    let mut options = run::Options {
-        in_process,
-        no_placement: true,
-        ..run::Options::default()
-    };
-    let scenario = Arc::new(scenario);
-    let result = if in_process && keep.is_none() {
-        // Outputs of which no figure is made are not seen, and need not be computed.
-        options.record = if digests {
-            run::Record::Digest
-        } else {
-            run::Record::Nothing
-        };
-        concluded(scenario, options)
-    } else {
-        // Because the folder is wanted, or because a participant is a program of its own.
-        let out = keep.unwrap_or(scratch);
-        // What an interrupted campaign left there is not whole.
-        let _ = std::fs::remove_dir_all(out);
-        options.out = Some(out.to_owned());
-        let result = concluded(scenario, options);
-        if keep.is_none() {
-            let _ = std::fs::remove_dir_all(out);
-        }
-        result
-    };
-    result.unwrap_or_else(|failure| match failure.exit_code() {
-        2 => refused(&failure),
-        _ => Result::without(Outcome::Failed, failure.to_string()),
     })
 }
 

@@ -17,7 +17,7 @@ use super::until::Watch;
 use super::worker::{Answer, Task, Word, Worker};
 use super::{Campaign, CampaignError};
 use crate::observer::Event;
-use crate::scenario::Scenario;
+use crate::scenario::{Program, Scenario};
 
 /// A campaign that has ended, or was stopped.
 #[derive(Debug)]
@@ -216,10 +216,12 @@ fn open_points(known: &Known, identity: &Identity) -> VecDeque<Errand> {
         .collect()
 }
 
-/// A worker and the point that it has.
+/// A worker and the points that it has, each with its ticket.
 struct Seat {
     worker: Worker,
-    busy: Option<Errand>,
+    busy: Vec<(u64, Errand)>,
+    /// Whether its point is one of those that are run again by themselves.
+    alone: bool,
 }
 
 struct Crew<'a> {
@@ -229,6 +231,11 @@ struct Crew<'a> {
     results: &'a mut Vec<Option<PointResult>>,
     /// Points that no worker has yet.
     open: VecDeque<Errand>,
+    /// Points of workers that are gone, one of which is to blame: a worker takes such a point by itself.
+    suspects: VecDeque<Errand>,
+    /// How many points a worker takes at a time.
+    lanes: usize,
+    tickets: u64,
     /// How many points were there, how many there are now, and how many there are to be.
     resumed: usize,
     done: usize,
@@ -297,6 +304,9 @@ impl<'a> Crew<'a> {
             done: 0,
             all: open.len(),
             open,
+            suspects: VecDeque::new(),
+            lanes: lanes(scenario),
+            tickets: 0,
             keep: false,
             until: None,
             enough: None,
@@ -323,15 +333,24 @@ impl<'a> Crew<'a> {
 
     fn work(&mut self, options: &Options, words: &Words) -> Result<(), CampaignError> {
         self.look();
-        for number in 0..options.workers(self.open.len()).min(self.open.len()) {
+        let workers = options.workers(self.open.len()).min(self.open.len());
+        let lanes = options.lanes.unwrap_or(self.lanes).min(self.lanes);
+        // A run that is kept goes by itself.
+        let kept = self.keep || self.open.iter().any(|errand| errand.what == What::Again);
+        self.lanes = if kept { 1 } else { lanes.min(self.open.len().div_ceil(workers.max(1))) };
+        for number in 0..workers {
             if self.enough.is_some() {
                 return Ok(());
             }
             let worker = hire(number, &words.0)?;
-            self.seats.push(Seat { worker, busy: None });
+            self.seats.push(Seat {
+                worker,
+                busy: Vec::new(),
+                alone: false,
+            });
             self.order(number)?;
         }
-        while self.enough.is_none() && self.seats.iter().any(|seat| seat.busy.is_some()) {
+        while self.enough.is_none() && self.seats.iter().any(|seat| !seat.busy.is_empty()) {
             if options.interrupt.asked() {
                 return Ok(());
             }
@@ -350,10 +369,14 @@ impl<'a> Crew<'a> {
                     let path = self.campaign.scenario.clone();
                     return Err(CampaignError::Changed { path });
                 }
-                Word::Answer(Answer::Done(result)) => self.note(number, *result)?,
+                Word::Answer(Answer::Done(ticket, result)) => self.note(number, ticket, *result)?,
                 Word::Gone => {
-                    let reason = self.seats[number].worker.obituary();
-                    self.note(number, PointResult::without(Outcome::Crashed, reason))?;
+                    let seat = &mut self.seats[number];
+                    let reason = seat.worker.obituary();
+                    match seat.busy[..] {
+                        [(ticket, _)] => self.note(number, ticket, PointResult::without(Outcome::Crashed, reason))?,
+                        _ => self.suspects.extend(seat.busy.drain(..).map(|(_, errand)| errand)),
+                    }
                     self.seats[number].worker = hire(number, &words.0)?;
                 }
             }
@@ -372,10 +395,12 @@ impl<'a> Crew<'a> {
         }
     }
 
-    fn note(&mut self, number: usize, result: PointResult) -> Result<(), CampaignError> {
-        let Some(Errand { point, what }) = self.seats[number].busy.take() else {
+    fn note(&mut self, number: usize, ticket: u64, result: PointResult) -> Result<(), CampaignError> {
+        let busy = &mut self.seats[number].busy;
+        let Some(at) = busy.iter().position(|(own, _)| *own == ticket) else {
             return Ok(());
         };
+        let Errand { point, what } = busy.remove(at).1;
         self.done += 1;
         match what {
             What::Own => {
@@ -399,34 +424,62 @@ impl<'a> Crew<'a> {
         Ok(())
     }
 
-    /// Gives worker `number` the next point, if there is one.
+    /// Gives worker `number` points, as long as there are any and it has room for them.
     fn order(&mut self, number: usize) -> Result<(), CampaignError> {
-        let Some(errand) = self.open.pop_front() else {
-            return Ok(());
-        };
-        let (point, keep) = (errand.point, errand.what == What::Again);
-        let keep = keep || (self.keep && errand.what == What::Own);
-        let task = Task {
-            scenario: AnyPath(self.campaign.scenario.clone()),
-            digest: self.digest.clone(),
-            common: self.campaign.overrides.clone(),
-            changes: self.campaign.points[point].clone(),
-            keep: keep.then(|| AnyPath(self.folder.run(point + 1))),
-            scratch: AnyPath(self.folder.scratch(number)),
-            digests: self.campaign.digests,
-        };
-        let seat = &mut self.seats[number];
-        seat.busy = Some(errand);
-        match seat.worker.order(&task) {
-            // It is gone, and its end is about to be heard.
-            Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-            ordered => ordered.map_err(|source| CampaignError::Io {
-                path: self.campaign.scenario.clone(),
-                action: "give a worker its point",
-                source,
-            }),
+        while let Some(errand) = self.next(number) {
+            let (point, keep) = (errand.point, errand.what == What::Again);
+            let keep = keep || (self.keep && errand.what == What::Own);
+            let seat = &mut self.seats[number];
+            self.tickets += 1;
+            let task = Task {
+                ticket: self.tickets,
+                alone: seat.alone || self.lanes == 1,
+                scenario: AnyPath(self.campaign.scenario.clone()),
+                digest: self.digest.clone(),
+                common: self.campaign.overrides.clone(),
+                changes: self.campaign.points[point].clone(),
+                keep: keep.then(|| AnyPath(self.folder.run(point + 1))),
+                scratch: AnyPath(self.folder.scratch(number)),
+                digests: self.campaign.digests,
+            };
+            seat.busy.push((self.tickets, errand));
+            match seat.worker.order(&task) {
+                // It is gone, and its end is about to be heard.
+                Err(error) if error.kind() == ErrorKind::BrokenPipe => return Ok(()),
+                ordered => ordered.map_err(|source| CampaignError::Io {
+                    path: self.campaign.scenario.clone(),
+                    action: "give a worker a point of",
+                    source,
+                })?,
+            }
         }
+        Ok(())
     }
+
+    /// What worker `number` gets next.
+    fn next(&mut self, number: usize) -> Option<Errand> {
+        let seat = &mut self.seats[number];
+        if seat.busy.is_empty() {
+            let suspect = self.suspects.pop_front();
+            seat.alone = suspect.is_some();
+            return suspect.or_else(|| self.open.pop_front());
+        }
+        if seat.alone || seat.busy.len() >= self.lanes || !self.suspects.is_empty() {
+            return None;
+        }
+        self.open.pop_front()
+    }
+}
+
+/// As many points as are good for a processor side by side.
+const LANES: usize = if cfg!(target_arch = "x86_64") { 8 } else { 1 };
+
+/// How many points of `scenario` are good to go side by side.
+fn lanes(scenario: &Scenario) -> usize {
+    let here = !scenario.programs().any(Program::is_external);
+    let made = if here { scenario.make().unwrap_or_default() } else { Vec::new() };
+    let abreast = made.into_iter().flatten().any(|mut participant| participant.abreast().is_some());
+    if abreast { LANES } else { 1 }
 }
 
 fn hire(number: usize, words: &Sender<(usize, Word)>) -> Result<Worker, CampaignError> {

@@ -1,22 +1,27 @@
-//! The processes that run the points: each takes one point at a time as a line of JSON and answers with one.
+//! The processes that run the points: each takes points as lines of JSON and answers each with one.
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, Stdio};
-use std::sync::mpsc::Sender;
+use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rustix::process::{Pid, Signal, kill_process};
 use serde::{Deserialize, Serialize};
 
+use super::abreast::Points;
 use super::any_path::AnyPath;
 use super::identity::digest_of_scenario;
-use super::point::{Result as PointResult, run_point};
+use super::point::{Order, Result as PointResult};
 use crate::Catalogue;
 use crate::scenario::ScenarioSpec;
 
 /// A point for a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Task {
+    /// What the answer is to carry.
+    pub ticket: u64,
+    /// Whether no other point may be under way beside it.
+    pub alone: bool,
     /// The scenario file.
     pub scenario: AnyPath,
     /// What it must still be, with the changes that all points share.
@@ -36,34 +41,58 @@ pub struct Task {
 /// A worker's answer.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Answer {
-    /// The point was run, or could not be.
-    Done(Box<PointResult>),
+    /// The point with this ticket was run, or could not be.
+    Done(u64, Box<PointResult>),
     /// The scenario is not what it was.
     Changed,
 }
 
-/// Serves the points that come as lines on `tasks`, one answer a line, until there are no more.
+/// Serves the points that come as lines on `tasks`, one answer a line, until there are no more. Those that have come go side by side.
 ///
 /// # Errors
 /// When nobody listens any more.
-pub fn serve(catalogue: &Arc<Catalogue>, tasks: impl BufRead, mut answers: impl Write) -> io::Result<()> {
-    for line in tasks.lines() {
-        let task: Task = serde_json::from_str(&line?)?;
-        let answer = match task.current() {
-            Some(spec) => Answer::Done(Box::new(run_point(
-                catalogue,
-                (&task.scenario.0, spec),
-                &task.changes,
-                task.keep.as_ref().map(|path| path.0.as_path()),
-                &task.scratch.0,
-                task.digests,
-            ))),
-            None => Answer::Changed,
-        };
+pub fn serve(
+    catalogue: &Arc<Catalogue>,
+    tasks: impl BufRead + Send + 'static,
+    mut answers: impl Write,
+) -> io::Result<()> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        for line in tasks.lines() {
+            if sender.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    let mut answer = |answer: Answer| {
         writeln!(answers, "{}", serde_json::to_string(&answer)?)?;
-        answers.flush()?;
+        answers.flush()
+    };
+    let mut points = Points::new(catalogue.clone());
+    loop {
+        let next = match points.is_empty() {
+            true => lines.recv().map(Some),
+            false => Ok(lines.try_recv().ok()),
+        };
+        let Ok(next) = next else {
+            return Ok(());
+        };
+        let Some(line) = next else {
+            for (ticket, result) in points.advance() {
+                answer(Answer::Done(ticket, Box::new(result)))?;
+            }
+            continue;
+        };
+        let task: Task = serde_json::from_str(&line?)?;
+        let Some(spec) = task.current() else {
+            answer(Answer::Changed)?;
+            continue;
+        };
+        let (ticket, alone) = (task.ticket, task.alone);
+        if let Some((ticket, result)) = points.begin(ticket, task.order(spec), alone) {
+            answer(Answer::Done(ticket, Box::new(result)))?;
+        }
     }
-    Ok(())
 }
 
 impl Task {
@@ -71,6 +100,17 @@ impl Task {
     fn current(&self) -> Option<ScenarioSpec> {
         let spec = ScenarioSpec::read(&self.scenario.0, &self.common).ok()?;
         (digest_of_scenario(&spec).to_string() == self.digest).then_some(spec)
+    }
+
+    fn order(self, spec: ScenarioSpec) -> Order {
+        Order {
+            file: self.scenario.0,
+            spec,
+            changes: self.changes,
+            keep: self.keep.map(|path| path.0),
+            scratch: self.scratch.0,
+            digests: self.digests,
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use lockstep::control::Timing;
+use lockstep::participant::Pending;
 use lockstep::plan::Cut;
 use lockstep::time::Ticks;
 
@@ -19,6 +20,8 @@ pub(super) enum Turn {
     Rests(Ticks),
     /// The run is over.
     Over(Ending),
+    /// A step is to be done beside those of other runs.
+    Parked,
 }
 
 /// Who sits where when a run is taken up.
@@ -43,6 +46,14 @@ pub(super) trait Executor {
     /// Lets the participants do a little of what the guide grants, and takes what they have recorded. The error is a failure that
     /// the run may survive.
     fn turn(&mut self, course: &mut Course) -> Result<Turn, Ending>;
+
+    /// From now on steps are left to others where participants allow it: a turn then ends with [`Turn::Parked`].
+    fn park(&mut self) {}
+
+    /// The step that waits to be done, if one does.
+    fn pending(&mut self) -> Option<Pending<'_>> {
+        None
+    }
 
     /// Whether everybody has done exactly what lies before `now`.
     fn rests_at(&self, now: Ticks) -> bool;

@@ -48,6 +48,15 @@ pub struct Run {
     pub(super) wall: Duration,
 }
 
+/// Where [`Run::conduct`] has left a run.
+pub(super) enum Conduct {
+    /// At its bound.
+    Rests,
+    Over(Ending),
+    /// At a step that is to be done beside those of other runs: the same call again goes on behind it.
+    Parked,
+}
+
 /// How a run has come to its end.
 pub(super) struct Over {
     pub(super) ending: Ending,
@@ -194,12 +203,23 @@ impl Run {
         }
         let started = Instant::now();
         let bound = bound.filter(|bound| *bound < self.course.plan.end);
+        self.set_out(bound);
+        let conduct = self.conduct(bound);
+        self.arrive(bound, conduct);
+        self.wall += started.elapsed();
+    }
+
+    /// What comes before [`Run::conduct`].
+    pub(super) fn set_out(&mut self, bound: Option<Ticks>) {
         self.course.guide.drive_to(bound);
         self.course.guide.go_on();
         self.executor.renew_patience();
-        let ending = self.conduct(bound);
+    }
+
+    /// What comes behind it, where the run is not parked.
+    pub(super) fn arrive(&mut self, bound: Option<Ticks>, conduct: Conduct) {
         self.now = bound.unwrap_or(self.course.plan.end);
-        if let Some(ending) = ending {
+        if let Conduct::Over(ending) = conduct {
             let newest = self.course.newest().clamp(0, self.course.plan.end);
             if ending != Ending::Complete {
                 self.now = newest;
@@ -207,11 +227,10 @@ impl Run {
             let known = Instant::now();
             self.over = Some(Over { ending, known });
         }
-        self.wall += started.elapsed();
     }
 
-    /// The one loop of every run: turns, rests, and failures that are survived. Gives the ending when the run is over.
-    fn conduct(&mut self, bound: Option<Ticks>) -> Option<Ending> {
+    /// The one loop of every run: turns, rests, and failures that are survived.
+    pub(super) fn conduct(&mut self, bound: Option<Ticks>) -> Conduct {
         let Run { executor, course, .. } = self;
         let executor = executor.as_mut();
         let mut shown = !std::mem::take(&mut self.unseen);
@@ -224,11 +243,12 @@ impl Run {
             };
             let done = turn.and_then(|turn| match turn {
                 Turn::Going => Ok(None),
-                Turn::Over(ending) => Ok(Some(Some(ending))),
+                Turn::Over(ending) => Ok(Some(Conduct::Over(ending))),
+                Turn::Parked => Ok(Some(Conduct::Parked)),
                 Turn::Rests(now) => {
                     let ending = attend(executor, course, now)?;
                     let rests = bound == Some(now) && course.guide.is_free(now) && executor.rests_at(now);
-                    Ok(ending.map(Some).or(rests.then_some(None)))
+                    Ok(ending.map(Conduct::Over).or(rests.then_some(Conduct::Rests)))
                 }
             });
             match done {
@@ -236,7 +256,7 @@ impl Run {
                 Ok(Some(done)) => return done,
                 Err(failed) => {
                     if let Err(ending) = executor.survive(course, failed) {
-                        return Some(ending);
+                        return Conduct::Over(ending);
                     }
                 }
             }

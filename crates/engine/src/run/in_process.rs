@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use lockstep::executor::{InLoop, Moment, Part, RunError, assemble};
-use lockstep::participant::Participant;
+use lockstep::executor::{InLoop, Moment, Part, Reach, RunError, assemble};
+use lockstep::participant::{Participant, Pending};
 use lockstep::plan::{Cut, Plan, Position};
 use lockstep::stepper::settle;
 use lockstep::time::Ticks;
@@ -33,6 +33,8 @@ pub(super) struct Loop {
     /// Always there but while it is being taken up.
     looped: Option<InLoop>,
     reached: Ticks,
+    /// Where a stretch ends that waits for a step to be done by others.
+    parked: Option<Ticks>,
     flushed: Instant,
 }
 
@@ -87,6 +89,7 @@ pub(super) fn set_up(
     Ok(Loop {
         looped: Some(looped),
         reached: from,
+        parked: None,
         flushed: Instant::now(),
     })
 }
@@ -174,28 +177,44 @@ fn seat(
     }
 }
 
+impl Loop {
+    /// Does what lies before `horizon`.
+    fn stretch(&mut self, course: &mut Course, horizon: Ticks) -> Result<Reach, RunError> {
+        let Some(looped) = &mut self.looped else {
+            return Ok(Reach::Horizon);
+        };
+        let Course { times, guide, .. } = course;
+        if !times.wants() {
+            return looped.run_to(horizon, |_| {});
+        }
+        looped.run_to(horizon, |moment| match moment {
+            Moment::Begins => times.begins(),
+            Moment::Stepped {
+                participant,
+                activation,
+            } => times.stepped(participant, activation, guide),
+        })
+    }
+}
+
 impl Executor for Loop {
     fn turn(&mut self, course: &mut Course) -> Result<Turn, Ending> {
+        if let Some(horizon) = self.parked
+            && self.stretch(course, horizon)? == Reach::Parked
+        {
+            return Ok(Turn::Parked);
+        }
         let (plan, reached) = (course.plan.clone(), self.reached);
         let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
         let stretch = shortest.unwrap_or(1).saturating_mul(GLANCE);
         let horizon = course.guide.horizon(reached).min(reached.saturating_add(stretch));
+        let horizon = self.parked.take().unwrap_or(horizon);
         if horizon == reached && horizon > 0 && course.guide.stop() != Some(reached) {
             std::thread::sleep(NAP);
         }
-        if let Some(looped) = &mut self.looped {
-            let Course { times, guide, .. } = course;
-            if times.wants() {
-                looped.run_to(horizon, |moment| match moment {
-                    Moment::Begins => times.begins(),
-                    Moment::Stepped {
-                        participant,
-                        activation,
-                    } => times.stepped(participant, activation, guide),
-                })?;
-            } else {
-                looped.run_to(horizon, |_| {})?;
-            }
+        if self.stretch(course, horizon)? == Reach::Parked {
+            self.parked = Some(horizon);
+            return Ok(Turn::Parked);
         }
         let lie = course.recorder().take_lie();
         if let Some((number, reason)) = lie {
@@ -226,6 +245,14 @@ impl Executor for Loop {
             Some(stop) if stop == horizon => Ok(Turn::Rests(stop)),
             _ => Ok(Turn::Going),
         }
+    }
+
+    fn park(&mut self) {
+        self.looped.iter_mut().for_each(InLoop::park);
+    }
+
+    fn pending(&mut self) -> Option<Pending<'_>> {
+        self.looped.as_mut()?.pending()
     }
 
     fn rests_at(&self, now: Ticks) -> bool {

@@ -1,5 +1,6 @@
 //! One run, from a scenario to a verdict.
 
+mod abreast;
 mod agenda;
 mod attend;
 mod awake;
@@ -57,6 +58,7 @@ mod traced;
 
 use std::sync::Arc;
 
+pub(crate) use abreast::Abreast;
 pub use branch::{Branch, branch};
 pub use bus::guard as guard_memory;
 pub use child::{own_program, start_instead, tie};

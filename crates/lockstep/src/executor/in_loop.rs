@@ -5,10 +5,19 @@ use std::collections::BinaryHeap;
 use std::collections::binary_heap::PeekMut;
 
 use super::{Part, RunError};
-use crate::participant::Participant;
+use crate::participant::{Participant, Pending};
 use crate::plan::{Plan, Position};
 use crate::stepper::{PositionError, Progress, Stepper};
 use crate::time::Ticks;
+
+/// How far a call of [`InLoop::run_to`] came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reach {
+    /// Every activation before the horizon is done.
+    Horizon,
+    /// A step is to be done beside those of other loops: [`InLoop::pending`]. The same call again goes on behind it.
+    Parked,
+}
 
 /// What happens in a loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +42,8 @@ pub struct InLoop {
     /// Those that wait for one of higher rank at the same instant.
     waiting: Vec<Due>,
     started: bool,
+    /// Whose step is to be done by others.
+    parked: Option<usize>,
 }
 
 /// The next activation of a stepper.
@@ -79,12 +90,14 @@ impl InLoop {
             due,
             steppers,
             started: false,
+            parked: None,
         }
     }
 
     /// Does every activation before `horizon`, in order. Tells `watch` when a participant begins to work on an activation, and when it
-    /// has completed it.
-    pub fn run_to(&mut self, horizon: Ticks, mut watch: impl FnMut(Moment)) -> Result<(), RunError> {
+    /// has completed it. Unless the loop was told to [park](InLoop::park), it reaches the horizon.
+    pub fn run_to(&mut self, horizon: Ticks, mut watch: impl FnMut(Moment)) -> Result<Reach, RunError> {
+        self.parked = None;
         if !self.started {
             // Before any horizon is given, this publishes what exists before the run starts.
             self.settle()?;
@@ -97,14 +110,26 @@ impl InLoop {
             if instant >= horizon {
                 break;
             }
-            self.instant(instant, &mut watch)?;
+            if self.instant(instant, &mut watch)? == Reach::Parked {
+                return Ok(Reach::Parked);
+            }
         }
-        self.settle()
+        self.settle().map(|()| Reach::Horizon)
+    }
+
+    /// Leaves the steps of participants that allow it to others, who do them beside those of other loops.
+    pub fn park(&mut self) {
+        self.steppers.iter_mut().for_each(Stepper::park);
+    }
+
+    /// The step that waits to be done, if one does.
+    pub fn pending(&mut self) -> Option<Pending<'_>> {
+        self.steppers[self.parked?].pending()
     }
 
     /// All activations at `now`. Ranks give the order; where a circle of zero-delay links is open only at this instant,
     /// a participant may have to wait for one of higher rank, and its turn comes again.
-    fn instant(&mut self, now: Ticks, watch: &mut impl FnMut(Moment)) -> Result<(), RunError> {
+    fn instant(&mut self, now: Ticks, watch: &mut impl FnMut(Moment)) -> Result<Reach, RunError> {
         loop {
             let mut moved = false;
             while let Some(next) = self.due.peek_mut().filter(|due| due.0.instant == now) {
@@ -121,13 +146,17 @@ impl InLoop {
                             activation,
                         });
                     }
+                    Progress::Parked => {
+                        self.parked = Some(number as usize);
+                        return Ok(Reach::Parked);
+                    }
                     Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished => {
                         self.waiting.push(PeekMut::pop(next).0);
                     }
                 }
             }
             if self.waiting.is_empty() {
-                return Ok(());
+                return Ok(Reach::Horizon);
             }
             self.due.extend(self.waiting.drain(..).map(Reverse));
             if !moved {
@@ -141,7 +170,7 @@ impl InLoop {
         for stepper in &mut self.steppers {
             match stepper.poll().map_err(|source| RunError::of(stepper, source))? {
                 Progress::AtHorizon | Progress::Finished => {}
-                Progress::Stepped | Progress::Waiting(_) => {
+                Progress::Stepped | Progress::Waiting(_) | Progress::Parked => {
                     let now = stepper.next_instant();
                     return Err(self.stuck(now));
                 }

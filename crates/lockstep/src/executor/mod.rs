@@ -6,6 +6,6 @@ mod in_loop;
 mod part;
 mod threads;
 
-pub use in_loop::{InLoop, Moment};
+pub use in_loop::{InLoop, Moment, Reach};
 pub use part::{Part, RunError, assemble};
 pub use threads::run_in_threads;

@@ -213,7 +213,7 @@ impl Ready {
                     self.hand_over(&Note::Finished(self.timing.clone()), sleeper)?;
                     return Ok(Pause::Finished);
                 }
-                Progress::Waiting(_) => {}
+                Progress::Waiting(_) | Progress::Parked => {}
             }
         }
     }
@@ -331,7 +331,7 @@ impl Ready {
         let Some(spans) = &mut self.spans else { return };
         let now_for = match progress {
             Progress::Waiting(wait) => Some(wait),
-            Progress::Stepped | Progress::AtHorizon | Progress::Finished => None,
+            Progress::Stepped | Progress::AtHorizon | Progress::Finished | Progress::Parked => None,
         };
         let over = waiting.filter(|waited| Some(waited.what) != now_for);
         if let Some(waited) = over {
@@ -350,7 +350,7 @@ impl Ready {
             Progress::Waiting(Wait::Room { .. } | Wait::Recording) if over.is_some() || waiting.is_none() => {
                 spans.computed(activation, begun_ns, false);
             }
-            Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished => {}
+            Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished | Progress::Parked => {}
         }
     }
 

@@ -1,5 +1,6 @@
 //! Participants: models that own their state and meet the rest of the world only at communication points.
 
+mod abreast;
 mod buffers;
 mod handles;
 mod interface;
@@ -8,6 +9,7 @@ pub mod state;
 use std::error::Error;
 use std::sync::Arc;
 
+pub use abreast::{Abreast, Member, Pending, StepAbreast, Stride};
 pub(crate) use buffers::ValueCheck;
 pub use buffers::{Inputs, Outputs, Payload};
 pub use handles::{InputPort, OutputPort, Ports};
@@ -86,6 +88,12 @@ pub trait Participant: Send {
     /// the step and writes the outputs for `step.t_next`.
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure>;
 
+    /// This participant as one of several that are stepped at once, where it can be: see [`StepAbreast`]. It always gives the same
+    /// answer.
+    fn abreast(&mut self) -> Option<Member<'_>> {
+        None
+    }
+
     /// The complete state as bytes, so that [`Participant::restore`] in another process continues to the last bit;
     /// [`state::to_bytes`] makes them by serde. `None` when the participant cannot be saved.
     fn save(&self) -> Option<Vec<u8>> {
@@ -111,6 +119,10 @@ impl<P: Participant + ?Sized> Participant for Box<P> {
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         (**self).step(step, inputs, outputs)
+    }
+
+    fn abreast(&mut self) -> Option<Member<'_>> {
+        (**self).abreast()
     }
 
     fn save(&self) -> Option<Vec<u8>> {

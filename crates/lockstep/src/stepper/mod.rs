@@ -8,6 +8,7 @@ mod between;
 mod error;
 mod input;
 mod output;
+mod parked;
 mod position;
 mod progress;
 mod rest;
@@ -22,6 +23,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use input::{Assembled, InputState, SeenState};
 use output::{ConsumerState, Disturbed, OutputState};
+use parked::Parked;
 use progress::Phase;
 
 use crate::fault::Injector;
@@ -56,6 +58,7 @@ pub struct Stepper {
     sample: u64,
     initialised: bool,
     phase: Phase,
+    parked: Parked,
 }
 
 impl Stepper {
@@ -146,6 +149,7 @@ impl Stepper {
             sample: 0,
             initialised: false,
             phase: Phase::Initialise,
+            parked: Parked::default(),
             assignment,
         }
     }
@@ -192,7 +196,7 @@ impl Stepper {
         loop {
             match self.phase {
                 Phase::Initialise => self.initialise()?,
-                Phase::Gather { .. } => self.phase = Phase::Rest,
+                Phase::Gather { .. } | Phase::Parked => self.phase = Phase::Rest,
                 Phase::Record { output } => {
                     if !self.record(output)? {
                         return Ok(false);
@@ -241,6 +245,11 @@ impl Stepper {
                 Phase::Gather { input, read } => {
                     if let Some(wait) = self.gather(input, read)? {
                         return Ok(Progress::Waiting(wait));
+                    }
+                }
+                Phase::Parked => {
+                    if !self.take_over()? {
+                        return Ok(Progress::Parked);
                     }
                 }
                 Phase::Look { seen } => {
@@ -294,7 +303,13 @@ impl Stepper {
                 input.assemble(&self.inputs, &mut self.input_buffers)?;
             }
             self.disturb_inputs();
-            self.step()?;
+            let step = self.begin_step();
+            if self.parked.wanted {
+                self.parked.step = Some(step);
+                self.phase = Phase::Parked;
+            } else {
+                self.step(&step)?;
+            }
             return Ok(None);
         };
         let payload = self.input_buffers.payloads[input.port].bytes_mut();
@@ -345,7 +360,8 @@ impl Stepper {
         Ok(true)
     }
 
-    fn step(&mut self) -> Result<(), StepError> {
+    /// The activation that is about to be stepped, with the participant told what is seen of it.
+    fn begin_step(&mut self) -> Step {
         let Assignment {
             timebase,
             sample_time,
@@ -366,13 +382,17 @@ impl Stepper {
             Kind::Continuous => self.next + 1,
         };
         self.look_at_outputs();
+        step
+    }
+
+    fn step(&mut self, step: &Step) -> Result<(), StepError> {
         let Stepper {
             participant,
             input_buffers,
             output_buffers,
             ..
         } = self;
-        guarded(|| participant.step(&step, input_buffers, output_buffers))?;
+        guarded(|| participant.step(step, input_buffers, output_buffers))?;
         self.check_outputs()?;
         self.phase = Phase::Record { output: 0 };
         Ok(())

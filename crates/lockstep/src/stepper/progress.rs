@@ -35,6 +35,8 @@ pub enum Progress {
     Finished,
     /// It needs something first.
     Waiting(Wait),
+    /// Its step is to be done beside others: see [`Stepper::park`](super::Stepper::park). Without that it never says so.
+    Parked,
 }
 
 /// The ends of the links of one participant, in the order of its assignment.
@@ -56,6 +58,8 @@ pub(super) enum Phase {
     Rest,
     /// Getting the sample of this link; what it reads is asked once.
     Gather { input: usize, read: Option<Read> },
+    /// Everything has come in; the step is done by others.
+    Parked,
     /// Putting this output on the tape.
     Record { output: usize },
     /// Putting on the tape what an input has shown, where a fault may have changed it.

@@ -16,6 +16,7 @@ mod rkmk4;
 
 pub use flow::Flow;
 
+use crate::num::Number;
 use crate::rotation::Quaternion;
 use crate::state::State;
 use crate::tree::Tree;
@@ -72,21 +73,21 @@ pub fn dop853<F: Flow>(flow: &F, state: &F::State, force: &F::Force, h: f64) -> 
 
 /// Rates of the coordinates of a [`State`].
 #[derive(Clone, Copy, Debug)]
-pub struct Rate<const N: usize, const V: usize> {
+pub struct Rate<const N: usize, const V: usize, T = f64> {
     /// ṗ_NB (N axes, m/s).
-    pub p_nb: Vector3<f64>,
+    pub p_nb: Vector3<T>,
     /// Rate of the quaternion.
-    pub quat_nb: Quaternion,
+    pub quat_nb: Quaternion<T>,
     /// Joint rates.
-    pub q: SVector<f64, N>,
+    pub q: SVector<T, N>,
     /// ν̇.
-    pub nu: SVector<f64, V>,
+    pub nu: SVector<T, V>,
 }
 
-impl<const N: usize, const V: usize> Rate<N, V> {
+impl<const N: usize, const V: usize, T: Number> Rate<N, V, T> {
     /// The kinematic rates of `s`, with ν̇ as given.
     #[inline(always)]
-    pub fn of(s: &State<N, V>, nu_dot: SVector<f64, V>) -> Self {
+    pub fn of(s: &State<N, V, T>, nu_dot: SVector<T, V>) -> Self {
         Self {
             p_nb: s.quat_nb.rotate(&s.velocity()),
             quat_nb: s.quat_nb.rate(&s.omega()),
@@ -108,26 +109,12 @@ impl<const N: usize, const V: usize> Flow for Tree<N, V> {
 
     #[inline(always)]
     fn moved(&self, s: &State<N, V>, by: &[(f64, &Rate<N, V>)]) -> State<N, V> {
-        let mut out = *s;
-        for (k, rate) in by {
-            for i in 0..3 {
-                out.p_nb[i] = k.mul_add(rate.p_nb[i], out.p_nb[i]);
-            }
-            out.quat_nb = out.quat_nb.plus(*k, rate.quat_nb);
-            for i in 0..N {
-                out.q[i] = k.mul_add(rate.q[i], out.q[i]);
-            }
-            for i in 0..V {
-                out.nu[i] = k.mul_add(rate.nu[i], out.nu[i]);
-            }
-        }
-        out
+        s.moved(by)
     }
 
     #[inline(always)]
-    fn restored(&self, mut s: State<N, V>) -> State<N, V> {
-        s.quat_nb = s.quat_nb.normalized();
-        s
+    fn restored(&self, s: State<N, V>) -> State<N, V> {
+        s.restored()
     }
 }
 

@@ -5,7 +5,7 @@
 
 use super::place::sines;
 use super::{BASE, Model, Rigid, rotate};
-use crate::num::{List, Mat3, Real, Size, Sym3, V3};
+use crate::num::{Constant, List, Mat3, Real, Size, Sym3, V3};
 
 /// Articulated inertia and bias wrench about a point.
 #[derive(Clone, Copy, Debug)]
@@ -33,15 +33,15 @@ impl<T: Real> Articulated<T> {
 
     /// A rigid body alone; its bias is the wrench that its velocity-product acceleration asks for.
     #[inline(always)]
-    fn rigid(rigid: &Rigid, at: &Outward<T>) -> Self {
+    fn rigid<K: Constant<T>>(rigid: &Rigid<K>, at: &Outward<T>) -> Self {
         let (h, j) = (at.r.mul(V3::of(rigid.h)), Sym3::of(rigid.j).rotated(&at.r));
         let Outward { omega, alpha, acc, .. } = *at;
         Self {
             a: j,
             h: Mat3::skew(h),
-            m: Sym3::scalar(T::of(rigid.mass)),
+            m: Sym3::scalar(rigid.mass.lift()),
             n: h.cross_add(acc, j.mul_add(alpha, omega.cross(j.mul(omega)))),
-            f: omega.cross_add(omega.cross(h), alpha.cross_add(h, acc * T::of(rigid.mass))),
+            f: omega.cross_add(omega.cross(h), alpha.cross_add(h, acc * rigid.mass.lift())),
         }
     }
 
@@ -102,8 +102,8 @@ struct Inward<T> {
 /// force `tau`, joint dampers and springs included, in a uniform field `gravity` (base axes). `load` is added to the
 /// base's articulated inertia: what an attached mechanism that is not part of the tree contributes, about the base origin.
 #[inline(always)]
-pub(crate) fn aba<Z: Size, T: Real>(
-    model: Model,
+pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
+    model: Model<K>,
     q: &[T],
     nu: &[T],
     tau: &[T],
@@ -117,7 +117,7 @@ pub(crate) fn aba<Z: Size, T: Real>(
     let zero = V3::zero();
     // Measured: doubles like a body's pose and inertia in one go, lanes (four times the register space) one after the other.
     let wide = const { size_of::<T>() > size_of::<f64>() };
-    let trig = sines::<Z, T>(model, q);
+    let trig = sines::<Z, T>(model.bodies.len(), q);
     let mut outward = Z::List::<Outward<T>>::with_capacity(n + 1);
     outward.push(Outward {
         r: Mat3::identity(),
@@ -182,7 +182,7 @@ pub(crate) fn aba<Z: Size, T: Real>(
             let (u_n, u_f) = (own.a.mul(z), own.h.tmul(z));
             (u_n, u_f, z.dot(u_n), z.dot(own.n))
         };
-        let inv = (pivot + T::of(link.motor_inertia)).recip();
+        let inv = (pivot + link.motor_inertia.lift()).recip();
         let rate = nu[offset + link.coordinate];
         let u = drive(link, q[link.coordinate], rate, tau[offset + link.coordinate]) - resist;
         inward.push(Inward { u_n, u_f, u, inv });
@@ -230,9 +230,9 @@ pub(crate) fn aba<Z: Size, T: Real>(
 
 /// The joint's drive with damper and spring.
 #[inline(always)]
-fn drive<T: Real>(link: &super::Link, q: T, rate: T, tau: T) -> T {
-    let damped = T::of(-link.damping).mul_add(rate, tau);
-    T::of(-link.stiffness).mul_add(q - T::of(link.rest), damped)
+fn drive<T: Real, K: Constant<T>>(link: &super::Link<K>, q: T, rate: T, tau: T) -> T {
+    let damped = (-link.damping.lift()).mul_add(rate, tau);
+    (-link.stiffness.lift()).mul_add(q - link.rest.lift(), damped)
 }
 
 /// `[A H; Hᵀ M] [α; a] = [n; f]` by LDLᵀ, translations first (they are the well-conditioned half).

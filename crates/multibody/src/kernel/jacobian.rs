@@ -2,19 +2,23 @@
 
 use super::place::{Placed, Rates};
 use super::{BASE, Model};
-use crate::num::{Mat3, Real, V3};
+use crate::num::{Constant, Mat3, Real, V3};
 
 /// A frame E fixed to the body at a place in the lists (the base is at [`BASE`]) at a pose in the body's frame.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FrameConsts {
+pub(crate) struct FrameConsts<K = f64> {
     pub body: usize,
-    pub r: [[f64; 3]; 3],
-    pub p: [f64; 3],
+    pub r: [[K; 3]; 3],
+    pub p: [K; 3],
 }
 
 /// Pose of the frame in base axes: (R_BE, p_BE).
 #[inline(always)]
-pub(crate) fn frame_at<T: Real>(frame: &FrameConsts, placed: &[Placed<T>], rates: &[Rates<T>]) -> (Mat3<T>, V3<T>) {
+pub(crate) fn frame_at<T: Real, K: Constant<T>>(
+    frame: &FrameConsts<K>,
+    placed: &[Placed<T>],
+    rates: &[Rates<T>],
+) -> (Mat3<T>, V3<T>) {
     let on = &placed[frame.body];
     (
         on.r.mul_mat(&Mat3::of(frame.r)),
@@ -25,12 +29,12 @@ pub(crate) fn frame_at<T: Real>(frame: &FrameConsts, placed: &[Placed<T>], rates
 /// Rows [ω; v] in E axes, 6 × dim, column by column. With `RATE` the time derivative of that matrix as E and the base
 /// move.
 #[inline(always)]
-pub(crate) fn jacobian<T: Real, const RATE: bool>(
-    model: Model,
+pub(crate) fn jacobian<T: Real, K: Constant<T>, const RATE: bool>(
+    model: Model<K>,
     placed: &[Placed<T>],
     rates: &[Rates<T>],
     omega_base: V3<T>,
-    frame: &FrameConsts,
+    frame: &FrameConsts<K>,
     out: &mut [T],
 ) {
     let offset = model.offset();

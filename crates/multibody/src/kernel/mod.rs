@@ -23,18 +23,18 @@ pub(crate) mod newton_euler;
 pub(crate) mod place;
 
 use crate::description::{Inertia, merge_steiner};
-use crate::num::{Mat3, Real, Sym3, V3};
+use crate::num::{Constant, Mat3, Real, Sym3, V3};
 
-/// Rigid inertia of a body about its own origin, body axes.
+/// Rigid inertia of a body about its own origin, body axes. `K` is a double, or one of each tree in lanes.
 #[derive(Clone, Debug)]
-pub(crate) struct Rigid {
-    pub mass: f64,
+pub(crate) struct Rigid<K = f64> {
+    pub mass: K,
     /// First moment m c (kg m).
-    pub h: [f64; 3],
+    pub h: [K; 3],
     /// Inertia about the origin: xx, xy, xz, yy, yz, zz (kg m²).
-    pub j: [f64; 6],
+    pub j: [K; 6],
     /// Second moment Σ = ½ tr(J) 1 − J = ∫ x xᵀ dm (kg m²).
-    pub sigma: [f64; 6],
+    pub sigma: [K; 6],
 }
 
 impl Rigid {
@@ -62,21 +62,21 @@ impl Rigid {
 
 /// The constants of a moving body. Its frame has the joint axis as +z through its origin.
 #[derive(Clone, Debug)]
-pub(crate) struct Link {
+pub(crate) struct Link<K = f64> {
     /// Place of the parent in lists that start with the base, so [`BASE`] or the parent's index + 1.
     pub parent: usize,
     /// Index of the joint coordinate.
     pub coordinate: usize,
     pub prismatic: bool,
     /// Rotation to the parent's frame at position zero, by columns.
-    pub e: [[f64; 3]; 3],
+    pub e: [[K; 3]; 3],
     /// Origin in the parent's frame at position zero (m).
-    pub p: [f64; 3],
-    pub rigid: Rigid,
-    pub motor_inertia: f64,
-    pub damping: f64,
-    pub stiffness: f64,
-    pub rest: f64,
+    pub p: [K; 3],
+    pub rigid: Rigid<K>,
+    pub motor_inertia: K,
+    pub damping: K,
+    pub stiffness: K,
+    pub rest: K,
 }
 
 /// The base's place in every list of bodies; body i is at i + 1.
@@ -84,14 +84,22 @@ pub(crate) const BASE: usize = 0;
 
 /// What a recursion reads. With static sizes `bodies` has a length known to the compiler and `floating` is a constant,
 /// once the recursion is inlined into its caller.
-#[derive(Clone, Copy)]
-pub(crate) struct Model<'a> {
-    pub base: &'a Rigid,
-    pub bodies: &'a [Link],
+pub(crate) struct Model<'a, K = f64> {
+    pub base: &'a Rigid<K>,
+    pub bodies: &'a [Link<K>],
     pub floating: bool,
 }
 
-impl Model<'_> {
+impl<K> Copy for Model<'_, K> {}
+
+impl<K> Clone for Model<'_, K> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<K> Model<'_, K> {
     /// Number of velocity coordinates in front of the joints: 6 or 0.
     #[inline(always)]
     pub(crate) fn offset(&self) -> usize {
@@ -111,7 +119,7 @@ impl Model<'_> {
 
 /// `R_BL` of a body from its parent's and the sine and cosine of its joint angle.
 #[inline(always)]
-pub(crate) fn rotate<T: Real>(link: &Link, parent: &Mat3<T>, s: T, c: T) -> Mat3<T> {
+pub(crate) fn rotate<T: Real, K: Constant<T>>(link: &Link<K>, parent: &Mat3<T>, s: T, c: T) -> Mat3<T> {
     let t = parent.mul_mat(&Mat3::of(link.e));
     if link.prismatic {
         return t;

@@ -2,7 +2,7 @@
 
 use super::place::{Placed, Rates};
 use super::{Model, Rigid};
-use crate::num::{Real, Sym3, V3};
+use crate::num::{Constant, Real, Sym3, V3};
 
 /// Sums over all bodies, base axes, about the base origin.
 #[derive(Clone, Copy, Debug)]
@@ -21,14 +21,19 @@ pub(crate) struct Sums<T> {
 /// The sums at `placed`, joint rates from `nu`. The velocity of the base origin is kept out, so that nothing cancels
 /// when it is large.
 #[inline(always)]
-pub(crate) fn sums<T: Real>(model: Model, placed: &[Placed<T>], rates: &[Rates<T>], nu: &[T]) -> Sums<T> {
+pub(crate) fn sums<T: Real, K: Constant<T>>(
+    model: Model<K>,
+    placed: &[Placed<T>],
+    rates: &[Rates<T>],
+    nu: &[T],
+) -> Sums<T> {
     let half = T::of(0.5);
     let mut out = Sums::nothing();
     out.add(model.base, &placed[0], &rates[0], false);
     for (link, (at, rate)) in model.bodies.iter().zip(placed[1..].iter().zip(&rates[1..])) {
         out.add(&link.rigid, at, rate, true);
         let rate = nu[model.offset() + link.coordinate];
-        out.energy = (T::of(link.motor_inertia) * half).mul_add(rate * rate, out.energy);
+        out.energy = (link.motor_inertia.lift() * half).mul_add(rate * rate, out.energy);
     }
     out
 }
@@ -68,8 +73,8 @@ impl<T: Real> Sums<T> {
     }
 
     #[inline(always)]
-    fn add(&mut self, rigid: &Rigid, at: &Placed<T>, rate: &Rates<T>, turned: bool) {
-        let mass = T::of(rigid.mass);
+    fn add<K: Constant<T>>(&mut self, rigid: &Rigid<K>, at: &Placed<T>, rate: &Rates<T>, turned: bool) {
+        let mass: T = rigid.mass.lift();
         let sigma = Sym3::of(rigid.j);
         let (h, spin) = if turned {
             (at.r.mul(V3::of(rigid.h)), at.r.mul(sigma.mul(at.r.tmul(rate.omega))))

@@ -105,7 +105,7 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
         acc,
     };
 
-    let trig = sines::<Z, T>(model, q);
+    let trig = sines::<Z, T>(model.bodies.len(), q);
     let mut moving = Z::List::<Moving<T>>::with_capacity(n + 1);
     let mut wrenches = Z::List::<Wrench<T>>::with_capacity(n + 1);
     wrenches.push(own_wrench::<T, SAME>(model.base, &base));

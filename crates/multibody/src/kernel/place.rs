@@ -1,7 +1,7 @@
 //! Where every body is, and how its origin moves relative to its parent's.
 
 use super::{Model, rotate};
-use crate::num::{List, Mat3, Real, Size, V3};
+use crate::num::{Constant, List, Mat3, Real, Size, V3};
 
 /// Pose of a body's frame L, in base axes.
 #[derive(Clone, Copy, Debug)]
@@ -60,8 +60,8 @@ impl<T: Real> Rates<T> {
 
 /// Poses at `q`, base first.
 #[inline(always)]
-pub(crate) fn place<Z: Size, T: Real>(model: Model, q: &[T]) -> Z::List<Placed<T>> {
-    let trig = sines::<Z, T>(model, q);
+pub(crate) fn place<Z: Size, T: Real, K: Constant<T>>(model: Model<K>, q: &[T]) -> Z::List<Placed<T>> {
+    let trig = sines::<Z, T>(model.bodies.len(), q);
     let mut out = Z::List::<Placed<T>>::with_capacity(model.bodies.len() + 1);
     out.push(Placed::base());
     for link in model.bodies {
@@ -79,7 +79,7 @@ pub(crate) fn place<Z: Size, T: Real>(model: Model, q: &[T]) -> Z::List<Placed<T
 
 /// Rates at `nu` of what is placed at `placed`, base first.
 #[inline(always)]
-pub(crate) fn rates<Z: Size, T: Real>(model: Model, placed: &[Placed<T>], nu: &[T]) -> Z::List<Rates<T>> {
+pub(crate) fn rates<Z: Size, T: Real, K>(model: Model<K>, placed: &[Placed<T>], nu: &[T]) -> Z::List<Rates<T>> {
     let offset = model.offset();
     let mut out = Z::List::<Rates<T>>::with_capacity(model.bodies.len() + 1);
     out.push(Rates::base(model.base_part(nu).0));
@@ -101,8 +101,8 @@ pub(crate) fn rates<Z: Size, T: Real>(model: Model, placed: &[Placed<T>], nu: &[
 /// Sine and cosine of every coordinate, four at a time. A prismatic position goes through too: skipping it would cost
 /// more than it saves.
 #[inline(always)]
-pub(crate) fn sines<Z: Size, T: Real>(model: Model, q: &[T]) -> Z::List<(T, T)> {
-    let mut out = Z::List::<(T, T)>::with_capacity(model.bodies.len());
-    T::sin_cos_each(&q[..model.bodies.len()], |s, c| out.push((s, c)));
+pub(crate) fn sines<Z: Size, T: Real>(joints: usize, q: &[T]) -> Z::List<(T, T)> {
+    let mut out = Z::List::<(T, T)>::with_capacity(joints);
+    T::sin_cos_each(&q[..joints], |s, c| out.push((s, c)));
     out
 }

@@ -6,7 +6,7 @@
 //! bits, only slower.
 
 use super::{Real, trig};
-use core::ops::{Add, Mul, Neg, Sub};
+use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Four `f64` lanes.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +31,12 @@ impl F64x4 {
     fn quadrant(shifted: Self, s: Self, c: Self) -> (Self, Self) {
         let (s, c) = imp::quadrant(shifted.0, s.0, c.0);
         (Self(s), Self(c))
+    }
+
+    /// The square roots.
+    #[inline(always)]
+    pub(super) fn sqrt(self) -> Self {
+        Self(imp::sqrt(self.0))
     }
 
     /// Whether every lane is at most `limit` in magnitude or not a number.
@@ -61,6 +67,14 @@ impl Mul for F64x4 {
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
         Self(imp::mul(self.0, o.0))
+    }
+}
+
+impl Div for F64x4 {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, o: Self) -> Self {
+        Self(imp::div(self.0, o.0))
     }
 }
 
@@ -151,6 +165,10 @@ mod imp {
         feature_gated!(_mm256_div_pd(a, b))
     }
     #[inline(always)]
+    pub(super) fn sqrt(a: Repr) -> Repr {
+        feature_gated!(_mm256_sqrt_pd(a))
+    }
+    #[inline(always)]
     pub(super) fn neg(a: Repr) -> Repr {
         feature_gated!(_mm256_xor_pd(a, _mm256_set1_pd(-0.0)))
     }
@@ -220,6 +238,10 @@ mod imp {
     #[inline(always)]
     pub(super) fn div(a: Repr, b: Repr) -> Repr {
         map(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    pub(super) fn sqrt(a: Repr) -> Repr {
+        a.map(f64::sqrt)
     }
     #[inline(always)]
     pub(super) fn neg(a: Repr) -> Repr {

@@ -1,4 +1,4 @@
-//! Numbers: the scalar trait the kernels are written over, four-lane vectors, sines and cosines, 3-vectors.
+//! Numbers: the scalar trait the kernels are written over, doubles side by side, sines and cosines, 3-vectors.
 //!
 //! Everything here is deterministic: additions, products, square roots and fused multiply-adds are correctly rounded
 //! by IEEE 754, and nothing else is used. No function of the C library is called, so no result depends on the
@@ -7,12 +7,17 @@
 mod double;
 mod lanes;
 mod list;
+mod number;
+mod octet;
 mod real;
 mod space;
 mod trig;
 
 pub use lanes::F64x4;
 pub(crate) use list::{Dynamic, Fixed, List, Size, Static};
+pub(crate) use number::Constant;
+pub use number::{Lanes, Number};
+pub use octet::F64x8;
 pub use real::Real;
 pub(crate) use space::{Mat3, Sym3, V3};
 pub use trig::sin_cos;

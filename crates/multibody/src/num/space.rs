@@ -1,6 +1,6 @@
 //! 3-vectors, 3×3 matrices and symmetric 3×3 matrices over any [`Real`], with the fused operations the kernels need.
 
-use super::Real;
+use super::{Constant, Real};
 use core::ops::{Add, Mul, Neg, Sub};
 
 /// A 3-vector.
@@ -83,17 +83,17 @@ impl<T: Real> V3<T> {
     }
 
     #[inline(always)]
-    pub(crate) fn of(v: [f64; 3]) -> Self {
+    pub(crate) fn of<K: Constant<T>>(v: [K; 3]) -> Self {
         Self {
-            x: T::of(v[0]),
-            y: T::of(v[1]),
-            z: T::of(v[2]),
+            x: v[0].lift(),
+            y: v[1].lift(),
+            z: v[2].lift(),
         }
     }
 
     #[inline(always)]
     pub(crate) fn zero() -> Self {
-        Self::of([0.0; 3])
+        Self::of([0.0_f64; 3])
     }
 
     /// The three elements of `s` from index `at`.
@@ -161,13 +161,13 @@ impl<T: Real> V3<T> {
 
 impl<T: Real> Mat3<T> {
     #[inline(always)]
-    pub(crate) fn of(columns: [[f64; 3]; 3]) -> Self {
+    pub(crate) fn of<K: Constant<T>>(columns: [[K; 3]; 3]) -> Self {
         Self { c: columns.map(V3::of) }
     }
 
     #[inline(always)]
     pub(crate) fn identity() -> Self {
-        Self::of([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+        Self::of([[1.0_f64, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     }
 
     /// The matrix of `v ×`.
@@ -249,8 +249,8 @@ impl<T: Real> Mat3<T> {
 impl<T: Real> Sym3<T> {
     /// From `[xx, xy, xz, yy, yz, zz]`.
     #[inline(always)]
-    pub(crate) fn of(s: [f64; 6]) -> Self {
-        let [xx, xy, xz, yy, yz, zz] = s.map(T::of);
+    pub(crate) fn of<K: Constant<T>>(s: [K; 6]) -> Self {
+        let [xx, xy, xz, yy, yz, zz] = s.map(K::lift);
         Self { xx, xy, xz, yy, yz, zz }
     }
 

@@ -1,11 +1,13 @@
 //! [`Tree`]: a description turned into constants of static size, and the algorithms on it.
 
+mod abreast;
 mod constants;
 mod total;
 
 pub(crate) use constants::Constants;
 use constants::find_frame;
 pub use constants::{FrameId, TreeError, UnknownFrame};
+pub use abreast::Trees;
 pub use total::Momentum;
 pub(crate) use total::{matrix, vector};
 
@@ -163,8 +165,8 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// [`kinematics`](Self::kinematics) over any scalar.
     #[inline]
     pub fn kinematics_in<T: Real>(&self, q: &[T; N], nu: &[T; V]) -> Kinematics<N, V, T> {
-        let placed = place::<Static<N>, T>(self.model(), q);
-        let rates = rates::<Static<N>, T>(self.model(), &placed, nu);
+        let placed = place::<Static<N>, T, _>(self.model(), q);
+        let rates = rates::<Static<N>, T, _>(self.model(), &placed, nu);
         Kinematics { placed, rates, nu: *nu }
     }
 
@@ -190,7 +192,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     pub fn jacobian(&self, k: &Kinematics<N, V>, frame: FrameId) -> SMatrix<f64, 6, V> {
         let mut out = SMatrix::<f64, 6, V>::zeros();
         let frame = &self.frames[frame.0];
-        jacobian::jacobian::<f64, false>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
+        jacobian::jacobian::<f64, f64, false>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
         out
     }
 
@@ -199,7 +201,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     pub fn jacobian_rate(&self, k: &Kinematics<N, V>, frame: FrameId) -> SMatrix<f64, 6, V> {
         let mut out = SMatrix::<f64, 6, V>::zeros();
         let frame = &self.frames[frame.0];
-        jacobian::jacobian::<f64, true>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
+        jacobian::jacobian::<f64, f64, true>(self.model(), &k.placed, &k.rates, k.omega(), frame, out.as_mut_slice());
         out
     }
 
@@ -214,7 +216,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// Mass matrix M(q), motor inertia included (composite-rigid-body algorithm).
     #[inline]
     pub fn mass_matrix(&self, q: &SVector<f64, N>) -> SMatrix<f64, V, V> {
-        let placed = place::<Static<N>, f64>(self.model(), &q.data.0[0]);
+        let placed = place::<Static<N>, f64, _>(self.model(), &q.data.0[0]);
         let mut m = SMatrix::<f64, V, V>::zeros();
         inertia::mass_and_coriolis::<Static<N>, f64, false>(
             self.model(),
@@ -245,7 +247,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
 
     /// M over any scalar, column by column.
     pub fn mass_matrix_in<T: Real>(&self, q: &[T; N]) -> [[T; V]; V] {
-        let placed = place::<Static<N>, T>(self.model(), q);
+        let placed = place::<Static<N>, T, _>(self.model(), q);
         let mut m = [[T::of(0.0); V]; V];
         let omega = V3::zero();
         inertia::mass_and_coriolis::<Static<N>, T, false>(
@@ -317,7 +319,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
         load: Option<&aba::Articulated<T>>,
         out: &mut [T; V],
     ) {
-        aba::aba::<Static<N>, T>(self.model(), q, nu, tau, gravity, load, out);
+        aba::aba::<Static<N>, T, _>(self.model(), q, nu, tau, gravity, load, out);
     }
 
     /// Inverse dynamics (recursive Newton-Euler): `M ν̇ + C ν + gravity force`. Dampers and springs are not in it, see
@@ -398,6 +400,13 @@ impl<const N: usize, const V: usize> Tree<N, V> {
     /// Kinetic energy ½ νᵀ M ν, motors included (J).
     pub fn kinetic_energy(&self, k: &Kinematics<N, V>) -> f64 {
         momentum::sums(self.model(), &k.placed, &k.rates, &k.nu).energy_at(self.model().base_part(&k.nu).1)
+    }
+
+    /// [`momentum`](Self::momentum) and [`kinetic_energy`](Self::kinetic_energy) for the price of one.
+    pub fn momentum_and_energy(&self, k: &Kinematics<N, V>) -> (Momentum, f64) {
+        let sums = momentum::sums(self.model(), &k.placed, &k.rates, &k.nu);
+        let v = self.model().base_part(&k.nu).1;
+        (Momentum::of(&sums, v), sums.energy_at(v))
     }
 
     /// Energy of the joint springs and of the gravity field, zero with all masses at the world's origin (J).

@@ -1,26 +1,26 @@
 //! The momentum of a whole tree, and the kernels' vectors as those of nalgebra.
 
 use crate::kernel::momentum;
-use crate::num::V3;
+use crate::num::{Number, V3};
 use nalgebra::{Matrix3, Vector3};
 
 /// Momentum of the whole tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Momentum {
+pub struct Momentum<T = f64> {
     /// Total mass (kg).
-    pub mass: f64,
+    pub mass: T,
     /// Centre of mass C from B's origin, B axes (m).
-    pub p_bc: Vector3<f64>,
+    pub p_bc: Vector3<T>,
     /// Linear momentum, B axes (kg m/s).
-    pub linear_b: Vector3<f64>,
+    pub linear_b: Vector3<T>,
     /// Angular momentum about the centre of mass, B axes (kg m²/s).
-    pub angular_b: Vector3<f64>,
+    pub angular_b: Vector3<T>,
 }
 
-impl Momentum {
+impl<T: Number> Momentum<T> {
     /// From the sums over a tree whose base moves at `v`.
-    pub(crate) fn of(s: &momentum::Sums<f64>, v: V3<f64>) -> Self {
-        let p_bc = s.h * (1.0 / s.mass);
+    pub(crate) fn of(s: &momentum::Sums<T>, v: V3<T>) -> Self {
+        let p_bc = s.h * (T::of(1.0) / s.mass);
         Self {
             mass: s.mass,
             p_bc: vector(p_bc),
@@ -31,7 +31,7 @@ impl Momentum {
     }
 }
 
-pub(crate) fn vector(v: V3<f64>) -> Vector3<f64> {
+pub(crate) fn vector<T: Number>(v: V3<T>) -> Vector3<T> {
     Vector3::new(v.x, v.y, v.z)
 }
 

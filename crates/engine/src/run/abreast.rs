@@ -1,0 +1,49 @@
+//! Runs side by side in one thread: where participants allow it, their steps are done together.
+
+use std::sync::Arc;
+
+use lockstep::participant::Pending;
+
+use super::handle::{Conduct, Run};
+use super::options::Options;
+use super::outcome::{Outcome, RunFailure};
+use crate::scenario::Scenario;
+
+/// A run in one loop of this process that stops wherever a step is to be done beside those of others.
+pub(crate) struct Abreast {
+    run: Run,
+}
+
+impl Abreast {
+    /// A run before its first step.
+    ///
+    /// # Errors
+    /// As [`Run::begin`].
+    pub(crate) fn begin(scenario: Arc<Scenario>, options: Options) -> Result<Abreast, RunFailure> {
+        let mut run = Run::begin(scenario, options, false)?;
+        run.executor.park();
+        run.set_out(None);
+        Ok(Abreast { run })
+    }
+
+    /// Goes on to the next such step, which [`Abreast::pending`] then gives; `false` at the end of the run.
+    pub(crate) fn advance(&mut self) -> bool {
+        match self.run.conduct(None) {
+            Conduct::Parked => true,
+            over => {
+                self.run.arrive(None, over);
+                false
+            }
+        }
+    }
+
+    /// The step that waits to be done.
+    pub(crate) fn pending(&mut self) -> Option<Pending<'_>> {
+        self.run.executor.pending()
+    }
+
+    /// What became of it.
+    pub(crate) fn conclude(self) -> Outcome {
+        self.run.conclude()
+    }
+}

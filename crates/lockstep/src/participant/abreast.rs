@@ -1,0 +1,160 @@
+//! Participants of one kind, of runs that go side by side, stepped by one call.
+
+use std::any::{Any, TypeId};
+
+use super::{Failure, Inputs, Outputs, Participant, Step};
+
+/// A participant of which several can be stepped at once, because that is cheaper than one after the other: a campaign runs points
+/// side by side, and their models are the same with other numbers.
+///
+/// Each must come out as [`Participant::step`] leaves it alone, state and outputs, to the last bit: nothing says which others it meets.
+///
+/// ```
+/// use lockstep::participant::{Abreast, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepAbreast};
+///
+/// struct Decay {
+///     x: f64,
+/// }
+///
+/// impl Participant for Decay {
+///     fn interface(&self) -> Interface {
+///         Interface::new(Kind::Continuous)
+///     }
+///     fn step(&mut self, step: &Step, _: &Inputs, _: &mut Outputs) -> Result<(), Failure> {
+///         self.x -= step.period * self.x;
+///         Ok(())
+///     }
+///     fn abreast(&mut self) -> Option<Member<'_>> {
+///         Some(Member::of(self))
+///     }
+/// }
+///
+/// impl StepAbreast for Decay {
+///     type Common = ();
+///     fn step_abreast(those: &mut [Abreast<'_, Decay>], (): &mut ()) {
+///         for four in those.chunks_mut(4) {
+///             // the same operations in the same order; a compiler makes one instruction of four
+///             let mut x = [0.0; 4];
+///             for (x, one) in x.iter_mut().zip(&*four) {
+///                 *x = one.participant.x - one.step.period * one.participant.x;
+///             }
+///             for (x, one) in x.iter().zip(four) {
+///                 one.participant.x = *x;
+///             }
+///         }
+///     }
+/// }
+///
+/// let mut decay = Decay { x: 1.0 };
+/// assert!(decay.abreast().is_some());
+/// ```
+pub trait StepAbreast: Participant + Sized + 'static {
+    /// What is kept from one call to the next to save work. No result may depend on it: any call may find it new.
+    type Common: Default + 'static;
+
+    /// The step of each of `those`, one or more. They need not be at the same instant, nor have the same period or parameters.
+    fn step_abreast(those: &mut [Abreast<'_, Self>], common: &mut Self::Common);
+}
+
+/// A participant that is stepped beside others, with what [`Participant::step`] is given.
+pub struct Abreast<'a, P> {
+    /// The participant.
+    pub participant: &'a mut P,
+    /// The activation.
+    pub step: Step,
+    /// Its inputs.
+    pub inputs: &'a Inputs,
+    /// Its outputs.
+    pub outputs: &'a mut Outputs,
+    result: &'a mut Option<Result<(), Failure>>,
+}
+
+impl<P> Abreast<'_, P> {
+    /// This one gives up; the others go on.
+    pub fn fail(&mut self, failure: Failure) {
+        *self.result = Some(Err(failure));
+    }
+}
+
+/// A participant as one of a kind whose steps are done together.
+pub struct Member<'a> {
+    kind: Together,
+    itself: &'a mut dyn Any,
+}
+
+impl<'a> Member<'a> {
+    /// `participant`, stepped with others of its type.
+    pub fn of<P: StepAbreast>(participant: &'a mut P) -> Member<'a> {
+        let kind = Together {
+            kind: TypeId::of::<P>(),
+            common: || Box::new(P::Common::default()),
+            step: step::<P>,
+        };
+        Member {
+            kind,
+            itself: participant,
+        }
+    }
+}
+
+/// How the participants of one type are stepped together.
+#[derive(Clone, Copy)]
+struct Together {
+    kind: TypeId,
+    common: fn() -> Box<dyn Any>,
+    step: fn(&mut [&mut Pending<'_>], &mut dyn Any),
+}
+
+/// A step that is about to be done: everything has come in.
+pub struct Pending<'a> {
+    pub(crate) member: Member<'a>,
+    pub(crate) step: Step,
+    pub(crate) inputs: &'a Inputs,
+    pub(crate) outputs: &'a mut Outputs,
+    pub(crate) result: &'a mut Option<Result<(), Failure>>,
+}
+
+fn step<P: StepAbreast>(pending: &mut [&mut Pending<'_>], common: &mut dyn Any) {
+    let mut those: Vec<Abreast<'_, P>> = pending
+        .iter_mut()
+        .filter_map(|one| {
+            *one.result = Some(Ok(()));
+            Some(Abreast {
+                participant: one.member.itself.downcast_mut()?,
+                step: one.step,
+                inputs: one.inputs,
+                outputs: one.outputs,
+                result: one.result,
+            })
+        })
+        .collect();
+    let mut afresh = P::Common::default();
+    P::step_abreast(&mut those, common.downcast_mut().unwrap_or(&mut afresh));
+}
+
+/// Does steps of different runs together, kind by kind, and keeps what each kind keeps.
+#[derive(Default)]
+pub struct Stride {
+    commons: Vec<(TypeId, Box<dyn Any>)>,
+}
+
+impl Stride {
+    /// Does the steps of `pending`, which belong to different participants. A panic leaves all of them half done.
+    pub fn step(&mut self, pending: &mut [Pending<'_>]) {
+        let mut left: Vec<&mut Pending<'_>> = pending.iter_mut().collect();
+        while let Some(first) = left.first() {
+            let Together { kind, common, step } = first.member.kind;
+            let (mut those, others) = left.into_iter().partition(|one| one.member.kind.kind == kind);
+            left = others;
+            let at = match self.commons.iter().position(|(known, _)| *known == kind) {
+                Some(at) => at,
+                None => {
+                    self.commons.push((kind, common()));
+                    self.commons.len() - 1
+                }
+            };
+            let those: &mut Vec<_> = &mut those;
+            step(those, &mut *self.commons[at].1);
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Several plants stepped at once: what takes most of a step, the motion and what the truth takes from the bodies, is computed for all of
+//! them in the lanes of the processor.
+
+use lockstep::participant::{Abreast, StepAbreast};
+use multibody::{F64x4, F64x8, Lanes, Method};
+
+use crate::dynamics::{Bodies, Models, Under};
+use crate::plant::{Plant, TRUTH};
+
+/// Mechanisms in lanes, kept from one step to the next.
+#[derive(Debug, Default)]
+pub struct Known {
+    four: Vec<Option<Box<Models<F64x4>>>>,
+    eight: Vec<Option<Box<Models<F64x8>>>>,
+}
+
+/// What plants must have in common to go side by side.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Shape {
+    substeps: u32,
+    h: f64,
+    held: bool,
+    compensated: [bool; 3],
+}
+
+/// A plant with the period of its step.
+struct Moving<'a> {
+    plant: &'a mut Plant,
+    shape: Option<Shape>,
+    period: f64,
+    told: bool,
+    bodies: &'a mut Option<Bodies>,
+}
+
+impl Shape {
+    /// `None` for a plant that goes alone.
+    fn of(plant: &Plant, period: f64) -> Option<Shape> {
+        let alone = plant.method != Method::Rk4 || plant.model.sphere.is_some() || plant.forces.braked.contains(&true);
+        (!alone).then(|| Shape {
+            substeps: plant.substeps,
+            h: period / f64::from(plant.substeps),
+            held: plant.grasp.is_some(),
+            compensated: plant.forces.compensated,
+        })
+    }
+}
+
+impl StepAbreast for Plant {
+    type Common = Known;
+
+    fn step_abreast(those: &mut [Abreast<'_, Plant>], known: &mut Known) {
+        let mut bodies: Vec<Option<Bodies>> = vec![None; those.len()];
+        let moving = those.iter_mut().zip(&mut bodies).map(|(one, bodies)| {
+            let (plant, period) = (&mut *one.participant, one.step.period);
+            plant.begin(&one.step, one.inputs);
+            Moving {
+                shape: Shape::of(plant, period),
+                plant,
+                period,
+                told: one.outputs.is_seen(TRUTH),
+                bodies,
+            }
+        });
+        move_all(moving.collect(), known);
+        for (one, bodies) in those.iter_mut().zip(&bodies) {
+            let next = one.step.index + 1;
+            one.participant
+                .write(next, one.step.t_next, bodies.as_ref(), one.outputs);
+        }
+    }
+}
+
+/// Moves each over its step: those of one shape side by side, as many as there are lanes.
+fn move_all(mut left: Vec<Moving>, known: &mut Known) {
+    let mut group = 0;
+    while !left.is_empty() {
+        let shape = left[0].shape;
+        let mut those: Vec<Moving> = Vec::with_capacity(F64x8::WIDTH);
+        let mut others = Vec::new();
+        for one in left {
+            match shape.is_some() && one.shape == shape && those.len() < F64x8::WIDTH {
+                true => those.push(one),
+                false if those.is_empty() => those.push(one),
+                false => others.push(one),
+            }
+        }
+        left = others;
+        let moved = match (shape, those.len()) {
+            (Some(shape), 2..=4) => side_by_side(&mut those, &shape, &mut known.four, group),
+            (Some(shape), 5..) => side_by_side(&mut those, &shape, &mut known.eight, group),
+            _ => false,
+        };
+        for one in those {
+            match moved {
+                true => one.plant.carry(),
+                false => one.plant.integrate(one.period),
+            }
+        }
+        group += 1;
+    }
+}
+
+/// `false` when nothing was done: they must go alone.
+fn side_by_side<T: Lanes>(
+    those: &mut [Moving],
+    shape: &Shape,
+    known: &mut Vec<Option<Box<Models<T>>>>,
+    group: usize,
+) -> bool {
+    known.resize_with(known.len().max(group + 1), || None);
+    let under = those.iter_mut().map(|one| one.plant.under(one.told, one.bodies));
+    let mut all: Vec<Under> = under.collect();
+    let Some(models) = Models::of(known[group].take(), &all) else {
+        return false;
+    };
+    models.step(&mut all, shape.h, shape.substeps, !shape.held);
+    known[group] = Some(models);
+    true
+}

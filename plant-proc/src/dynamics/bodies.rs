@@ -1,0 +1,29 @@
+//! What all bodies of the servicer together tell.
+
+use multibody::{Momentum, Placement};
+use nalgebra::Vector3;
+
+use super::{Model, Motion, Totals};
+
+/// What the truth takes from all bodies of the servicer.
+#[derive(Debug, Clone, Copy)]
+pub struct Bodies {
+    /// Pose of the end effector in the base.
+    pub end_effector: Placement,
+    /// Twist of the end effector in its own axes: ω_NE, v_NE.
+    pub twist: (Vector3<f64>, Vector3<f64>),
+    /// Momentum, and kinetic energy, J.
+    pub momentum: (Momentum, f64),
+}
+
+impl Bodies {
+    /// At this motion.
+    pub fn of(model: &Model, motion: &Motion) -> Self {
+        let kinematics = model.kinematics(&motion.servicer);
+        Self {
+            end_effector: model.tree.placement(&kinematics, model.end_effector),
+            twist: model.twist(&kinematics, &motion.servicer),
+            momentum: Totals::own(model, &kinematics, motion),
+        }
+    }
+}
