@@ -2,7 +2,7 @@
 //! them in the lanes of the processor.
 
 use lockstep::participant::{Abreast, StepAbreast};
-use multibody::{F64x4, F64x8, Lanes, Method};
+use multibody::{F64x4, Lanes, Method};
 
 use crate::dynamics::{Bodies, Models, Under};
 use crate::plant::{Plant, TRUTH};
@@ -10,8 +10,8 @@ use crate::plant::{Plant, TRUTH};
 /// Mechanisms in lanes, kept from one step to the next.
 #[derive(Debug, Default)]
 pub struct Known {
-    four: Vec<Option<Box<Models<F64x4>>>>,
-    eight: Vec<Option<Box<Models<F64x8>>>>,
+    /// Of each group.
+    models: Vec<Option<Box<Models<F64x4>>>>,
 }
 
 /// What plants must have in common to go side by side.
@@ -75,19 +75,18 @@ fn move_all(mut left: Vec<Moving>, known: &mut Known) {
     let mut group = 0;
     while !left.is_empty() {
         let shape = left[0].shape;
-        let mut those: Vec<Moving> = Vec::with_capacity(F64x8::WIDTH);
+        let mut those: Vec<Moving> = Vec::with_capacity(F64x4::WIDTH);
         let mut others = Vec::new();
         for one in left {
-            match shape.is_some() && one.shape == shape && those.len() < F64x8::WIDTH {
+            match shape.is_some() && one.shape == shape && those.len() < F64x4::WIDTH {
                 true => those.push(one),
                 false if those.is_empty() => those.push(one),
                 false => others.push(one),
             }
         }
         left = others;
-        let moved = match (shape, those.len()) {
-            (Some(shape), 2..=4) => side_by_side(&mut those, &shape, &mut known.four, group),
-            (Some(shape), 5..) => side_by_side(&mut those, &shape, &mut known.eight, group),
+        let moved = match shape {
+            Some(shape) if those.len() > 1 => side_by_side(&mut those, &shape, &mut known.models, group),
             _ => false,
         };
         for one in those {
@@ -101,10 +100,10 @@ fn move_all(mut left: Vec<Moving>, known: &mut Known) {
 }
 
 /// `false` when nothing was done: they must go alone.
-fn side_by_side<T: Lanes>(
+fn side_by_side(
     those: &mut [Moving],
     shape: &Shape,
-    known: &mut Vec<Option<Box<Models<T>>>>,
+    known: &mut Vec<Option<Box<Models<F64x4>>>>,
     group: usize,
 ) -> bool {
     known.resize_with(known.len().max(group + 1), || None);

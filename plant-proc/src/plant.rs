@@ -1,14 +1,17 @@
 //! The participant.
 
 use interfaces::{CameraPose, Command, Couples, Housekeeping, Measured, TargetState, Truth};
-use lockstep::participant::{Failure, Inputs, Interface, Kind, Member, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::participant::{
+    Failure, Inputs, Interface, Kind, Member, Outputs, ParameterError, Participant, Setup, Step,
+};
 use lockstep::wire;
 use multibody::{Method, Quaternion, rotation};
 use nalgebra::Vector3;
 
 use crate::actuators::{Actuators, THRUSTERS};
 use crate::dynamics::{
-    Bob, Bodies, Books, Forces, Grasp, Mechanics, Model, Motion, Servicer, Target, Totals, Under, quaternion_of, stop_joints,
+    Bob, Bodies, Books, Forces, Grasp, Mechanics, Model, Motion, Servicer, Target, Totals, Under, quaternion_of,
+    stop_joints,
 };
 use crate::parameters::{AfterGrasp, Parameters, SloshModel, Start, TargetStart};
 use crate::saved::Saved;

@@ -4,9 +4,7 @@ use interfaces::Truth;
 use multibody::{Placement, Quaternion};
 use nalgebra::Vector3;
 
-use crate::dynamics::{
-    Bob, Bodies, Books, Forces, Model, Motion, Servicer, Target, Totals, quaternion_of,
-};
+use crate::dynamics::{Bob, Bodies, Books, Forces, Model, Motion, Servicer, Target, Totals, quaternion_of};
 
 /// Where the end effector E and the grasp frame G of the target are, in world axes.
 pub struct Grip {

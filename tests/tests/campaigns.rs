@@ -103,7 +103,9 @@ fn the_table_does_not_depend_on_the_number_of_workers_or_on_interruptions() {
 
     // interrupted after its first result, and once more killed outright
     let stopped = out("stopped");
-    let arguments = [&["sweep", CLOSE, "--out", text(&stopped), "--workers", "1"], &vary[..]].concat();
+    // one after the other: side by side they would all end at once
+    let alone = ["--workers", "1", "--lanes", "1"];
+    let arguments = [&["sweep", CLOSE, "--out", text(&stopped)], &alone[..], &vary[..]].concat();
     let lines = || {
         let journal = std::fs::read(stopped.join("results.jsonl")).unwrap_or_default();
         journal.iter().filter(|byte| **byte == b'\n').count()
@@ -166,6 +168,8 @@ fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
         "--out",
         text(&out),
         "--workers",
+        "1",
+        "--lanes",
         "1",
         "--vary",
         "seed=1..4",

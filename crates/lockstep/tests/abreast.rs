@@ -3,10 +3,10 @@
 use std::sync::{Arc, Mutex};
 
 use lockstep::executor::{InLoop, Reach, RunError, assemble};
+use lockstep::link::{Hold, Timing};
 use lockstep::participant::{
     Abreast, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepAbreast, Stride,
 };
-use lockstep::link::{Hold, Timing};
 use lockstep::plan::{LinkSpec, ParticipantSpec, Plan};
 use lockstep::random::Stream;
 use lockstep::time::Rational;
@@ -36,7 +36,9 @@ fn next(x: f64, rate: f64, period: f64, input: f64) -> f64 {
 
 impl<const WHICH: usize> Participant for Decay<WHICH> {
     fn interface(&self) -> Interface {
-        Interface::new(Kind::Continuous).input::<Value>("in").output::<Value>("out")
+        Interface::new(Kind::Continuous)
+            .input::<Value>("in")
+            .output::<Value>("out")
     }
     fn initialise(&mut self, _: f64, outputs: &mut Outputs) -> Result<(), Failure> {
         *outputs.get_mut(0) = Value { x: self.x };
@@ -89,7 +91,9 @@ struct Listener(Arc<Mutex<Vec<u64>>>);
 
 impl Participant for Listener {
     fn interface(&self) -> Interface {
-        Interface::new(Kind::Sampled).input::<Value>("in").output::<Value>("out")
+        Interface::new(Kind::Sampled)
+            .input::<Value>("in")
+            .output::<Value>("out")
     }
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
         let heard = inputs.get::<Value>(0).x;
@@ -116,7 +120,13 @@ fn world(number: u64) -> World {
     };
     let millis = |millis: i128| Rational::new(millis, 1000).unwrap();
     let (heard, most) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(0)));
-    let fails = |name: &str| if draw(name, 0, 6) == 0 { draw(name, 0, 150) as u64 } else { u64::MAX };
+    let fails = |name: &str| {
+        if draw(name, 0, 6) == 0 {
+            draw(name, 0, 150) as u64
+        } else {
+            u64::MAX
+        }
+    };
     let first = Decay::<0> {
         x: draw("x", -5, 5) as f64,
         rate: draw("rate", 1, 9) as f64 / 7.0,
@@ -140,7 +150,11 @@ fn world(number: u64) -> World {
         offset: millis(0),
         interface: participant.interface(),
     });
-    let links = [("first", "second", 0), ("second", "listener", 0), ("listener", "first", draw("delay", 20, 60))];
+    let links = [
+        ("first", "second", 0),
+        ("second", "listener", 0),
+        ("listener", "first", draw("delay", 20, 60)),
+    ];
     let links = links.map(|(from, to, delay)| LinkSpec {
         name: format!("{from}-{to}"),
         from: (from.into(), "out".into()),
@@ -202,7 +216,12 @@ fn runs_side_by_side_are_what_each_is_alone() {
         }
         for (number, (world, ended)) in worlds.iter().zip(ended).enumerate() {
             let heard = world.heard.lock().unwrap().clone();
-            assert_eq!((ended.unwrap(), heard), alone[number], "world {}", first as usize + number);
+            assert_eq!(
+                (ended.unwrap(), heard),
+                alone[number],
+                "world {}",
+                first as usize + number
+            );
             together = together.max(*world.most.lock().unwrap());
         }
     }

@@ -57,6 +57,7 @@
 //! every processor, in [`Tree`], [`DynTree`] and in each lane of a batch alike. Compile with FMA enabled
 //! (`-C target-cpu=x86-64-v3` on x86-64): without it the same bits come from a software routine, far more slowly.
 
+mod abreast;
 mod description;
 mod dynamic;
 mod integrate;
@@ -68,6 +69,7 @@ mod state;
 mod ties;
 mod tree;
 
+pub use abreast::Trees;
 pub use description::{
     Description, DescriptionError, EditError, Inertia, Joint, JointKind, Limits, Link, Mimic, Placement, UrdfError,
     UrdfErrors, UrdfFault, UrdfOptions, UrdfReading, UrdfWarning, read_xml,
@@ -75,8 +77,8 @@ pub use description::{
 pub use dynamic::{BodyInfo, Dense, DynState, DynTree};
 pub use integrate::{Flow, Method, Rate, UnknownMethod, dop853, rk4};
 pub use nalgebra;
-pub use num::{F64x4, F64x8, Lanes, Number, Real, sin_cos};
+pub use num::{F64x4, Lanes, Number, Real, sin_cos};
 pub use rotation::Quaternion;
 pub use slosh::{SloshError, SloshRate, SloshState, SloshTree, SphericalSlosh, from_two_hinges};
 pub use state::State;
-pub use tree::{FrameId, Kinematics, Momentum, Tree, TreeError, Trees, UnknownFrame};
+pub use tree::{FrameId, Kinematics, Momentum, Tree, TreeError, UnknownFrame};

@@ -1,7 +1,6 @@
 //! Where a tree is and how it moves.
 
 use crate::description::Placement;
-use crate::integrate::Rate;
 use crate::num::Number;
 use crate::rotation::Quaternion;
 use nalgebra::{SVector, Vector3};
@@ -58,27 +57,7 @@ impl<const N: usize, const V: usize, T: Number> State<N, V, T> {
         }
     }
 
-    /// `self + Σ kᵢ rateᵢ`, coordinate by coordinate.
-    #[inline(always)]
-    pub fn moved(&self, by: &[(f64, &Rate<N, V, T>)]) -> Self {
-        let mut out = *self;
-        for (k, rate) in by {
-            let k = T::of(*k);
-            for i in 0..3 {
-                out.p_nb[i] = k.mul_add(rate.p_nb[i], out.p_nb[i]);
-            }
-            out.quat_nb = out.quat_nb.plus(k, rate.quat_nb);
-            for i in 0..N {
-                out.q[i] = k.mul_add(rate.q[i], out.q[i]);
-            }
-            for i in 0..V {
-                out.nu[i] = k.mul_add(rate.nu[i], out.nu[i]);
-            }
-        }
-        out
-    }
-
-    /// The same with a quaternion of unit length.
+    /// The state with a quaternion of unit length.
     #[inline(always)]
     pub fn restored(mut self) -> Self {
         self.quat_nb = self.quat_nb.normalized();

@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, SVector, Vector3};
 
 use super::flow::{Acting, MotionRate};
 use super::{Bob, Bodies, COORDINATES, Forces, Model, Motion, Target, VELOCITIES};
+use crate::actuators::THRUSTERS;
 
 /// The mechanisms of several plants.
 #[derive(Debug)]
@@ -136,7 +137,7 @@ impl<T: Lanes> Sight<T> {
 }
 
 /// As many lanes as there are at most.
-const MOST: usize = 8;
+const MOST: usize = 4;
 
 /// One for each lane: behind the last it is the last again.
 fn padded<'a, T: Lanes, X>(all: &'a [Under], of: impl Fn(&'a Under) -> &'a X) -> [&'a X; MOST] {
@@ -144,8 +145,10 @@ fn padded<'a, T: Lanes, X>(all: &'a [Under], of: impl Fn(&'a Under) -> &'a X) ->
     core::array::from_fn(|lane| of(&all[lane.min(all.len() - 1)]))
 }
 
+#[inline(always)]
 fn vectors<T: Lanes>(of: impl Fn(usize) -> Vector3<f64>) -> Vector3<T> {
-    Vector3::from_fn(|i, _| T::gather(|lane| of(lane)[i]))
+    let one = |i: usize| T::gather(|lane| of(lane)[i]);
+    Vector3::new(one(0), one(1), one(2))
 }
 
 fn gathered<T: Lanes>(all: &[Under]) -> Forces<T> {
@@ -155,7 +158,8 @@ fn gathered<T: Lanes>(all: &[Under]) -> Forces<T> {
         compensated: each[0].compensated,
         thruster_force: vectors(|lane| each[lane].thruster_force),
         thruster_torque: vectors(|lane| each[lane].thruster_torque),
-        thrust: core::array::from_fn(|n| T::gather(|lane| each[lane].thrust[n])),
+        // it is told, and stands nowhere in the equation
+        thrust: [T::of(0.0); THRUSTERS],
         joint_torque: core::array::from_fn(|joint| T::gather(|lane| each[lane].joint_torque[joint])),
         braked: each[0].braked,
     }
@@ -204,10 +208,14 @@ impl<T: Lanes> Flow for Mechanics<'_, T> {
     #[inline(never)]
     fn rate(&self, motion: &Motion<T>, forces: &Forces<T>) -> MotionRate<T> {
         let acting = Acting::of(motion, forces);
-        let rate = self.trees.rate(&motion.servicer, &acting.generalised);
+        let nu_dot = self.trees.forward_dynamics(&motion.servicer, &acting.generalised);
         let nothing = Vector3::repeat(T::of(0.0));
         let bob = Bob { d: nothing, w: nothing };
-        acting.rates(motion, forces, (rate, bob, self.trees.damper_power(&motion.servicer.nu)))
+        acting.rates(
+            motion,
+            forces,
+            (nu_dot, bob, self.trees.damper_power(&motion.servicer.nu)),
+        )
     }
 
     #[inline]

@@ -33,11 +33,7 @@ impl Totals {
     }
 
     /// Momentum and kinetic energy of the servicer, of which `kinematics` are those of its tree.
-    pub fn own(
-        model: &Model,
-        kinematics: &Kinematics<COORDINATES, VELOCITIES>,
-        motion: &Motion,
-    ) -> (Momentum, f64) {
+    pub fn own(model: &Model, kinematics: &Kinematics<COORDINATES, VELOCITIES>, motion: &Motion) -> (Momentum, f64) {
         match &model.sphere {
             None => model.tree.momentum_and_energy(kinematics),
             Some(sphere) => sphere

@@ -63,18 +63,18 @@ impl<T: Number> Acting<T> {
         }
     }
 
-    /// All rates, with those of servicer and bob and the power of the dampers as given.
+    /// All rates, with the servicer's acceleration, the rate of the bob and the power of the dampers as given.
     #[inline(always)]
     pub(super) fn rates(
         &self,
         motion: &Motion<T>,
         forces: &Forces<T>,
-        (servicer, bob, damper_power): (Rate<COORDINATES, VELOCITIES, T>, Bob<T>, T),
+        (nu_dot, bob, damper_power): (SVector<T, VELOCITIES>, Bob<T>, T),
     ) -> MotionRate<T> {
         let now = &motion.servicer;
         let force_n = now.quat_nb.rotate(&forces.thruster_force);
         MotionRate {
-            servicer,
+            servicer: Rate::of(now, nu_dot),
             bob,
             wheel_momentum: self.wheel_rate,
             impulse: force_n,
@@ -89,16 +89,9 @@ impl<T: Number> Motion<T> {
     /// `self + Σ kᵢ rateᵢ`; the bob moves where the pendulum is spherical.
     #[inline(always)]
     pub(super) fn moved(&self, by: &[(f64, &MotionRate<T>)], spherical: bool) -> Self {
-        // as many as any method has stages
-        let mut servicer = [(0.0, &by[0].1.servicer); 16];
-        for (slot, (k, rate)) in servicer.iter_mut().zip(by) {
-            *slot = (*k, &rate.servicer);
-        }
-        let mut out = Motion {
-            servicer: self.servicer.moved(&servicer[..by.len()]),
-            ..*self
-        };
+        let mut out = *self;
         for (k, rate) in by {
+            out.servicer.shift(*k, &rate.servicer);
             let k = T::of(*k);
             if spherical {
                 out.bob.d += rate.bob.d * k;
@@ -129,11 +122,11 @@ impl Flow for Mechanics<'_> {
         let own = match &self.model.sphere {
             None => {
                 let tree = &self.model.tree;
-                let mut rate = tree.rate(servicer, generalised);
+                let mut nu = tree.forward_dynamics(servicer, generalised);
                 if braked {
-                    hold_joints(&tree.mass_matrix(&servicer.q), &forces.braked, &mut rate.nu);
+                    hold_joints(&tree.mass_matrix(&servicer.q), &forces.braked, &mut nu);
                 }
-                (rate, Bob::NONE, tree.damper_power(&servicer.nu))
+                (nu, Bob::NONE, tree.damper_power(&servicer.nu))
             }
             Some(sphere) => {
                 let (mut nu, mut w) = sphere.accelerations(servicer, &motion.bob, generalised);
@@ -145,7 +138,7 @@ impl Flow for Mechanics<'_> {
                 }
                 let d = motion.bob.w.cross(&motion.bob.d);
                 let power = sphere.tree().damper_power(&sphere.state(servicer, &motion.bob));
-                (Rate::of(servicer, nu), Bob { d, w }, power)
+                (nu, Bob { d, w }, power)
             }
         };
         acting.rates(motion, forces, own)

@@ -124,8 +124,37 @@ impl Recording for Sink {
     }
 }
 
+/// A scenario in one loop, before its first step.
+pub struct Begun {
+    pub looped: InLoop,
+    pub plan: Plan,
+    sink: Sink,
+}
+
+impl Begun {
+    /// Everything so far.
+    pub fn tape(self) -> Tape {
+        let streams = self.plan.participants.iter().flat_map(|own| {
+            let outputs = own.interface.outputs.iter();
+            outputs.map(|port| (format!("{}.{}", own.name, port.name), port.descriptor.clone()))
+        });
+        let samples = std::mem::take(&mut *self.sink.samples.lock().unwrap());
+        Tape {
+            streams: streams.collect(),
+            samples,
+        }
+    }
+}
+
 /// Runs a scenario in one loop.
 pub fn run(scenario: &Table) -> Tape {
+    let mut begun = begin(scenario);
+    begun.looped.run_to(begun.plan.end, |_| {}).unwrap();
+    begun.tape()
+}
+
+/// Begins it.
+pub fn begin(scenario: &Table) -> Begun {
     let names: Vec<&String> = scenario["participants"].as_table().unwrap().keys().collect();
     let made: Vec<_> = names.iter().map(|name| make(scenario, name)).collect();
     let specs = names.iter().zip(&made).map(|(name, (_, participant))| ParticipantSpec {
@@ -147,15 +176,10 @@ pub fn run(scenario: &Table) -> Tape {
     };
     let participants = made.into_iter().map(|(_, participant)| participant).collect();
     let parts = assemble(&plan, participants, |_| Box::new(sink.clone()));
-    InLoop::new(&plan, parts).run_to(plan.end, |_| {}).unwrap();
-    let streams = plan.participants.iter().flat_map(|own| {
-        let outputs = own.interface.outputs.iter();
-        outputs.map(|port| (format!("{}.{}", own.name, port.name), port.descriptor.clone()))
-    });
-    let samples = std::mem::take(&mut *sink.samples.lock().unwrap());
-    Tape {
-        streams: streams.collect(),
-        samples,
+    Begun {
+        looped: InLoop::new(&plan, parts),
+        plan,
+        sink,
     }
 }
 

@@ -78,7 +78,9 @@ impl Points {
             }
         });
         let over = over.into_iter();
-        let mut over: Vec<Over> = over.map(|(ticket, order, run)| (ticket, order.concluded(run))).collect();
+        let mut over: Vec<Over> = over
+            .map(|(ticket, order, run)| (ticket, order.concluded(run)))
+            .collect();
         match (unharmed, by_itself.get()) {
             (Ok(()), _) => {}
             (Err(result), Some(at)) => {

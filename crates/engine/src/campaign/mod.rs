@@ -12,6 +12,7 @@ mod bundle;
 mod cases;
 mod cell;
 mod column;
+mod company;
 mod declared;
 mod definition;
 mod dispersions;

@@ -7,6 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use super::any_path::AnyPath;
+use super::company::company;
 use super::folder::{Folder, Known};
 use super::identity::{Identity, digest_of_scenario};
 use super::keep::{Keep, kept};
@@ -17,7 +18,7 @@ use super::until::Watch;
 use super::worker::{Answer, Task, Word, Worker};
 use super::{Campaign, CampaignError};
 use crate::observer::Event;
-use crate::scenario::{Program, Scenario};
+use crate::scenario::Scenario;
 
 /// A campaign that has ended, or was stopped.
 #[derive(Debug)]
@@ -305,7 +306,7 @@ impl<'a> Crew<'a> {
             all: open.len(),
             open,
             suspects: VecDeque::new(),
-            lanes: lanes(scenario),
+            lanes: company(scenario),
             tickets: 0,
             keep: false,
             until: None,
@@ -334,10 +335,19 @@ impl<'a> Crew<'a> {
     fn work(&mut self, options: &Options, words: &Words) -> Result<(), CampaignError> {
         self.look();
         let workers = options.workers(self.open.len()).min(self.open.len());
-        let lanes = options.lanes.unwrap_or(self.lanes).min(self.lanes);
+        // where nothing is gained there is one, whatever is asked for
+        let lanes = if self.lanes == 1 {
+            1
+        } else {
+            options.lanes.unwrap_or(self.lanes)
+        };
         // A run that is kept goes by itself.
         let kept = self.keep || self.open.iter().any(|errand| errand.what == What::Again);
-        self.lanes = if kept { 1 } else { lanes.min(self.open.len().div_ceil(workers.max(1))) };
+        self.lanes = if kept {
+            1
+        } else {
+            lanes.min(self.open.len().div_ceil(workers.max(1)))
+        };
         for number in 0..workers {
             if self.enough.is_some() {
                 return Ok(());
@@ -469,17 +479,6 @@ impl<'a> Crew<'a> {
         }
         self.open.pop_front()
     }
-}
-
-/// As many points as are good for a processor side by side.
-const LANES: usize = if cfg!(target_arch = "x86_64") { 8 } else { 1 };
-
-/// How many points of `scenario` are good to go side by side.
-fn lanes(scenario: &Scenario) -> usize {
-    let here = !scenario.programs().any(Program::is_external);
-    let made = if here { scenario.make().unwrap_or_default() } else { Vec::new() };
-    let abreast = made.into_iter().flatten().any(|mut participant| participant.abreast().is_some());
-    if abreast { LANES } else { 1 }
 }
 
 fn hire(number: usize, words: &Sender<(usize, Word)>) -> Result<Worker, CampaignError> {

@@ -2,12 +2,13 @@
 
 use std::any::{Any, TypeId};
 
-use super::{Failure, Inputs, Outputs, Participant, Step};
+use super::buffers::{Inputs, Outputs};
+use super::step::{Failure, Step};
 
 /// A participant of which several can be stepped at once, because that is cheaper than one after the other: a campaign runs points
 /// side by side, and their models are the same with other numbers.
 ///
-/// Each must come out as [`Participant::step`] leaves it alone, state and outputs, to the last bit: nothing says which others it meets.
+/// Each must come out as [`Participant::step`](super::Participant::step) leaves it alone, state and outputs, to the last bit: nothing says which others it meets.
 ///
 /// ```
 /// use lockstep::participant::{Abreast, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepAbreast};
@@ -48,7 +49,7 @@ use super::{Failure, Inputs, Outputs, Participant, Step};
 /// let mut decay = Decay { x: 1.0 };
 /// assert!(decay.abreast().is_some());
 /// ```
-pub trait StepAbreast: Participant + Sized + 'static {
+pub trait StepAbreast: Sized + 'static {
     /// What is kept from one call to the next to save work. No result may depend on it: any call may find it new.
     type Common: Default + 'static;
 
@@ -56,7 +57,7 @@ pub trait StepAbreast: Participant + Sized + 'static {
     fn step_abreast(those: &mut [Abreast<'_, Self>], common: &mut Self::Common);
 }
 
-/// A participant that is stepped beside others, with what [`Participant::step`] is given.
+/// A participant that is stepped beside others, with what [`Participant::step`](super::Participant::step) is given.
 pub struct Abreast<'a, P> {
     /// The participant.
     pub participant: &'a mut P,

@@ -5,8 +5,8 @@ mod buffers;
 mod handles;
 mod interface;
 pub mod state;
+mod step;
 
-use std::error::Error;
 use std::sync::Arc;
 
 pub use abreast::{Abreast, Member, Pending, StepAbreast, Stride};
@@ -14,9 +14,7 @@ pub(crate) use buffers::ValueCheck;
 pub use buffers::{Inputs, Outputs, Payload};
 pub use handles::{InputPort, OutputPort, Ports};
 pub use interface::{Input, Interface, InterfaceError, Kind, Output};
-
-/// Why a participant gives up; the text reaches the user, so it should name the quantity, its value and the remedy.
-pub type Failure = Box<dyn Error + Send + Sync>;
+pub use step::{Failure, Step};
 
 /// A parameter that a participant refuses.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -55,19 +53,6 @@ pub struct Setup {
 
 /// Makes a participant from its setup.
 pub type Factory = Arc<dyn Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync>;
-
-/// The instant of an activation.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
-    /// The number of the activation, from 0.
-    pub index: u64,
-    /// Its instant t_k: the double nearest to offset + k period, s.
-    pub t: f64,
-    /// The instant t_{k+1}, s.
-    pub t_next: f64,
-    /// The period, s: the double nearest to the exact value, not `t_next - t`.
-    pub period: f64,
-}
 
 /// A model that can be stepped.
 ///

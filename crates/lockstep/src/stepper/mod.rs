@@ -13,6 +13,7 @@ mod position;
 mod progress;
 mod rest;
 mod source;
+mod step;
 
 pub use error::{PositionError, StepError};
 
@@ -23,12 +24,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use input::{Assembled, InputState, SeenState};
 use output::{ConsumerState, Disturbed, OutputState};
-use parked::Parked;
-use progress::Phase;
+use progress::{Parked, Phase};
 
 use crate::fault::Injector;
 use crate::link::Read;
-use crate::participant::{Failure, Inputs, Kind, Outputs, Participant, Step, ValueCheck};
+use crate::participant::{Failure, Inputs, Kind, Outputs, Participant, ValueCheck};
 use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
 use crate::transport::{Header, Recording};
@@ -358,44 +358,6 @@ impl Stepper {
         }
         self.phase = Phase::Look { seen: number + 1 };
         Ok(true)
-    }
-
-    /// The activation that is about to be stepped, with the participant told what is seen of it.
-    fn begin_step(&mut self) -> Step {
-        let Assignment {
-            timebase,
-            sample_time,
-            interface,
-            ..
-        } = &self.assignment;
-        let seconds = |k| timebase.seconds(sample_time.instant(k));
-        let (known, t) = self.known_s;
-        let step = Step {
-            index: self.next,
-            t: if known == self.next { t } else { seconds(self.next) },
-            t_next: seconds(self.next + 1),
-            period: self.period_s,
-        };
-        self.known_s = (self.next + 1, step.t_next);
-        self.sample = match interface.kind {
-            Kind::Sampled => self.next,
-            Kind::Continuous => self.next + 1,
-        };
-        self.look_at_outputs();
-        step
-    }
-
-    fn step(&mut self, step: &Step) -> Result<(), StepError> {
-        let Stepper {
-            participant,
-            input_buffers,
-            output_buffers,
-            ..
-        } = self;
-        guarded(|| participant.step(step, input_buffers, output_buffers))?;
-        self.check_outputs()?;
-        self.phase = Phase::Record { output: 0 };
-        Ok(())
     }
 
     /// Finds out whether the samples that come next are seen, and lets the participant know.

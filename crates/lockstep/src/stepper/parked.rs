@@ -2,16 +2,7 @@
 
 use super::progress::Phase;
 use super::{StepError, Stepper};
-use crate::participant::{Failure, Pending, Step};
-
-/// Where a step stands that others do.
-#[derive(Default)]
-pub(super) struct Parked {
-    /// Whether steps are done by others at all.
-    pub(super) wanted: bool,
-    pub(super) step: Option<Step>,
-    result: Option<Result<(), Failure>>,
-}
+use crate::participant::Pending;
 
 impl Stepper {
     /// From now on steps are left to others, if the participant allows it: [`Stepper::poll`] then stops

@@ -1,6 +1,7 @@
 //! What a stepper is given, how far it came, and what it waits for.
 
 use crate::link::Read;
+use crate::participant::{Failure, Step};
 use crate::transport::{Receiver, Recording, Sender};
 
 /// What a stepper cannot go on without.
@@ -66,4 +67,13 @@ pub(super) enum Phase {
     Look { seen: usize },
     /// Sending this output to this consumer.
     Publish { output: usize, consumer: usize },
+}
+
+/// Where a step stands that others do.
+#[derive(Default)]
+pub(super) struct Parked {
+    /// Whether steps are done by others at all.
+    pub(super) wanted: bool,
+    pub(super) step: Option<Step>,
+    pub(super) result: Option<Result<(), Failure>>,
 }

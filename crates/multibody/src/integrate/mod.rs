@@ -97,6 +97,34 @@ impl<const N: usize, const V: usize, T: Number> Rate<N, V, T> {
     }
 }
 
+impl<const N: usize, const V: usize, T: Number> State<N, V, T> {
+    /// `self + Σ kᵢ rateᵢ`, coordinate by coordinate.
+    #[inline(always)]
+    pub fn moved(&self, by: &[(f64, &Rate<N, V, T>)]) -> Self {
+        let mut out = *self;
+        for (k, rate) in by {
+            out.shift(*k, rate);
+        }
+        out
+    }
+
+    /// Adds `k rate`, coordinate by coordinate.
+    #[inline(always)]
+    pub fn shift(&mut self, k: f64, rate: &Rate<N, V, T>) {
+        let k = T::of(k);
+        for i in 0..3 {
+            self.p_nb[i] = k.mul_add(rate.p_nb[i], self.p_nb[i]);
+        }
+        self.quat_nb = self.quat_nb.plus(k, rate.quat_nb);
+        for i in 0..N {
+            self.q[i] = k.mul_add(rate.q[i], self.q[i]);
+        }
+        for i in 0..V {
+            self.nu[i] = k.mul_add(rate.nu[i], self.nu[i]);
+        }
+    }
+}
+
 impl<const N: usize, const V: usize> Flow for Tree<N, V> {
     type State = State<N, V>;
     type Rate = Rate<N, V>;

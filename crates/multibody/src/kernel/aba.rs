@@ -239,9 +239,9 @@ fn drive<T: Real, K: Constant<T>>(link: &super::Link<K>, q: T, rate: T, tau: T) 
 #[allow(clippy::needless_range_loop)] // the indices are those of the textbook
 #[inline(always)]
 fn solve_base<T: Real>(i: &Articulated<T>, n: V3<T>, f: V3<T>) -> (V3<T>, V3<T>) {
-    let m = i.m.columns().map(V3::to_array);
-    let a = i.a.columns().map(V3::to_array);
-    let h = i.h.c.map(V3::to_array); // h[c][r] = H[r][c]
+    let arrays = |c: [V3<T>; 3]| [c[0].to_array(), c[1].to_array(), c[2].to_array()];
+    let (m, a) = (arrays(i.m.columns()), arrays(i.a.columns()));
+    let h = arrays(i.h.c); // h[c][r] = H[r][c]
     // Lower triangle of the matrix in the order (a, α): rows 3..6, columns 0..3 hold H.
     let mut l = [[T::of(0.0); 6]; 6];
     for r in 0..3 {

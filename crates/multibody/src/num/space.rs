@@ -162,7 +162,11 @@ impl<T: Real> V3<T> {
 impl<T: Real> Mat3<T> {
     #[inline(always)]
     pub(crate) fn of<K: Constant<T>>(columns: [[K; 3]; 3]) -> Self {
-        Self { c: columns.map(V3::of) }
+        // written out: `map` is not inlined for lanes
+        let [a, b, c] = columns;
+        Self {
+            c: [V3::of(a), V3::of(b), V3::of(c)],
+        }
     }
 
     #[inline(always)]
@@ -210,7 +214,7 @@ impl<T: Real> Mat3<T> {
     #[inline(always)]
     pub(crate) fn mul_mat(&self, o: &Self) -> Self {
         Self {
-            c: o.c.map(|c| self.mul(c)),
+            c: [self.mul(o.c[0]), self.mul(o.c[1]), self.mul(o.c[2])],
         }
     }
 
@@ -250,8 +254,14 @@ impl<T: Real> Sym3<T> {
     /// From `[xx, xy, xz, yy, yz, zz]`.
     #[inline(always)]
     pub(crate) fn of<K: Constant<T>>(s: [K; 6]) -> Self {
-        let [xx, xy, xz, yy, yz, zz] = s.map(K::lift);
-        Self { xx, xy, xz, yy, yz, zz }
+        Self {
+            xx: s[0].lift(),
+            xy: s[1].lift(),
+            xz: s[2].lift(),
+            yy: s[3].lift(),
+            yz: s[4].lift(),
+            zz: s[5].lift(),
+        }
     }
 
     #[inline(always)]
@@ -321,7 +331,8 @@ impl<T: Real> Sym3<T> {
     /// `R · self · Rᵀ`.
     #[inline(always)]
     pub(crate) fn rotated(&self, r: &Mat3<T>) -> Self {
-        let t = self.columns().map(|c| r.mul(c)); // columns of R·S
+        let c = self.columns();
+        let t = [r.mul(c[0]), r.mul(c[1]), r.mul(c[2])]; // columns of R·S
         Self {
             xx: t[0].x.mul_add(r.c[0].x, t[1].x.mul_add(r.c[1].x, t[2].x * r.c[2].x)),
             xy: t[0].x.mul_add(r.c[0].y, t[1].x.mul_add(r.c[1].y, t[2].x * r.c[2].y)),

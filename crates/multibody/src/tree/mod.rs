@@ -1,13 +1,11 @@
 //! [`Tree`]: a description turned into constants of static size, and the algorithms on it.
 
-mod abreast;
 mod constants;
 mod total;
 
 pub(crate) use constants::Constants;
 use constants::find_frame;
 pub use constants::{FrameId, TreeError, UnknownFrame};
-pub use abreast::Trees;
 pub use total::Momentum;
 pub(crate) use total::{matrix, vector};
 
@@ -29,7 +27,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 pub struct Tree<const N: usize, const V: usize> {
     pub(crate) base: Rigid,
     pub(crate) bodies: [Link; N],
-    frames: Vec<FrameConsts>,
+    pub(crate) frames: Vec<FrameConsts>,
     frame_names: Vec<String>,
     joint_names: Vec<String>,
     pub(crate) gravity: Vector3<f64>,
@@ -38,13 +36,13 @@ pub struct Tree<const N: usize, const V: usize> {
 /// Poses and rates of every body at one state, shared by the algorithms that need them. Base axes, no base pose.
 #[derive(Clone, Debug)]
 pub struct Kinematics<const N: usize, const V: usize, T: Real = f64> {
-    placed: Fixed<Placed<T>, N>,
-    rates: Fixed<Rates<T>, N>,
-    nu: [T; V],
+    pub(crate) placed: Fixed<Placed<T>, N>,
+    pub(crate) rates: Fixed<Rates<T>, N>,
+    pub(crate) nu: [T; V],
 }
 
 impl<const N: usize, const V: usize> Tree<N, V> {
-    const FLOATING: bool = {
+    pub(crate) const FLOATING: bool = {
         assert!(
             V == N + 6 || (V == N && N > 0),
             "Tree<N, V>: V is N + 6 (floating base) or N (fixed base)"
@@ -441,7 +439,7 @@ impl<const N: usize, const V: usize> Tree<N, V> {
 
 impl<const N: usize, const V: usize, T: Real> Kinematics<N, V, T> {
     #[inline(always)]
-    fn omega(&self) -> V3<T> {
+    pub(crate) fn omega(&self) -> V3<T> {
         if V == N { V3::zero() } else { V3::read(&self.nu, 0) }
     }
 }

@@ -1,13 +1,12 @@
 //! Trees of one shape side by side.
 
-use super::total::vector;
-use super::{FrameId, Kinematics, Momentum, Tree};
 use crate::integrate::{Flow, Rate};
 use crate::kernel::jacobian::{self, FrameConsts};
 use crate::kernel::place::{place, rates};
 use crate::kernel::{Link, Model, Rigid, aba, momentum};
 use crate::num::{Lanes, Static, V3};
 use crate::state::State;
+use crate::tree::{FrameId, Kinematics, Momentum, Tree, vector};
 use nalgebra::{SMatrix, SVector, Vector3};
 
 /// Trees with the same joints on the same bodies, each with its own masses and lengths, in the lanes of `T`: what is computed for
@@ -54,7 +53,11 @@ impl<const N: usize, const V: usize, T: Lanes> Trees<N, V, T> {
             let shape = |link: &Link| (link.parent, link.coordinate, link.prismatic);
             tree.gravity == Vector3::zeros()
                 && tree.bodies.iter().map(shape).eq(first.bodies.iter().map(shape))
-                && tree.frames.iter().map(|f| f.body).eq(first.frames.iter().map(|f| f.body))
+                && tree
+                    .frames
+                    .iter()
+                    .map(|f| f.body)
+                    .eq(first.frames.iter().map(|f| f.body))
         };
         if trees.len() > T::WIDTH || !trees.iter().all(one_shape) {
             return None;
@@ -185,20 +188,32 @@ impl<const N: usize, const V: usize, T: Lanes> State<N, V, T> {
     ///
     /// # Panics
     /// Without states.
-    #[inline(always)]
     pub fn gather(states: &[&State<N, V>]) -> Self {
-        let one = |of: &dyn Fn(&State<N, V>) -> f64| T::gather(|lane| of(states[lane.min(states.len() - 1)]));
-        Self {
-            p_nb: Vector3::from_fn(|i, _| one(&|s| s.p_nb[i])),
-            quat_nb: crate::Quaternion {
-                w: one(&|s| s.quat_nb.w),
-                x: one(&|s| s.quat_nb.x),
-                y: one(&|s| s.quat_nb.y),
-                z: one(&|s| s.quat_nb.z),
-            },
-            q: SVector::from_fn(|i, _| one(&|s| s.q[i])),
-            nu: SVector::from_fn(|i, _| one(&|s| s.nu[i])),
+        #[inline(always)]
+        fn one<T: Lanes, X>(states: &[&X], of: impl Fn(&X) -> f64) -> T {
+            T::gather(|lane| of(states[lane.min(states.len() - 1)]))
         }
+        let mut out = Self {
+            p_nb: Vector3::zeros(),
+            quat_nb: crate::Quaternion {
+                w: one(states, |s| s.quat_nb.w),
+                x: one(states, |s| s.quat_nb.x),
+                y: one(states, |s| s.quat_nb.y),
+                z: one(states, |s| s.quat_nb.z),
+            },
+            q: SVector::zeros(),
+            nu: SVector::zeros(),
+        };
+        for i in 0..3 {
+            out.p_nb[i] = one(states, |s| s.p_nb[i]);
+        }
+        for i in 0..N {
+            out.q[i] = one(states, |s| s.q[i]);
+        }
+        for i in 0..V {
+            out.nu[i] = one(states, |s| s.nu[i]);
+        }
+        out
     }
 
     /// The state in lane `i`.

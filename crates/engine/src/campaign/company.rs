@@ -1,0 +1,21 @@
+//! How many points go side by side.
+
+use crate::scenario::{Program, Scenario};
+
+/// As many points as are good for a processor side by side.
+const SIDE_BY_SIDE: usize = if cfg!(target_arch = "x86_64") { 4 } else { 1 };
+
+/// How many points of `scenario` are good to go side by side.
+pub fn company(scenario: &Scenario) -> usize {
+    let here = !scenario.programs().any(Program::is_external);
+    let made = if here {
+        scenario.make().unwrap_or_default()
+    } else {
+        Vec::new()
+    };
+    let abreast = made
+        .into_iter()
+        .flatten()
+        .any(|mut participant| participant.abreast().is_some());
+    if abreast { SIDE_BY_SIDE } else { 1 }
+}

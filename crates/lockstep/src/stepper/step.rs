@@ -1,0 +1,47 @@
+//! The step itself.
+
+use super::progress::Phase;
+use super::{StepError, Stepper, guarded};
+use crate::participant::{Kind, Step};
+use crate::plan::Assignment;
+
+impl Stepper {
+    /// The activation that is about to be stepped, with the participant told what is seen of it.
+    pub(super) fn begin_step(&mut self) -> Step {
+        let Assignment {
+            timebase,
+            sample_time,
+            interface,
+            ..
+        } = &self.assignment;
+        let seconds = |k| timebase.seconds(sample_time.instant(k));
+        let (known, t) = self.known_s;
+        let step = Step {
+            index: self.next,
+            t: if known == self.next { t } else { seconds(self.next) },
+            t_next: seconds(self.next + 1),
+            period: self.period_s,
+        };
+        self.known_s = (self.next + 1, step.t_next);
+        self.sample = match interface.kind {
+            Kind::Sampled => self.next,
+            Kind::Continuous => self.next + 1,
+        };
+        self.look_at_outputs();
+        step
+    }
+
+    /// The step, done here.
+    pub(super) fn step(&mut self, step: &Step) -> Result<(), StepError> {
+        let Stepper {
+            participant,
+            input_buffers,
+            output_buffers,
+            ..
+        } = self;
+        guarded(|| participant.step(step, input_buffers, output_buffers))?;
+        self.check_outputs()?;
+        self.phase = Phase::Record { output: 0 };
+        Ok(())
+    }
+}
