@@ -5,20 +5,20 @@ cargo build --release --workspace, and the package.
 """
 
 import pathlib
-import subprocess
 import sys
 import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "examples" / "python"), str(ROOT / "python" / "benches")]
+sys.path[:0] = [str(ROOT / folder) for folder in ("examples/python", "python/benches", "crates/escapement-c/benches")]
 
-import json
+import numpy as np
 
 import escapement as esc
 import pid as loop
 from escapement import _program
 from escapement.gym import Env
+from ring import exchange
 
 PID = ROOT / "examples" / "pid" / "pid.toml"
 LIBRARY = str(ROOT / "target" / "release" / "libposition_loop.so")
@@ -26,33 +26,13 @@ SEATS = {"plant": "plant", "controller": "pid", "reference": "reference"}
 LOOP = {"plant": loop.Plant, "controller": loop.Pid, "reference": loop.Reference}
 IN_RUST = {f"participants.{seat}.run": {"library": LIBRARY, "participant": name} for seat, name in SEATS.items()}
 STEPS = 30_000
-RING = f"""
-duration = "{STEPS} ms"
-[participants.first]
-run = {{ builtin = "bench-continuous" }}
-period = "1 ms"
-[participants.second]
-run = {{ builtin = "bench-sampled" }}
-period = "1 ms"
-[connections.there]
-from = "first.to"
-to = "second.from"
-[connections.back]
-from = "second.to"
-to = "first.from"
-"""
 
 
 def ring(folder, python):
     """µs for an exchange of 27 doubles each way between two processes, recorded."""
-    scenario = folder / "ring.toml"
-    scenario.write_text(RING)
-    command = [_program.needed("the ring"), "run", str(scenario), "--json", "--quiet", "--force", "--out", str(folder / "ring")]
-    for seat, name in (("first", "First"), ("second", "Relay")) if python else ():
-        host = f'{{ exe = "{sys.executable}", args = ["-m", "escapement.host", "{ROOT}/python/benches/relay.py:{name}"] }}'
-        command += ["--set", f"participants.{seat}.run={host}"]
-    said = json.loads(subprocess.run(command, capture_output=True, check=True, text=True).stdout)
-    return said["wall_time_s"] / STEPS * 1e6
+    host = f'{{ exe = "{sys.executable}", args = ["-m", "escapement.host", "{ROOT}/python/benches/relay.py:NAME"] }}'
+    seats = {seat: host.replace("NAME", name) for seat, name in (("first", "First"), ("second", "Relay")) if python}
+    return exchange(_program.needed("the ring"), folder, seats, STEPS)
 
 
 def position_loop(folder, python, here):
@@ -69,15 +49,28 @@ def position_loop(folder, python, here):
     return run.summary["wall_time_s"] / (100 * (1000 + 200 + 30)) * 1e6
 
 
-def episode(folder):
-    """Steps of an environment in a second: the position loop with an agent, everybody else in Rust."""
-    env = Env(PID, "controller", set={**IN_RUST, "duration": "1000 s"}, reward=lambda seen, action, t: 0.0)
+EPISODES = {
+    "environment of the spring": (ROOT / "orchestrator/src/templates/spring.toml", "left", 20_000, {"duration": "1000 s"}),
+    "environment of the position loop": (PID, "controller", 20_000, {**IN_RUST, "duration": "1000 s"}),
+    "environment of the close capture": (ROOT / "scenarios" / "close.toml", "controller", 3_000, {}),
+}
+
+
+def episode(scenario, agent, steps, sets):
+    """Seconds for a step of an environment, all others in Rust, and for the same stretch of the bare run in one process."""
+    env = Env(scenario, agent, set=sets, reward=lambda seen, action, t: 0.0)
+    action = np.zeros(env.action_space.shape)
     env.reset()
-    started, steps = time.perf_counter(), 20_000
+    started = time.perf_counter()
     for _ in range(steps):
-        env.step([1.0])
+        env.step(action)
+    took = time.perf_counter() - started
     env.close()
-    return steps / (time.perf_counter() - started)
+    with esc.Run(scenario, set=sets, in_process=True, record="memory") as run:
+        started = time.perf_counter()
+        run.run_to(f"{steps * env._period}/{env._parts} s")
+        bare = time.perf_counter() - started
+    return took / steps, bare / steps
 
 
 def main():
@@ -95,7 +88,11 @@ def main():
             middle = [sorted(column)[rounds // 2] for column in zip(*rounds_of)]
             for what, (one, other) in (("least", least), ("median", middle)):
                 print(f"{name}, {what}: {one:.2f} µs in Rust, {other:.2f} µs in Python, {other / one:.1f} times")
-        print(f"steps of an environment: at most {max(episode(folder) for _ in range(rounds)):.0f} a second")
+    for name, (scenario, agent, steps, sets) in EPISODES.items():
+        both = [episode(scenario, agent, steps, sets) for _ in range(rounds)]
+        for what, pick in (("least", min), ("median", lambda all_of: sorted(all_of)[rounds // 2])):
+            (step, bare) = (pick(column) for column in zip(*both))
+            print(f"{name}, {what}: {1 / step:,.0f} steps a second, {bare / step:.2f} times the speed of the bare run in one process")
 
 
 if __name__ == "__main__":

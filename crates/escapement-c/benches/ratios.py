@@ -5,31 +5,17 @@ An exchange of 27 doubles each way between two processes, recorded: those of `es
 turns. The least and the middle of the rounds are printed. Needs cargo build --release --workspace, and a compiler; nothing of Python's.
 """
 
-import json
 import os
 import pathlib
 import subprocess
 import sys
 import tempfile
 
+from ring import exchange
+
 HERE = pathlib.Path(__file__).resolve().parent
 BUILT = HERE.parents[2] / "target" / "release"
 STEPS = 100_000
-RING = f"""
-duration = "{STEPS} ms"
-[participants.first]
-run = {{ builtin = "bench-continuous" }}
-period = "1 ms"
-[participants.second]
-run = {{ builtin = "bench-sampled" }}
-period = "1 ms"
-[connections.there]
-from = "first.to"
-to = "second.from"
-[connections.back]
-from = "second.to"
-to = "first.from"
-"""
 SEATS = {"first": "ESCAPEMENT_CONTINUOUS", "second": "ESCAPEMENT_SAMPLED"}
 LANGUAGES = {"C": ("relay.c", ["cc", "-std=c11", "-D_GNU_SOURCE"]), "C++": ("relay.cpp", ["c++", "-std=c++17"])}
 
@@ -48,28 +34,19 @@ def programs(folder):
         for seat, kind in SEATS.items():
             program = folder / f"{source}-{seat}"
             told([*compiler, "-O2", f"-DRELAY_KIND={kind}", HERE / source, "-o", program, *flags])
-            made.setdefault(language, {})[seat] = program
+            made.setdefault(language, {})[seat] = f'{{ exe = "{program}" }}'
     return made
-
-
-def ring(folder, seats):
-    """µs for an exchange."""
-    command = [BUILT / "escapement", "run", folder / "ring.toml", "--json", "--quiet", "--force", "--out", folder / "ring"]
-    for seat, program in seats.items():
-        command += ["--set", f'participants.{seat}.run={{ exe = "{program}" }}']
-    return json.loads(told(command))["wall_time_s"] / STEPS * 1e6
 
 
 def main():
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 15
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        (folder / "ring.toml").write_text(RING)
         ways = {"Rust": {}, **programs(folder)}
         times = {name: [] for name in ways}
         for _ in range(rounds):
             for name, seats in ways.items():
-                times[name].append(ring(folder, seats))
+                times[name].append(exchange(BUILT / "escapement", folder, seats, STEPS))
         for what, pick in (("least", min), ("median", lambda all_of: sorted(all_of)[rounds // 2])):
             rust = pick(times["Rust"])
             others = (f"{pick(all_of):.2f} µs in {name} ({pick(all_of) / rust:.2f} times)" for name, all_of in times.items() if name != "Rust")
