@@ -1,6 +1,7 @@
 //! What the end-to-end tests share: messages, small healthy participants, and a way to start the program as a user does.
 
 pub mod compiler;
+pub mod diary;
 pub mod faulty;
 pub mod fmus;
 pub mod liar;

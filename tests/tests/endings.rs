@@ -284,7 +284,7 @@ fn a_second_interrupt_ends_a_run_at_once_and_leaves_nothing_for_good() {
         "1 h",
     ]);
     wait_for_bytes(&mut child, &out.join("tape/plant.motion.bin"), 24);
-    // An end in order takes half a second for the one that ignores it: the second signal comes in between. Two of a kind might be
+    // An end in order takes two seconds for the one that ignores it: the second signal comes in between. Two of a kind might be
     // taken for one.
     signal(child.id(), rustix::process::Signal::INT);
     signal(child.id(), rustix::process::Signal::TERM);

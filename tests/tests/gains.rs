@@ -12,10 +12,7 @@ fn specification(folder: &Folder, title: &str, length: &str, rate: &str) -> Path
     let mut scenario = std::fs::read_to_string(root().join("gains/flight.toml")).unwrap();
     for (stock, new) in [
         ("\"Hold the end effector after a push\"", format!("\"{title}\"")),
-        (
-            "at-most = \"0.02 deg/s\"",
-            format!("at-most = \"{rate}\""),
-        ),
+        ("at-most = \"0.02 deg/s\"", format!("at-most = \"{rate}\"")),
         ("duration = \"20 s\"", format!("duration = \"{length}\"")),
         ("grasp_at = \"20 s\"", format!("grasp_at = \"{length}\"")),
         ("../", format!("{}/", root().display())),

@@ -312,7 +312,7 @@ fn header_says_what_the_library_does() {
         "escapement_step": Step { size, reserved, index, t, t_next, period }
         "escapement_host": Host {
             size, abi, name, seed, period, offset, kind, input, output, numbers, integer, flag, text, parameters, refuse, fail,
-            log, state, uniform, normal, seen
+            log, state, uniform, normal, seen, termination
         }
         "escapement_participant": Table {
             size, abi, name, version, own_size, state_size, describe, initialise, step, save, restore, terminate
@@ -328,6 +328,9 @@ fn header_says_what_the_library_does() {
         ("ESCAPEMENT_STATELESS", plugin::table::STATELESS as usize),
         ("ESCAPEMENT_SEEN_NOW", plugin::table::SEEN_NOW as usize),
         ("ESCAPEMENT_SEEN_EVER", plugin::table::SEEN_EVER as usize),
+        ("ESCAPEMENT_FINISHED", plugin::table::FINISHED as usize),
+        ("ESCAPEMENT_STOPPED", plugin::table::STOPPED as usize),
+        ("ESCAPEMENT_REPLACED", plugin::table::REPLACED as usize),
     ] {
         lines.push((name.to_owned(), value));
     }

@@ -191,7 +191,7 @@ fn the_part_of_a_plan_reads_as_the_page_says() {
     };
     plan.observed = vec![Observed::ALL, part(2), part(3)];
     let request = Request::Connect {
-        assignment: plan.assignment(1),
+        assignment: plan.assignments().nth(1).expect("there are two"),
         cores: vec![3],
         waiting: lockstep::control::Waiting { spins: 5, yields: 6 },
         record: 1 << 16,

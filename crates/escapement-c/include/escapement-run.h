@@ -91,6 +91,16 @@ escapement_run_status escapement_run_to(escapement_run *run, double time);
 /* Lets the run on to the next communication point. */
 escapement_run_status escapement_run_step(escapement_run *run);
 
+/* Lets the run on until `participant` is about to step: it has the inputs of its next activation, and everything that must come before that has been
+ * done. *held is 1 then, and 0 when it has no activation any more: the run has come to its end. */
+escapement_run_status escapement_run_before(escapement_run *run, const char *participant, uint32_t *held);
+
+/* What "PARTICIPANT.INPUT" shows to the activation before which the participant is held, behind delays and faults. */
+escapement_run_status escapement_run_shown(escapement_run *run, const char *port, escapement_run_sample *sample);
+
+/* Gives "PARTICIPANT.OUTPUT" of that activation: the participant is not stepped then. Without an answer it steps as ever when the run goes on. */
+escapement_run_status escapement_run_answer(escapement_run *run, const char *port, const void *bytes, uint64_t byte_count);
+
 /* The newest sample of "PARTICIPANT.OUTPUT". */
 escapement_run_status escapement_run_newest(escapement_run *run, const char *port, escapement_run_sample *sample);
 
@@ -99,6 +109,9 @@ escapement_run_status escapement_run_field(escapement_run *run, const char *port
 
 /* Sets "PARTICIPANT.INPUT", which nobody feeds, to a message: activations at or after now see it until it is set again. */
 escapement_run_status escapement_run_set(escapement_run *run, const char *port, const void *bytes, uint64_t byte_count);
+
+/* What a participant has said by its log so far, the newest 64 KiB at least: lines with the simulated time. NULL where there is no run. */
+const char *escapement_run_log(escapement_run *run, const char *participant);
 
 /* A figure of merit or measure of what has happened so far; a failure where there is none yet. */
 escapement_run_status escapement_run_figure(escapement_run *run, const char *name, double *value);

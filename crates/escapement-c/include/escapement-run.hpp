@@ -72,6 +72,28 @@ class Run {
     bool to(double time) { return done(escapement_run_to(own.get(), time)); }
     bool step() { return done(escapement_run_step(own.get())); }
 
+    // Until `participant` is about to step; false when the run fails, or has come to its end.
+    bool before(const char *participant) {
+        uint32_t held = 0;
+        return done(escapement_run_before(own.get(), participant, &held)) && held != 0;
+    }
+
+    // What "PARTICIPANT.INPUT" shows to that activation.
+    template <class Message> bool shown(const char *port, Message &message) {
+        static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
+        escapement_run_sample sample{};
+        sample.size = sizeof sample;
+        if (!done(escapement_run_shown(own.get(), port, &sample)) || sample.byte_count != sizeof message) return false;
+        std::memcpy(&message, sample.bytes, sizeof message);
+        return true;
+    }
+
+    // Gives "PARTICIPANT.OUTPUT" of that activation in place of its step.
+    template <class Message> bool answer(const char *port, const Message &message) {
+        static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
+        return done(escapement_run_answer(own.get(), port, &message, sizeof message));
+    }
+
     // The newest sample of "PARTICIPANT.OUTPUT" as a plain struct of the same size.
     template <class Message> bool newest(const char *port, Message &message, double *stamp = nullptr) {
         static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
@@ -91,6 +113,12 @@ class Run {
     template <class Message> bool set(const char *port, const Message &message) {
         static_assert(std::is_trivially_copyable<Message>::value, "a message is a plain struct");
         return done(escapement_run_set(own.get(), port, &message, sizeof message));
+    }
+
+    // What a participant has said by its log so far; empty where there is no run.
+    std::string log(const char *participant) {
+        const char *lines = escapement_run_log(own.get(), participant);
+        return lines ? lines : "";
     }
 
     bool figure(const char *name, double &value) { return done(escapement_run_figure(own.get(), name, &value)); }

@@ -126,7 +126,8 @@ struct escapement_host {
     escapement_status (*refuse)(const escapement_host *host, const char *key, const char *reason);
     /* Says why the present call fails: quantity, value, remedy. Returns ESCAPEMENT_FAILED. */
     escapement_status (*fail)(const escapement_host *host, const char *reason);
-    /* Writes a line into the participant's log, with the simulated time. */
+    /* Writes a line into the participant's log, with the simulated time: in `initialise`, `step` and `terminate`. In C, escapement_log
+     * formats it as printf does. */
     void (*log)(const escapement_host *host, const char *text);
     /* In `save`: the state. */
     escapement_status (*state)(const escapement_host *host, const void *bytes, uint64_t size);
@@ -137,7 +138,20 @@ struct escapement_host {
     /* In `initialise` and `step`: whether output number `output` is seen, ESCAPEMENT_SEEN_NOW and ESCAPEMENT_SEEN_EVER. An older host does not
      * have it: call escapement_is_seen and escapement_is_ever_seen, which look at `size`. */
     uint32_t (*seen)(const escapement_host *host, uint32_t output);
+    /* In `terminate`: why the participant's part in the run is over, ESCAPEMENT_FINISHED … An older host does not have it: call
+     * escapement_termination, which looks at `size`. */
+    uint32_t (*termination)(const escapement_host *host);
 };
+
+#define ESCAPEMENT_FINISHED 1u /* it has done all of its activations */
+#define ESCAPEMENT_STOPPED 2u  /* the run ends before that: it was stopped, or something has failed, here or elsewhere */
+#define ESCAPEMENT_REPLACED 3u /* another one takes its place, and the run goes on */
+
+/* In `terminate`: why. 0 for a participant that has never begun, such as one that was only asked for its ports; ESCAPEMENT_STOPPED where the host
+ * is too old to know. */
+static inline uint32_t escapement_termination(const escapement_host *host) {
+    return host->size < offsetof(escapement_host, termination) + sizeof host->termination ? ESCAPEMENT_STOPPED : host->termination(host);
+}
 
 #define ESCAPEMENT_SEEN_NOW 1u  /* the sample that is written is seen */
 #define ESCAPEMENT_SEEN_EVER 2u /* a sample of it is seen in this run */
@@ -180,7 +194,8 @@ typedef struct escapement_participant {
     escapement_status (*save)(const escapement_host *host, void *own);
     /* The bytes may come from a file: check them. */
     escapement_status (*restore)(const escapement_host *host, void *own, const void *bytes, uint64_t size);
-    /* Frees what `describe` has made. */
+    /* Once, when the participant's part is over: escapement_termination says why. Frees what `describe` has made, so it is called for every
+     * participant that `describe` has made. Not called where the process is killed. */
     void (*terminate)(const escapement_host *host, void *own);
 } escapement_participant;
 
@@ -322,6 +337,20 @@ escapement_fail(const escapement_host *host, const char *format, ...) {
     (void)vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     return host->fail(host, text);
+}
+
+/* Writes a line into the log with the simulated time, formatted as printf does, up to 1000 bytes: escapement_log(host, "opens at %g m", level); */
+#if defined(__GNUC__)
+__attribute__((format(printf, 2, 3)))
+#endif
+static inline void
+escapement_log(const escapement_host *host, const char *format, ...) {
+    char text[1001];
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    host->log(host, text);
 }
 
 #endif

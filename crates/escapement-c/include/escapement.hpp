@@ -10,6 +10,7 @@
 //         explicit Spring(escapement::Setup &setup);           // says the kind and the ports, reads the parameters
 //         void initialise(double t);                           // may be left out
 //         void step(const escapement::Step &step);             // or returns escapement_status
+//         void terminate(escapement::Termination why);         // once, when its part is over; may be left out
 //         void state(escapement::State &state) { state(mass); } // saved and restored; may be left out
 //     };
 //     ESCAPEMENT_PARTICIPANT(spring, Spring, "1.0");
@@ -48,6 +49,9 @@
 namespace escapement {
 
 using Step = escapement_step;
+
+// Why a participant's part in a run is over: it has done all of its activations; the run ends before that; another one takes its place.
+enum class Termination : uint32_t { finished = ESCAPEMENT_FINISHED, stopped = ESCAPEMENT_STOPPED, replaced = ESCAPEMENT_REPLACED };
 
 constexpr uint32_t sampled = ESCAPEMENT_SAMPLED;
 constexpr uint32_t continuous = ESCAPEMENT_CONTINUOUS;
@@ -123,7 +127,7 @@ class Host {
     double offset() const { return host_->offset; } // s
     // Says why the present call fails; return what it returns.
     escapement_status fail(const std::string &reason) const { return host_->fail(host_, reason.c_str()); }
-    // Writes a line into the log, with the simulated time.
+    // Writes a line into the log, with the simulated time: in `initialise`, `step` and `terminate`.
     void log(const std::string &text) const { host_->log(host_, text.c_str()); }
     // Draw number `index` of the random stream `stream`: uniform in [0, 1), or standard normal.
     double uniform(const char *stream, uint64_t index) const { return host_->uniform(host_, stream, index); }
@@ -319,6 +323,11 @@ template <class T> struct Table {
     template <class U> static constexpr auto has_start(int) -> decltype(std::declval<U &>().initialise(0.0), true) { return true; }
     template <class U> static constexpr bool has_start(...) { return false; }
 
+    template <class U> static constexpr auto has_end(int) -> decltype(std::declval<U &>().terminate(Termination::stopped), true) {
+        return true;
+    }
+    template <class U> static constexpr bool has_end(...) { return false; }
+
     static escapement_status describe(const escapement_host *host, void **own) {
         ESCAPEMENT_TRY_ {
             Own *made = new (std::nothrow) Own(host);
@@ -384,7 +393,26 @@ template <class T> struct Table {
         ESCAPEMENT_CATCH_(host)
     }
 
-    static void terminate(const escapement_host *, void *own) { delete static_cast<Own *>(own); }
+    static escapement_status told(const escapement_host *host, Own &self) {
+        ESCAPEMENT_TRY_ {
+            (void)self;
+            if constexpr (has_end<T>(0)) {
+                // Not one that was only asked for its ports.
+                if (const uint32_t why = escapement_termination(host))
+                    self.participant.terminate(static_cast<Termination>(why));
+            }
+            (void)host;
+            return ESCAPEMENT_OK;
+        }
+        ESCAPEMENT_CATCH_(host)
+    }
+
+    static void terminate(const escapement_host *host, void *own) {
+        Own *self = static_cast<Own *>(own);
+        // What fails there is in the log: nothing depends on it any more.
+        (void)told(host, *self);
+        delete self;
+    }
 };
 
 } // namespace escapement

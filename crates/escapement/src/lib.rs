@@ -150,8 +150,8 @@ pub mod prelude {
         RecordSpec, RunSpec, Scenario, ScenarioError, ScenarioSpec, Time,
     };
     pub use lockstep::participant::{
-        Failure, InputPort, Inputs, Interface, Kind, OutputPort, Outputs, ParameterError, Participant, Ports, Setup,
-        Step, state,
+        Failure, InputPort, Inputs, Interface, Kind, Log, OutputPort, Outputs, ParameterError, Participant, Ports,
+        Setup, Step, Termination, state,
     };
     pub use orchestrator::Program;
 }

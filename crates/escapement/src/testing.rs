@@ -83,7 +83,11 @@
 //! ```
 
 pub use allocation::Counting;
-use lockstep::participant::{Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use lockstep::participant::{
+    Inputs, Interface, Kind, Line, Log, Outputs, ParameterError, Participant, Setup, Sink, Step, Termination,
+};
 use lockstep::port::{Descriptor, Field, Message};
 use lockstep::time::Rational;
 
@@ -98,6 +102,20 @@ pub struct Harness {
     outputs: Outputs,
     period: Rational,
     next: u64,
+    said: Arc<Said>,
+}
+
+/// What the participant has said.
+#[derive(Default)]
+struct Said(Mutex<Vec<String>>);
+
+impl Sink for Said {
+    fn say(&self, line: &Line<'_>) {
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(line.to_string());
+    }
 }
 
 impl Harness {
@@ -115,6 +133,8 @@ impl Harness {
             panic!("{error}");
         }
         let (inputs, mut outputs) = (Inputs::zeroed(&interface), Outputs::zeroed(&interface));
+        let said = Arc::new(Said::default());
+        outputs.set_log(Log::new("tested", Some(said.clone())).at(0.0));
         if let Err(failure) = participant.initialise(0.0, &mut outputs) {
             panic!("initialise: {failure}");
         }
@@ -125,6 +145,7 @@ impl Harness {
             outputs,
             period,
             next: 0,
+            said,
         };
         if harness.interface.kind == Kind::Continuous {
             harness.assert_finite("initialise");
@@ -220,6 +241,17 @@ impl Harness {
         field.value(self.payload(number), elements.start)
     }
 
+    /// The lines of its log, such as `tested at t = 0.02 s: opens`.
+    pub fn log(&self) -> Vec<String> {
+        self.said.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Its part is over. Nothing keeps a test from stepping it afterwards; no run does.
+    pub fn terminate(&mut self, why: Termination) {
+        let log = self.outputs.log_of().clone().at(self.t());
+        self.participant.terminate(why, &log);
+    }
+
     /// One step.
     ///
     /// # Panics
@@ -232,6 +264,7 @@ impl Harness {
             t_next: self.instant(self.next + 1),
             period: self.period.seconds(),
         };
+        self.outputs.set_time(step.t);
         let what = "step";
         if let Err(failure) = self.participant.step(&step, &self.inputs, &mut self.outputs) {
             panic!("{what} at {} s: {failure}", step.t);
@@ -360,7 +393,6 @@ pub fn assert_resumes(make: impl Fn() -> Harness, steps: u64, mut inputs: impl F
         }
         other.next = one.next;
         // A run gives back what was on the wires too.
-        other.outputs = Outputs::zeroed(&other.interface);
         for number in 0..other.interface.outputs.len() {
             other
                 .outputs

@@ -1,7 +1,7 @@
 //! One participant, stepped by the importer.
 
 use engine::scenario::{Entry, Scenario};
-use lockstep::participant::{Inputs, Interface, Kind, Outputs, Participant, Payload, Step};
+use lockstep::participant::{Inputs, Interface, Kind, Log, Outputs, Participant, Payload, Step, Termination};
 use lockstep::port::Descriptor;
 use lockstep::time::{Rational, SampleTime, Timebase};
 use lockstep::wire;
@@ -41,6 +41,13 @@ struct Running {
     /// The activation that comes next, or that is done already if there is an `early`.
     next: u64,
     early: Option<Early>,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // An importer ends its simulation when it likes.
+        lockstep::stepper::terminate(self.participant.as_mut(), Termination::Stopped, self.outputs.log_of());
+    }
 }
 
 /// What was before an activation that was done because its outputs were asked for.
@@ -180,6 +187,7 @@ impl Running {
             t_next,
             period: self.period,
         };
+        self.outputs.set_time(t);
         let done = self.participant.step(&step, inputs, &mut self.outputs);
         done.map_err(|failure| format!("it failed at t = {t} s (activation {}): {failure}", self.next))?;
         self.check(interface, t)
@@ -266,6 +274,7 @@ impl Body for Single {
             early: None,
         };
         let t = start.seconds();
+        running.outputs.set_log(Log::new(&entry.setup.name, None).at(t));
         let begun = running.participant.initialise(t, &mut running.outputs);
         begun.map_err(|failure| format!("it cannot be initialised at t = {t} s: {failure}"))?;
         running.check(&self.interface, t)?;

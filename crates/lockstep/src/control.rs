@@ -45,9 +45,10 @@ pub enum Request {
     },
     /// Give your state. Only at rest.
     Save,
-    /// Leave all links and enter the run again at this address, with the model as it is. Only at rest.
+    /// Leave all links and enter the run again at this address, with the model as it is. Only at rest. Without an address: another
+    /// one takes this place, and the clock will say leave; a participant that refuses this leaves as well.
     Move {
-        /// The new address, in the form of the environment variable.
+        /// The new address, in the form of the environment variable, or empty.
         address: String,
     },
     /// Leave.

@@ -69,6 +69,38 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, max_global_rejects: 20_000, ..ProptestConfig::default() })]
+
+    /// Held before any steps, with others held in between, and let go: nothing of the tape changes. Where one is held, everything before the
+    /// instant is done.
+    #[test]
+    fn holding_before_steps_changes_nothing(world in worlds(), holds in prop::collection::vec((0_usize..6, 1_usize..4), 0..20)) {
+        let plan = planned(&world)?;
+        let tape = Shared::new(&plan);
+        let mut run = InLoop::new(&plan, assemble(&plan, world.participants(), |_| Box::new(tape.clone())));
+        for (number, times) in holds {
+            let number = number % plan.participants.len();
+            for _ in 0..times {
+                let before = run.steppers()[number].next_activation();
+                let was_held = run.steppers()[number].is_held();
+                let held = run.run_before(number, plan.end, |_| {}).unwrap();
+                let own = &run.steppers()[number];
+                prop_assert_eq!(held, own.is_held());
+                prop_assert_eq!(own.next_activation(), (before + u64::from(was_held)).min(own.assignment().activations));
+                let now = own.next_instant();
+                for stepper in run.steppers().iter().filter(|_| held) {
+                    let done = stepper.assignment().sample_time;
+                    let next = stepper.next_activation();
+                    prop_assert!(next >= done.count_before(now) && next <= done.count_before(now + 1));
+                }
+            }
+        }
+        run.run_to(plan.end, |_| {}).unwrap();
+        prop_assert_eq!(tape.take(), reference(&world, &plan));
+    }
+}
+
 /// What may be observed of a stream.
 fn observed() -> impl Strategy<Value = Observed> {
     prop_oneof![

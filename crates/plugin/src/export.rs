@@ -2,9 +2,13 @@
 
 use std::cell::Cell;
 use std::ffi::{CString, c_void};
+use std::mem::offset_of;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
-use lockstep::participant::{Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::participant::{
+    Inputs, Interface, Kind, Line, Log, Outputs, ParameterError, Participant, Setup, Sink, Step, Termination,
+};
 use lockstep::port::{Descriptor, Element};
 
 use crate::table::{self, Field, Host, Message, OK, RANK_MAX, Status};
@@ -90,6 +94,41 @@ struct Own {
     torn: Cell<bool>,
 }
 
+/// The log of the host, which adds the name and the time.
+struct Across(*const Host);
+
+// SAFETY: the host is there to the end of `terminate`, at the same address, and only the participant's own calls write, which come one
+// after the other.
+unsafe impl Send for Across {}
+// SAFETY: as above.
+unsafe impl Sync for Across {}
+
+impl Sink for Across {
+    fn say(&self, line: &Line<'_>) {
+        // SAFETY: the host is there, and copies the text.
+        unsafe { ((*self.0).log)(self.0, text(&line.text.to_string()).as_ptr()) }
+    }
+}
+
+/// Why the participant's part is over; nothing for one that has not begun. A host from before this says `STOPPED`.
+///
+/// # Safety
+/// The host is the one of the call.
+unsafe fn termination(host: *const Host) -> Option<Termination> {
+    // SAFETY: every host has its size.
+    let size = unsafe { (*host).size } as usize;
+    if size <= offset_of!(Host, termination) {
+        return Some(Termination::Stopped);
+    }
+    // SAFETY: it is large enough to have the function.
+    match unsafe { ((*host).termination)(host) } {
+        0 => None,
+        table::FINISHED => Some(Termination::Finished),
+        table::REPLACED => Some(Termination::Replaced),
+        _ => Some(Termination::Stopped),
+    }
+}
+
 /// Text for C; a zero byte, which C cannot take, is left out.
 fn text(text: &str) -> CString {
     CString::new(text.replace('\0', "")).unwrap_or_default()
@@ -153,7 +192,8 @@ unsafe extern "C-unwind" fn describe<E: __private::Export>(host: *const Host, pl
         let interface = participant.interface();
         // SAFETY: the host is the one of the call.
         unsafe { tell(host, offered, &interface)? };
-        let (inputs, outputs) = (Inputs::zeroed(&interface), Outputs::zeroed(&interface));
+        let (inputs, mut outputs) = (Inputs::zeroed(&interface), Outputs::zeroed(&interface));
+        outputs.set_log(Log::new(&setup.name, Some(Arc::new(Across(host)))));
         let own = Box::new(Own {
             participant,
             interface,
@@ -348,7 +388,13 @@ unsafe extern "C-unwind" fn restore(host: *const Host, at: *mut c_void, bytes: *
 unsafe extern "C-unwind" fn terminate(host: *const Host, at: *mut c_void) {
     guarded(host, || {
         // SAFETY: `describe` made it from a box, and it is not used again.
-        drop(unsafe { Box::from_raw(at.cast::<Own>()) });
+        let mut own = unsafe { Box::from_raw(at.cast::<Own>()) };
+        // SAFETY: the host is the one of the call.
+        let why = unsafe { termination(host) };
+        if let Some(why) = why.filter(|_| !own.torn.get()) {
+            let log = own.outputs.log_of().clone();
+            own.participant.terminate(why, &log);
+        }
         Ok(())
     });
 }

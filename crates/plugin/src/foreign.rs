@@ -3,7 +3,9 @@
 use std::ffi::c_void;
 use std::ptr::NonNull;
 
-use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::participant::{
+    Failure, Inputs, Interface, Log, Outputs, ParameterError, Participant, Setup, Step, Termination,
+};
 
 use crate::exit;
 use crate::guarded::Guarded;
@@ -26,6 +28,9 @@ pub struct Foreign {
     /// Where the inputs of the present step are.
     inputs_at: Vec<*const c_void>,
     outputs_at: Vec<*mut c_void>,
+    /// It knows where its lines go.
+    has_log: bool,
+    terminated: bool,
 }
 
 // SAFETY: the functions of a table may be called from any thread, one after the other; nothing in here is shared with another one.
@@ -90,6 +95,8 @@ impl Foreign {
             outputs: Guarded::zeroed([]),
             inputs_at: Vec::new(),
             outputs_at: Vec::new(),
+            has_log: false,
+            terminated: false,
         };
         foreign.interface = foreign.said().interface()?;
         if !given.is_null() && foreign.own != given {
@@ -161,8 +168,11 @@ impl Foreign {
         .into())
     }
 
-    /// Takes over what the outputs hold and whether they are seen.
+    /// Takes over what the outputs hold, whether they are seen, and the way to its log.
     fn take(&mut self, outputs: &mut Outputs) {
+        if !std::mem::replace(&mut self.has_log, true) {
+            *self.said().log.borrow_mut() = Some(outputs.log_of().clone());
+        }
         let mut seen = self.said().seen.borrow_mut();
         let bits =
             |port| u32::from(outputs.is_seen(port)) * SEEN_NOW + u32::from(outputs.is_ever_seen(port)) * SEEN_EVER;
@@ -229,6 +239,16 @@ impl Participant for Foreign {
         Ok(())
     }
 
+    fn terminate(&mut self, why: Termination, log: &Log) {
+        self.said().termination.set(match why {
+            Termination::Finished => table::FINISHED,
+            Termination::Stopped => table::STOPPED,
+            Termination::Replaced => table::REPLACED,
+        });
+        *self.said().log.borrow_mut() = Some(log.clone());
+        self.end(log.time());
+    }
+
     fn save(&self) -> Option<Vec<u8>> {
         let Some(save) = self.table.save else {
             return match (&self.memory, self.table.state_size) {
@@ -243,7 +263,7 @@ impl Participant for Foreign {
         let saved = self.call("save", said.now.get(), |host, own| unsafe { save(host, own) });
         if let Err(failure) = saved {
             // Whoever asked only learns that there is no state.
-            eprintln!("{}: {failure}", said.name);
+            said.say(&failure.to_string());
             return None;
         }
         said.state.take()
@@ -272,15 +292,27 @@ impl Participant for Foreign {
     }
 }
 
-impl Drop for Foreign {
-    fn drop(&mut self) {
-        if let Some(terminate) = self.table.terminate {
+impl Foreign {
+    fn end(&mut self, t: Option<f64>) {
+        if let Some(terminate) = self.table.terminate
+            && !std::mem::replace(&mut self.terminated, true)
+        {
             // SAFETY: the arguments are as the ABI says, and nothing is called afterwards.
-            let _ = self.call("terminate", None, |host, own| unsafe {
+            let told = self.call("terminate", t, |host, own| unsafe {
                 terminate(host, own);
                 OK
             });
+            // Nothing depends on it any more.
+            if let Err(failure) = told {
+                self.said().say(&format!("its function `terminate` failed: {failure}"));
+            }
         }
+    }
+}
+
+impl Drop for Foreign {
+    fn drop(&mut self) {
+        self.end(None);
         // SAFETY: it comes from a box, and nobody else drops it.
         drop(unsafe { Box::from_raw(self.seat.as_ptr()) });
     }

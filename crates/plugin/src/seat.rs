@@ -2,10 +2,9 @@
 
 use std::cell::{Cell, RefCell};
 use std::ffi::{CString, c_char, c_void};
-use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use lockstep::participant::{Input, Interface, Kind, Output, ParameterError, Setup};
+use lockstep::participant::{Input, Interface, Kind, Log, Output, ParameterError, Setup};
 use lockstep::port::{Descriptor, Element, EnumValue, Field};
 use lockstep::random::Stream;
 
@@ -43,6 +42,10 @@ pub(crate) struct Said {
     pub(crate) now: Cell<Option<f64>>,
     /// Whether each output that is written is seen, as bits.
     pub(crate) seen: RefCell<Vec<u32>>,
+    /// Where lines of the present call go; nothing outside of a run.
+    pub(crate) log: RefCell<Option<Log>>,
+    /// Why its part is over.
+    pub(crate) termination: Cell<u32>,
 }
 
 impl Seat {
@@ -73,6 +76,7 @@ impl Seat {
                 uniform,
                 normal,
                 seen,
+                termination,
             },
             said: Said {
                 name: setup.name.clone(),
@@ -90,6 +94,8 @@ impl Seat {
                 state: RefCell::default(),
                 now: Cell::new(None),
                 seen: RefCell::default(),
+                log: RefCell::default(),
+                termination: Cell::new(0),
             },
         }
     }
@@ -100,6 +106,16 @@ impl Said {
     fn refuse(&self, error: ParameterError) -> Status {
         self.refusal.borrow_mut().get_or_insert(error);
         FAILED
+    }
+
+    /// Writes a line into the log, at the instant of the present call.
+    pub(crate) fn say(&self, text: &str) {
+        let log = self.log.borrow().clone();
+        let log = log.unwrap_or_else(|| Log::new(&self.name, None));
+        match self.now.get() {
+            Some(t) => log.at(t).write(text),
+            None => log.write(text),
+        }
     }
 
     /// What the participant has described, or why that cannot be used.
@@ -422,9 +438,7 @@ unsafe extern "C" fn log(host: *const Host, text: *const c_char) {
     let work = |said: &Said| {
         // SAFETY: texts are as the ABI says.
         let text = unsafe { word(text) }.unwrap_or("(not UTF-8)");
-        let time = said.now.get().map(|t| format!(" at t = {t} s")).unwrap_or_default();
-        // Nobody may read it any more; that is no reason to fail.
-        let _ = writeln!(std::io::stderr(), "{}{time}: {text}", said.name);
+        said.say(text);
         OK
     };
     // SAFETY: foreign code gives what it was given.
@@ -441,6 +455,17 @@ unsafe extern "C" fn seen(host: *const Host, output: u32) -> u32 {
     // SAFETY: foreign code gives what it was given.
     unsafe { with(host, work) };
     seen
+}
+
+unsafe extern "C" fn termination(host: *const Host) -> u32 {
+    let mut why = 0;
+    let work = |said: &Said| {
+        why = said.termination.get();
+        OK
+    };
+    // SAFETY: foreign code gives what it was given.
+    unsafe { with(host, work) };
+    why
 }
 
 unsafe extern "C" fn state(host: *const Host, bytes: *const c_void, size: u64) -> Status {

@@ -148,7 +148,7 @@ pub struct Host {
     pub refuse: unsafe extern "C" fn(host: *const Host, key: *const c_char, reason: *const c_char) -> Status,
     /// Says why the present call fails. The text is copied. Returns [`FAILED`].
     pub fail: unsafe extern "C" fn(host: *const Host, reason: *const c_char) -> Status,
-    /// Writes a line into the participant's log, with the simulated time.
+    /// Writes a line into the participant's log, with the simulated time; in `initialise`, `step` and `terminate` above all.
     pub log: unsafe extern "C" fn(host: *const Host, text: *const c_char),
     /// In `save`: the state. The bytes are copied.
     pub state: unsafe extern "C" fn(host: *const Host, bytes: *const c_void, size: u64) -> Status,
@@ -159,7 +159,17 @@ pub struct Host {
     /// In `initialise` and `step`: whether the sample of output number `output` that is written is seen (bit [`SEEN_NOW`]), and any
     /// sample of it in the run (bit [`SEEN_EVER`]). Older hosts do not have it: `size` tells.
     pub seen: unsafe extern "C" fn(host: *const Host, output: u32) -> u32,
+    /// In `terminate`: why the participant's part in the run is over, [`FINISHED`], [`STOPPED`] or [`REPLACED`]; 0 for one that has never
+    /// begun, and everywhere else. Older hosts do not have it: `size` tells.
+    pub termination: unsafe extern "C" fn(host: *const Host) -> u32,
 }
+
+/// It has done all of its activations.
+pub const FINISHED: u32 = 1;
+/// The run ends before that.
+pub const STOPPED: u32 = 2;
+/// Another one takes its place.
+pub const REPLACED: u32 = 3;
 
 /// See [`Host::seen`].
 pub const SEEN_NOW: u32 = 1;
@@ -209,7 +219,8 @@ pub struct Table {
     pub restore: Option<
         unsafe extern "C-unwind" fn(host: *const Host, own: *mut c_void, bytes: *const c_void, size: u64) -> Status,
     >,
-    /// Frees what `describe` has made. May be null.
+    /// The participant's part is over, for the reason of [`Host::termination`]. Frees what `describe` has made, and is called once for each
+    /// that it has made. May be null.
     pub terminate: Option<unsafe extern "C-unwind" fn(host: *const Host, own: *mut c_void)>,
 }
 

@@ -3,7 +3,11 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+use std::sync::{Arc, Mutex};
+
+use lockstep::participant::{
+    Failure, Inputs, Interface, Kind, Line, Log, Outputs, ParameterError, Participant, Setup, Sink, Step, Termination,
+};
 use plugin::{Foreign, table};
 
 lockstep::message! {
@@ -29,6 +33,7 @@ impl Participant for Sum {
 
     fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
         outputs.get_mut::<Value>(0).value = t;
+        outputs.log(format_args!("begins with {}", self.sum));
         Ok(())
     }
 
@@ -40,6 +45,11 @@ impl Participant for Sum {
         }
         outputs.get_mut::<Value>(0).value = self.sum;
         Ok(())
+    }
+
+    fn terminate(&mut self, why: Termination, log: &Log) {
+        log.write(format_args!("{} with {}", why.word(), self.sum));
+        assert!(self.panics_at != 1000, "no end");
     }
 
     fn save(&self) -> Option<Vec<u8>> {
@@ -174,4 +184,54 @@ fn refusals_failures_and_panics_come_back_in_their_own_words() {
     inputs.get_mut::<Value>(0).value = f64::INFINITY;
     let said = foreign.step(&step(0), &inputs, &mut outputs).unwrap_err().to_string();
     assert_eq!(said, "the sum is inf");
+}
+
+#[derive(Default)]
+struct Heard(Mutex<Vec<String>>);
+
+impl Sink for Heard {
+    fn say(&self, line: &Line<'_>) {
+        self.0.lock().unwrap().push(line.to_string());
+    }
+}
+
+#[test]
+fn lines_and_the_end_come_through_with_name_and_time() {
+    let heard = Arc::new(Heard::default());
+    for (why, parameters, last) in [
+        (
+            Some(Termination::Finished),
+            "",
+            vec!["here at t = 9 s: finished with 0"],
+        ),
+        (
+            Some(Termination::Replaced),
+            "",
+            vec!["here at t = 9 s: replaced with 0"],
+        ),
+        (
+            Some(Termination::Stopped),
+            "panics-at = 1000",
+            vec![
+                "here at t = 9 s: stopped with 0",
+                "here at t = 9 s: its function `terminate` failed: it panicked: no end",
+            ],
+        ),
+        // One that was only looked at is told nothing.
+        (None, "", vec![]),
+    ] {
+        let log = Log::new("here", Some(heard.clone()));
+        let mut foreign = foreign("sum", parameters).unwrap();
+        let mut outputs = Outputs::zeroed(&foreign.interface());
+        outputs.set_log(log.clone());
+        let mut expected = vec![];
+        if let Some(why) = why {
+            foreign.initialise(0.5, &mut outputs).unwrap();
+            foreign.terminate(why, &log.at(9.0));
+            expected.push("here at t = 0.5 s: begins with 0");
+        }
+        drop(foreign);
+        expected.extend(last);
+        assert_eq!(std::mem::take(&mut *heard.0.lock().unwrap()), expected);
+    }
 }

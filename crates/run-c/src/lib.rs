@@ -3,6 +3,8 @@
 //! [`run_functions!`] writes them into a library, over a catalogue of its own; what they do stands here.
 
 #[doc(hidden)]
+pub mod held;
+#[doc(hidden)]
 pub mod run;
 
 pub use run::{Checkpoint, Options, Outcome, Sample};
@@ -44,6 +46,14 @@ macro_rules! run_functions {
                 fn escapement_run_is_over(run: *const Run) -> u32 = calls::is_over(run);
                 fn escapement_run_to(run: *mut Run, time: f64) -> i32 = calls::to(run, time);
                 fn escapement_run_step(run: *mut Run) -> i32 = calls::step(run);
+                fn escapement_run_before(run: *mut Run, participant: *const c_char, held: *mut u32) -> i32
+                    = held_calls::before(run, participant, held);
+                fn escapement_run_shown(run: *mut Run, port: *const c_char, sample: *mut Sample) -> i32
+                    = held_calls::shown(run, port, sample);
+                fn escapement_run_answer(run: *mut Run, port: *const c_char, bytes: *const c_void, size: u64) -> i32
+                    = held_calls::answer(run, port, bytes, size);
+                fn escapement_run_log(run: *mut Run, participant: *const c_char) -> *const c_char
+                    = held_calls::log(run, participant);
                 fn escapement_run_newest(run: *mut Run, port: *const c_char, sample: *mut Sample) -> i32
                     = calls::newest(run, port, sample);
                 fn escapement_run_field(run: *mut Run, port: *const c_char, field: *const c_char, values: *mut f64, count: u32) -> i32
@@ -86,5 +96,6 @@ pub mod __private {
 
     pub use engine::Catalogue;
 
+    pub use crate::held as held_calls;
     pub use crate::run::{self as calls, Checkpoint, Options, Outcome, Run, Sample};
 }

@@ -70,8 +70,10 @@ pub struct Outcome {
 /// `escapement_run`.
 #[derive(Default)]
 pub struct Run {
-    run: Option<run::Run>,
+    pub(crate) run: Option<run::Run>,
     error: CString,
+    /// What a participant has said that was asked for.
+    pub(crate) log: CString,
     /// The newest sample that was asked for.
     sample: Option<run::Sample>,
 }
@@ -83,7 +85,7 @@ pub struct Checkpoint(run::Checkpoint);
 ///
 /// # Safety
 /// `at` is null, or ends with a zero byte.
-unsafe fn text<'a>(at: *const c_char, what: &str) -> Result<&'a str, String> {
+pub(crate) unsafe fn text<'a>(at: *const c_char, what: &str) -> Result<&'a str, String> {
     if at.is_null() {
         return Err(format!("{what} is NULL"));
     }
@@ -96,7 +98,7 @@ unsafe fn text<'a>(at: *const c_char, what: &str) -> Result<&'a str, String> {
 ///
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
-unsafe fn with(pointer: *mut Run, work: impl FnOnce(&mut Run) -> Result<(), String>) -> i32 {
+pub(crate) unsafe fn with(pointer: *mut Run, work: impl FnOnce(&mut Run) -> Result<(), String>) -> i32 {
     // SAFETY: as the caller says.
     let Some(own) = (unsafe { pointer.as_mut() }) else {
         return FAILED;
@@ -116,7 +118,7 @@ unsafe fn with(pointer: *mut Run, work: impl FnOnce(&mut Run) -> Result<(), Stri
 ///
 /// # Safety
 /// `pointer` is null, or a run that was not freed.
-unsafe fn under_way(pointer: *mut Run, work: impl FnOnce(&mut run::Run) -> Result<(), String>) -> i32 {
+pub(crate) unsafe fn under_way(pointer: *mut Run, work: impl FnOnce(&mut run::Run) -> Result<(), String>) -> i32 {
     let work = |own: &mut Run| {
         let run = own.run.as_mut();
         work(run.ok_or("there is no run any more: it was ended, or could not be started")?)
@@ -125,7 +127,7 @@ unsafe fn under_way(pointer: *mut Run, work: impl FnOnce(&mut run::Run) -> Resul
     unsafe { with(pointer, work) }
 }
 
-fn words(failure: impl ToString) -> String {
+pub(crate) fn words(failure: impl ToString) -> String {
     failure.to_string()
 }
 
@@ -253,27 +255,37 @@ pub unsafe fn step(pointer: *mut Run) -> i32 {
 pub unsafe fn newest(pointer: *mut Run, port: *const c_char, place: *mut Sample) -> i32 {
     let work = |own: &mut Run| {
         // SAFETY: as the caller says.
-        let (port, place) = unsafe {
-            (
-                text(port, "the name of the output")?,
-                place.as_mut().ok_or("the sample is NULL")?,
-            )
-        };
-        if (place.size as usize) < size_of::<Sample>() {
-            return Err(format!(
-                "the sample says that it has {} bytes, not {}",
-                place.size,
-                size_of::<Sample>()
-            ));
-        }
-        let run = own.run.as_ref().ok_or("there is no run any more")?;
-        let found = own.sample.insert(run.newest(port).map_err(words)?);
-        (place.index, place.stamp) = (found.index(), found.stamp_s());
-        (place.bytes, place.byte_count) = (found.bytes().as_ptr().cast(), found.bytes().len() as u64);
-        Ok(())
+        let port = unsafe { text(port, "the name of the output") }?;
+        // SAFETY: as the caller says.
+        unsafe { say(own, place, |run| run.newest(port)) }
     };
     // SAFETY: as the caller says.
     unsafe { with(pointer, work) }
+}
+
+/// Puts the sample that `find` finds into `place`.
+///
+/// # Safety
+/// `place` is null, or begins with its size.
+pub(crate) unsafe fn say(
+    own: &mut Run,
+    place: *mut Sample,
+    find: impl FnOnce(&run::Run) -> Result<run::Sample, run::RunFailure>,
+) -> Result<(), String> {
+    // SAFETY: as the caller says.
+    let place = unsafe { place.as_mut() }.ok_or("the sample is NULL")?;
+    if (place.size as usize) < size_of::<Sample>() {
+        return Err(format!(
+            "the sample says that it has {} bytes, not {}",
+            place.size,
+            size_of::<Sample>()
+        ));
+    }
+    let run = own.run.as_ref().ok_or("there is no run any more")?;
+    let found = own.sample.insert(find(run).map_err(words)?);
+    (place.index, place.stamp) = (found.index(), found.stamp_s());
+    (place.bytes, place.byte_count) = (found.bytes().as_ptr().cast(), found.bytes().len() as u64);
+    Ok(())
 }
 
 /// `escapement_run_field`.

@@ -94,9 +94,13 @@ pub fn ring(count: usize, steps: u64) -> ScenarioSpec {
 pub fn workers(turns: u64, late: u64, steps: u64) -> ScenarioSpec {
     let scenario = ScenarioSpec::new(format!("{steps} ms")).title("two that work");
     let turns = i64::try_from(turns).unwrap_or(i64::MAX);
-    [("one", "two"), ("two", "one")].into_iter().fold(scenario, |scenario, (own, other)| {
-        let worker = ParticipantSpec::builtin("bench-worker").every("1 ms").parameter("turns", turns);
-        let link = ConnectionSpec::new(&format!("{other}.to"), &format!("{own}.from")).delay(format!("{late} ms"));
-        scenario.participant(own, worker).connection(own, link)
-    })
+    [("one", "two"), ("two", "one")]
+        .into_iter()
+        .fold(scenario, |scenario, (own, other)| {
+            let worker = ParticipantSpec::builtin("bench-worker")
+                .every("1 ms")
+                .parameter("turns", turns);
+            let link = ConnectionSpec::new(&format!("{other}.to"), &format!("{own}.from")).delay(format!("{late} ms"));
+            scenario.participant(own, worker).connection(own, link)
+        })
 }

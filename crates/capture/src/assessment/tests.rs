@@ -140,16 +140,33 @@ fn captured_is_what_meets_the_measures_and_the_criteria() {
     assert!(good.met() && good.values["captured"] == true, "{good:?}");
     let text = good.text();
     assert!(text.starts_with("captured\n  ok   miss "), "{text}");
-    assert!(text.contains("1.00 mm (at most 2.00 mm)\n  ok   saturated fraction "), "{text}");
+    assert!(
+        text.contains("1.00 mm (at most 2.00 mm)\n  ok   saturated fraction "),
+        "{text}"
+    );
     assert!(text.contains("\n       peak base torque "), "{text}");
     let missed = figures(criteria, vec![measured(3.0)]);
     assert!(!missed.met() && missed.values["captured"] == false, "{missed:?}");
-    assert!(missed.text().starts_with("no capture: a criterion is not met\n  FAIL miss "));
+    assert!(
+        missed
+            .text()
+            .starts_with("no capture: a criterion is not met\n  FAIL miss ")
+    );
     let strict = figures("[criteria]\nsaturated_fraction = 0.1", vec![measured(1.0)]);
-    assert!(!strict.met() && strict.values["captured"] == false, "20 % of the samples saturate");
+    assert!(
+        !strict.met() && strict.values["captured"] == false,
+        "20 % of the samples saturate"
+    );
     let none = figures("", Vec::new());
-    assert!(none.met() && none.values["captured"] == false, "nothing was asked of it");
-    assert!(none.text().starts_with("complete, without a criterion\n"), "{}", none.text());
+    assert!(
+        none.met() && none.values["captured"] == false,
+        "nothing was asked of it"
+    );
+    assert!(
+        none.text().starts_with("complete, without a criterion\n"),
+        "{}",
+        none.text()
+    );
 }
 
 #[test]
@@ -174,7 +191,11 @@ fn a_run_that_ended_early_is_no_capture_and_says_why() {
     assessment.sample(0, 0.0, bytemuck(&wiggle(0.0)));
     let figures = assessment.finish(vec![measured(1.0)]);
     assert!(!figures.met() && figures.values["captured"] == false);
-    assert!(figures.text().contains("before the grasp at 0.05 s"), "{}", figures.text());
+    assert!(
+        figures.text().contains("before the grasp at 0.05 s"),
+        "{}",
+        figures.text()
+    );
 }
 
 #[test]

@@ -95,7 +95,13 @@ impl Result {
     pub fn of_run(run: &run::Outcome) -> Result {
         let figures = run.figures.as_ref();
         let (outcome, reason) = match (&run.ending, figures) {
-            (Ending::Failed { .. }, _) => (Outcome::Failed, run.ending.words()),
+            (Ending::Failed { participant, .. }, _) => {
+                let said = run.logs.get(participant).map(|lines| run::last_lines(lines));
+                (
+                    Outcome::Failed,
+                    run.ending.words().map(|words| words + &said.unwrap_or_default()),
+                )
+            }
             (Ending::Stopped { reason }, _) => (Outcome::Crashed, Some(reason.clone())),
             (Ending::Complete, None) => (Outcome::Complete, None),
             (Ending::Complete, Some(figures)) if figures.met() => match figures.criteria[..] {

@@ -15,8 +15,8 @@ use super::awake::Patience;
 use super::log::Log;
 use crate::scenario::{Entry, Program};
 
-/// How long participants may take to leave after they were told to.
-pub(super) const GRACE: Duration = Duration::from_millis(500);
+/// How long participants may take to leave after they were told to: for what `terminate` does, on a busy machine too.
+pub(super) const GRACE: Duration = Duration::from_secs(2);
 
 /// A participant's process.
 pub struct Participant {

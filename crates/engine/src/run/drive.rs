@@ -108,6 +108,9 @@ impl Run {
                 self.now()
             ));
         }
+        if ticks == self.now {
+            self.refuse_held("let it on to a later instant")?;
+        }
         self.on_to(ticks)
     }
 
@@ -142,7 +145,7 @@ impl Run {
         }
     }
 
-    fn ended(&self) -> RunFailure {
+    pub(super) fn ended(&self) -> RunFailure {
         let how = self.over.as_ref().and_then(|over| over.ending.words());
         RunFailure::Over {
             how: how.unwrap_or_else(|| format!("it has come to its end at {}", self.now())),
@@ -176,6 +179,16 @@ impl Run {
             stamp_s: self.course.plan.timebase.seconds(header.stamp),
             payload: payload.clone(),
         })
+    }
+
+    /// What `participant` has said by its log so far: in one process the newest 64 KiB at least, in processes its log with everything that it has
+    /// written.
+    pub fn log(&self, participant: &str) -> String {
+        let from_file = || {
+            let file = self.course.folder.as_ref()?.stderr(participant);
+            Some(String::from_utf8_lossy(&std::fs::read(file).ok()?).into_owned())
+        };
+        self.executor.said(participant).or_else(from_file).unwrap_or_default()
     }
 
     /// The figures of what has happened so far, where the scenario has an assessment or measures: those of a run that ended now.
@@ -231,6 +244,7 @@ impl Run {
     /// As [`Run::set`]; also for another size.
     pub fn set_bytes(&mut self, port: &str, bytes: &[u8]) -> Result<(), RunFailure> {
         let input = inputs::find(&self.course.plan, port)?;
+        self.refuse_held("an input is set at a rest between two instants (`run_to`)")?;
         if self.over.is_some() {
             return Err(self.ended());
         }
@@ -261,6 +275,7 @@ impl Run {
         if self.over.is_some() {
             return Err(self.ended());
         }
+        self.refuse_held("a state is saved at a rest between two instants (`run_to`)")?;
         let (cut, told) = {
             let recorder = self.course.recorder();
             recorder.check_samples()?;
@@ -341,6 +356,8 @@ impl Run {
         course.last_checkpoint = course.scenario.restarts().then(|| state.clone());
         self.executor.went_back(checkpoint.now);
         (self.now, self.over, self.unseen) = (checkpoint.now, None, false);
+        // What said that outputs were given is gone as well.
+        (self.held, self.answered) = (false, false);
         self.saves.retain(|save| *save <= checkpoint.number);
         Ok(())
     }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use lockstep::control::Timing;
 use lockstep::participant::Pending;
 use lockstep::plan::Cut;
+use lockstep::stepper::Stepper;
 use lockstep::time::Ticks;
 
 use super::course::Course;
@@ -18,6 +19,8 @@ pub(super) enum Turn {
     Going,
     /// Everybody rests where the guide stops, at this instant.
     Rests(Ticks),
+    /// The one that is to be held has the inputs of its activation at this instant, and has not stepped.
+    Held(Ticks),
     /// The run is over.
     Over(Ending),
     /// A step is to be done beside those of other runs.
@@ -39,6 +42,8 @@ pub(super) struct Account {
     pub(super) timing: BTreeMap<String, Timing>,
     /// The choice of cores in words.
     pub(super) placement: String,
+    /// What participants have said, where it is in no file.
+    pub(super) logs: BTreeMap<String, String>,
 }
 
 /// The participants of a run, and what they run on.
@@ -97,6 +102,31 @@ pub(super) trait Executor {
 
     /// Wall time starts to count again for those who must get on.
     fn renew_patience(&mut self);
+
+    /// From now on turns come to rest before the steps of participant number `number`. The instant of the first one, if that can be.
+    fn hold(&mut self, number: usize) -> Option<Ticks> {
+        let _ = number;
+        None
+    }
+
+    /// No participant is held any more.
+    fn let_go(&mut self) {}
+
+    /// The one that is held before its step.
+    fn held(&self) -> Option<&Stepper> {
+        None
+    }
+
+    /// Gives output number `output` of the one that is held, in place of its step.
+    fn answer(&mut self, output: usize, payload: &[u8]) {
+        let _ = (output, payload);
+    }
+
+    /// The newest that a participant has said, where the run itself hears it.
+    fn said(&self, participant: &str) -> Option<String> {
+        let _ = participant;
+        None
+    }
 
     /// Tells everybody to leave, and takes what they still have to say.
     fn bring_down(&mut self, course: &mut Course);

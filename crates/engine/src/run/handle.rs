@@ -37,6 +37,10 @@ pub struct Run {
     pub(super) course: Course,
     /// Everybody has done exactly what lies before this instant.
     pub(super) now: Ticks,
+    /// A participant is held before its step at this instant.
+    pub(super) held: bool,
+    /// Outputs were given in a participant's place.
+    pub(super) answered: bool,
     pub(super) over: Option<Over>,
     /// Values were set that the participants do not have yet.
     pub(super) unseen: bool,
@@ -53,6 +57,8 @@ pub(super) enum Conduct {
     /// At its bound.
     Rests,
     Over(Ending),
+    /// Where a participant is held before its step.
+    Held(Ticks),
     /// At a step that is to be done beside those of other runs: the same call again goes on behind it.
     Parked,
 }
@@ -162,7 +168,15 @@ impl Run {
         let recorder = Arc::new(Mutex::new(recorder));
         let executor: Box<dyn Executor> = match making {
             Making::Here(participants) => {
-                let looped = in_process::set_up(&plan, &entries, from, start.positions, &recorder, participants)?;
+                let looped = in_process::set_up(
+                    &plan,
+                    &entries,
+                    from,
+                    start.positions,
+                    &recorder,
+                    participants,
+                    folder.as_ref(),
+                )?;
                 Box::new(looped)
             }
             Making::Done(processes) => processes,
@@ -187,6 +201,8 @@ impl Run {
             executor,
             course,
             now: from,
+            held: false,
+            answered: false,
             over: None,
             unseen: false,
             number: RUNS.fetch_add(1, Ordering::Relaxed),
@@ -198,6 +214,12 @@ impl Run {
 
     /// Lets the run on until everybody rests at `bound`, or to its end.
     pub(super) fn go(&mut self, bound: Option<Ticks>) {
+        self.executor.let_go();
+        self.advance(bound);
+    }
+
+    /// The same, or until the one that is to be held is.
+    pub(super) fn advance(&mut self, bound: Option<Ticks>) {
         if self.over.is_some() {
             return;
         }
@@ -219,6 +241,10 @@ impl Run {
     /// What comes behind it, where the run is not parked.
     pub(super) fn arrive(&mut self, bound: Option<Ticks>, conduct: Conduct) {
         self.now = bound.unwrap_or(self.course.plan.end);
+        self.held = false;
+        if let Conduct::Held(at) = conduct {
+            (self.now, self.held) = (at, true);
+        }
         if let Conduct::Over(ending) = conduct {
             let newest = self.course.newest().clamp(0, self.course.plan.end);
             if ending != Ending::Complete {
@@ -244,6 +270,7 @@ impl Run {
             let done = turn.and_then(|turn| match turn {
                 Turn::Going => Ok(None),
                 Turn::Over(ending) => Ok(Some(Conduct::Over(ending))),
+                Turn::Held(at) => Ok(Some(Conduct::Held(at))),
                 Turn::Parked => Ok(Some(Conduct::Parked)),
                 Turn::Rests(now) => {
                     let ending = attend(executor, course, now)?;
@@ -364,6 +391,7 @@ impl Run {
             partial,
             timing: account.timing,
             placement: account.placement,
+            logs: account.logs,
         }
     }
 }

@@ -200,6 +200,14 @@ pub(super) fn send_to(member: &mut Member, address: &str, monitor: &Monitor) -> 
     }
 }
 
+/// Tells a participant at rest that another one takes its place, if its process is still there. What it answers does not matter.
+pub(super) fn tell_replaced(member: &mut Member, monitor: &Monitor) {
+    if member.process.ended().is_none() {
+        let address = String::new();
+        let _ = member.ask(&Request::Move { address }, monitor);
+    }
+}
+
 /// The state of a participant at rest.
 pub(super) fn save(member: &mut Member, monitor: &Monitor) -> Result<Vec<u8>, RunFailure> {
     match member.ask(&Request::Save, monitor)? {

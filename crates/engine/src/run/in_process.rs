@@ -4,20 +4,23 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use lockstep::executor::{InLoop, Moment, Part, Reach, RunError, assemble};
-use lockstep::participant::{Participant, Pending};
+use lockstep::participant::{Log, Participant, Pending, Termination};
 use lockstep::plan::{Cut, Plan, Position};
-use lockstep::stepper::settle;
+use lockstep::stepper::{Stepper, settle, terminate};
 use lockstep::time::Ticks;
+use tape::folder::RunFolder;
 
 use super::checkpoint::CANNOT_SAVE;
 use super::course::Course;
 use super::direct::Direct;
 use super::executor::{Account, Executor, Seat, Turn};
 use super::fallen::Fallen;
+use super::log::flood;
 use super::options::Options;
 use super::outcome::{Ending, RunFailure};
 use super::prepare::Made;
 use super::recording::Recorder;
+use super::said::Said;
 use crate::observer::Event as Report;
 use crate::scenario::{Entry, ORCHESTRATOR, Program, Scenario};
 
@@ -36,6 +39,9 @@ pub(super) struct Loop {
     /// Where a stretch ends that waits for a step to be done by others.
     parked: Option<Ticks>,
     flushed: Instant,
+    /// The participant that is held before each step.
+    hold: Option<usize>,
+    said: Said,
 }
 
 /// The participants that sit in the seats of a run when it begins.
@@ -64,7 +70,7 @@ pub(super) fn seated(
     entries.iter().map(|entry| make(scenario, entry)).collect()
 }
 
-/// The loop over `participants`, where the run begins.
+/// The loop over `participants`, where the run begins; their logs are in `folder`, or in memory.
 pub(super) fn set_up(
     plan: &Plan,
     entries: &[Entry],
@@ -72,25 +78,36 @@ pub(super) fn set_up(
     positions: Option<Vec<Position>>,
     recorder: &Arc<Mutex<Recorder>>,
     mut participants: Vec<Box<dyn Participant>>,
+    folder: Option<&RunFolder>,
 ) -> Result<Loop, RunFailure> {
-    let looped = match positions {
+    let said = Said::new(folder);
+    let mut looped = match positions {
         None => InLoop::new(plan, parts(plan, participants, recorder)),
         Some(mut positions) => {
             for (number, (participant, position)) in participants.iter_mut().zip(&mut positions).enumerate() {
                 let state = position.state.take();
                 let t = instant(plan, number, position.next);
-                settle(participant.as_mut(), t, true, state.as_deref())
-                    .map_err(|error| odd(&entries[number], error))?;
+                settle(
+                    participant.as_mut(),
+                    t,
+                    true,
+                    state.as_deref(),
+                    &log(plan, number, &said),
+                )
+                .map_err(|error| odd(&entries[number], error))?;
             }
             let parts = parts(plan, participants, recorder);
             InLoop::resume(plan, parts, positions).map_err(|error| RunFailure::Other(error.to_string()))?
         }
     };
+    looped.log_to(&said.sink());
     Ok(Loop {
         looped: Some(looped),
         reached: from,
         parked: None,
         flushed: Instant::now(),
+        hold: None,
+        said,
     })
 }
 
@@ -139,6 +156,11 @@ fn instant(plan: &Plan, number: usize, next: u64) -> f64 {
         .seconds(plan.participants[number].sample_time.instant(next))
 }
 
+/// The log of participant number `number`.
+fn log(plan: &Plan, number: usize, said: &Said) -> Log {
+    Log::new(&plan.participants[number].name, Some(said.sink()))
+}
+
 fn odd(entry: &Entry, error: impl ToString) -> RunFailure {
     RunFailure::Participant {
         participant: entry.setup.name.clone(),
@@ -153,16 +175,21 @@ fn seat(
     next: u64,
     seat: Seat,
     now: Option<Box<dyn Participant>>,
+    said: &Said,
 ) -> Result<Option<Box<dyn Participant>>, RunFailure> {
     let t = instant(&course.plan, number, next);
+    let log = log(&course.plan, number, said);
     match (seat, now) {
         (Seat::Same(state), Some(mut participant)) => {
-            settle(participant.as_mut(), t, false, state.as_deref())
+            settle(participant.as_mut(), t, false, state.as_deref(), &log)
                 .map_err(|error| odd(&course.entries[number], error))?;
             Ok(Some(participant))
         }
         (Seat::Same(_), None) => Ok(None),
-        (Seat::New(entry, state), _) => {
+        (Seat::New(entry, state), now) => {
+            if let Some(mut now) = now {
+                terminate(now.as_mut(), Termination::Replaced, &log);
+            }
             let mut newcomer = make(&course.scenario, &entry)?;
             if let Some(difference) = newcomer
                 .interface()
@@ -171,38 +198,50 @@ fn seat(
                 let reason = format!("describes other ports than expected: {difference}");
                 return Err(odd(&entry, reason));
             }
-            settle(newcomer.as_mut(), t, true, state.as_deref()).map_err(|error| odd(&entry, error))?;
+            settle(newcomer.as_mut(), t, true, state.as_deref(), &log).map_err(|error| odd(&entry, error))?;
             Ok(Some(newcomer))
         }
     }
 }
 
+fn interrupted(t_s: f64) -> Ending {
+    let reason = format!("interrupted at t = {t_s} s");
+    Ending::Stopped { reason }
+}
+
 impl Loop {
-    /// Does what lies before `horizon`.
+    /// Does what lies before `horizon`, or what comes before the one that is to be held.
     fn stretch(&mut self, course: &mut Course, horizon: Ticks) -> Result<Reach, RunError> {
         let Some(looped) = &mut self.looped else {
             return Ok(Reach::Horizon);
         };
         let Course { times, guide, .. } = course;
-        if !times.wants() {
-            return looped.run_to(horizon, |_| {});
-        }
-        looped.run_to(horizon, |moment| match moment {
+        let wants = times.wants();
+        let watch = |moment| match moment {
+            _ if !wants => {}
             Moment::Begins => times.begins(),
             Moment::Stepped {
                 participant,
                 activation,
             } => times.stepped(participant, activation, guide),
-        })
+        };
+        match self.hold {
+            Some(number) => looped.run_before(number, horizon, watch),
+            None if wants => looped.run_to(horizon, watch),
+            None => looped.run_to(horizon, |_| {}),
+        }
     }
 }
 
 impl Executor for Loop {
     fn turn(&mut self, course: &mut Course) -> Result<Turn, Ending> {
-        if let Some(horizon) = self.parked
-            && self.stretch(course, horizon)? == Reach::Parked
-        {
-            return Ok(Turn::Parked);
+        let mut resumed = None;
+        if let Some(horizon) = self.parked {
+            let reach = self.stretch(course, horizon)?;
+            if reach == Reach::Parked {
+                return Ok(Turn::Parked);
+            }
+            resumed = Some(reach);
         }
         let (plan, reached) = (course.plan.clone(), self.reached);
         let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
@@ -212,7 +251,11 @@ impl Executor for Loop {
         if horizon == reached && horizon > 0 && course.guide.stop() != Some(reached) {
             std::thread::sleep(NAP);
         }
-        if self.stretch(course, horizon)? == Reach::Parked {
+        let reach = match resumed {
+            Some(reach) => reach,
+            None => self.stretch(course, horizon)?,
+        };
+        if reach == Reach::Parked {
             self.parked = Some(horizon);
             return Ok(Turn::Parked);
         }
@@ -221,13 +264,27 @@ impl Executor for Loop {
             let participant = course.name(number).to_owned();
             return Err(Ending::Failed { participant, reason });
         }
+        if let Some(participant) = self.said.full() {
+            let reason = flood();
+            return Err(Ending::Failed { participant, reason });
+        }
+        if reach == Reach::Held
+            && let Some(held) = self.held()
+        {
+            let at = held.next_instant();
+            let t_s = plan.timebase.seconds(at);
+            course.options.progress.report(Report::Time { t_s });
+            return Ok(match course.options.interrupt.asked() {
+                true => Turn::Over(interrupted(t_s)),
+                false => Turn::Held(at),
+            });
+        }
         course.tell(horizon, horizon == reached);
         self.reached = horizon;
         let t_s = plan.timebase.seconds(horizon);
         course.options.progress.report(Report::Time { t_s });
         if course.options.interrupt.asked() {
-            let reason = format!("interrupted at t = {t_s} s");
-            return Ok(Turn::Over(Ending::Stopped { reason }));
+            return Ok(Turn::Over(interrupted(t_s)));
         }
         if let Some(reason) = course.times.stops() {
             let reason = reason.to_owned();
@@ -283,17 +340,23 @@ impl Executor for Loop {
                 return Err(RunFailure::Other("the run is over".into()));
             };
             let seated = looped.into_participants().into_iter().zip(seats).enumerate();
-            let participants = seated
-                .filter_map(|(number, (now, one))| seat(course, number, cut.next[number], one, Some(now)).transpose());
+            let participants = seated.filter_map(|(number, (now, one))| {
+                seat(course, number, cut.next[number], one, Some(now), &self.said).transpose()
+            });
             let participants = participants.collect::<Result<Vec<_>, _>>()?;
             let positions = course.positions(cut)?;
             let parts = parts(&course.plan, participants, &course.recorder);
             let looped = InLoop::resume(&course.plan, parts, positions);
-            self.looped = Some(looped.map_err(|error| RunFailure::Other(error.to_string()))?);
+            let mut looped = looped.map_err(|error| RunFailure::Other(error.to_string()))?;
+            looped.log_to(&self.said.sink());
+            self.looped = Some(looped);
         } else if let Some(looped) = &mut self.looped {
             // Nobody else notices when a seat is taken anew.
             for (number, one) in seats.into_iter().enumerate() {
-                if let Some(newcomer) = seat(course, number, cut.next[number], one, None)? {
+                if let Seat::New(..) = one {
+                    looped.retire(number);
+                }
+                if let Some(newcomer) = seat(course, number, cut.next[number], one, None, &self.said)? {
                     looped.replace(number, newcomer);
                 }
             }
@@ -340,6 +403,32 @@ impl Executor for Loop {
 
     fn renew_patience(&mut self) {}
 
+    fn hold(&mut self, number: usize) -> Option<Ticks> {
+        self.hold = Some(number);
+        let stepper = self.looped.as_ref()?.steppers().get(number)?;
+        let next = stepper.next_activation() + u64::from(stepper.is_held());
+        Some(stepper.assignment().sample_time.instant(next))
+    }
+
+    fn let_go(&mut self) {
+        self.hold = None;
+    }
+
+    fn held(&self) -> Option<&Stepper> {
+        let stepper = self.looped.as_ref()?.steppers().get(self.hold?)?;
+        stepper.is_held().then_some(stepper)
+    }
+
+    fn answer(&mut self, output: usize, payload: &[u8]) {
+        if let (Some(looped), Some(number)) = (&mut self.looped, self.hold) {
+            looped.answer(number, output, payload);
+        }
+    }
+
+    fn said(&self, participant: &str) -> Option<String> {
+        Some(self.said.newest(participant))
+    }
+
     fn bring_down(&mut self, _: &mut Course) {
         self.looped = None;
     }
@@ -347,6 +436,7 @@ impl Executor for Loop {
     fn account(&self) -> Account {
         Account {
             placement: "all participants in one loop of one process".into(),
+            logs: self.said.kept(),
             ..Account::default()
         }
     }

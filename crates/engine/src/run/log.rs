@@ -77,11 +77,22 @@ impl Log {
             Ok(tail)
         };
         let text = String::from_utf8_lossy(&read().unwrap_or_default()).into_owned();
-        let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
-        lines[lines.len().saturating_sub(5)..]
-            .iter()
-            .map(|line| (*line).to_owned())
-            .collect()
+        last_of(&text)
+    }
+}
+
+/// The last lines of a text that say something.
+fn last_of(text: &str) -> Vec<String> {
+    let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
+    let last = &lines[lines.len().saturating_sub(5)..];
+    last.iter().map(|line| (*line).to_owned()).collect()
+}
+
+/// The last of `lines` that a participant has said, ready to be put behind a message; nothing where there is none.
+pub(crate) fn last_lines(lines: &str) -> String {
+    match &last_of(lines)[..] {
+        [] => String::new(),
+        last => format!("; its last lines:\n  | {}", quoted(&last.join("\n"))),
     }
 }
 

@@ -186,6 +186,8 @@ pub struct Outcome {
     pub sources: BTreeMap<String, Vec<String>>,
     /// The choice of cores in words.
     pub placement: String,
+    /// What participants have said, by name, where the run is in one process and has no folder: the newest 64 KiB of each, at least.
+    pub logs: BTreeMap<String, String>,
 }
 
 impl Outcome {

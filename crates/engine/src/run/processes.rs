@@ -339,6 +339,8 @@ impl Executor for Processes {
         Account {
             timing: timing.collect(),
             placement: self.placement.clone(),
+            // Their logs are files.
+            logs: std::collections::BTreeMap::new(),
         }
     }
 }

@@ -460,6 +460,9 @@ impl Recorder {
     /// Closes the tape. What is on it can be read even if that fails.
     pub fn finish(self) -> (Result<Option<Digest>, AppendError>, Option<Figures>) {
         let digest = self.store.finish();
-        (digest, self.assessment.map(|mut assessment| assessment.finish(Vec::new())))
+        (
+            digest,
+            self.assessment.map(|mut assessment| assessment.finish(Vec::new())),
+        )
     }
 }

@@ -48,10 +48,11 @@ impl Processes {
         let mut missing = Missing::default();
         let address = domain.address().to_string();
         for (number, (member, seat)) in old.iter_mut().zip(&seats).enumerate() {
-            if let Seat::Same(_) = seat {
-                missing.unless(number, member, |member| {
+            match seat {
+                Seat::Same(_) => missing.unless(number, member, |member| {
                     handshake::send_to(member, &address, &self.monitor)
-                })?;
+                })?,
+                Seat::New(..) => handshake::tell_replaced(member, &self.monitor),
             }
         }
         self.place.clock.stop();

@@ -3,9 +3,10 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::collections::binary_heap::PeekMut;
+use std::sync::Arc;
 
 use super::{Part, RunError};
-use crate::participant::{Participant, Pending};
+use crate::participant::{Participant, Pending, Sink, Termination};
 use crate::plan::{Plan, Position};
 use crate::stepper::{PositionError, Progress, Stepper};
 use crate::time::Ticks;
@@ -17,6 +18,8 @@ pub enum Reach {
     Horizon,
     /// A step is to be done beside those of other loops: [`InLoop::pending`]. The same call again goes on behind it.
     Parked,
+    /// The participant of [`InLoop::run_before`] is held before its step.
+    Held,
 }
 
 /// What happens in a loop.
@@ -96,7 +99,27 @@ impl InLoop {
 
     /// Does every activation before `horizon`, in order. Tells `watch` when a participant begins to work on an activation, and when it
     /// has completed it. Unless the loop was told to [park](InLoop::park), it reaches the horizon.
-    pub fn run_to(&mut self, horizon: Ticks, mut watch: impl FnMut(Moment)) -> Result<Reach, RunError> {
+    pub fn run_to(&mut self, horizon: Ticks, watch: impl FnMut(Moment)) -> Result<Reach, RunError> {
+        self.steppers.iter_mut().for_each(Stepper::let_go);
+        self.go(horizon, watch)
+    }
+
+    /// As [`InLoop::run_to`], but only until participant number `number` has the inputs of its next activation before `horizon`, and has not
+    /// stepped: then everything before that instant is done, and at the instant what must come before. One that is held already
+    /// steps first.
+    pub fn run_before(&mut self, number: usize, horizon: Ticks, watch: impl FnMut(Moment)) -> Result<Reach, RunError> {
+        for (other, stepper) in self.steppers.iter_mut().enumerate() {
+            if other == number {
+                stepper.hold();
+            } else {
+                stepper.let_go();
+            }
+        }
+        self.go(horizon, watch)
+    }
+
+    /// Does every activation before `horizon`, or until a participant is held or its step is left to others.
+    fn go(&mut self, horizon: Ticks, mut watch: impl FnMut(Moment)) -> Result<Reach, RunError> {
         self.parked = None;
         if !self.started {
             // Before any horizon is given, this publishes what exists before the run starts.
@@ -110,8 +133,9 @@ impl InLoop {
             if instant >= horizon {
                 break;
             }
-            if self.instant(instant, &mut watch)? == Reach::Parked {
-                return Ok(Reach::Parked);
+            let reach = self.instant(instant, &mut watch)?;
+            if reach != Reach::Horizon {
+                return Ok(reach);
             }
         }
         self.settle().map(|()| Reach::Horizon)
@@ -146,6 +170,7 @@ impl InLoop {
                             activation,
                         });
                     }
+                    Progress::Held => return Ok(Reach::Held),
                     Progress::Parked => {
                         self.parked = Some(number as usize);
                         return Ok(Reach::Parked);
@@ -170,7 +195,7 @@ impl InLoop {
         for stepper in &mut self.steppers {
             match stepper.poll().map_err(|source| RunError::of(stepper, source))? {
                 Progress::AtHorizon | Progress::Finished => {}
-                Progress::Stepped | Progress::Waiting(_) | Progress::Parked => {
+                Progress::Stepped | Progress::Waiting(_) | Progress::Held | Progress::Parked => {
                     let now = stepper.next_instant();
                     return Err(self.stuck(now));
                 }
@@ -202,6 +227,11 @@ impl InLoop {
         }
     }
 
+    /// Tells participant number `number` that another one takes its place: before that one begins.
+    pub fn retire(&mut self, number: usize) {
+        self.steppers[number].terminate(Termination::Replaced);
+    }
+
     /// Puts `participant` in the place of number `number`, where everybody rests: the others keep what they have. It is as it
     /// should be there: see [`crate::stepper::settle`].
     pub fn replace(&mut self, number: usize, participant: Box<dyn Participant>) {
@@ -219,7 +249,20 @@ impl InLoop {
         self.steppers.iter_mut().for_each(Stepper::forget_unpublished);
     }
 
-    /// The participants, without their links.
+    /// Gives output number `output` of the activation before which participant number `number` is held: see [`Stepper::answer`].
+    ///
+    /// # Panics
+    /// As there.
+    pub fn answer(&mut self, number: usize, output: usize, payload: &[u8]) {
+        self.steppers[number].answer(output, payload);
+    }
+
+    /// Where the participants' lines go; without it to standard error.
+    pub fn log_to(&mut self, sink: &Arc<dyn Sink>) {
+        self.steppers.iter_mut().for_each(|stepper| stepper.log_to(sink));
+    }
+
+    /// The participants, without their links. They have not been told that their part is over.
     pub fn into_participants(self) -> Vec<Box<dyn Participant>> {
         self.steppers.into_iter().map(Stepper::into_participant).collect()
     }

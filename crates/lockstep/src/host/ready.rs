@@ -213,7 +213,8 @@ impl Ready {
                     self.hand_over(&Note::Finished(self.timing.clone()), sleeper)?;
                     return Ok(Pause::Finished);
                 }
-                Progress::Waiting(_) | Progress::Parked => {}
+                // Nothing is held or left to others in a process.
+                Progress::Waiting(_) | Progress::Held | Progress::Parked => {}
             }
         }
     }
@@ -331,7 +332,7 @@ impl Ready {
         let Some(spans) = &mut self.spans else { return };
         let now_for = match progress {
             Progress::Waiting(wait) => Some(wait),
-            Progress::Stepped | Progress::AtHorizon | Progress::Finished | Progress::Parked => None,
+            Progress::Stepped | Progress::AtHorizon | Progress::Finished | Progress::Held | Progress::Parked => None,
         };
         let over = waiting.filter(|waited| Some(waited.what) != now_for);
         if let Some(waited) = over {
@@ -350,7 +351,7 @@ impl Ready {
             Progress::Waiting(Wait::Room { .. } | Wait::Recording) if over.is_some() || waiting.is_none() => {
                 spans.computed(activation, begun_ns, false);
             }
-            Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished | Progress::Parked => {}
+            Progress::Waiting(_) | Progress::AtHorizon | Progress::Finished | Progress::Held | Progress::Parked => {}
         }
     }
 

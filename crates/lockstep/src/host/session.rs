@@ -8,10 +8,10 @@ use super::ready::{Pause, Ready, connect};
 use super::spans::Spans;
 use crate::control::{Note, PROTOCOL, Reply, Request, Timing, Waiting};
 use crate::panic::message;
-use crate::participant::{Factory, Participant, Setup};
+use crate::participant::{Factory, Log, Participant, Setup, Termination};
 use crate::plan::{Assignment, Position};
 use crate::span::Detail;
-use crate::stepper::settle;
+use crate::stepper::{settle, terminate};
 use crate::time::Ticks;
 use crate::transport::iceoryx::{Address, ControlServer, Domain, Order, Sleeper, StatusWriter};
 
@@ -24,6 +24,8 @@ pub(super) struct Seat {
     timing: Timing,
     /// Whether somebody asks what is done when.
     spans: Option<Detail>,
+    /// Whether another one takes its place.
+    replaced: bool,
 }
 
 /// How far a participant has come with its requests.
@@ -47,6 +49,20 @@ impl Seat {
             stage: Stage::Unknown,
             timing: Timing::default(),
             spans,
+            replaced: false,
+        }
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        if let Stage::Described {
+            participant,
+            worked: true,
+        } = &mut self.stage
+        {
+            // It was on its way to another place, and has not arrived.
+            terminate(participant.as_mut(), Termination::Stopped, &Log::new(&self.name, None));
         }
     }
 }
@@ -125,14 +141,16 @@ impl Session {
     /// Takes the participant out of its links, for the place where it goes next.
     fn leave(self) -> (Option<Address>, Seat) {
         let mut seat = self.seat;
-        if let Stage::Ready(ready) = std::mem::replace(&mut seat.stage, Stage::Leaving)
-            && self.destination.is_some()
-        {
-            seat.timing = ready.timing;
-            seat.stage = Stage::Described {
-                participant: ready.stepper.into_participant(),
-                worked: true,
-            };
+        if let Stage::Ready(mut ready) = std::mem::replace(&mut seat.stage, Stage::Leaving) {
+            if self.destination.is_some() {
+                seat.timing = ready.timing;
+                seat.stage = Stage::Described {
+                    participant: ready.stepper.into_participant(),
+                    worked: true,
+                };
+            } else if seat.replaced {
+                ready.stepper.terminate(Termination::Replaced);
+            }
         }
         (self.destination, seat)
     }
@@ -184,6 +202,10 @@ impl Session {
                 Stage::Ready(ready) => saved(ready.stepper.participant()),
                 _ => refused("it has no state yet: connect first"),
             },
+            Request::Move { address } if address.is_empty() && matches!(seat.stage, Stage::Ready(_)) => {
+                seat.replaced = true;
+                Reply::Done
+            }
             Request::Move { address } => match (&seat.stage, address.parse()) {
                 (Stage::Ready(_), Ok(address)) => {
                     *destination = Some(address);
@@ -242,9 +264,12 @@ impl Seat {
                 let instant = assignment.sample_time.instant(position.next);
                 let t = assignment.timebase.seconds(instant);
                 let state = position.state.take();
-                if let Err(error) = settle(participant.as_mut(), t, !*worked, state.as_deref()) {
+                let log = Log::new(&self.name, None);
+                if let Err(error) = settle(participant.as_mut(), t, !*worked, state.as_deref(), &log) {
                     return refused(&error.to_string());
                 }
+                // It has begun.
+                *worked = true;
             }
         }
         let Stage::Described { participant, .. } = std::mem::replace(&mut self.stage, Stage::Unknown) else {

@@ -1,7 +1,9 @@
 //! The current payloads of a participant's ports, aligned for any message.
 
+use std::fmt::Display;
 use std::ops::Range;
 
+use super::Log;
 use crate::port::{Descriptor, Element, Field, Message};
 
 /// The bytes of one payload, aligned to 8.
@@ -160,6 +162,7 @@ pub(crate) struct Look {
 pub struct Outputs {
     pub(crate) payloads: Vec<Payload>,
     pub(crate) looks: Vec<Look>,
+    pub(crate) log: Log,
 }
 
 impl Outputs {
@@ -186,6 +189,27 @@ impl Outputs {
     /// When there is no such port.
     pub fn is_seen(&self, port: usize) -> bool {
         self.looks[port].now
+    }
+
+    /// Writes a line into the participant's log, with the simulated time: `outputs.log(format_args!("the valve opens at {level} m"))`. With
+    /// [`format_args!`] nothing is taken from the heap where nothing is written.
+    pub fn log(&self, text: impl Display) {
+        self.log.write(text);
+    }
+
+    /// The way to the participant's log, for a participant that hosts another one.
+    pub fn log_of(&self) -> &Log {
+        &self.log
+    }
+
+    /// Sets where lines go: for whatever drives a participant by hand.
+    pub fn set_log(&mut self, log: Log) {
+        self.log = log;
+    }
+
+    /// Sets the simulated time of lines, s: for whatever drives a participant by hand.
+    pub fn set_time(&mut self, t: f64) {
+        self.log.set_time(t);
     }
 
     /// Whether any sample of output number `port` is seen in this run. Of an output that never is, not even the state that its later
@@ -227,8 +251,14 @@ impl Inputs {
 impl Outputs {
     /// Zeroed buffers for the outputs of `interface`, all of which are seen.
     pub fn zeroed(interface: &super::Interface) -> Outputs {
+        Outputs::of(interface, Log::new("participant", None))
+    }
+
+    /// The same with the way to a log.
+    pub(crate) fn of(interface: &super::Interface, log: Log) -> Outputs {
         Outputs {
             looks: vec![Look { now: true, ever: true }; interface.outputs.len()],
+            log,
             payloads: interface
                 .outputs
                 .iter()

@@ -4,8 +4,10 @@ mod abreast;
 mod buffers;
 mod handles;
 mod interface;
+mod log;
 pub mod state;
 mod step;
+mod termination;
 
 use std::sync::Arc;
 
@@ -14,7 +16,9 @@ pub(crate) use buffers::ValueCheck;
 pub use buffers::{Inputs, Outputs, Payload};
 pub use handles::{InputPort, OutputPort, Ports};
 pub use interface::{Input, Interface, InterfaceError, Kind, Output};
+pub use log::{Line, Log, Sink};
 pub use step::{Failure, Step};
+pub use termination::Termination;
 
 /// A parameter that a participant refuses.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -79,6 +83,13 @@ pub trait Participant: Send {
         None
     }
 
+    /// Called once when its part in the run is over, before it is dropped: at the end of the run, also when something has failed
+    /// elsewhere or the participant itself, and when another one takes its place. Not called after a panic, nor for a participant that was only asked
+    /// for its ports. `log` is its log; what it has to say further it says here. Unless given: nothing is done.
+    fn terminate(&mut self, why: Termination, log: &Log) {
+        let _ = (why, log);
+    }
+
     /// The complete state as bytes, so that [`Participant::restore`] in another process continues to the last bit;
     /// [`state::to_bytes`] makes them by serde. `None` when the participant cannot be saved.
     fn save(&self) -> Option<Vec<u8>> {
@@ -108,6 +119,10 @@ impl<P: Participant + ?Sized> Participant for Box<P> {
 
     fn abreast(&mut self) -> Option<Member<'_>> {
         (**self).abreast()
+    }
+
+    fn terminate(&mut self, why: Termination, log: &Log) {
+        (**self).terminate(why, log);
     }
 
     fn save(&self) -> Option<Vec<u8>> {

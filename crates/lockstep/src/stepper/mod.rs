@@ -6,7 +6,9 @@
 
 mod between;
 mod error;
+mod held;
 mod input;
+mod life;
 mod output;
 mod parked;
 mod position;
@@ -14,21 +16,22 @@ mod progress;
 mod rest;
 mod source;
 mod step;
+mod termination;
 
 pub use error::{PositionError, StepError};
-
 pub use position::settle;
 pub use progress::{Ends, Progress, Wait};
+pub use termination::terminate;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use input::{Assembled, InputState, SeenState};
 use output::{ConsumerState, Disturbed, OutputState};
-use progress::{Parked, Phase};
+use progress::{Orders, Parked, Phase};
 
 use crate::fault::Injector;
 use crate::link::Read;
-use crate::participant::{Failure, Inputs, Kind, Outputs, Participant, ValueCheck};
+use crate::participant::{Failure, Inputs, Kind, Log, Outputs, Participant, ValueCheck};
 use crate::plan::{Assignment, Position};
 use crate::time::Ticks;
 use crate::transport::{Header, Recording};
@@ -57,6 +60,7 @@ pub struct Stepper {
     /// The sample that the output buffers hold.
     sample: u64,
     initialised: bool,
+    orders: Orders,
     phase: Phase,
     parked: Parked,
 }
@@ -74,9 +78,8 @@ impl Stepper {
 
     fn at(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends, position: Position) -> Stepper {
         let interface = &assignment.interface;
-        let sample_time = assignment.sample_time;
         let receivers = ends.receivers.into_iter().zip(&assignment.inputs).zip(position.inputs);
-        let (next, held) = (position.next, position.held);
+        let (next, held, sample_time) = (position.next, position.held, assignment.sample_time);
         let first_stamp = (next > 0).then(|| sample_time.instant(next));
         let inputs = receivers.map(|((receiver, link), backlog)| {
             let descriptor = &interface.inputs[link.input as usize].descriptor;
@@ -118,7 +121,7 @@ impl Stepper {
                 .map(|injector| Disturbed::new(injector, port.descriptor.size as usize)),
         });
         let mut outputs: Vec<_> = outputs.collect();
-        let mut output_buffers = Outputs::zeroed(interface);
+        let mut output_buffers = Outputs::of(interface, Log::new(&assignment.name, None));
         for (output, look) in outputs.iter().zip(&mut output_buffers.looks) {
             look.ever = output.is_ever_seen();
         }
@@ -148,6 +151,7 @@ impl Stepper {
             next,
             sample: 0,
             initialised: false,
+            orders: Orders::default(),
             phase: Phase::Initialise,
             parked: Parked::default(),
             assignment,
@@ -184,11 +188,6 @@ impl Stepper {
         &*self.participant
     }
 
-    /// The participant, without its links.
-    pub fn into_participant(self) -> Box<dyn Participant> {
-        self.participant
-    }
-
     /// Comes to rest wherever it is: an activation that has been stepped is recorded, one that has not is left for later.
     /// `false` when the recorder must take something first. Samples that were not sent yet are on the tape; whoever takes up
     /// the run from here gets them from there.
@@ -196,7 +195,7 @@ impl Stepper {
         loop {
             match self.phase {
                 Phase::Initialise => self.initialise()?,
-                Phase::Gather { .. } | Phase::Parked => self.phase = Phase::Rest,
+                Phase::Gather { .. } | Phase::Ready | Phase::Parked => self.phase = Phase::Rest,
                 Phase::Record { output } => {
                     if !self.record(output)? {
                         return Ok(false);
@@ -247,6 +246,12 @@ impl Stepper {
                         return Ok(Progress::Waiting(wait));
                     }
                 }
+                Phase::Ready => {
+                    if self.orders.hold.is_some_and(|from| self.next >= from) {
+                        return Ok(Progress::Held);
+                    }
+                    self.do_step()?;
+                }
                 Phase::Parked => {
                     if !self.take_over()? {
                         return Ok(Progress::Parked);
@@ -286,7 +291,10 @@ impl Stepper {
         if continuous {
             self.look_at_outputs();
         }
-        guarded(|| self.participant.initialise(t, &mut self.output_buffers))?;
+        self.orders.begun = true;
+        self.output_buffers.log.set_time(t);
+        let begun = guarded(|| self.participant.initialise(t, &mut self.output_buffers));
+        self.whole(begun)?;
         if continuous && self.assignment.activations > 0 {
             self.check_outputs()?;
             self.phase = Phase::Record { output: 0 };
@@ -303,13 +311,7 @@ impl Stepper {
                 input.assemble(&self.inputs, &mut self.input_buffers)?;
             }
             self.disturb_inputs();
-            let step = self.begin_step();
-            if self.parked.wanted {
-                self.parked.step = Some(step);
-                self.phase = Phase::Parked;
-            } else {
-                self.step(&step)?;
-            }
+            self.phase = Phase::Ready;
             return Ok(None);
         };
         let payload = self.input_buffers.payloads[input.port].bytes_mut();

@@ -4,11 +4,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::PositionError;
 use crate::panic::message;
-use crate::participant::{Outputs, Participant};
+use crate::participant::{Log, Outputs, Participant};
 use crate::plan::{Assignment, Position};
 
 /// Brings a participant to where it takes up the work at `t` seconds, with this state or the one it has. A `fresh` one is
-/// initialised there first; what it gives out then is not published, because that instant has its samples already.
+/// initialised there first; what it gives out then is not published, because that instant has its samples already. What it says goes to `log`.
 ///
 /// # Errors
 /// What the participant says, or its panic.
@@ -17,10 +17,12 @@ pub fn settle(
     t: f64,
     fresh: bool,
     state: Option<&[u8]>,
+    log: &Log,
 ) -> Result<(), PositionError> {
     let work = || {
         if fresh {
             let mut nobody_reads = Outputs::zeroed(&participant.interface());
+            nobody_reads.log = log.clone().at(t);
             participant
                 .initialise(t, &mut nobody_reads)
                 .map_err(|error| PositionError::Initialise(error.to_string()))?;

@@ -34,6 +34,8 @@ pub enum Progress {
     AtHorizon,
     /// All activations are complete and handed over.
     Finished,
+    /// It has its inputs, and is held before its step: see [`Stepper::hold`](super::Stepper::hold).
+    Held,
     /// It needs something first.
     Waiting(Wait),
     /// Its step is to be done beside others: see [`Stepper::park`](super::Stepper::park). Without that it never says so.
@@ -50,6 +52,17 @@ pub struct Ends {
     pub recording: Box<dyn Recording>,
 }
 
+/// What is asked of a stepper from outside, and whether its participant is to be told of the end.
+#[derive(Debug, Default)]
+pub(super) struct Orders {
+    /// Whether the participant has begun, has not panicked, and is to be told when its part is over.
+    pub(super) begun: bool,
+    /// The activation from which on it is held before each step.
+    pub(super) hold: Option<u64>,
+    /// Whether the outputs of the activation under way were given from outside.
+    pub(super) answered: bool,
+}
+
 /// Where the work on an activation stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Phase {
@@ -59,6 +72,8 @@ pub(super) enum Phase {
     Rest,
     /// Getting the sample of this link; what it reads is asked once.
     Gather { input: usize, read: Option<Read> },
+    /// The inputs are there as the participant sees them.
+    Ready,
     /// Everything has come in; the step is done by others.
     Parked,
     /// Putting this output on the tape.

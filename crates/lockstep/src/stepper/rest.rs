@@ -2,7 +2,7 @@
 
 use super::progress::Phase;
 use super::{Ends, PositionError, Stepper};
-use crate::participant::{Kind, Outputs, Participant};
+use crate::participant::{Kind, Outputs, Participant, Termination};
 use crate::plan::{Assignment, Position};
 
 impl Stepper {
@@ -32,14 +32,17 @@ impl Stepper {
             }
         }
         stepper.initialised = true;
+        stepper.orders.begun = true;
         stepper.phase = Phase::Rest;
         Ok(stepper)
     }
 
     /// Puts `participant` in the place of the one inside, between two activations: links, schedules and what the ports hold stay
-    /// as they are. The new one is as it should be there: see [`settle`].
+    /// as they are. The new one is as it should be there: see [`settle`](super::settle). The old one is told.
     pub(crate) fn replace(&mut self, participant: Box<dyn Participant>) {
+        self.terminate(Termination::Replaced);
         self.participant = participant;
+        self.orders.begun = true;
     }
 
     /// Makes the outputs what a stepper that has just taken up its work here holds: nothing of what was not published.

@@ -6,8 +6,31 @@ use crate::participant::{Kind, Step};
 use crate::plan::Assignment;
 
 impl Stepper {
+    /// The step whose inputs are there: done here, left to others, or given from outside.
+    pub(super) fn do_step(&mut self) -> Result<(), StepError> {
+        let step = self.begin_step();
+        if !std::mem::take(&mut self.orders.answered) {
+            if self.parked.wanted {
+                self.parked.step = Some(step);
+                self.phase = Phase::Parked;
+                return Ok(());
+            }
+            let Stepper {
+                participant,
+                input_buffers,
+                output_buffers,
+                ..
+            } = self;
+            let done = guarded(|| participant.step(&step, input_buffers, output_buffers));
+            self.whole(done)?;
+        }
+        self.check_outputs()?;
+        self.phase = Phase::Record { output: 0 };
+        Ok(())
+    }
+
     /// The activation that is about to be stepped, with the participant told what is seen of it.
-    pub(super) fn begin_step(&mut self) -> Step {
+    fn begin_step(&mut self) -> Step {
         let Assignment {
             timebase,
             sample_time,
@@ -28,20 +51,7 @@ impl Stepper {
             Kind::Continuous => self.next + 1,
         };
         self.look_at_outputs();
+        self.output_buffers.log.set_time(step.t);
         step
-    }
-
-    /// The step, done here.
-    pub(super) fn step(&mut self, step: &Step) -> Result<(), StepError> {
-        let Stepper {
-            participant,
-            input_buffers,
-            output_buffers,
-            ..
-        } = self;
-        guarded(|| participant.step(step, input_buffers, output_buffers))?;
-        self.check_outputs()?;
-        self.phase = Phase::Record { output: 0 };
-        Ok(())
     }
 }

@@ -1,0 +1,155 @@
+//! What participants of one process say: a log for each, as a process of its own has, bounded as that is.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Write;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use lockstep::participant::{Line, Sink};
+use tape::folder::RunFolder;
+
+use super::log::LOG_MAX;
+
+/// Bytes that are kept of each log in memory: the newest.
+const KEPT: usize = 64 << 10;
+
+/// The logs of a run in one process.
+#[derive(Clone)]
+pub(super) struct Said(Arc<Mutex<Logs>>);
+
+struct Logs {
+    folder: Option<RunFolder>,
+    most: u64,
+    of: BTreeMap<String, One>,
+    /// The first participant whose log is full.
+    full: Option<String>,
+}
+
+#[derive(Default)]
+struct One {
+    file: Option<File>,
+    written: u64,
+    newest: String,
+}
+
+impl Said {
+    /// Logs in `folder`, or in memory.
+    pub(super) fn new(folder: Option<&RunFolder>) -> Said {
+        Said::bounded(folder, LOG_MAX)
+    }
+
+    fn bounded(folder: Option<&RunFolder>, most: u64) -> Said {
+        Said(Arc::new(Mutex::new(Logs {
+            folder: folder.cloned(),
+            most,
+            of: BTreeMap::new(),
+            full: None,
+        })))
+    }
+
+    /// The way to them.
+    pub(super) fn sink(&self) -> Arc<dyn Sink> {
+        Arc::new(self.clone())
+    }
+
+    fn logs(&self) -> MutexGuard<'_, Logs> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The participant whose log is full, if there is one.
+    pub(super) fn full(&self) -> Option<String> {
+        self.logs().full.clone()
+    }
+
+    /// What is kept in memory, by participant: nothing of those that have a file.
+    pub(super) fn kept(&self) -> BTreeMap<String, String> {
+        let logs = self.logs();
+        let some = logs.of.iter().filter(|(_, one)| one.file.is_none());
+        some.map(|(name, one)| (name.clone(), one.newest.clone())).collect()
+    }
+
+    /// The newest that a participant has said.
+    pub(super) fn newest(&self, participant: &str) -> String {
+        self.logs()
+            .of
+            .get(participant)
+            .map(|one| one.newest.clone())
+            .unwrap_or_default()
+    }
+}
+
+impl Sink for Said {
+    fn say(&self, line: &Line<'_>) {
+        let mut logs = self.logs();
+        let Logs { folder, most, of, full } = &mut *logs;
+        if !of.contains_key(line.participant) {
+            let path = folder.as_ref().map(|folder| folder.stderr(line.participant));
+            // Where it cannot be made the newest lines are kept: the tape in the same folder tells of a full disk.
+            let file = path.and_then(|path| {
+                std::fs::create_dir_all(path.parent()?).ok()?;
+                File::options().create(true).append(true).open(path).ok()
+            });
+            let one = One { file, ..One::default() };
+            of.insert(line.participant.to_owned(), one);
+        }
+        let Some(one) = of.get_mut(line.participant) else {
+            return;
+        };
+        let text = format!("{line}\n");
+        let left = usize::try_from(*most - one.written).unwrap_or(usize::MAX);
+        let fits = &text.as_bytes()[..text.len().min(left)];
+        one.written += fits.len() as u64;
+        if fits.len() < text.len() && full.is_none() {
+            *full = Some(line.participant.to_owned());
+        }
+        if let Some(file) = &mut one.file {
+            let _ = file.write_all(fits);
+        }
+        one.newest.push_str(&String::from_utf8_lossy(fits));
+        if one.newest.len() > 2 * KEPT {
+            let from = one.newest.len() - KEPT;
+            // Behind a line's end, or in a line that is longer than all that is kept.
+            let end = one.newest.bytes().skip(from).position(|byte| byte == b'\n');
+            let from = end.map_or(from, |at| from + at + 1);
+            let from = (from..).find(|at| one.newest.is_char_boundary(*at)).unwrap_or(from);
+            one.newest.drain(..from);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn say(said: &Said, text: &str) {
+        let (participant, t) = ("a", Some(0.5));
+        said.say(&Line {
+            participant,
+            t,
+            text: format_args!("{text}"),
+        });
+    }
+
+    #[test]
+    fn log_is_cut_at_its_bound_to_the_byte() {
+        for most in [0, 10, 22, 23, 40] {
+            let said = Said::bounded(None, most);
+            say(&said, "four");
+            let whole = "a at t = 0.5 s: four\n";
+            let cut = &whole[..whole.len().min(most as usize)];
+            assert_eq!(said.kept()["a"], cut);
+            assert_eq!(said.full().is_some(), whole.len() > most as usize, "{most}");
+        }
+    }
+
+    #[test]
+    fn newest_lines_are_kept_whole_where_there_is_no_folder() {
+        let said = Said::bounded(None, u64::MAX);
+        for number in 0..20_000 {
+            say(&said, &format!("line {number} ä"));
+        }
+        let kept = &said.kept()["a"];
+        assert!(kept.len() <= 2 * KEPT + 64 && kept.len() >= KEPT / 2, "{}", kept.len());
+        assert!(kept.starts_with("a at t = 0.5 s: line ") && kept.ends_with("line 19999 ä\n"));
+    }
+}

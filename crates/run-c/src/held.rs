@@ -1,0 +1,81 @@
+//! A participant that is held before its step, behind C functions.
+
+use std::ffi::{CString, c_char, c_void};
+
+use crate::run::{Run, Sample, say, text, under_way, with, words};
+
+/// `escapement_run_before`.
+///
+/// # Safety
+/// As the header says.
+pub unsafe fn before(pointer: *mut Run, participant: *const c_char, held: *mut u32) -> i32 {
+    let work = |run: &mut engine::run::Run| {
+        // SAFETY: as the caller says.
+        let (participant, held) = unsafe {
+            (
+                text(participant, "the name of the participant")?,
+                held.as_mut().ok_or("the place of the answer is NULL")?,
+            )
+        };
+        *held = 0;
+        *held = u32::from(run.run_before(participant).map_err(words)?);
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { under_way(pointer, work) }
+}
+
+/// `escapement_run_shown`.
+///
+/// # Safety
+/// As the header says.
+pub unsafe fn shown(pointer: *mut Run, port: *const c_char, place: *mut Sample) -> i32 {
+    let work = |own: &mut Run| {
+        // SAFETY: as the caller says.
+        let port = unsafe { text(port, "the name of the input") }?;
+        // SAFETY: as the caller says.
+        unsafe { say(own, place, |run| run.shown(port)) }
+    };
+    // SAFETY: as the caller says.
+    unsafe { with(pointer, work) }
+}
+
+/// `escapement_run_log`.
+///
+/// # Safety
+/// As the header says.
+pub unsafe fn log(pointer: *mut Run, participant: *const c_char) -> *const c_char {
+    let work = |own: &mut Run| {
+        // SAFETY: as the caller says.
+        let participant = unsafe { text(participant, "the name of the participant") }?;
+        let run = own.run.as_ref().ok_or("there is no run any more")?;
+        own.log = CString::new(run.log(participant).replace('\0', " ")).unwrap_or_default();
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    match unsafe { with(pointer, work) } {
+        // SAFETY: the run is there: it was just asked.
+        0 => unsafe { (*pointer).log.as_ptr() },
+        _ => std::ptr::null(),
+    }
+}
+
+/// `escapement_run_answer`.
+///
+/// # Safety
+/// As the header says.
+pub unsafe fn answer(pointer: *mut Run, port: *const c_char, bytes: *const c_void, size: u64) -> i32 {
+    let work = |run: &mut engine::run::Run| {
+        // SAFETY: as the caller says.
+        let port = unsafe { text(port, "the name of the output") }?;
+        if bytes.is_null() {
+            return Err("the message is NULL".to_owned());
+        }
+        let size = usize::try_from(size).map_err(words)?;
+        // SAFETY: the message is as large as the caller says.
+        let bytes = unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size) };
+        run.answer_bytes(port, bytes).map_err(words)
+    };
+    // SAFETY: as the caller says.
+    unsafe { under_way(pointer, work) }
+}

@@ -1,0 +1,205 @@
+//! What participants say, and how they are told that their part is over: the same lines from every language and in every way of running.
+
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
+
+use engine::Catalogue;
+use engine::run::{Ending, Options, Record, Run};
+use engine::scenario::Scenario;
+use escapement_tests::compiler::{Workshop, exe, library};
+use escapement_tests::diary::Diary;
+use escapement_tests::program::{Folder, orchestrate, participant, text};
+
+/// Two diaries, of 10 ms and of 20 ms, for 50 ms.
+const SCENARIO: &str = "duration = \"50 ms\"\n[participants.first]\nrun = { builtin = \"diary\" }\nperiod = \"10 ms\"\n\
+                        [participants.second]\nrun = { builtin = \"diary\" }\nperiod = \"20 ms\"\n";
+
+/// What the first one says when `end` is the last line.
+fn says(end: &str) -> String {
+    format!("first at t = 0 s: begins\nfirst at t = 0.02 s: is at page 3\n{end}")
+}
+
+/// The diaries that are no builtins: a program in each language, and a plug-in of those that have one; `participants.NAME.run` of each.
+fn everywhere() -> &'static [(String, bool)] {
+    static ALL: OnceLock<Vec<(String, bool)>> = OnceLock::new();
+    ALL.get_or_init(|| {
+        let shop = Workshop::open("diaries");
+        let mut all = vec![(exe("NAME", &participant("diary")), false)];
+        for (source, name) in [("tests/plugins/diary.c", "c"), ("tests/plugins/diary.cpp", "cpp")] {
+            all.push((exe("NAME", &shop.program(source, &format!("{name}/diary"), &[])), false));
+            let plugin = shop.plugin(source, &format!("{name}/libdiary.so"), &["-DESCAPEMENT_NO_MAIN"]);
+            all.push((library("NAME", &plugin, None), true));
+        }
+        all
+    })
+}
+
+/// Runs the scenario with `run` in both seats and gives what the first one has written, in processes or, where that can be, in one.
+fn written(folder: &Folder, run: &str, inside: bool, more: &[&str], code: i32) -> String {
+    let scenario = folder.write("diaries.toml", SCENARIO);
+    let out = folder.path().join("out");
+    let (first, second) = (run.replace("NAME", "first"), run.replace("NAME", "second"));
+    let mut all = vec![
+        "run",
+        text(&scenario),
+        "--force",
+        "--quiet",
+        "--out",
+        text(&out),
+        "--set",
+        &first,
+        "--set",
+        &second,
+    ];
+    all.extend(inside.then_some("--in-process"));
+    all.extend(more);
+    let said = orchestrate(&all);
+    assert_eq!(said.code, Some(code), "{run} {more:?}: {said:?}");
+    log(&out, "first")
+}
+
+fn log(out: &Path, name: &str) -> String {
+    let whole = std::fs::read_to_string(out.join("log").join(format!("{name}.stderr"))).unwrap_or_default();
+    // Behind them, the host of a process says why it failed.
+    whole
+        .lines()
+        .filter(|line| line.starts_with(&format!("{} at t = ", name.trim_end_matches(".1"))))
+        .map(|line| line.to_owned() + "\n")
+        .collect()
+}
+
+#[test]
+fn every_language_says_the_same_in_processes_and_in_one() {
+    let folder = Folder::new("diaries");
+    for (run, can_be_inside) in everywhere() {
+        for inside in [false, true].into_iter().filter(|inside| !inside || *can_be_inside) {
+            let end = "first at t = 0.05 s: ends, finished, at page 5\n";
+            assert_eq!(
+                written(&folder, run, inside, &[], 0),
+                says(end),
+                "{run}, inside: {inside}"
+            );
+            // Another one fails before.
+            let fails = ["--set", "participants.second.parameters.fails-at=1"];
+            let stopped = written(&folder, run, inside, &fails, 1);
+            let lines: Vec<&str> = stopped.lines().collect();
+            assert_eq!(lines[0], "first at t = 0 s: begins", "{run}");
+            let last = lines[lines.len() - 1];
+            assert!(
+                last.contains("ends, ") && lines.iter().filter(|line| line.contains("ends,")).count() == 1,
+                "{run}: {stopped}"
+            );
+            let own = log(&folder.path().join("out"), "second");
+            assert_eq!(
+                own, "second at t = 0 s: begins\nsecond at t = 0.02 s: ends, stopped, at page 2\n",
+                "{run}, inside: {inside}"
+            );
+        }
+    }
+}
+
+#[test]
+fn one_that_is_replaced_is_told_so() {
+    let folder = Folder::new("replaced");
+    for (run, can_be_inside) in everywhere() {
+        let (_, table) = run.split_once('=').expect("a run");
+        let fault = format!("\n[[faults]]\nat = \"30 ms\"\nsubstitute = \"first\"\nrun = {table}\nstate = \"keep\"\n");
+        let scenario = folder.write("replaced.toml", &(SCENARIO.to_owned() + &fault));
+        for inside in [false, true].into_iter().filter(|inside| !inside || *can_be_inside) {
+            let out = folder.path().join("out");
+            let sets = ["first", "second"].map(|name| run.replace("NAME", name));
+            let mut all = vec!["run", text(&scenario), "--force", "--quiet", "--out", text(&out)];
+            sets.iter().for_each(|set| all.extend(["--set", set]));
+            all.extend(inside.then_some("--in-process"));
+            let said = orchestrate(&all);
+            assert_eq!(said.code, Some(0), "{run}: {said:?}");
+            let replaced = says("first at t = 0.03 s: ends, replaced, at page 3\n");
+            let newcomer = "first at t = 0.03 s: begins\nfirst at t = 0.05 s: ends, finished, at page 5\n";
+            // In a process each, the newcomer has a log of its own.
+            let logs = if inside {
+                vec![log(&out, "first")]
+            } else {
+                vec![log(&out, "first"), log(&out, "first.1")]
+            };
+            assert_eq!(logs.concat(), replaced + newcomer, "{run}, inside: {inside}");
+            let other = log(&out, "second");
+            assert!(
+                other.ends_with("second at t = 0.06 s: ends, finished, at page 3\n"),
+                "{run}: {other}"
+            );
+            assert_eq!(other.matches("begins").count(), 1, "{run}: {other}");
+        }
+    }
+}
+
+fn scenario(more: &str) -> Scenario {
+    let catalogue = Catalogue::new("tests").participant("diary", Diary::factory);
+    let read = Scenario::read_text(
+        &Arc::new(catalogue),
+        Path::new("code.toml"),
+        &(SCENARIO.to_owned() + more),
+    );
+    read.unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn inside(record: Record) -> Options {
+    Options {
+        in_process: true,
+        record,
+        ..Options::default()
+    }
+}
+
+#[test]
+fn without_a_folder_the_outcome_has_what_was_said() {
+    for record in [Record::Memory, Record::Digest, Record::Nothing] {
+        let outcome = engine::run::run(&scenario(""), &inside(record)).unwrap();
+        assert_eq!(
+            outcome.logs["first"],
+            says("first at t = 0.05 s: ends, finished, at page 5\n")
+        );
+        assert!(outcome.logs["second"].ends_with("second at t = 0.06 s: ends, finished, at page 3\n"));
+    }
+}
+
+#[test]
+fn a_run_that_goes_back_tells_nobody_and_one_that_is_dropped_tells_everybody() {
+    let mut run = Run::start(&scenario(""), &inside(Record::Memory)).unwrap();
+    run.run_to("30 ms").unwrap();
+    let here = run.save().unwrap();
+    run.run_to("50 ms").unwrap();
+    run.restore(&here).unwrap();
+    let outcome = run.end().unwrap();
+    let end = "first at t = 0.03 s: ends, stopped, at page 3\n";
+    assert_eq!(outcome.logs["first"], says(end), "back from the end");
+    let folder = Folder::new("dropped");
+    let out = folder.path().join("out");
+    let options = Options {
+        out: Some(out.clone()),
+        ..inside(Record::Folder)
+    };
+    let mut run = Run::start(&scenario(""), &options).unwrap();
+    run.run_to("30 ms").unwrap();
+    drop(run);
+    assert_eq!(log(&out, "first"), says(end), "dropped");
+}
+
+#[test]
+fn one_that_panics_is_not_called_again_and_the_others_are() {
+    let mut run = Run::start(&scenario("parameters = { panics-at = 1 }\n"), &inside(Record::Memory)).unwrap();
+    run.run_to("50 ms").unwrap_err();
+    let outcome = run.end().unwrap();
+    let Ending::Failed { participant, reason } = &outcome.ending else {
+        panic!("{:?}", outcome.ending)
+    };
+    assert!(
+        participant == "second" && reason.contains("the diary burns"),
+        "{reason}"
+    );
+    assert_eq!(outcome.logs["second"], "second at t = 0 s: begins\n");
+    assert!(
+        outcome.logs["first"].ends_with("ends, stopped, at page 2\n"),
+        "{}",
+        outcome.logs["first"]
+    );
+}
