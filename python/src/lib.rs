@@ -1,6 +1,7 @@
 //! `escapement._native`: what the Python package has in Rust. Built with the feature `module` alone.
 #![cfg(feature = "module")]
 
+mod agent;
 mod errors;
 mod host;
 mod memory;
@@ -20,6 +21,8 @@ use report::page::{Report, Request};
 /// The functions and classes behind the package `escapement`.
 #[pymodule]
 mod _native {
+    #[pymodule_export]
+    use super::agent::Agent;
     #[pymodule_export]
     use super::host::host;
     #[pymodule_export]

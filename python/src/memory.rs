@@ -25,6 +25,17 @@ impl Memory {
         Ok(Memory { buffer, size })
     }
 
+    /// All of an array of `count` doubles.
+    ///
+    /// # Errors
+    /// When it has other elements, or another number of them.
+    pub(crate) fn of_doubles(array: &Bound<'_, PyAny>, count: usize) -> PyResult<Memory> {
+        if PyBuffer::<f64>::get(array)?.item_count() != count {
+            return Err(PyValueError::new_err(format!("an array of {count} doubles is needed")));
+        }
+        Memory::of(&array.call_method1("view", ("u1",))?, 8 * count)
+    }
+
     fn at(&self) -> *mut u8 {
         self.buffer.buf_ptr().cast()
     }

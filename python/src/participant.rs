@@ -2,7 +2,9 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use lockstep::participant::{Failure, Inputs, Interface, Outputs, ParameterError, Participant, Setup, Step};
+use lockstep::participant::{
+    Failure, Inputs, Interface, Log, Outputs, ParameterError, Participant, Setup, Step, Termination,
+};
 use plugin::Parameters;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -26,8 +28,29 @@ pub(crate) struct Object {
     save: Py<PyAny>,
     restore: Py<PyAny>,
     terminate: Py<PyAny>,
-    now: Py<PyAny>,
+    /// Where its lines go.
+    log: Py<Lines>,
+    has_log: bool,
     raised: Raised,
+}
+
+/// The way of an object to its log.
+#[pyclass(module = "escapement._native")]
+pub(crate) struct Lines {
+    log: Log,
+    /// The simulated time, s.
+    t: Option<f64>,
+}
+
+#[pymethods]
+impl Lines {
+    /// Writes a line with the simulated time.
+    fn write(&self, text: &str) {
+        match self.t {
+            Some(t) => self.log.clone().at(t).write(text),
+            None => self.log.write(text),
+        }
+    }
 }
 
 /// A parameter as its class declares it.
@@ -101,6 +124,9 @@ impl Object {
             .map(|(array, size)| Memory::of(array, size));
         let outputs = outputs.collect::<PyResult<_>>()?;
         let seen = Memory::of(&object.getattr("_esc_seen")?, interface.outputs.len())?;
+        let log = Log::new(&setup.name, None);
+        let lines = Lines { log, t: None };
+        object.setattr("_esc_lines", Py::new(py, lines)?)?;
         let function = |name: &str| object.getattr(name).map(Bound::unbind);
         Ok(Object {
             interface,
@@ -111,8 +137,13 @@ impl Object {
             step: function("step")?,
             save: function("_esc_save")?,
             restore: function("_esc_restore")?,
-            terminate: function("terminate")?,
-            now: function("_esc_now")?,
+            terminate: function("_esc_terminate")?,
+            log: object
+                .getattr("_esc_lines")?
+                .cast_into::<Lines>()
+                .map_err(PyErr::from)?
+                .unbind(),
+            has_log: false,
             raised: raised.clone(),
         })
     }
@@ -124,7 +155,14 @@ impl Object {
         text.into()
     }
 
-    fn show_outputs(&self, py: Python<'_>, outputs: &mut Outputs) {
+    /// Before a call at `t`, s.
+    fn show_outputs(&mut self, py: Python<'_>, t: f64, outputs: &mut Outputs) {
+        let mut lines = self.log.borrow_mut(py);
+        lines.t = Some(t);
+        if !std::mem::replace(&mut self.has_log, true) {
+            lines.log = outputs.log_of().clone();
+        }
+        drop(lines);
         // What a step does not write keeps its last value, which another participant may have written.
         let mut seen = [0; 256];
         for (port, memory) in self.outputs.iter().enumerate() {
@@ -225,7 +263,7 @@ impl Participant for Object {
 
     fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
         Python::attach(|py| {
-            self.show_outputs(py, outputs);
+            self.show_outputs(py, t, outputs);
             self.initialise
                 .call1(py, (t,))
                 .map_err(|error| self.failure(py, error))?;
@@ -239,15 +277,27 @@ impl Participant for Object {
             for (port, memory) in self.inputs.iter().enumerate() {
                 memory.put(py, inputs.bytes(port));
             }
-            self.show_outputs(py, outputs);
-            self.step.call1(py, (step.t, step.period)).map_err(|error| {
-                // Only who fails says when; a step that goes well does not look at the time.
-                let _ = self.now.call1(py, (step.t,));
-                self.failure(py, error)
-            })?;
+            self.show_outputs(py, step.t, outputs);
+            let done = self.step.call1(py, (step.t, step.period));
+            done.map_err(|error| self.failure(py, error))?;
             self.take_outputs(py, outputs);
             Ok(())
         })
+    }
+
+    fn terminate(&mut self, why: Termination, log: &Log) {
+        // The interpreter may be on its way out: the run is over, or has gone on without it.
+        let _ = Python::try_attach(|py| {
+            let lines = Lines {
+                log: log.clone(),
+                t: log.time(),
+            };
+            *self.log.borrow_mut(py) = lines;
+            if let Err(error) = self.terminate.call1(py, (why.word(),)) {
+                log.write(format_args!("its `terminate` failed: {}", short(py, &error)));
+                keep(py, error, &self.raised);
+            }
+        });
     }
 
     fn save(&self) -> Option<Vec<u8>> {
@@ -266,16 +316,5 @@ impl Participant for Object {
             let restored = self.restore.call1(py, (PyBytes::new(py, state),));
             restored.map(|_| ()).map_err(|error| self.failure(py, error))
         })
-    }
-}
-
-impl Drop for Object {
-    fn drop(&mut self) {
-        // Nobody waits for what it says: the run is over, or has gone on without it.
-        let _ = Python::try_attach(|py| {
-            if let Err(error) = self.terminate.call0(py) {
-                keep(py, error, &self.raised);
-            }
-        });
     }
 }

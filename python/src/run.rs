@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::PoisonError;
 
 use engine::Progress;
+use engine::campaign::Figures;
 use engine::run::{self as engine_run, Checkpoint, Ending, Options, Outcome, Record, RunFailure};
 use lockstep::time::Rational;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -134,6 +135,7 @@ fn told<'py>(py: Python<'py>, outcome: &Outcome, raised: &Raised) -> PyResult<Bo
         Ending::Failed { .. } => "failed",
     };
     all.set_item("status", status)?;
+    all.set_item("logs", &outcome.logs)?;
     all.set_item("words", outcome.ending.words())?;
     if let Ending::Failed { participant, .. } = &outcome.ending {
         all.set_item("participant", participant)?;
@@ -193,13 +195,13 @@ struct Here<'a>(&'a mut engine_run::Run);
 unsafe impl Send for Here<'_> {}
 
 impl Run {
-    fn mine(&mut self) -> PyResult<&mut engine_run::Run> {
+    pub(crate) fn mine(&mut self) -> PyResult<&mut engine_run::Run> {
         let ended = || PyRuntimeError::new_err("the run has ended: start another one");
         self.run.as_mut().ok_or_else(ended)
     }
 
     /// Does `work` with the interpreter released.
-    fn released<T: Send>(
+    pub(crate) fn released<T: Send>(
         &mut self,
         py: Python<'_>,
         work: impl FnOnce(&mut engine_run::Run) -> Result<T, RunFailure> + Send,
@@ -269,10 +271,35 @@ impl Run {
         Ok((sample.index(), sample.stamp_s(), PyBytes::new(py, sample.bytes())))
     }
 
-    /// The payload's description of an output that has a sample.
-    fn descriptor<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<Bound<'py, PyAny>> {
-        let sample = self.mine()?.newest(port).map_err(|failure| errors::run(py, &failure))?;
-        values::of_json(py, &serde_json::to_value(sample.descriptor()).unwrap_or_default())
+    /// Lets it on until a participant is about to step; whether it has an activation.
+    fn run_before(&mut self, py: Python<'_>, participant: &str) -> PyResult<bool> {
+        self.released(py, |run| run.run_before(participant))
+    }
+
+    /// What an input shows to the activation before which its participant is held: index, instant and payload.
+    fn shown<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<(u64, f64, Bound<'py, PyBytes>)> {
+        let sample = self.mine()?.shown(port).map_err(|failure| errors::run(py, &failure))?;
+        Ok((sample.index(), sample.stamp_s(), PyBytes::new(py, sample.bytes())))
+    }
+
+    /// Gives an output of that activation.
+    fn answer(&mut self, py: Python<'_>, port: &str, payload: &[u8]) -> PyResult<()> {
+        self.mine()?
+            .answer_bytes(port, payload)
+            .map_err(|failure| errors::run(py, &failure))
+    }
+
+    /// The payload's description of a port; None where there is no such port.
+    fn described<'py>(&mut self, py: Python<'py>, port: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let (participant, name) = port.split_once('.').unwrap_or((port, ""));
+        let interface = self.mine()?.interface(participant);
+        let interface = interface.map_err(|failure| errors::run(py, &failure))?;
+        let inputs = interface.inputs.iter().map(|port| (&port.name, &port.descriptor));
+        let mut all = inputs.chain(interface.outputs.iter().map(|port| (&port.name, &port.descriptor)));
+        let found = all.find(|(own, _)| *own == name);
+        found
+            .map(|(_, descriptor)| values::of_json(py, &serde_json::to_value(descriptor).unwrap_or_default()))
+            .transpose()
     }
 
     /// Sets an input that nobody feeds.
@@ -290,6 +317,24 @@ impl Run {
         self.mine()?
             .set_fields(port, &fields)
             .map_err(|failure| errors::run(py, &failure))
+    }
+
+    /// What a participant has said by its log.
+    fn log(&mut self, participant: &str) -> PyResult<String> {
+        Ok(self.mine()?.log(participant))
+    }
+
+    /// The figures called `names` of what has happened so far; None for one that is not known yet.
+    fn figures(&mut self, names: Vec<String>) -> PyResult<Vec<Option<f64>>> {
+        let figures = self.mine()?.figures().map(|figures| Figures::of(&figures));
+        let numbers: Vec<_> = figures.iter().flat_map(Figures::numbers).collect();
+        let value = |name: &String| {
+            let found = numbers
+                .iter()
+                .find(|number| number.key == *name || number.name == *name);
+            found.and_then(|number| number.value)
+        };
+        Ok(names.iter().map(value).collect())
     }
 
     /// The state of everybody.

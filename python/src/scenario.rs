@@ -167,6 +167,11 @@ impl Scenario {
             links.append((from, to, timing.delay.seconds()))?;
         }
         all.set_item("links", links)?;
+        let figures = engine::campaign::figures_of(&self.scenario, &known.plan);
+        all.set_item(
+            "figures",
+            figures.numbers().map(|number| number.name).collect::<Vec<_>>(),
+        )?;
         Ok(all)
     }
 }

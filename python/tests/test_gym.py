@@ -4,10 +4,11 @@ import warnings
 
 import numpy as np
 import pytest
-from conftest import PID
+from conftest import PID, ROOT, SPRING
 
 import escapement as esc
 import pid as loop
+from spring import Spring
 
 gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
@@ -77,9 +78,8 @@ def test_bounds_are_those_of_guards():
     assert one.observation_space.low.tolist() == [-0.5, -np.inf, -np.inf]
     # Who leaves them ends the episode, and the next one begins afresh.
     one.reset()
-    one.step([19.0])
+    assert not one.step([19.0])[2]
     _, _, over, _, info = one.step([21.0])
-    _, _, over, _, info = (None, None, over, None, info) if over else one.step([21.0])
     assert over and "controller" in info["failure"] and "strong" in info["failure"]
     one.reset()
     assert not one.step([1.0])[2]
@@ -97,9 +97,155 @@ def test_environments_side_by_side():
 def test_what_cannot_be_is_refused():
     with pytest.raises(esc.EscapementError, match="no participant `pilot`; there is"):
         Env(PID, "pilot", reward=reward, participants=LOOP)
-    with pytest.raises(esc.EscapementError, match="`plant` is continuous"):
-        Env(PID, "plant", reward=reward, participants=LOOP)
     with pytest.raises(esc.EscapementError, match="has no `push.torque`; it has"):
         Env(PID, "controller", reward=reward, participants=LOOP, ranges={"push.torque": (0, 1)})
     with pytest.raises(esc.EscapementError, match="reset it"):
         env().step([0.0])
+
+
+def played(one, act):
+    seen, _ = one.reset()
+    over = truncated = False
+    while not (over or truncated):
+        seen, _, over, truncated, info = one.step(act(seen))
+    assert truncated, info
+    return one.outcome()
+
+
+def test_agent_with_the_law_of_the_controller_gives_its_tape():
+    integral = [0.0]
+
+    def pid(seen):
+        error = seen[2] - seen[0]
+        wanted = 400.0 * (error + integral[0] / 0.3) - 40.0 * seen[1]
+        force = min(max(wanted, -20.0), 20.0)
+        if force == wanted:
+            integral[0] += 0.005 * error
+        return [force]
+
+    whole = esc.run(PID, participants=LOOP, record="digest", in_process=True)
+    one = env()
+    assert played(one, pid).digest == whole.digest
+    # And again, from the checkpoint of the beginning.
+    integral[0] = 0.0
+    assert played(one, pid).digest == whole.digest
+
+
+def test_agent_in_the_place_of_a_continuous_participant():
+    springs = {"left": Spring, "right": Spring}
+    mass = [0.1, 0.0]
+
+    def spring(seen):
+        acceleration = 5.0 * (seen[0] - mass[0]) - 40.0 * mass[0]
+        mass[1] += 0.001 * acceleration
+        mass[0] += 0.001 * mass[1]
+        return mass
+
+    whole = esc.run(SPRING, participants=springs, record="digest", in_process=True)
+    one = Env(SPRING, "left", reward=lambda *_: 0.0, participants=springs)
+    assert played(one, spring).digest == whole.digest
+    mass[:] = [0.1, 0.0]
+    same = esc.run(SPRING, participants={**springs, "left": Policy.of(one, spring)}, record="digest", in_process=True)
+    assert same.digest == whole.digest
+
+
+def test_rewards_of_figures_add_up_to_those_of_the_run():
+    springs = {"left": Spring, "right": Spring}
+    weights = {"swing": -1.0, "apart": -3.0, "fastest": 0.5}
+    for at in ("step", "end"):
+        one = Env(SPRING, "left", reward=weights, reward_at=at, participants=springs, set={"duration": "2 s"})
+        one.reset()
+        rewards, truncated = [], False
+        while not truncated:
+            _, value, _, truncated, _ = one.step([0.05, 0.0])
+            rewards.append(value)
+        figures = one.outcome().figures
+        assert sum(rewards) == pytest.approx(sum(weight * figures[name] for name, weight in weights.items()), rel=1e-12)
+        assert (len([value for value in rewards if value]) == 1) == (at == "end")
+        # The next episode begins at zero.
+        one.reset()
+        first = one.step([0.05, 0.0])[1]
+        assert first == rewards[0]
+    with pytest.raises(esc.EscapementError, match="no figure `overshoot`; there is `apart`, `fastest`, `swing`"):
+        Env(SPRING, "left", reward={"overshoot": -1.0}, participants=springs)
+    with pytest.raises(esc.EscapementError, match="reward: give a function, or figures"):
+        Env(SPRING, "left", reward={}, participants=springs)
+    with pytest.raises(esc.EscapementError, match='reward_at=.*"step" or "end"'):
+        Env(SPRING, "left", reward=weights, reward_at="last", participants=springs)
+
+
+def test_close_capture_with_an_agent_that_rests():
+    one = Env(ROOT / "scenarios" / "close.toml", "controller", reward=lambda *_: 0.0, set={"duration": "0.2 s"})
+    for _ in range(2):
+        seen, info = one.reset()
+        assert info["t"] == 0.0 and np.isfinite(seen).all()
+        steps = 1
+        while not one.step(np.zeros(one.action_space.shape))[3]:
+            steps += 1
+        assert steps == 20
+
+
+def test_whole_numbers_names_and_truth_values_are_doubles(scenario):
+    import enum
+
+    class Mode(enum.IntEnum):
+        OFF = 0
+        ON = 3
+
+    class Seen(esc.Message):
+        count = esc.Field("1", element="i16", shape=2)
+        mode = esc.Field("1", element=Mode)
+        flag = esc.Field("1", element=bool)
+
+    class World(esc.Participant):
+        back = esc.Input(Seen)
+        seen = esc.Output(Seen)
+
+        def step(self, t, dt):
+            self.seen.count[:] = [-7, 300]
+            self.seen.mode, self.seen.flag = Mode.ON, True
+
+    class Agent(esc.Participant):
+        seen = esc.Input(Seen)
+        back = esc.Output(Seen)
+
+        def step(self, t, dt):
+            pass
+
+    text = """
+duration = "50 ms"
+[participants.world]
+run = { exe = "world" }
+period = "10 ms"
+[participants.agent]
+run = { exe = "agent" }
+period = "10 ms"
+[connections.seen]
+from = "world.seen"
+to = "agent.seen"
+[connections.back]
+from = "agent.back"
+to = "world.back"
+delay = "10 ms"
+"""
+    one = Env(scenario(text), "agent", reward=lambda *_: 0.0, participants={"world": World, "agent": Agent})
+    seen, _ = one.reset()
+    assert seen.tolist() == [-7.0, 300.0, 3.0, 1.0]
+    one.step([5.0, -3.0, 0.0, 1.0])
+    given = one._run.newest("agent.back")
+    assert given.count.tolist() == [5, -3] and given.mode is Mode.OFF or given.mode == 0
+    assert bool(given.flag) is True
+    # A byte that is no value of its type ends the episode.
+    _, _, over, _, info = one.step([0.0, 0.0, 2.0, 0.0])
+    assert over and "agent" in info["failure"] and "mode" in info["failure"]
+
+
+def test_reset_without_states_begins_a_new_run(scenario):
+    class Forgetful(loop.Plant):
+        def save(self):
+            raise RuntimeError("no state")
+
+    one = Env(PID, "controller", reward=reward, participants={**LOOP, "plant": Forgetful}, ranges=RANGES)
+    first = [one.reset()[0].tolist(), *(one.step([5.0])[0].tolist() for _ in range(5))]
+    again = [one.reset()[0].tolist(), *(one.step([5.0])[0].tolist() for _ in range(5))]
+    assert first == again

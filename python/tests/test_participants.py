@@ -315,5 +315,81 @@ def test_terminate_is_called(scenario):
             ended.append(self.name)
 
     esc.run(scenario(ALONE), participants={"tank": Ends})
+    assert ended == ["tank"]
+    # One that is only asked for its ports has no part in a run.
+    esc.Scenario(scenario(ALONE), participants={"tank": Ends}).check()
     gc.collect()
     assert ended == ["tank"]
+
+
+DIARY = '''
+import escapement as esc
+
+
+class Page(esc.Message):
+    number = esc.Field("1", element="u64")
+
+
+class Diary(esc.Participant):
+    page = esc.Output(Page)
+    fails_at = esc.Parameter(default=None, key="fails-at")
+
+    def __init__(self):
+        self.number = 0
+
+    def initialise(self, t):
+        self.log("begins")
+
+    def step(self, t, dt):
+        self.number += 1
+        self.page.number = self.number
+        if self.number == 3:
+            self.log(f"is at page {self.number}")
+        if self.number - 1 == self.fails_at:
+            raise RuntimeError("has no more pages")
+
+    def terminate(self):
+        self.log(f"ends, {self.termination}, at page {self.number}")
+'''
+
+# As in tests/tests/diaries.rs, which has the other languages.
+DIARIES = """
+duration = "50 ms"
+[participants.first]
+run = { exe = "python3", args = ["-m", "escapement.host", "diary.py:Diary"] }
+period = "10 ms"
+[participants.second]
+run = { exe = "python3", args = ["-m", "escapement.host", "diary.py:Diary"] }
+period = "20 ms"
+"""
+BEGINS = "first at t = 0 s: begins\nfirst at t = 0.02 s: is at page 3\n"
+
+
+@pytest.mark.parametrize("here", [True, False])
+def test_log_and_end_are_as_in_other_languages(scenario, tmp_path, here):
+    (tmp_path / "diary.py").write_text(DIARY)
+    path = scenario(DIARIES.replace("python3", sys.executable))
+    run = esc.run(path, in_process=here, out=tmp_path / "run")
+    assert run.log("first") == BEGINS + "first at t = 0.05 s: ends, finished, at page 5\n"
+    fault = f'at=30ms,substitute=first,state=keep,run={{ exe = "{sys.executable}", args = ["-m", "escapement.host", "diary.py:Diary"] }}'
+    run = esc.run(path, in_process=here, out=tmp_path / "replaced", faults=[fault])
+    logs = run.log("first") + ("" if here else run.log("first.1"))
+    newcomer = "first at t = 0.03 s: begins\nfirst at t = 0.05 s: ends, finished, at page 5\n"
+    assert logs == BEGINS + "first at t = 0.03 s: ends, replaced, at page 3\n" + newcomer
+    with pytest.raises(esc.RunError) as raised:
+        esc.run(path, in_process=here, out=tmp_path / "failed", set={"participants.second.parameters.fails-at": 1})
+    own = [line for line in raised.value.run.log("second").splitlines() if line.startswith("second at t = ")]
+    assert own == ["second at t = 0 s: begins", "second at t = 0.02 s: ends, stopped, at page 2"]
+    first = raised.value.run.log("first")
+    assert first.count("ends, ") == 1
+
+
+def test_log_without_a_folder(scenario, tmp_path):
+    (tmp_path / "diary.py").write_text(DIARY)
+    path = scenario(DIARIES)
+    told = esc.run(path, in_process=True, record="digest")
+    assert told.log("first") == BEGINS + "first at t = 0.05 s: ends, finished, at page 5\n"
+    with esc.Run(path, in_process=True) as run:
+        run.run_to("30 ms")
+        assert run.log("first") == BEGINS
+        assert run.log("nobody") == ""

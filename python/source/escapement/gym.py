@@ -1,6 +1,7 @@
 """A scenario as an environment of gymnasium: an agent takes a participant's place."""
 
 import math
+from collections.abc import Mapping
 
 import gymnasium
 import numpy as np
@@ -14,89 +15,94 @@ from .scenarios import Scenario
 
 
 class Env(gymnasium.Env):
-    """The scenario with `agent` in the place of a participant.
+    """The scenario with an agent in the place of the participant `agent`.
 
     An observation is what the participant's inputs show at an activation, an action what its outputs give, each as a flat array of
-    doubles in the order of ports and fields. **An action is given out at the activation after the one whose inputs it was chosen
-    from**: one period of the participant lies between seeing and acting, as in a controller that takes its period to compute. `Policy`
-    makes of a function the participant that acts in the same way, so that a run of it has the tape of the episode.
+    doubles in the order of ports and fields. **An action is given out at the very activation whose inputs it was chosen from**, as the
+    participant itself would: of a sampled participant at that instant, of a continuous one a period later. So an agent that follows the
+    participant's law gives the tape of the run with the participant, byte for byte. The participant stays in its place where it can run in this
+    process, and is never stepped: a continuous one gives its first sample.
 
-    `reward(observation, action, t)` gives a number, `terminated(observation, t)` says whether the episode is over. It is truncated at the
-    scenario's end. A participant that fails, or a guard that is violated, terminates it with the reason in `info["failure"]`. Bounds of
+    `reward(observation, action, t)` gives a number. Or `reward` names figures of the scenario with weights: `{"overshoot": -1.0}`. Then a step is
+    rewarded by what it adds to their weighted sum, so an episode adds up to the sum of the whole run; a figure that is not known yet counts as
+    zero. With `reward_at="end"` all of it comes with the last step.
+
+    `terminated(observation, t)` says whether the episode is over. It is truncated at the scenario's end: the last observation is the one
+    before. A participant that fails, or a guard that is violated, terminates it with the reason in `info["failure"]`. Bounds of
     the spaces are those of the guards, and of `ranges`: `{"push.force": (-20.0, 20.0)}`, by port and field of the participant; others are
     infinite.
 
-    `reset()` goes back to a checkpoint in memory; `reset(seed=…)` begins a run with another seed of the scenario.
+    `reset()` goes back to a checkpoint in memory, or begins a new run where a participant cannot be saved; `reset(seed=…)` begins a run with
+    another seed of the scenario.
     """
 
     metadata = {"render_modes": []}
 
-    def __init__(self, scenario, agent, *, reward, terminated=None, ranges=None, set=None, participants=None, faults=()):
+    def __init__(self, scenario, agent, *, reward, reward_at="step", terminated=None, ranges=None, set=None, participants=None, faults=()):
         if not isinstance(scenario, Scenario):
             scenario = Scenario(scenario, set=set, participants=participants, faults=faults)
         elif set or participants or faults:
             raise EscapementError("`set`, `participants` and `faults` belong to a scenario that is read here: give them to Scenario(…)")
-        known = scenario.check()["participants"]
+        checked = scenario.check()
+        known = checked["participants"]
         if agent not in known:
             raise EscapementError(f"there is no participant `{agent}`; there is {', '.join(f'`{name}`' for name in known)}")
-        self.agent, self._reward, self._terminated = agent, reward, terminated
+        self.agent, self._terminated = agent, terminated
         self._seat = known[agent]
-        if self._seat["kind"] != "sampled":
-            raise EscapementError(f"`{agent}` is continuous: an agent takes the place of a sampled participant")
         table = scenario.to_dict()
         self._parameters = list(table["participants"][agent].get("parameters", {}))
         bounds = _bounds(table, agent, known, ranges or {})
-        self._seen, self._given = _layout(self._seat["inputs"]), _layout(self._seat["outputs"])
-        if not self._given:
+        seen, given = _layout(self._seat["inputs"]), _layout(self._seat["outputs"])
+        if not given:
             raise EscapementError(f"`{agent}` has no output: an agent acts by its outputs")
-        self.observation_space = _space(self._seen, bounds)
-        self.action_space = _space(self._given, bounds)
+        self.observation_space = _space(seen, bounds)
+        self.action_space = _space(given, bounds)
+        # What the agent sees and gives: the module reads and writes these arrays.
+        self.seen, self.action = np.zeros(self.observation_space.shape), np.zeros(self.action_space.shape)
+        self._reward = reward if callable(reward) else _Figures(reward, reward_at, checked["figures"])
+        if callable(reward) and reward_at != "step":
+            raise EscapementError(f"reward_at={reward_at!r} goes with figures: a function is asked at every step")
+        places = scenario._participants
+        if not scenario._native.runs_here():
+            places = {**places, agent: _class_of(self._seat, self._parameters)}
         self._scenario = Scenario(
-            scenario.file,
-            set=scenario._sets,
-            participants={**scenario._participants, agent: _seat_of(self, self._seat, self._parameters)},
-            faults=scenario._faults,
-            text=scenario._text,
+            scenario.file, set=scenario._sets, participants=places, faults=scenario._faults, text=scenario._text
         )
         (period, offset) = self._scenario._native.timing(agent)
         # Instants as whole numbers of a common part of a second.
         self._parts = math.lcm(period[1], offset[1])
         self._period, self._offset = (part[0] * (self._parts // part[1]) for part in (period, offset))
-        self._run = self._start = None
+        self._run = self._start = self._native = self._on = None
         self._run_seed = self._scenario.seed
         self._steps = 0
-
-    def _behind(self, step):
-        """Just behind activation `step`, before any other instant: the plan rounds up to its own tick."""
-        return f"{2 * (self._offset + step * self._period) + 1}/{2 * self._parts} s"
-
-    def _t(self):
-        return (self._offset + self._steps * self._period) / self._parts
 
     def reset(self, *, seed=None, options=None):
         """Back to the beginning; with a seed, the beginning of a run with that seed."""
         super().reset(seed=seed)
-        if seed is not None and seed != self._run_seed or self._run is None:
+        if (seed is not None and seed != self._run_seed) or self._start is None:
             self.close()
             if seed is not None:
                 self._scenario.set("seed", int(seed))
                 self._run_seed = seed
-            self.action = np.zeros(self.action_space.shape)
             self._run = Run(self._scenario, in_process=True, record="memory")
-            self._run._native.run_to(self._behind(0))
-            self._start = self._run.save()
+            self._native = self._run._native
+            self._on = _native.Agent(self._native, self.agent, self.seen, self.action).on
+            try:
+                self._start = self._run.save()
+            except RunError:
+                # Then every episode is a new run.
+                self._start = None
         else:
-            self.action = np.zeros(self.action_space.shape)
             self._run.restore(self._start)
+        self.action[:] = 0.0
         self._steps = 0
-        return self._first(), {"t": self._t()}
-
-    def _first(self):
-        # What the first activation saw: going back brings the participant's state back, not what its ports showed.
-        if not hasattr(self, "_first_seen") or self._first_of is not self._start:
-            self._first_seen, self._first_of = self.seen.copy(), self._start
-        self.seen[:] = self._first_seen
-        return self._first_seen.copy()
+        if isinstance(self._reward, _Figures):
+            self._reward.begin()
+        t = self._on(self._native, False)
+        if t is None:
+            self.close()
+            raise EscapementError(f"`{self.agent}` has no activation before the end of the scenario")
+        return self.seen.copy(), {"t": t}
 
     def step(self, action):
         """Acts, and lets everybody on to the next activation."""
@@ -104,43 +110,104 @@ class Env(gymnasium.Env):
             raise EscapementError("the environment is not begun, or its run has failed: reset it")
         self.action[:] = action
         self._steps += 1
-        info = {"t": self._t()}
-        failed = truncated = False
         try:
-            if info["t"] >= self._scenario.duration:
-                truncated = True
-            else:
-                self._run._native.run_to(self._behind(self._steps))
+            t = self._on(self._native, True)
         except RunError as error:
-            failed, info["failure"] = True, str(error)
-            self.close()
+            return self._failed(error)
+        truncated = t is None
+        if truncated:
+            t = (self._offset + self._steps * self._period) / self._parts
         seen = self.seen.copy()
-        over = failed or bool(self._terminated and self._terminated(seen, info["t"]))
-        return seen, float(self._reward(seen, self.action, info["t"])), over, truncated, info
+        over = self._terminated is not None and bool(self._terminated(seen, t))
+        return seen, self._value(seen, t, over or truncated), over, truncated, {"t": t}
+
+    def _value(self, seen, t, last):
+        if isinstance(self._reward, _Figures):
+            return self._reward.after(self._native, last)
+        return float(self._reward(seen, self.action, t))
+
+    def _failed(self, error):
+        if self._run._interrupt.asked():
+            raise KeyboardInterrupt from None
+        t = (self._offset + self._steps * self._period) / self._parts
+        seen = self.seen.copy()
+        value = self._value(seen, t, True)
+        self.close()
+        return seen, value, True, False, {"t": t, "failure": str(error)}
+
+    def outcome(self):
+        """Ends the run of this episode where it is, and gives what it is judged by: figures, and the digest of its tape. `reset` begins another."""
+        if self._run is None:
+            raise EscapementError("the environment is not begun, or its run has failed: reset it")
+        run, self._run = self._run, None
+        self.close()
+        return run.end()
 
     def close(self):
         """Ends the run."""
         if self._run is not None:
-            self._run._native.close()
-            self._run = self._start = None
+            self._native.close()
+        self._run = self._start = self._native = self._on = None
+
+
+class _Figures:
+    """A reward that is made of figures."""
+
+    def __init__(self, weights, at, known):
+        if not isinstance(weights, Mapping) or not weights:
+            raise EscapementError("reward: give a function, or figures with weights such as {\"overshoot\": -1.0}")
+        for name in weights:
+            if name not in known:
+                there = ", ".join(f"`{one}`" for one in known) or "none: declare measures"
+                raise EscapementError(f"reward: the scenario has no figure `{name}`; there is {there}")
+        if at not in ("step", "end"):
+            raise EscapementError(f'reward_at={at!r}: write "step" or "end"')
+        self._names, self._weights = list(weights), [float(weight) for weight in weights.values()]
+        self._at_end = at == "end"
+        self.begin()
+
+    def begin(self):
+        self._before = 0.0
+
+    def after(self, run, last):
+        if self._at_end and not last:
+            return 0.0
+        values = zip(self._weights, run.figures(self._names))
+        now = math.fsum(weight * value for weight, value in values if value is not None)
+        added, self._before = now - self._before, now
+        return added
 
 
 class Policy:
-    """`Policy.of(env, function)`: a participant that acts as an agent in `env` does whose actions are `function(observation)`."""
+    """`Policy.of(env, function)`: the participant that acts as an agent in `env` whose actions are `function(observation)`."""
 
     @staticmethod
     def of(env, function):
         """The class; give it as the participant's place in `run`."""
+        first = _first_sample(env) if env._seat["kind"] == "continuous" else None
 
         class Acts(_class_of(env._seat, env._parameters)):
             def __init__(self):
-                self.action = np.zeros(env.action_space.shape)
+                self.seen = np.empty(env.observation_space.shape)
+
+            def initialise(self, t):
+                if first is not None:
+                    self._give(first)
 
             def step(self, t, dt):
-                self._give(self.action)
-                self.action = np.asarray(function(self._see(np.empty(env.observation_space.shape))), dtype=float)
+                self._give(np.asarray(function(self._see(self.seen).copy()), dtype=float))
 
         return Acts
+
+
+def _first_sample(env):
+    """What a continuous participant gives before its first activation, as a flat array."""
+    values = []
+    with Run(env._scenario, in_process=True, record="memory") as run:
+        for port in env._seat["outputs"]:
+            sample = run.newest(f"{env.agent}.{port}").message
+            values += [np.asarray(sample[part], dtype=float).reshape(-1) for part in sample.fields]
+    return np.concatenate(values)
 
 
 def _layout(ports):
@@ -223,24 +290,5 @@ def _class_of(seat, parameters):
         for view, place in self.__dict__["_esc_out"]:
             view[...] = flat[place]
 
-    space.update(_see=see, _give=give, step=lambda self, t, dt: None)
+    space.update(kind=seat["kind"], _see=see, _give=give, step=lambda self, t, dt: None)
     return type("Seat", (Participant,), space)
-
-
-def _seat_of(env, seat, parameters):
-    """The participant through which an agent sees and acts."""
-    env.seen = np.zeros(sum(count for _, _, count in env._seen))
-    env.action = np.zeros(sum(count for _, _, count in env._given))
-
-    class Agent(_class_of(seat, parameters)):
-        def step(self, t, dt):
-            self._give(env.action)
-            self._see(env.seen)
-
-        def save(self):
-            return b""
-
-        def restore(self, state):
-            pass
-
-    return Agent

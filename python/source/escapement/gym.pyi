@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from . import Participant, Scenario
+from . import Outcome, Participant, Scenario
 
 _Array = npt.NDArray[np.float64]
 
@@ -19,7 +19,8 @@ class Env(gymnasium.Env[_Array, _Array]):
         scenario: str | PathLike[str] | Scenario,
         agent: str,
         *,
-        reward: Callable[[_Array, _Array, float], float],
+        reward: Callable[[_Array, _Array, float], float] | Mapping[str, float],
+        reward_at: str = "step",
         terminated: Callable[[_Array, float], bool] | None = None,
         ranges: Mapping[str, tuple[Any, Any]] | None = None,
         set: Mapping[str, Any] | None = None,
@@ -28,6 +29,7 @@ class Env(gymnasium.Env[_Array, _Array]):
     ) -> None: ...
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[_Array, dict[str, Any]]: ...
     def step(self, action: Any) -> tuple[_Array, float, bool, bool, dict[str, Any]]: ...
+    def outcome(self) -> Outcome: ...
     def close(self) -> None: ...
 
 class Policy:

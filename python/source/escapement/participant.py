@@ -116,7 +116,8 @@ class Participant:
             _making, "setup", _NOBODY
         )
         self.__dict__["_esc_name"] = name or cls.__name__
-        self.__dict__["_esc_t"] = 0.0
+        self.__dict__["_esc_lines"] = None
+        self.__dict__["_esc_termination"] = None
         for key, port in cls._esc_ports.items():
             message = port.message.__new__(port.message)
             message._open(port.is_input)
@@ -143,7 +144,21 @@ class Participant:
         raise NotImplementedError
 
     def terminate(self):
-        """Called when the run is over for it."""
+        """Called once when its part in the run is over, also when something has failed; `self.termination` says why."""
+
+    termination = property(
+        operator.attrgetter("_esc_termination"),
+        doc='Why its part in the run is over: "finished" (it has done all of its activations), "stopped" (the run ends before that) or '
+        '"replaced" (another one takes its place); None before.',
+    )
+
+    def log(self, text):
+        """Writes a line into its log, with the simulated time: in `initialise`, `step` and `terminate`."""
+        if self._esc_lines is None:
+            # It is in no run.
+            print(f"{self.name}: {text}", file=sys.stderr)
+        else:
+            self._esc_lines.write(str(text))
 
     def uniform(self, stream, index):
         """A number in [0, 1): the same in every run with this seed, whatever was drawn before."""
@@ -207,8 +222,9 @@ class Participant:
     def _esc_restore(self, state):
         self.restore(state)
 
-    def _esc_now(self, t):
-        self.__dict__["_esc_t"] = t
+    def _esc_terminate(self, why):
+        self.__dict__["_esc_termination"] = why
+        self.terminate()
 
 
 class _Unpickler(pickle.Unpickler):

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from . import _native, _program, participant as _participant
-from .errors import EscapementError, MessageError, RunError, ScenarioWarning
+from .errors import EscapementError, MessageError, PortError, RunError, ScenarioWarning
 from .message import Message
 from .scenarios import Scenario
 from .tape import RunFolder
@@ -157,10 +157,14 @@ def _keep_in_log(folder, name, cause):
 class Outcome:
     """What became of a run without a folder: `figures`, `summary`, `verdict`, `digest`."""
 
-    def __init__(self, summary):
-        self.summary = summary
+    def __init__(self, summary, logs=()):
+        self.summary, self._logs = summary, dict(logs)
 
     verdict, digest, figures, criteria = (vars(RunFolder)[name] for name in ("verdict", "digest", "figures", "criteria"))
+
+    def log(self, participant):
+        """What a participant has said by `log`, the newest 64 KiB at least; empty for one that has said nothing."""
+        return self._logs.get(participant, "")
 
     def __repr__(self):
         return f"Outcome({self.verdict}: {self.figures})"
@@ -214,7 +218,7 @@ def _run(scenario, how, progress):
     with _Interruptible(interrupt):
         told = _native.run(scenario._native, how, line, interrupt)
     folder = _concluded(told)
-    return folder if folder is not None else Outcome(told["summary"])
+    return folder if folder is not None else Outcome(told["summary"], told["logs"])
 
 
 class Sample:
@@ -278,11 +282,43 @@ class Run:
     def newest(self, port):
         """The newest sample of `PARTICIPANT.OUTPUT`."""
         index, t, payload = self._native.newest(port)
-        if port not in self._messages:
-            self._messages[port] = Message.of(self._native.descriptor(port))
-        message = self._messages[port]()
+        message = self._message_of(port)()
         message._set_bytes(payload)
         return Sample(index, t, message)
+
+    def run_before(self, participant):
+        """Lets the run on until `participant` is about to step: it has the inputs of its next activation (`shown`), and its outputs can be given
+        in its place (`answer`). False when it has no activation any more: then the run has come to its end."""
+        with _Interruptible(self._interrupt):
+            try:
+                return self._native.run_before(participant)
+            except RunError:
+                if self._interrupt.asked():
+                    raise KeyboardInterrupt from None
+                raise
+
+    def shown(self, port):
+        """What `PARTICIPANT.INPUT` shows to the activation before which the participant is held."""
+        index, t, payload = self._native.shown(port)
+        message = self._message_of(port)()
+        message._set_bytes(payload)
+        return Sample(index, t, message)
+
+    def answer(self, port, message=None, **fields):
+        """Gives `PARTICIPANT.OUTPUT` of that activation: a message, or its fields by name. The participant is not stepped then."""
+        if message is None:
+            message = self._message_of(port)(**fields)
+        elif not isinstance(message, Message) or fields:
+            raise MessageError(f"`{port}`: give a message, or fields by name")
+        self._native.answer(port, bytes(message))
+
+    def _message_of(self, port):
+        if port not in self._messages:
+            descriptor = self._native.described(port)
+            if descriptor is None:
+                raise PortError(f"there is no port `{port}`")
+            self._messages[port] = Message.of(descriptor)
+        return self._messages[port]
 
     def set(self, port, message=None, **fields):
         """Sets `PARTICIPANT.INPUT`, which nobody feeds: a message, or its fields by name. Fields that are not named are zero."""
@@ -293,6 +329,10 @@ class Run:
             return
         values = [(name, np.asarray(value, dtype=float).ravel().tolist()) for name, value in fields.items()]
         self._native.set_fields(port, values)
+
+    def log(self, participant):
+        """What a participant has said by its log so far, the newest 64 KiB at least."""
+        return self._native.log(participant)
 
     def save(self):
         """The state of everybody, in memory."""
@@ -306,7 +346,7 @@ class Run:
         """Ends it. Gives the run folder, or the outcome where there is none."""
         told = self._native.end()
         folder = _concluded(told)
-        return folder if folder is not None else Outcome(told["summary"])
+        return folder if folder is not None else Outcome(told["summary"], told["logs"])
 
     def __enter__(self):
         return self

@@ -1,0 +1,152 @@
+//! An agent in a participant's place: what it sees and what it gives as flat arrays of doubles, one call for each activation.
+
+use lockstep::port::{Descriptor, Element};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::errors;
+use crate::memory::Memory;
+use crate::run::Run;
+
+/// Elements that stand side by side in a payload, and their places in a flat array.
+struct Piece {
+    element: Element,
+    /// In the payload, bytes.
+    offset: usize,
+    /// In the array.
+    at: usize,
+    count: usize,
+}
+
+/// The pieces of each port, with the number of all elements. Doubles that stand side by side are one piece.
+fn pieces<'a>(ports: impl Iterator<Item = &'a Descriptor>) -> (Vec<Vec<Piece>>, usize) {
+    let mut at = 0;
+    let all = ports.map(|descriptor| {
+        let mut own: Vec<Piece> = Vec::new();
+        for field in &descriptor.fields {
+            let (range, count) = (field.range(), field.len());
+            match own.last_mut() {
+                Some(last)
+                    if last.element == field.element
+                        && last.offset + last.count * last.element.size() == range.start =>
+                {
+                    last.count += count;
+                }
+                _ => own.push(Piece {
+                    element: field.element,
+                    offset: range.start,
+                    at,
+                    count,
+                }),
+            }
+            at += count;
+        }
+        own
+    });
+    (all.collect(), at)
+}
+
+impl Piece {
+    /// From a payload to doubles, as bytes.
+    fn see(&self, payload: &[u8], flat: &mut [u8]) {
+        let size = self.element.size();
+        let from = &payload[self.offset..self.offset + self.count * size];
+        let to = &mut flat[8 * self.at..8 * (self.at + self.count)];
+        if self.element == Element::F64 {
+            to.copy_from_slice(from);
+            return;
+        }
+        for (from, to) in from.chunks_exact(size).zip(to.chunks_exact_mut(8)) {
+            to.copy_from_slice(&self.element.to_f64(from).to_ne_bytes());
+        }
+    }
+
+    /// From doubles, as bytes, to a payload.
+    fn give(&self, flat: &[u8], payload: &mut [u8]) {
+        let size = self.element.size();
+        let to = &mut payload[self.offset..self.offset + self.count * size];
+        let from = &flat[8 * self.at..8 * (self.at + self.count)];
+        if self.element == Element::F64 {
+            to.copy_from_slice(from);
+            return;
+        }
+        for (from, to) in from.as_chunks::<8>().0.iter().zip(to.chunks_exact_mut(size)) {
+            self.element.put(f64::from_ne_bytes(*from), to);
+        }
+    }
+}
+
+/// The place of a participant in a run, for an agent.
+#[pyclass(unsendable, module = "escapement._native")]
+pub(crate) struct Agent {
+    name: String,
+    inputs: Vec<Vec<Piece>>,
+    outputs: Vec<Vec<Piece>>,
+    /// A payload of each output.
+    payloads: Vec<Vec<u8>>,
+    seen: Memory,
+    action: Memory,
+    /// What is in `seen` and `action`, on this side.
+    flat: (Vec<u8>, Vec<u8>),
+}
+
+#[pymethods]
+impl Agent {
+    /// In the place of participant `name` of `run`. Inputs are shown in the array `seen`, outputs taken from the array `action`.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        run: &Bound<'_, Run>,
+        name: String,
+        seen: &Bound<'_, PyAny>,
+        action: &Bound<'_, PyAny>,
+    ) -> PyResult<Agent> {
+        let mut run = run.borrow_mut();
+        let interface = run
+            .mine()?
+            .interface(&name)
+            .map_err(|failure| errors::run(py, &failure))?;
+        let (inputs, shown) = pieces(interface.inputs.iter().map(|port| &port.descriptor));
+        let (outputs, given) = pieces(interface.outputs.iter().map(|port| &port.descriptor));
+        let sizes = interface.outputs.iter().map(|port| port.descriptor.size as usize);
+        Ok(Agent {
+            payloads: sizes.map(|size| vec![0; size]).collect(),
+            seen: Memory::of_doubles(seen, shown)?,
+            action: Memory::of_doubles(action, given)?,
+            flat: (vec![0; 8 * shown], vec![0; 8 * given]),
+            name,
+            inputs,
+            outputs,
+        })
+    }
+
+    /// To the participant's next activation: its instant, s, with what it sees in the array; None when there is none any more. With `acts` the
+    /// activation before which it stands gives out what is in the array.
+    fn on(&mut self, py: Python<'_>, run: &Bound<'_, Run>, acts: bool) -> PyResult<Option<f64>> {
+        let mut run = run.borrow_mut();
+        if acts {
+            self.action.take(py, &mut self.flat.1);
+            for (number, (pieces, payload)) in self.outputs.iter().zip(&mut self.payloads).enumerate() {
+                pieces.iter().for_each(|piece| piece.give(&self.flat.1, payload));
+                let given = run.mine()?.answer_at(number, payload);
+                if !given.map_err(|failure| errors::run(py, &failure))? {
+                    return Err(PyValueError::new_err(format!(
+                        "`{}` does not stand before an activation",
+                        self.name
+                    )));
+                }
+            }
+        }
+        let name = self.name.as_str();
+        if !run.released(py, |run| run.run_before(name))? {
+            return Ok(None);
+        }
+        let own = run.mine()?;
+        for (number, pieces) in self.inputs.iter().enumerate() {
+            let payload = own.shown_at(number).unwrap_or_default();
+            pieces.iter().for_each(|piece| piece.see(payload, &mut self.flat.0));
+        }
+        self.seen.put(py, &self.flat.0);
+        Ok(Some(own.now_s()))
+    }
+}
