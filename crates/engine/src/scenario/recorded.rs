@@ -207,7 +207,7 @@ mod tests {
             ("b.seen.u", RecordSpec::Nothing),
             ("b.seen.v", RecordSpec::Whole),
         ];
-        let record = record.map(|(key, part)| (key.to_owned(), part)).into_iter().collect();
+        let record: Entries<RecordSpec> = record.map(|(key, part)| (key.to_owned(), part)).into_iter().collect();
         let left_out = |path: &str| {
             let (participant, rest) = path.split_once('.').unwrap();
             leaves_out(&record, participant, rest)
