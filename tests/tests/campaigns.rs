@@ -103,8 +103,7 @@ fn the_table_does_not_depend_on_the_number_of_workers_or_on_interruptions() {
 
     // interrupted after its first result, and once more killed outright
     let stopped = out("stopped");
-    // one after the other: side by side they would all end at once
-    let alone = ["--workers", "1", "--lanes", "1"];
+    let alone = ["--workers", "1", "--lanes", "1"]; // side by side they would all end at once
     let arguments = [&["sweep", CLOSE, "--out", text(&stopped)], &alone[..], &vary[..]].concat();
     let lines = || {
         let journal = std::fs::read(stopped.join("results.jsonl")).unwrap_or_default();
@@ -169,8 +168,7 @@ fn a_worker_that_is_killed_costs_its_point_alone_and_that_is_run_again() {
         text(&out),
         "--workers",
         "1",
-        "--lanes",
-        "1",
+        "--lanes=1",
         "--vary",
         "seed=1..4",
         "--json",
