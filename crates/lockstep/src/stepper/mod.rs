@@ -99,11 +99,8 @@ impl Stepper {
                 SeenState::new(seen, descriptor, assignment.timebase)
             })
             .collect();
-        let senders = ends
-            .senders
-            .into_iter()
-            .zip(&assignment.outputs)
-            .zip(&interface.outputs);
+        let senders = ends.senders.into_iter().zip(&assignment.outputs);
+        let senders = senders.zip(&interface.outputs);
         let outputs = senders.map(|((senders, output), port)| OutputState {
             stream: output.stream,
             observed: output.observed,
