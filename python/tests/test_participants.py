@@ -381,7 +381,8 @@ def test_log_and_end_are_as_in_other_languages(scenario, tmp_path, here):
     own = [line for line in raised.value.run.log("second").splitlines() if line.startswith("second at t = ")]
     assert own == ["second at t = 0 s: begins", "second at t = 0.02 s: ends, stopped, at page 2"]
     first = raised.value.run.log("first")
-    assert first.count("ends, ") == 1
+    # In a process of its own it may not have begun by then: such a one is told nothing.
+    assert first.count("ends, ") == first.count("begins") <= 1 and (not here or "ends, stopped" in first)
 
 
 def test_log_without_a_folder(scenario, tmp_path):
