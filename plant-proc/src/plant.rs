@@ -2,9 +2,8 @@
 
 use interfaces::{CameraPose, Command, Couples, Housekeeping, Measured, TargetState, Truth};
 use lockstep::participant::{
-    Failure, Inputs, Interface, Kind, Member, Outputs, ParameterError, Participant, Setup, Step,
+    Failure, Inputs, Interface, Kind, Member, Outputs, ParameterError, Participant, Setup, Step, state,
 };
-use lockstep::wire;
 use multibody::{Method, Quaternion, rotation};
 use nalgebra::Vector3;
 
@@ -290,32 +289,27 @@ impl Participant for Plant {
     }
 
     fn save(&self) -> Option<Vec<u8>> {
-        let saved = Saved::of(
-            &self.motion,
-            &self.target,
-            &self.forces,
-            (self.actuators.state(), self.sensors.state()),
-            &self.books,
-            self.grasp.as_ref(),
-            self.teller.last,
-        );
-        wire::encode("the plant's state", &saved).ok()
+        state::to_bytes(&Saved {
+            motion: self.motion,
+            target: self.target,
+            forces: self.forces,
+            actuators: self.actuators.state(),
+            sensors: self.sensors.state(),
+            books: self.books,
+            grasp: self.grasp,
+            signs: self.teller.last,
+        })
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
-        let saved: Saved = wire::decode("the plant's state", state)?;
-        let (motion, target) = saved
-            .motion()
-            .ok_or("the state is of a plant with another number of joints")?;
-        let grasp = saved.grasp();
-        match (&grasp, &self.grasp) {
+        let saved: Saved = state::from_bytes(state)?;
+        match (&saved.grasp, &self.grasp) {
             (Some(grasp), None) => self.model.restore_grasp(&grasp.held),
             (None, None) => {}
             _ => return Err("a plant that has grasped its target cannot be restored: start a new one".into()),
         }
-        (self.motion, self.target, self.grasp) = (motion, target, grasp);
-        self.forces = saved.forces();
-        self.books = saved.books();
+        (self.motion, self.target, self.grasp) = (saved.motion, saved.target, saved.grasp);
+        (self.forces, self.books) = (saved.forces, saved.books);
         self.actuators.restore(&saved.actuators);
         self.sensors.restore(&saved.sensors);
         self.teller.last = saved.signs;

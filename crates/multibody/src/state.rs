@@ -4,9 +4,14 @@ use crate::description::Placement;
 use crate::num::Number;
 use crate::rotation::Quaternion;
 use nalgebra::{SVector, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// State of a [`Tree<N, V>`](crate::Tree).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "T: nalgebra::Scalar + Serialize",
+    deserialize = "T: nalgebra::Scalar + Deserialize<'de>"
+))]
 pub struct State<const N: usize, const V: usize, T = f64> {
     /// Base origin in the world, `p_NB` (N axes, m).
     pub p_nb: Vector3<T>,

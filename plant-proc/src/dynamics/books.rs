@@ -2,11 +2,12 @@
 
 use multibody::{Kinematics, Momentum};
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 use super::{COORDINATES, Model, Motion, Target, VELOCITIES};
 
 /// Momentum and energy of servicer, wheels and target at an instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Totals {
     /// Linear momentum, world axes, kg m/s.
     pub linear: Vector3<f64>,
@@ -17,7 +18,7 @@ pub struct Totals {
 }
 
 /// What was there at the start, and what has gone since in ways that are no step of the integrator.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Books {
     /// At the first instant.
     pub start: Totals,

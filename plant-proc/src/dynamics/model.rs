@@ -6,6 +6,7 @@ use interfaces::files;
 use lockstep::participant::ParameterError;
 use multibody::{Description, FrameId, Inertia, Kinematics, Placement, Quaternion, rotation};
 use nalgebra::{Matrix3, Rotation3, SMatrix, UnitQuaternion, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::sphere::{Sphere, across};
 use super::{COORDINATES, Generalised, Motion, Servicer, SloshModel, Target, TargetTree, Tree, VELOCITIES};
@@ -30,7 +31,7 @@ pub struct Model {
 }
 
 /// How the gripper holds the target, and what closing it cost.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Grasp {
     /// Pose of the target's body frame in the end effector's.
     pub held: Placement,

@@ -1,12 +1,17 @@
 //! What is integrated, and what acts on it over a step.
 
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
 use super::{Bob, COORDINATES, VELOCITIES};
 use crate::actuators::THRUSTERS;
 
 /// Everything that is integrated.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "T: nalgebra::Scalar + Serialize",
+    deserialize = "T: nalgebra::Scalar + Deserialize<'de>"
+))]
 pub struct Motion<T = f64> {
     /// The servicer.
     pub servicer: multibody::State<COORDINATES, VELOCITIES, T>,
@@ -25,7 +30,11 @@ pub struct Motion<T = f64> {
 }
 
 /// What the actuators do over a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "T: nalgebra::Scalar + Serialize",
+    deserialize = "T: nalgebra::Scalar + Deserialize<'de>"
+))]
 pub struct Forces<T = f64> {
     /// Torque of the wheels, base axes, N m: on the base where the gyroscopic torque is compensated, of the motors elsewhere.
     pub wheel_torque: Vector3<T>,

@@ -9,6 +9,7 @@ use multibody::{
     from_two_hinges,
 };
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::{Generalised, Servicer, VELOCITIES};
 
@@ -16,7 +17,11 @@ use super::{Generalised, Servicer, VELOCITIES};
 const RIGID: usize = 6 + JOINTS;
 
 /// The state of the bob.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "T: nalgebra::Scalar + Serialize",
+    deserialize = "T: nalgebra::Scalar + Deserialize<'de>"
+))]
 pub struct Bob<T = f64> {
     /// Unit vector from hinge to bob, base axes; zero while the pendulum has hinges.
     pub d: Vector3<T>,

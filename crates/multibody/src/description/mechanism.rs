@@ -1,12 +1,13 @@
 //! Links, joints and the mechanism that they make.
 
 use nalgebra::{Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use super::fault::DescriptionError;
 
 /// Pose of a frame B in a frame A: `p_AB` (A axes, m) and `R_AB`, so that a point's coordinates map as
 /// `p_AP = p_AB + R_AB p_BP`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
     /// Position of B's origin in A axes (m).
     pub p: Vector3<f64>,
