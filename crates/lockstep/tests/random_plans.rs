@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Shared, World, reference, worlds};
-use lockstep::executor::{InLoop, assemble, run_in_threads};
+use lockstep::executor::{InLoop, Reach, assemble, run_in_threads};
 use lockstep::participant::Participant;
 use lockstep::plan::{Cut, Observed, Plan, PlanError};
 use proptest::prelude::*;
@@ -84,7 +84,7 @@ proptest! {
             for _ in 0..times {
                 let before = run.steppers()[number].next_activation();
                 let was_held = run.steppers()[number].is_held();
-                let held = run.run_before(number, plan.end, |_| {}).unwrap();
+                let held = run.run_before(number, plan.end, |_| {}).unwrap() == Reach::Held;
                 let own = &run.steppers()[number];
                 prop_assert_eq!(held, own.is_held());
                 prop_assert_eq!(own.next_activation(), (before + u64::from(was_held)).min(own.assignment().activations));
