@@ -153,6 +153,8 @@ impl Layout {
         }
         let checked = planner.layout.interface.validate();
         checked.map_err(|error| ParameterError::new("ports", error))?;
+        let Layout { inputs, outputs, .. } = &mut planner.layout;
+        inputs.iter_mut().chain(outputs).for_each(Transfer::gather);
         Ok(planner.layout)
     }
 
@@ -161,12 +163,7 @@ impl Layout {
     /// # Errors
     /// Names a value that the variable cannot have.
     pub fn read(&mut self, inputs: &Inputs) -> Result<(), String> {
-        for transfer in &mut self.inputs {
-            for slot in &transfer.slots {
-                slot.read(inputs.bytes(slot.port), &mut transfer.values)?;
-            }
-        }
-        Ok(())
+        self.inputs.iter_mut().try_for_each(|transfer| transfer.read(inputs))
     }
 
     /// Writes the values into the payloads of the output ports.
@@ -174,12 +171,7 @@ impl Layout {
     /// # Errors
     /// Names a value that is no item of its enumeration.
     pub fn write(&self, outputs: &mut Outputs) -> Result<(), String> {
-        for transfer in &self.outputs {
-            for slot in &transfer.slots {
-                slot.write(&transfer.values, outputs.bytes_mut(slot.port))?;
-            }
-        }
-        Ok(())
+        self.outputs.iter().try_for_each(|transfer| transfer.write(outputs))
     }
 }
 
@@ -399,10 +391,7 @@ impl<'a> Planner<'a> {
                 .iter()
                 .position(|one| one.values.native == native)
                 .unwrap_or_else(|| {
-                    transfers.push(Transfer {
-                        values: Values::new(native, Vec::new(), 0),
-                        slots: Vec::new(),
-                    });
+                    transfers.push(Transfer::new(native));
                     transfers.len() - 1
                 });
             let transfer = &mut transfers[at];

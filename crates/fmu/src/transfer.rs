@@ -1,5 +1,6 @@
 //! Values of variables in payloads.
 
+use lockstep::participant::{Inputs, Outputs};
 use lockstep::port::Element;
 
 use crate::abi::{Native, Values};
@@ -21,17 +22,107 @@ pub(crate) struct Slot {
     pub(crate) name: String,
 }
 
+/// Values that stand in a payload as the FMU has them, side by side in both. All in bytes.
+#[derive(Debug, Clone, PartialEq)]
+struct Stretch {
+    port: usize,
+    /// Where it begins in the payload.
+    offset: usize,
+    /// Where it begins among the values.
+    first: usize,
+    len: usize,
+}
+
 /// The variables that one function takes.
 #[derive(Debug, Clone)]
 pub struct Transfer {
     /// The values.
     pub values: Values,
+    /// The variables, one by one; once they are [gathered](Transfer::gather), those that are converted.
     pub(crate) slots: Vec<Slot>,
+    stretches: Vec<Stretch>,
+}
+
+impl Transfer {
+    /// No variables yet.
+    pub(crate) fn new(native: Native) -> Transfer {
+        Transfer {
+            values: Values::new(native, Vec::new(), 0),
+            slots: Vec::new(),
+            stretches: Vec::new(),
+        }
+    }
+
+    /// Puts variables together that are only copied: neighbours in the payload are mostly neighbours among the values.
+    pub(crate) fn gather(&mut self) {
+        let native = self.values.native;
+        let (copied, converted) = std::mem::take(&mut self.slots)
+            .into_iter()
+            .partition::<Vec<_>, _>(|slot| slot.is_copied(native));
+        self.slots = converted;
+        for slot in copied {
+            let size = native.size();
+            let next = Stretch {
+                port: slot.port,
+                offset: slot.offset,
+                first: slot.first * size,
+                len: slot.len * size,
+            };
+            match self.stretches.last_mut() {
+                Some(last) if last.is_before(&next) => last.len += next.len,
+                _ => self.stretches.push(next),
+            }
+        }
+    }
+
+    /// Takes the values from the payloads of the inputs.
+    pub(crate) fn read(&mut self, inputs: &Inputs) -> Result<(), String> {
+        let values = self.values.as_bytes_mut();
+        for Stretch {
+            port,
+            offset,
+            first,
+            len,
+        } in &self.stretches
+        {
+            values[*first..first + len].copy_from_slice(&inputs.bytes(*port)[*offset..offset + len]);
+        }
+        let mut slots = self.slots.iter();
+        slots.try_for_each(|slot| slot.read(inputs.bytes(slot.port), &mut self.values))
+    }
+
+    /// Puts the values into the payloads of the outputs.
+    pub(crate) fn write(&self, outputs: &mut Outputs) -> Result<(), String> {
+        let values = self.values.as_bytes();
+        for Stretch {
+            port,
+            offset,
+            first,
+            len,
+        } in &self.stretches
+        {
+            outputs.bytes_mut(*port)[*offset..offset + len].copy_from_slice(&values[*first..first + len]);
+        }
+        let mut slots = self.slots.iter();
+        slots.try_for_each(|slot| slot.write(&self.values, outputs.bytes_mut(slot.port)))
+    }
+}
+
+impl Stretch {
+    /// Whether `next` goes on where it ends, here and there.
+    fn is_before(&self, next: &Stretch) -> bool {
+        (self.port, self.offset + self.len, self.first + self.len) == (next.port, next.offset, next.first)
+    }
 }
 
 impl Slot {
+    /// Whether its bytes are those of the values.
+    fn is_copied(&self, native: Native) -> bool {
+        self.conversion.is_none() && self.element.is_number() && self.element.size() == native.size()
+    }
+
     /// Takes the variable's part of a payload as values.
-    pub(crate) fn read(&self, payload: &[u8], values: &mut Values) -> Result<(), String> {
+    fn read(&self, payload: &[u8], values: &mut Values) -> Result<(), String> {
         let size = self.element.size();
         for index in 0..self.len {
             let at = self.offset + index * size;
@@ -68,7 +159,7 @@ impl Slot {
     }
 
     /// Puts the values into their part of a payload.
-    pub(crate) fn write(&self, values: &Values, payload: &mut [u8]) -> Result<(), String> {
+    fn write(&self, values: &Values, payload: &mut [u8]) -> Result<(), String> {
         let size = self.element.size();
         for index in 0..self.len {
             if self.element.room().is_some() {

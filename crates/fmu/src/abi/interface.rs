@@ -197,6 +197,16 @@ impl Values {
         self.words.as_mut_ptr().cast()
     }
 
+    /// All values that are no texts, one after the other.
+    pub fn as_bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.words)
+    }
+
+    /// The same, to be changed.
+    pub fn as_bytes_mut(&mut self) -> &mut [u8] {
+        bytemuck::cast_slice_mut(&mut self.words)
+    }
+
     /// Value number `index` as bytes, in its own size.
     pub fn bytes(&self, index: usize) -> [u8; 8] {
         let (size, mut bytes) = (self.native.size(), [0; 8]);
