@@ -118,7 +118,9 @@ fn takes_nothing(between: bool) {
     let boxed = two().into_iter().map(|own| Box::new(own) as _).collect();
     let mut looped = InLoop::new(&plan, assemble(&plan, boxed, |_| Box::new(NoRecording)));
     looped.run_to(1, |_| {}).expect("the first step");
-    let taken = taken_by(|| looped.run_to(plan.end, |_| {}).expect("the rest"));
+    let taken = taken_by(|| {
+        looped.run_to(plan.end, |_| {}).expect("the rest");
+    });
     assert_eq!(taken, Taken::default());
 }
 
