@@ -36,8 +36,11 @@ impl Measured {
         Value::Object(entry)
     }
 
-    /// A line for people, of a figure without a limit.
+    /// A line for people: that of the criterion, or the figure.
     pub fn line(&self) -> String {
+        if let Some(criterion) = &self.criterion {
+            return criterion.line();
+        }
         let one = |value: &Value| value.as_f64().map_or("not measured".to_owned(), short);
         let values = match &self.value {
             Value::Array(all) => format!("[{}]", all.iter().map(one).collect::<Vec<_>>().join(", ")),
