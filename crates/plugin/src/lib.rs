@@ -17,6 +17,7 @@ mod foreign;
 mod guarded;
 mod library;
 mod load_error;
+mod message;
 mod parameters;
 mod seat;
 pub mod table;

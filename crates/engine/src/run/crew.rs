@@ -266,14 +266,20 @@ pub(super) fn ask_all<R: Borrow<Request>>(
             reply: None,
         });
     }
-    let mut waited = Ok(());
+    let mut waited;
     loop {
         // Once for all of them: the monitor asks the system about every process.
         let elsewhere = monitor.failure().is_some();
-        waited = all
-            .iter_mut()
-            .map(|one| one.look(monitor, elsewhere))
-            .fold(waited, Result::and);
+        // Each for itself first: one that has died on its own request says so, whichever waits before it in the crew.
+        let mut look = |elsewhere| {
+            (all.iter_mut())
+                .map(|one| one.look(monitor, elsewhere))
+                .fold(Ok(()), Result::and)
+        };
+        waited = look(false);
+        if elsewhere && waited.is_ok() {
+            waited = look(true);
+        }
         let mut answered = all.iter().map_while(|one| one.reply.as_ref());
         let refused = answered.any(|reply| matches!(reply, Reply::Refused { .. }));
         if waited.is_err() || refused || all.iter().all(|one| one.reply.is_some()) {
