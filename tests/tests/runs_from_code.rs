@@ -302,6 +302,7 @@ fn participant_that_fails_ends_the_run_and_the_handle_says_how() {
 
 #[test]
 fn programs_that_a_catalogue_knows_run_in_this_process() {
+    let _alone = alone();
     let known = participant("oscillator");
     let text = format!(
         "duration = \"1 s\"\ninputs = [\"plant.push\"]\n[participants.plant]\nrun = {{ exe = \"{}\" }}\nperiod = \"1 ms\"\n",
