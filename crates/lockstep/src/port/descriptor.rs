@@ -267,7 +267,7 @@ impl Descriptor {
     /// every machine and in every language; the text that is hashed is one line per field, as [`Descriptor::canonical`]
     /// gives it.
     pub fn hash64(&self) -> u64 {
-        crate::fnv::fnv1a(&self.canonical())
+        crate::fnv::fnv1a(self.canonical())
     }
 
     /// The text behind [`Descriptor::hash64`]: `name size\n`, then `name|element|extents|unit|frame|offset\n` per field; that of an

@@ -93,12 +93,15 @@ impl ControlClient {
     }
 }
 
+/// What a reply comes into.
+type Awaited = PendingResponse<Ipc, [u8], (), [u8], ()>;
+
 /// A request under way.
 pub struct Asked<'a> {
     client: &'a Client<Ipc, [u8], (), [u8], ()>,
     bytes: Vec<u8>,
     /// Since the request has reached a server.
-    pending: Option<PendingResponse<Ipc, [u8], (), [u8], ()>>,
+    pending: Option<Awaited>,
 }
 
 impl Asked<'_> {
