@@ -53,6 +53,8 @@ pub struct Recorder {
     told: usize,
     /// The first sample that a guard did not let pass: whose, and what was wrong with it.
     lie: Option<(usize, String)>,
+    /// Whose lie was told, until somebody else gives its outputs.
+    liars: Vec<usize>,
     /// What was recorded before everybody went back to a checkpoint, and is now recorded again.
     again: Option<Played>,
     /// How many samples each stream has where its producer stands: those on the tape, or fewer since the run went back.
@@ -91,6 +93,7 @@ impl Recorder {
             told: 0,
             early,
             lie: None,
+            liars: Vec::new(),
             faults: faults::events(&plan),
             base: vec![0; plan.participants.len()],
             granted: Ticks::MAX,
@@ -428,7 +431,14 @@ impl Recorder {
 
     /// Whose sample a guard did not let pass, and why; told once. The sample is on the tape, and others may have seen it.
     pub fn take_lie(&mut self) -> Option<(usize, String)> {
-        self.lie.take()
+        let lie = self.lie.take();
+        self.liars.extend(lie.iter().map(|(liar, _)| *liar));
+        lie
+    }
+
+    /// Whether a guard did not let a sample of participant number `participant` pass.
+    pub fn is_liar(&self, participant: usize) -> bool {
+        self.liars.contains(&participant)
     }
 
     /// Another program gives the outputs of participant number `participant` from now on.
@@ -439,6 +449,7 @@ impl Recorder {
         watches.filter(|watch| own[watch.stream]).for_each(Watch::renew);
         // What the one before it gave while it was brought to its end is known well enough.
         self.lie = self.lie.take().filter(|(liar, _)| *liar != participant);
+        self.liars.retain(|liar| *liar != participant);
     }
 
     /// The failure of the tape itself, if there was one: not the fault of any participant.

@@ -18,6 +18,10 @@ use super::prepare;
 use super::processes::{BATCHES, Processes};
 use crate::scenario::OnFailure;
 
+/// Why a run does not go on whose liar is found at its end: a substitute that does nothing would only hide the lie.
+const NOTHING_LEFT: &str = "it had taken its last step when its outputs were looked at, so a substitute has nothing to do; where the run \
+                            rests (`--checkpoint-every`) everything before is looked at first";
+
 impl Processes {
     /// What the scenario says about the failure in `ending`: goes on, or gives the ending back. Who fails while the run is
     /// taken up is one more failure.
@@ -228,6 +232,9 @@ impl Processes {
                 }
             };
             cut.next.push(stands);
+            if course.recorder().is_liar(number) && stands == course.plan.participants[number].activations {
+                return Err(RunFailure::Other(NOTHING_LEFT.into()));
+            }
             let (one, entry) = (fallen.iter().find(|one| one.number == number), &course.entries[number]);
             seats.push(match (one, &entry.on_failure) {
                 (Some(one), OnFailure::Substitute(program)) => {
