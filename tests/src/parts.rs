@@ -1,6 +1,16 @@
 //! Small participants of which the tests build their scenarios.
 
+use engine::run::{Options, Record};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
+
+/// A run in this process that keeps so much.
+pub fn inside(record: Record) -> Options {
+    Options {
+        in_process: true,
+        record,
+        ..Options::default()
+    }
+}
 
 lockstep::message! {
     /// The state of an oscillator.

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use escapement_tests::program::{Folder, Said, built_as_shipped, finish, orchestrate, root, text};
+use escapement_tests::program::{Folder, Said, built, built_as_shipped, finish, orchestrate, orchestrator, root, text};
 
 fn call(program: &Path, folder: &Path, arguments: &[&str]) -> Said {
     let child = Command::new(program)
@@ -212,7 +212,7 @@ fn shell_gets_a_line_for_each_shard_that_is_missing() {
     assert!(said.err.contains("has 3 shards on shell"), "{said:?}");
     // Engines that are not there.
     let nowhere = |engine: &str| {
-        let child = Command::new(escapement_tests::program::orchestrator())
+        let child = Command::new(orchestrator())
             .args([&campaign[..], &[text(&out("no")), "--on", engine]].concat())
             .current_dir(root())
             .env("PATH", "/nowhere")
@@ -236,44 +236,48 @@ fn shell_gets_a_line_for_each_shard_that_is_missing() {
 
 #[test]
 fn an_engine_gets_points_until_enough_is_known() {
-    let folder = Folder::new("enough");
-    let (one, whole) = (folder.path().join("one"), folder.path().join("whole"));
-    let campaign = [
-        "sweep",
-        "examples/spring/spring.toml",
-        "--duration",
-        "20 ms",
-        "--quiet",
-        "--until",
-        "met within 1 %",
-    ];
-    // A share of one has that interval at 189 points (Wilson's): more than the engine gets at first, fewer than there are.
-    let seeds = ["--seeds", "400"];
-    let said = orchestrate(&[&campaign[..], &seeds, &["--out", text(&one)]].concat());
-    assert_eq!(said.code, Some(0), "{said:?}");
-    let on = |more: &[&str]| {
-        let own = ["--on", "shell", "--shards", "2", "--out", text(&whole)];
-        orchestrate(&[&campaign[..], more, &own].concat())
-    };
-    let mut rounds = 0;
-    loop {
-        let said = on(&seeds);
+    // The second has a program of its own.
+    for (program, scenario) in [
+        (orchestrator().to_owned(), "examples/spring/spring.toml"),
+        (built().join("lander"), "examples/lander/lander.toml"),
+    ] {
+        let folder = Folder::new("enough");
+        let (one, whole) = (folder.path().join("one"), folder.path().join("whole"));
+        let campaign = [
+            "sweep",
+            scenario,
+            "--duration",
+            "200 ms",
+            "--quiet",
+            "--until",
+            "met within 1 %",
+        ];
+        let sweep = |more: &[&str]| call(&program, &root(), &[&campaign[..], more].concat());
+        // A share of none or all has that interval at 189 points (Wilson's): more than the engine gets at first, fewer than there are.
+        let seeds = ["--seeds", "400"];
+        let said = sweep(&[&seeds[..], &["--out", text(&one)]].concat());
         assert_eq!(said.code, Some(0), "{said:?}");
-        if said.out.is_empty() {
-            break;
-        }
-        rounds += 1;
-        for line in said.out.lines() {
-            let said = call(Path::new("/bin/sh"), Path::new("/"), &["-c", line]);
+        let on = |more: &[&str]| sweep(&[more, &["--on", "shell", "--shards", "2", "--out", text(&whole)]].concat());
+        let mut rounds = 0;
+        loop {
+            let said = on(&seeds);
             assert_eq!(said.code, Some(0), "{said:?}");
+            if said.out.is_empty() {
+                break;
+            }
+            rounds += 1;
+            for line in said.out.lines() {
+                let said = call(Path::new("/bin/sh"), Path::new("/"), &["-c", line]);
+                assert_eq!(said.code, Some(0), "{said:?}");
+            }
         }
+        assert_eq!(rounds, 2, "128 points, then 256");
+        same(&whole, &one);
+        let table = std::fs::read_to_string(whole.join("table.csv")).unwrap();
+        assert_eq!(table.lines().count(), 190, "{table}");
+        // The first points of a grid are not those of a smaller one.
+        let said = on(&["--vary", "seed=1,2"]);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(said.err.contains("--until gives a campaign in parts"), "{said:?}");
     }
-    assert_eq!(rounds, 2, "128 points, then 256");
-    same(&whole, &one);
-    let table = std::fs::read_to_string(whole.join("table.csv")).unwrap();
-    assert_eq!(table.lines().count(), 190, "{table}");
-    // The first points of a grid are not those of a smaller one.
-    let said = on(&["--vary", "participants.left.period=1ms,2ms"]);
-    assert_eq!(said.code, Some(1), "{said:?}");
-    assert!(said.err.contains("--until gives a campaign in parts"), "{said:?}");
 }

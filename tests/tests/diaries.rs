@@ -8,6 +8,7 @@ use engine::run::{Ending, Options, Record, Run};
 use engine::scenario::Scenario;
 use escapement_tests::compiler::{Workshop, exe, library};
 use escapement_tests::diary::Diary;
+use escapement_tests::parts::inside;
 use escapement_tests::program::{Folder, orchestrate, participant, text};
 
 /// Two diaries, of 10 ms and of 20 ms, for 50 ms.
@@ -142,14 +143,6 @@ fn scenario(more: &str) -> Scenario {
     read.unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn inside(record: Record) -> Options {
-    Options {
-        in_process: true,
-        record,
-        ..Options::default()
-    }
-}
-
 #[test]
 fn without_a_folder_the_outcome_has_what_was_said() {
     for record in [Record::Memory, Record::Digest, Record::Nothing] {
@@ -163,7 +156,7 @@ fn without_a_folder_the_outcome_has_what_was_said() {
 }
 
 #[test]
-fn a_run_that_goes_back_tells_nobody_and_one_that_is_dropped_tells_everybody() {
+fn a_run_that_goes_back_ends_no_part_and_one_that_is_dropped_ends_all() {
     let mut run = Run::start(&scenario(""), &inside(Record::Memory)).unwrap();
     run.run_to("30 ms").unwrap();
     let here = run.save().unwrap();

@@ -8,7 +8,7 @@ use engine::Catalogue;
 use engine::run::{Options, Record, Run, RunFailure};
 use engine::scenario::Scenario;
 use escapement_tests::compiler::{Workshop, must};
-use escapement_tests::parts::{Damper, Motion, Oscillator, Push};
+use escapement_tests::parts::{Damper, Motion, Oscillator, Push, inside};
 use escapement_tests::program::{Folder, participant};
 use tape::EventKind;
 
@@ -31,14 +31,6 @@ fn scenario(processes: bool) -> Scenario {
     );
     let read = Scenario::read_text(&Arc::new(catalogue), Path::new("code.toml"), &text);
     read.unwrap_or_else(|error| panic!("{error}"))
-}
-
-fn inside(record: Record) -> Options {
-    Options {
-        in_process: true,
-        record,
-        ..Options::default()
-    }
 }
 
 fn whole() -> String {

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use engine::Catalogue;
 use engine::run::{Checkpoint, Ending, Options, Outcome, Record, Run, RunFailure};
 use engine::scenario::{Program, Scenario};
-use escapement_tests::parts::{Damper, Motion, Oscillator, Push};
+use escapement_tests::parts::{Damper, Motion, Oscillator, Push, inside};
 use escapement_tests::program::{Folder, participant};
 use lockstep::participant::Factory;
 use lockstep::time::Rational;
@@ -35,14 +35,6 @@ fn scenario(processes: bool, damped: bool, more: &str) -> Scenario {
     }
     let read = Scenario::read_text(&Arc::new(catalogue), Path::new("code.toml"), &(text + more));
     read.unwrap_or_else(|error| panic!("{error}"))
-}
-
-fn inside(record: Record) -> Options {
-    Options {
-        in_process: true,
-        record,
-        ..Options::default()
-    }
 }
 
 fn into_folder(folder: &Folder, name: &str, in_process: bool) -> Options {

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use engine::Catalogue;
 use engine::run::{Ending, Options, Outcome, Record, Run};
 use engine::scenario::Scenario;
-use escapement_tests::parts::{Damper, Motion, Push};
+use escapement_tests::parts::{Damper, Motion, Push, inside};
 use escapement_tests::program::{Folder, orchestrate, root, text};
 use lockstep::participant::{
     Failure, InputPort, Inputs, Interface, Kind, OutputPort, Outputs, Participant, Ports, Step,
@@ -98,14 +98,6 @@ to = "plant.push"
 "#;
     let read = Scenario::read_text(&Arc::new(catalogue), Path::new("seen.toml"), &(text.to_owned() + more));
     (read.unwrap_or_else(|error| panic!("{error}")), counts)
-}
-
-fn inside(record: Record) -> Options {
-    Options {
-        in_process: true,
-        record,
-        ..Options::default()
-    }
 }
 
 /// A run to its end; and how often `motion` and `detail` were computed in it.

@@ -1,5 +1,7 @@
 //! Values of variables in payloads.
 
+use std::ops::Range;
+
 use lockstep::participant::{Inputs, Outputs};
 use lockstep::port::Element;
 
@@ -78,14 +80,9 @@ impl Transfer {
     /// Takes the values from the payloads of the inputs.
     pub(crate) fn read(&mut self, inputs: &Inputs) -> Result<(), String> {
         let values = self.values.as_bytes_mut();
-        for Stretch {
-            port,
-            offset,
-            first,
-            len,
-        } in &self.stretches
-        {
-            values[*first..first + len].copy_from_slice(&inputs.bytes(*port)[*offset..offset + len]);
+        for stretch in &self.stretches {
+            let payload = inputs.bytes(stretch.port);
+            values[stretch.of_values()].copy_from_slice(&payload[stretch.of_payload()]);
         }
         let mut slots = self.slots.iter();
         slots.try_for_each(|slot| slot.read(inputs.bytes(slot.port), &mut self.values))
@@ -94,14 +91,9 @@ impl Transfer {
     /// Puts the values into the payloads of the outputs.
     pub(crate) fn write(&self, outputs: &mut Outputs) -> Result<(), String> {
         let values = self.values.as_bytes();
-        for Stretch {
-            port,
-            offset,
-            first,
-            len,
-        } in &self.stretches
-        {
-            outputs.bytes_mut(*port)[*offset..offset + len].copy_from_slice(&values[*first..first + len]);
+        for stretch in &self.stretches {
+            let payload = outputs.bytes_mut(stretch.port);
+            payload[stretch.of_payload()].copy_from_slice(&values[stretch.of_values()]);
         }
         let mut slots = self.slots.iter();
         slots.try_for_each(|slot| slot.write(&self.values, outputs.bytes_mut(slot.port)))
@@ -109,6 +101,14 @@ impl Transfer {
 }
 
 impl Stretch {
+    fn of_payload(&self) -> Range<usize> {
+        self.offset..self.offset + self.len
+    }
+
+    fn of_values(&self) -> Range<usize> {
+        self.first..self.first + self.len
+    }
+
     /// Whether `next` goes on where it ends, here and there.
     fn is_before(&self, next: &Stretch) -> bool {
         (self.port, self.offset + self.len, self.first + self.len) == (next.port, next.offset, next.first)

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use engine::campaign::{self, Campaign, CampaignError, Cluster, Engine, Number, Options, Progressed, Step};
+use engine::campaign::{self, Campaign, CampaignError, Cluster, Engine, Number, Options, Step, Underway};
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
@@ -66,36 +66,24 @@ impl ClusterArgs {
             args: self.engine_args.iter().flat_map(|text| words(text)).collect(),
             include: self.include.clone(),
         };
-        let step = match &options.until {
-            None => campaign::submit(catalogue(), campaign, scenario, options, &cluster)?,
-            Some(watch) => match campaign::submit_until(catalogue(), campaign, scenario, options, &cluster, watch)? {
-                Progressed::Given(step) => step,
-                Progressed::Enough(campaign, finished) => {
-                    return conclude(&campaign, &finished, &figures(&finished), figure, how).map(Some);
-                }
-            },
-        };
-        if let Step::Complete { root, shards } = &step {
-            let (campaign, finished) = campaign::merge(root, shards)?;
-            return conclude(&campaign, &finished, &figures(&finished), figure, how).map(Some);
+        match campaign::submit(catalogue(), campaign, scenario, options, &cluster)? {
+            Step::Given(underway) => given(engine, &underway, how).map(|()| Some(0)),
+            Step::Complete(campaign, finished) => {
+                conclude(&campaign, &finished, &figures(&finished), figure, how).map(Some)
+            }
         }
-        given(engine, &step, how)?;
-        Ok(Some(0))
     }
 }
 
 /// What was given to an engine.
-fn given(engine: Engine, step: &Step, how: &CampaignArgs) -> Result<(), CampaignError> {
-    let Step::Given {
+fn given(engine: Engine, underway: &Underway, how: &CampaignArgs) -> Result<(), CampaignError> {
+    let Underway {
         root,
         lines,
         jobs,
         alive,
         left,
-    } = step
-    else {
-        return Ok(());
-    };
+    } = underway;
     warn(left);
     if engine == Engine::Shell {
         lines.iter().for_each(|line| println!("{line}"));

@@ -53,7 +53,7 @@ pub use column::{Column, POINTS_MAX};
 pub use declared::Declared;
 pub use definition::{Campaign, Kind};
 pub use drawn::draw;
-pub use engines::{Cluster, Engine, Progressed, Step, Waiting, submit, submit_until, waiting};
+pub use engines::{Cluster, Engine, Step, Underway, Waiting, submit, waiting};
 pub use error::CampaignError;
 pub use figures::{Figures, Number};
 pub use file::CampaignFile;

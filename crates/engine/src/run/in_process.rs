@@ -210,6 +210,18 @@ fn interrupted(t_s: f64) -> Ending {
 }
 
 impl Loop {
+    /// How far the next stretch goes: as far as the guide grants, and not for long without a look around.
+    fn next_horizon(&self, course: &mut Course) -> Ticks {
+        let reached = self.reached;
+        let shortest = course.plan.participants.iter().map(|own| own.sample_time.period).min();
+        let stretch = shortest.unwrap_or(1).saturating_mul(GLANCE);
+        let horizon = course.guide.horizon(reached).min(reached.saturating_add(stretch));
+        if horizon == reached && horizon > 0 && course.guide.stop() != Some(reached) {
+            std::thread::sleep(NAP);
+        }
+        horizon
+    }
+
     /// Does what lies before `horizon`, or what comes before the one that is to be held.
     fn stretch(&mut self, course: &mut Course, horizon: Ticks) -> Result<Reach, RunError> {
         let Some(looped) = &mut self.looped else {
@@ -235,30 +247,13 @@ impl Loop {
 
 impl Executor for Loop {
     fn turn(&mut self, course: &mut Course) -> Result<Turn, Ending> {
-        let mut resumed = None;
-        if let Some(horizon) = self.parked {
-            let reach = self.stretch(course, horizon)?;
-            if reach == Reach::Parked {
-                return Ok(Turn::Parked);
-            }
-            resumed = Some(reach);
-        }
-        let (plan, reached) = (course.plan.clone(), self.reached);
-        let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
-        let stretch = shortest.unwrap_or(1).saturating_mul(GLANCE);
-        let horizon = course.guide.horizon(reached).min(reached.saturating_add(stretch));
-        let horizon = self.parked.take().unwrap_or(horizon);
-        if horizon == reached && horizon > 0 && course.guide.stop() != Some(reached) {
-            std::thread::sleep(NAP);
-        }
-        let reach = match resumed {
-            Some(reach) => reach,
-            None => self.stretch(course, horizon)?,
-        };
+        let horizon = self.parked.unwrap_or_else(|| self.next_horizon(course));
+        let reach = self.stretch(course, horizon)?;
+        self.parked = (reach == Reach::Parked).then_some(horizon);
         if reach == Reach::Parked {
-            self.parked = Some(horizon);
             return Ok(Turn::Parked);
         }
+        let (plan, reached) = (course.plan.clone(), self.reached);
         let lie = course.recorder().take_lie();
         if let Some((number, reason)) = lie {
             let participant = course.name(number).to_owned();

@@ -114,7 +114,7 @@ impl ValueCheck {
         }
         for (run, element) in &self.contents {
             let mut each = payload[run.clone()].chunks_exact(element.size());
-            good &= each.all(|bytes| element.is_content(bytes));
+            good &= each.all(|bytes| element.content(bytes).is_ok());
         }
         good
     }

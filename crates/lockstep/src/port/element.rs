@@ -162,7 +162,7 @@ impl Element {
     }
 
     /// Puts a double into the bytes of an element: integers take the nearest whole number that they can hold (NaN is zero).
-    /// A truth value or an enumeration takes the byte; whoever puts it knows that it is one of their values. No double is a text or bytes,
+    /// A truth value or an enumeration takes the byte, which the caller knows to be one of their values. No double is a text or bytes,
     /// which become empty.
     pub fn put(self, value: f64, bytes: &mut [u8]) {
         let whole = value.round_ties_even();

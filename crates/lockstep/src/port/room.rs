@@ -122,17 +122,6 @@ impl Element {
         }
     }
 
-    /// Whether the bytes are a text or bytes. Nothing is allocated.
-    pub(crate) fn is_content(self, bytes: &[u8]) -> bool {
-        match self {
-            Element::Text(_) => {
-                let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
-                bytes[end..].iter().all(|byte| *byte == 0) && std::str::from_utf8(&bytes[..end]).is_ok()
-            }
-            _ => self.content(bytes).is_ok(),
-        }
-    }
-
     /// Puts a text or bytes into an element, whose bytes these are.
     ///
     /// # Errors

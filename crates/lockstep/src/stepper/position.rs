@@ -21,10 +21,10 @@ pub fn settle(
 ) -> Result<(), PositionError> {
     let work = || {
         if fresh {
-            let mut nobody_reads = Outputs::zeroed(&participant.interface());
-            nobody_reads.log = log.clone().at(t);
+            let mut unread = Outputs::zeroed(&participant.interface());
+            unread.log = log.clone().at(t);
             participant
-                .initialise(t, &mut nobody_reads)
+                .initialise(t, &mut unread)
                 .map_err(|error| PositionError::Initialise(error.to_string()))?;
         }
         match state {

@@ -12,5 +12,5 @@ mod slurm;
 mod submit;
 
 pub use engine::Engine;
-pub use enough::{Progressed, submit_until};
-pub use submit::{Cluster, Step, Waiting, submit, waiting};
+pub use enough::{Step, submit};
+pub use submit::{Cluster, Underway, Waiting, waiting};

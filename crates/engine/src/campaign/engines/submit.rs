@@ -1,4 +1,4 @@
-//! A campaign on an engine: what is missing is given to it, and what is complete becomes one table.
+//! What of a campaign is missing is given to an engine.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::ffi::OsStrExt;
@@ -32,22 +32,25 @@ pub struct Cluster {
     pub include: Vec<PathBuf>,
 }
 
-/// What was done.
+/// Shards that were given to the engine, or are with it.
 #[derive(Debug)]
-pub enum Step {
-    /// Shards were given to the engine, or are with it.
-    Given {
-        /// The campaign's folder.
-        root: PathBuf,
-        /// The command line of each shard that was given.
-        lines: Vec<String>,
-        /// What the engine calls the jobs.
-        jobs: Vec<String>,
-        /// How many were with it already.
-        alive: usize,
-        /// What every machine must have.
-        left: Vec<String>,
-    },
+pub struct Underway {
+    /// The campaign's folder.
+    pub root: PathBuf,
+    /// The command line of each shard that was given.
+    pub lines: Vec<String>,
+    /// What the engine calls the jobs.
+    pub jobs: Vec<String>,
+    /// How many were with it already.
+    pub alive: usize,
+    /// What every machine must have.
+    pub left: Vec<String>,
+}
+
+/// What was done.
+pub(super) enum Gave {
+    /// There is something to wait for.
+    Underway(Underway),
     /// All shards are complete: the folders to be merged.
     Complete {
         /// The campaign's folder.
@@ -145,13 +148,13 @@ pub(super) fn place(campaign: &Campaign, identity: &Identity, options: &Options)
 ///
 /// # Errors
 /// When the folder belongs to something else, or the engine refuses. What it has taken by then is known to the next call.
-pub fn submit(
+pub(super) fn give(
     catalogue: &Arc<Catalogue>,
     campaign: &Campaign,
     scenario: &Scenario,
     options: &Options,
     cluster: &Cluster,
-) -> Result<Step, CampaignError> {
+) -> Result<Gave, CampaignError> {
     let version = cluster.engine.version()?;
     let identity = Identity::of(campaign, scenario)?;
     let root = place(campaign, &identity, options)?;
@@ -170,7 +173,7 @@ pub fn submit(
     if state.complete.len() == of {
         drop(folder);
         let shards = state.complete.into_values().collect();
-        return Ok(Step::Complete { root, shards });
+        return Ok(Gave::Complete { root, shards });
     }
     let there =
         |shard: &usize| alive.contains(shard) || state.running.contains(shard) || state.complete.contains_key(shard);
@@ -203,7 +206,7 @@ pub fn submit(
         given.write(&root)?;
     }
     given.write(&root)?;
-    Ok(Step::Given {
+    Ok(Gave::Underway(Underway {
         lines: missing
             .iter()
             .map(|shard| format!("{} {shard}", quoted(&script)))
@@ -212,7 +215,7 @@ pub fn submit(
         jobs,
         alive: with_engine,
         left: bundle.left,
-    })
+    }))
 }
 
 /// A refusal of an engine that has taken `count` shards before.
