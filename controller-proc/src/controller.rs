@@ -61,7 +61,7 @@ impl Participant for Controller {
             end_effector: set_point(inputs.get(SETPOINT)),
             base: set_point(inputs.get(BASE_SETPOINT)),
             wheel_momentum: housekeeping.wheel_momentum_B.into(),
-            grasped: housekeeping.grasped > 0.5,
+            grasped: housekeeping.grasped,
         });
         let Some(answer) = answer else {
             *outputs.get_mut::<Command>(COMMAND) = Command::default();

@@ -4,7 +4,7 @@ use control_laws::allocation::Allocation;
 use control_laws::stabilise::{self, StabilisingLaw};
 use control_laws::{Dof, HierarchicalLaw, Measured, ReferenceLaw, hierarchical, reference};
 use guidance_laws::SetPoint;
-use interfaces::ControlTelemetry;
+use interfaces::{ControlMode, ControlTelemetry};
 use lockstep::participant::ParameterError;
 use nalgebra::Vector3;
 
@@ -114,12 +114,12 @@ fn hierarchical(law: &mut HierarchicalLaw, input: &Input) -> Option<Answer> {
     })?;
     let seen = &output.telemetry;
     let mut telemetry = ControlTelemetry {
-        mode: flag(seen.tracking),
+        mode: mode(seen.tracking),
         p_DE_N: seen.position_error.into(),
         quat_DE: seen.attitude_error.quaternion,
         h: seen.attitude_error.h,
         epsilon: seen.epsilon,
-        epsilon_clamped: flag(seen.epsilon_clamped),
+        epsilon_clamped: seen.epsilon_clamped,
         feedback_saturated: count(&seen.saturated),
         missing_torque_B: output.allocation.missing_torque.into(),
         ..ControlTelemetry::default()
@@ -142,7 +142,7 @@ fn reference(law: &mut ReferenceLaw, input: &Input) -> Option<Answer> {
     })?;
     let seen = &output.telemetry;
     let mut telemetry = ControlTelemetry {
-        mode: flag(input.end_effector.is_some()),
+        mode: mode(input.end_effector.is_some()),
         p_DE_N: seen.position_error.into(),
         quat_DE: seen.attitude_error.quaternion,
         h: seen.attitude_error.h,
@@ -169,14 +169,14 @@ fn stabilised(law: &mut StabilisingLaw, input: &Input) -> Option<Answer> {
         force: output.force,
         allocation: output.allocation,
         telemetry: ControlTelemetry {
-            mode: 2.0,
+            mode: ControlMode::Stabilising,
             quat_DE: [1.0, 0.0, 0.0, 0.0],
             h: 1.0,
             missing_torque_B: output.allocation.missing_torque.into(),
             stabilise_factor: seen.factor,
             gripper_torque_E: [seen.gripper[0], seen.gripper[1], seen.gripper[2]],
             gripper_force_E: [seen.gripper[3], seen.gripper[4], seen.gripper[5]],
-            at_rest: flag(seen.at_rest),
+            at_rest: seen.at_rest,
             time_to_rest: seen.time_to_rest_s,
             ..ControlTelemetry::default()
         },
@@ -193,10 +193,13 @@ fn velocities(telemetry: &mut ControlTelemetry, virtual_velocity: &Dof, feedback
     telemetry.feedback_tau = std::array::from_fn(|joint| feedback[6 + joint]);
 }
 
-fn flag(value: bool) -> f64 {
-    f64::from(u8::from(value))
+fn mode(tracking: bool) -> ControlMode {
+    match tracking {
+        true => ControlMode::Tracking,
+        false => ControlMode::Waiting,
+    }
 }
 
-fn count(flags: &[bool]) -> f64 {
-    flags.iter().map(|value| flag(*value)).sum()
+fn count(flags: &[bool]) -> u8 {
+    flags.iter().map(|value| u8::from(*value)).sum()
 }

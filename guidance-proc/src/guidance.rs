@@ -1,9 +1,10 @@
 //! The participant.
 
+use guidance_laws::capture::Phase;
 use guidance_laws::navigation::{CameraPose as Picture, NavigationFilter, Update};
 use guidance_laws::target::TargetModel;
 use guidance_laws::{Pose, SetPoint as SetPointState, TargetState as TargetMotion, so3};
-use interfaces::{CameraPose, GuidanceTelemetry, Measured, SetPoint, TargetState};
+use interfaces::{CameraPose, GuidancePhase, GuidanceTelemetry, Measured, SetPoint, TargetState};
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Step};
 
 use crate::kinematics::Kinematics;
@@ -170,14 +171,19 @@ fn message(stamp: f64, set_point: Option<SetPointState>) -> SetPoint {
 
 fn telemetry(answer: &Answer, belief: &Belief, navigation: Option<&Navigation>) -> GuidanceTelemetry {
     let mut telemetry = GuidanceTelemetry {
-        phase: f64::from(answer.end_effector.phase as u8),
         progress_position: answer.end_effector.position.value,
         progress_attitude: answer.end_effector.attitude.value,
         sigma_position: belief.sigma_position,
         sigma_attitude: belief.sigma_attitude,
         target_age: belief.age,
         innovation: navigation.map_or(0.0, |navigation| navigation.innovation),
-        refused: navigation.map_or(0.0, |navigation| navigation.refused as f64),
+        refused: navigation.map_or(0, |navigation| u32::try_from(navigation.refused).unwrap_or(u32::MAX)),
+        phase: match answer.end_effector.phase {
+            Phase::Waiting => GuidancePhase::Waiting,
+            Phase::Pointing => GuidancePhase::Pointing,
+            Phase::Closing => GuidancePhase::Closing,
+            Phase::Riding => GuidancePhase::Riding,
+        },
         ..GuidanceTelemetry::default()
     };
     if let Some(target) = &belief.target {

@@ -252,9 +252,10 @@ impl Plant {
             let held = self.grasp.map(|grasp| grasp.held);
             *outputs.get_mut::<Housekeeping>(HOUSEKEEPING) = Housekeeping {
                 wheel_momentum_B: self.motion.wheel_momentum.into(),
-                grasped: f64::from(u8::from(held.is_some())),
                 p_ET_E: held.map_or([0.0; 3], |held| held.p.into()),
                 quat_ET: held.map_or([0.0; 4], |held| quaternion_of(&held.r).to_wxyz()),
+                grasped: held.is_some(),
+                padding: [0; 7],
             };
         }
     }

@@ -113,7 +113,6 @@ impl TruthTeller {
             attitude_error: grip.angle(),
             relative_speed: (v_NE - v_NG).norm(),
             relative_rate: relative_rate.norm(),
-            grasped: f64::from(u8::from(grasped)),
             linear_momentum_N: totals.linear.into(),
             angular_momentum_N: totals.angular.into(),
             energy: totals.energy,
@@ -123,6 +122,8 @@ impl TruthTeller {
             linear_residual_N: residual.linear.into(),
             angular_residual_N: residual.angular.into(),
             energy_residual: residual.energy,
+            grasped,
+            padding: [0; 7],
         }
     }
 

@@ -112,6 +112,47 @@ fn in_one_process_as_well() {
     assert_eq!(said[0], said[1]);
 }
 
+/// What the stock participants tell of their modes has names, which guards and messages use.
+#[test]
+fn stock_modes_go_by_their_names() {
+    let folder = Folder::new("modes");
+    let scenario = root().join("scenarios/close.toml");
+    for (output, field, never, words) in [
+        (
+            "guidance.telemetry",
+            "phase",
+            "\"Pointing\"",
+            "phase = Pointing, which must never be",
+        ),
+        (
+            "controller.telemetry",
+            "mode",
+            "\"Tracking\"",
+            "mode = Tracking, which must never be",
+        ),
+        (
+            "plant.truth",
+            "grasped",
+            "false",
+            "grasped = false, which must never be",
+        ),
+    ] {
+        let guard = format!("guards.named={{ output = \"{output}\", field = \"{field}\", never = {never} }}");
+        let out = folder.path().join(field);
+        let said = orchestrate(&[
+            "run",
+            text(&scenario),
+            "--out",
+            text(&out),
+            "--in-process",
+            "--set",
+            &guard,
+        ]);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        assert!(said.err.contains(words), "`{words}` is not in {said:?}");
+    }
+}
+
 #[test]
 fn a_guard_that_cannot_be_is_refused_with_the_remedy() {
     let folder = Folder::new("refused");

@@ -39,12 +39,22 @@ lockstep::message! {
     }
 }
 
+lockstep::enumeration! {
+    /// What the controller is doing.
+    pub enum ControlMode {
+        /// There is no set-point yet.
+        Waiting = 0,
+        /// A set-point is followed.
+        Tracking = 1,
+        /// The stack is stabilised after a grasp.
+        Stabilising = 2,
+    }
+}
+
 lockstep::message! {
     /// What the controller saw and thought.
     #[allow(non_snake_case)]
     pub struct ControlTelemetry {
-        /// 1 while a set-point is followed, 0 while there is none, 2 while the stack is stabilised after a grasp.
-        pub mode: f64 = "1",
         /// Position error of the end effector, E less D.
         pub p_DE_N: [f64; 3] = "m" in "N",
         /// Error quaternion of the attitude, scalar first; its sign is continuous.
@@ -53,8 +63,6 @@ lockstep::message! {
         pub h: f64 = "1",
         /// Weight of the arm against the base.
         pub epsilon: f64 = "1",
-        /// 1 where the weight would have been negative and was held at zero.
-        pub epsilon_clamped: f64 = "1",
         /// Virtual angular velocity of the base.
         pub omega_v_B: [f64; 3] = "rad/s" in "B",
         /// Virtual velocity of the base's origin.
@@ -67,8 +75,6 @@ lockstep::message! {
         pub feedback_force_B: [f64; 3] = "N" in "B",
         /// Feedback part of the joint torques.
         pub feedback_tau: [f64; 7] = "N m",
-        /// How many channels of the feedback are at their bound.
-        pub feedback_saturated: f64 = "1",
         /// Torque that nobody could be asked for.
         pub missing_torque_B: [f64; 3] = "N m" in "B",
         /// Stabilisation: part of the wished braking that the limits allow, 0 to 1.
@@ -77,10 +83,32 @@ lockstep::message! {
         pub gripper_torque_E: [f64; 3] = "N m" in "E",
         /// Stabilisation: force that the gripper puts on the target.
         pub gripper_force_E: [f64; 3] = "N" in "E",
-        /// Stabilisation: 1 while everything is at rest.
-        pub at_rest: f64 = "1",
         /// Stabilisation: time from the grasp to the first rest; negative before, zero while it is not stabilised.
         pub time_to_rest: f64 = "s",
+        /// What it is doing.
+        pub mode: ControlMode = "1",
+        /// Whether the weight would have been negative and was held at zero.
+        pub epsilon_clamped: bool = "1",
+        /// How many channels of the feedback are at their bound.
+        pub feedback_saturated: u8 = "1",
+        /// Stabilisation: whether everything is at rest.
+        pub at_rest: bool = "1",
+        /// Fills the message up.
+        pub padding: [u8; 4] = "1",
+    }
+}
+
+lockstep::enumeration! {
+    /// Where guidance stands in its schedule.
+    pub enum GuidancePhase {
+        /// Before the start: the set-point is the start pose, at rest.
+        Waiting = 0,
+        /// Position and attitude move.
+        Pointing = 1,
+        /// The attitude is that of the grasp frame, the position still closes in.
+        Closing = 2,
+        /// The set-point is the grasp frame.
+        Riding = 3,
     }
 }
 
@@ -88,8 +116,6 @@ lockstep::message! {
     /// What guidance and navigation saw and thought.
     #[allow(non_snake_case)]
     pub struct GuidanceTelemetry {
-        /// 0 waiting, 1 pointing, 2 closing in, 3 riding on the grasp frame.
-        pub phase: f64 = "1",
         /// Progress of the position, 0 to 1.
         pub progress_position: f64 = "1",
         /// Progress of the attitude, 0 to 1.
@@ -111,6 +137,10 @@ lockstep::message! {
         /// Normalised innovation squared of the last camera pose that was looked at; zero without one.
         pub innovation: f64 = "1",
         /// How many camera poses have been refused so far.
-        pub refused: f64 = "1",
+        pub refused: u32 = "1",
+        /// Where it stands in its schedule.
+        pub phase: GuidancePhase = "1",
+        /// Fills the message up.
+        pub padding: [u8; 3] = "1",
     }
 }

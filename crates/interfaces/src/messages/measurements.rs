@@ -55,11 +55,13 @@ lockstep::message! {
     pub struct Housekeeping {
         /// Angular momentum stored in the reaction wheels.
         pub wheel_momentum_B: [f64; 3] = "N m s" in "B",
-        /// 1 once the gripper has closed on the target, else 0.
-        pub grasped: f64 = "1",
         /// Pose of the target's body frame in the end effector's, as the gripper holds it: position. Zero before.
         pub p_ET_E: [f64; 3] = "m" in "E",
         /// The same: attitude, scalar first. Zeros before the grasp.
         pub quat_ET: [f64; 4] = "1",
+        /// Whether the gripper has closed on the target.
+        pub grasped: bool = "1",
+        /// Fills the message up.
+        pub padding: [u8; 7] = "1",
     }
 }

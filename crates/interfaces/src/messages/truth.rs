@@ -64,8 +64,6 @@ lockstep::message! {
         pub relative_speed: f64 = "m/s",
         /// Angular speed of the end effector against the grasp frame.
         pub relative_rate: f64 = "rad/s",
-        /// 1 once the gripper has closed on the target, else 0.
-        pub grasped: f64 = "1",
         /// Linear momentum of servicer and target.
         pub linear_momentum_N: [f64; 3] = "kg m/s" in "N",
         /// Angular momentum of servicer, wheels and target about the world's origin.
@@ -84,5 +82,9 @@ lockstep::message! {
         pub angular_residual_N: [f64; 3] = "N m s" in "N",
         /// Energy less work plus losses since the start: zero but for rounding and integration.
         pub energy_residual: f64 = "J",
+        /// Whether the gripper has closed on the target.
+        pub grasped: bool = "1",
+        /// Fills the message up.
+        pub padding: [u8; 7] = "1",
     }
 }

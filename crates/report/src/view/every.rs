@@ -1,6 +1,6 @@
 //! A figure for each field of each stream.
 
-use lockstep::port::Field;
+use lockstep::port::{Element, Field};
 use tape::StreamSpec;
 
 use super::{Curve, Figure, Formula, Signal, Unit};
@@ -17,14 +17,17 @@ pub(crate) fn left_out(streams: &[StreamSpec]) -> Vec<String> {
     let fields = streams
         .iter()
         .flat_map(|spec| spec.descriptor.fields.iter().map(move |field| (spec, field)));
-    let wide = fields.filter(|(_, field)| is_wide(field));
-    let words = wide.map(|(spec, field)| {
-        format!(
-            "{}.{} has {} elements and no figure: [report] can draw single elements, and `export` writes all of them",
-            spec.name(),
-            field.name,
-            field.len()
-        )
+    let words = fields.filter_map(|(spec, field)| {
+        let name = format!("{}.{}", spec.name(), field.name);
+        match field.element {
+            Element::Text(_) => Some(format!("{name} is a text and has no figure: `export` writes it")),
+            Element::Bytes(_) => Some(format!("{name} has bytes and no figure: `export` writes them")),
+            _ if is_wide(field) => Some(format!(
+                "{name} has {} elements and no figure: [report] can draw single elements, and `export` writes all of them",
+                field.len()
+            )),
+            _ => None,
+        }
     });
     words.collect()
 }
@@ -35,7 +38,7 @@ pub(crate) fn every_field(streams: &[StreamSpec]) -> Vec<Figure> {
         .iter()
         .flat_map(|spec| spec.descriptor.fields.iter().map(move |field| (spec, field)))
         // A text or bytes have no place on an axis.
-        .filter(|(_, field)| field.element.room().is_none() && !is_wide(field));
+        .filter(|(_, field)| !field.is_padding() && field.element.room().is_none() && !is_wide(field));
     let figures = fields.map(|(spec, field)| {
         let signal = Signal {
             participant: Some(spec.participant.clone()),
