@@ -26,7 +26,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 import awkward
 
-NUMPY = {"f64": "<f8", "f32": "<f4", "i64": "<i8", "i32": "<i4", "u64": "<u8", "u32": "<u4", "u8": "u1"}
+NUMPY = {"f64": "<f8", "f32": "<f4", "i64": "<i8", "i32": "<i4", "i16": "<i2", "i8": "i1", "u64": "<u8", "u32": "<u4", "u16": "<u2", "u8": "u1", "bool": "?", "enum": "u1"}
 
 
 def read_tape(run):
@@ -58,6 +58,14 @@ def wide(field):
     return np.prod(field["shape"], dtype=int) > 256
 
 
+def told(field, values):
+    """Values as tables tell them: those of an enumeration by their names."""
+    if field["element"] != "enum":
+        return values
+    names = {one["value"]: one["name"] for one in field["values"]}
+    return np.array([names[value] for value in values.flat]).reshape(values.shape)
+
+
 def columns(fields, records):
     """Name, field and values of every column after the time, one column for a wide field."""
     wanted = []
@@ -68,8 +76,9 @@ def columns(fields, records):
             continue
         for k in range(values.shape[1]):
             place = "".join(f"[{i}]" for i in np.unravel_index(k, field["shape"])) if field["shape"] else ""
-            wanted.append((field["name"] + place, field, values[:, k]))
-    heading = lambda name, field: f"{name} [{field['unit']}]" if field["unit"] else name
+            wanted.append((field["name"] + place, field, told(field, values[:, k])))
+    # A name or a truth value has no unit.
+    heading = lambda name, field: f"{name} [{field['unit']}]" if field["unit"] and field["element"] not in ("bool", "enum") else name
     # The stamp has its name first; a name that occurs again gets a number that makes it a new one.
     rightful, taken = {heading(name, field) for name, field, _ in wanted}, {"t [s]"}
     for name, field, values in wanted:
@@ -82,7 +91,7 @@ def columns(fields, records):
 
 def exact(text, kind):
     """A cell of a table as a number of its own type: no integer on the way through a double."""
-    return int(text) if kind.kind in "iu" else float(text)
+    return text if kind.kind == "U" else int(text) if kind.kind in "iub" else float(text)
 
 
 def check_csv(out, streams):
@@ -138,7 +147,7 @@ def check_parquet(out, streams):
             if not wide(field):
                 assert kind == pyarrow.from_numpy_dtype(values.dtype), f"{name} {column}: {kind}"
                 same(frame[column].to_numpy(), values, f"{name} {column} in pandas")
-                got = got.to_numpy()
+                got = got.to_numpy().astype(values.dtype) if field["element"] == "enum" else got.to_numpy()
             elif field["element"] == "u8":
                 assert kind == pyarrow.binary(values.shape[1]), f"{name} {column}: {kind}"
                 got = np.frombuffer(b"".join(got.to_pylist()), np.uint8).reshape(values.shape)
@@ -181,6 +190,9 @@ def check_mat(out, streams):
             about = getattr(struct.info[0, 0], valid)[0, 0]
             assert [text(getattr(about, what)) for what in ("name", "unit", "frame")] == [field[what] for what in ("name", "unit", "frame")]
             values, got = records[field["name"]], getattr(struct, valid)
+            if field["element"] == "bool":
+                # As scipy reads what is logical.
+                values = values.astype(np.uint8)
             if wide(field):
                 values = np.moveaxis(values, 0, -1)
             elif not field["shape"]:
