@@ -31,6 +31,13 @@ pub enum Event<'a> {
         /// One or more lines.
         text: &'a str,
     },
+    /// A participant of a run in one process has said something; it is in its log too. A program of its own says it in its own log.
+    Said {
+        /// The participant's name.
+        participant: &'a str,
+        /// The line, with its name and the simulated time.
+        line: &'a str,
+    },
     /// The run rests at `t_s` until [`Observer::answer`] or the live page lets it go on.
     Paused {
         /// Simulated time, s.

@@ -58,6 +58,9 @@ pub trait Body {
     /// A step that cannot be is discarded.
     fn advance(&mut self, from: f64, span: f64) -> Result<(), Refusal>;
 
+    /// What participants have said since this was asked last.
+    fn said(&mut self) -> Vec<String>;
+
     /// Whether nothing comes any more: the end of the scenario.
     fn is_over(&self) -> bool {
         false

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::instance::{Instance, Kept};
 use crate::kind::Native;
+use crate::log::{CATEGORIES, MESSAGES};
 use crate::refusal::{Refusal, Status};
 
 /// An instance, as the importer has it.
@@ -31,9 +32,13 @@ pub unsafe fn call(pointer: Pointer, anyway: bool, work: impl FnOnce(&mut Instan
         );
         return Status::Error as c_int;
     }
-    let done = catch_unwind(AssertUnwindSafe(|| match work(instance) {
-        Ok(()) => Status::Ok as c_int,
-        Err(refusal) => instance.refused(&refusal) as c_int,
+    let done = catch_unwind(AssertUnwindSafe(|| {
+        let done = work(instance);
+        instance.pass_on();
+        match done {
+            Ok(()) => Status::Ok as c_int,
+            Err(refusal) => instance.refused(&refusal) as c_int,
+        }
     }));
     done.unwrap_or(FATAL)
 }
@@ -50,8 +55,13 @@ pub fn give(instance: Instance) -> Pointer {
 pub unsafe fn free(pointer: Pointer) {
     if !pointer.is_null() {
         // SAFETY: it was given by `give`.
-        let instance = unsafe { Box::from_raw(pointer.cast::<Instance>()) };
-        let _ = catch_unwind(AssertUnwindSafe(|| drop(instance)));
+        let mut instance = unsafe { Box::from_raw(pointer.cast::<Instance>()) };
+        let _ = catch_unwind(AssertUnwindSafe(|| {
+            // Participants may say something at their end.
+            instance.reset();
+            instance.pass_on();
+            drop(instance);
+        }));
     }
 }
 
@@ -77,6 +87,27 @@ pub unsafe fn list<'a, T>(at: *const T, count: usize) -> &'a [T] {
     }
     // SAFETY: as the caller says.
     unsafe { std::slice::from_raw_parts(at, count) }
+}
+
+/// `fmi2SetDebugLogging`, `fmi3SetDebugLogging`: errors are said in any case.
+///
+/// # Safety
+/// As for [`call`]; `categories` has `count` elements, which end with a zero byte.
+pub unsafe fn hear(pointer: Pointer, on: bool, categories: *const *const c_char, count: usize) -> c_int {
+    let work = |instance: &mut Instance| {
+        // SAFETY: as the caller says.
+        let wanted: Vec<String> = unsafe { list(categories, count).iter().map(|at| text(*at)).collect() };
+        if let Some(unknown) = wanted.iter().find(|name| !CATEGORIES.contains(&name.as_str())) {
+            let all = CATEGORIES.join(", ");
+            return Err(Refusal::error(format!(
+                "there is no log category `{unknown}`; there are {all}"
+            )));
+        }
+        instance.set_hears(on && (wanted.is_empty() || wanted.iter().any(|name| name == MESSAGES)));
+        Ok(())
+    };
+    // SAFETY: as the caller says.
+    unsafe { call(pointer, true, work) }
 }
 
 /// Reads variables into memory of the importer, which has room for `room` values; as many as there are variables where it does not say.

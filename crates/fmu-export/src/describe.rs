@@ -96,7 +96,7 @@ pub fn describe(about: &About, ports: &Ports, parameters: &[Parameter], variable
     let types = types(variables);
     definitions(&mut text, three, &types);
     text.push_str("  <LogCategories>\n");
-    for (name, _) in CATEGORIES {
+    for name in CATEGORIES {
         let _ = writeln!(text, "    <Category name=\"{name}\"/>");
     }
     text.push_str("  </LogCategories>\n");

@@ -31,7 +31,7 @@ macro_rules! fmu {
             $crate::functions! {
                 fn fmi2GetTypesPlatform() -> *const c_char = c"default".as_ptr();
                 fn fmi2GetVersion() -> *const c_char = c"2.0".as_ptr();
-                fn fmi2SetDebugLogging(_i: Pointer, _on: c_int, _count: usize, _categories: *const *const c_char) -> c_int = 0;
+                fn fmi2SetDebugLogging(i: Pointer, on: c_int, count: usize, categories: *const *const c_char) -> c_int = call::hear(i, on != 0, categories, count);
                 fn fmi2Instantiate(name: *const c_char, kind: c_int, token: *const c_char, resources: *const c_char, callbacks: *const two::Callbacks, _visible: c_int, _logging: c_int) -> Pointer = two::instantiate(catalogue, name, kind, token, resources, callbacks);
                 fn fmi2FreeInstance(i: Pointer) = call::free(i);
                 fn fmi2SetupExperiment(i: Pointer, _defined: c_int, _tolerance: f64, start: f64, _stops: c_int, _stop: f64) -> c_int = two::set_up(i, start);
@@ -70,7 +70,7 @@ macro_rules! fmu {
                 fn fmi2GetBooleanStatus(i: Pointer, which: c_int, value: *mut c_int) -> c_int = two::boolean_status(i, which, value);
                 fn fmi2GetStringStatus(i: Pointer, _which: c_int, _value: *mut *const c_char) -> c_int = two::no_status(i);
                 fn fmi3GetVersion() -> *const c_char = c"3.0".as_ptr();
-                fn fmi3SetDebugLogging(_i: Pointer, _on: bool, _count: usize, _categories: *const *const c_char) -> c_int = 0;
+                fn fmi3SetDebugLogging(i: Pointer, on: bool, count: usize, categories: *const *const c_char) -> c_int = call::hear(i, on, categories, count);
                 fn fmi3InstantiateModelExchange(_name: *const c_char, _token: *const c_char, _resources: *const c_char, _visible: bool, _logging: bool, environment: *mut c_void, logger: Option<LoggerThree>) -> Pointer = three::no_instance(environment, logger);
                 fn fmi3InstantiateCoSimulation(_name: *const c_char, token: *const c_char, resources: *const c_char, _visible: bool, _logging: bool, _events: bool, _early: bool, _required: *const u32, _count: usize, environment: *mut c_void, logger: Option<LoggerThree>, _update: *const c_void) -> Pointer = three::instantiate(catalogue, token, resources, environment, logger);
                 fn fmi3InstantiateScheduledExecution(_name: *const c_char, _token: *const c_char, _resources: *const c_char, _visible: bool, _logging: bool, environment: *mut c_void, logger: Option<LoggerThree>, _clock: *const c_void, _lock: *const c_void, _unlock: *const c_void) -> Pointer = three::no_instance(environment, logger);

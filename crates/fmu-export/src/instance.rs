@@ -52,6 +52,8 @@ pub struct Instance {
     saves: bool,
     /// Parameters were set since it began.
     outdated: bool,
+    /// Whether the importer wants to hear what participants say.
+    hears: bool,
 }
 
 /// A state of an instance, which the importer holds.
@@ -118,6 +120,7 @@ impl Instance {
             binaries: Vec::new(),
             saves: model.saves,
             outdated: false,
+            hears: true,
         })
     }
 
@@ -126,7 +129,21 @@ impl Instance {
         self.log.write(status, text);
     }
 
-    /// The same, and what it leaves behind.
+    /// Hands on what participants have said since the last call.
+    pub fn pass_on(&mut self) {
+        for line in self.body.said() {
+            if self.hears {
+                self.say(Status::Ok, &line);
+            }
+        }
+    }
+
+    /// Whether the importer wants to hear what participants say.
+    pub fn set_hears(&mut self, hears: bool) {
+        self.hears = hears;
+    }
+
+    /// Says why something was refused, and takes note that it has failed.
     pub fn refused(&mut self, refusal: &Refusal) -> Status {
         self.failed |= refusal.status == Status::Error;
         self.say(refusal.status, &refusal.text);

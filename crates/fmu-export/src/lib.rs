@@ -19,6 +19,7 @@ mod export;
 mod functions;
 mod instance;
 mod kind;
+mod lines;
 mod log;
 mod manifest;
 mod model;

@@ -9,8 +9,11 @@ pub type LoggerTwo = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *co
 /// `fmi3LogMessageCallback`.
 pub type LoggerThree = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 
-/// The log categories, with the status whose messages they hold.
-pub const CATEGORIES: [(&str, Status); 2] = [("logStatusDiscard", Status::Discard), ("logStatusError", Status::Error)];
+/// What the participants of the FMU say themselves.
+pub const MESSAGES: &str = "logMessages";
+
+/// The log categories.
+pub const CATEGORIES: [&str; 3] = [MESSAGES, "logStatusDiscard", "logStatusError"];
 
 /// Where messages go.
 pub enum Log {
@@ -22,8 +25,9 @@ pub enum Log {
 
 fn category(status: Status) -> &'static CStr {
     match status {
+        Status::Ok => c"logMessages",
         Status::Discard => c"logStatusDiscard",
-        Status::Ok | Status::Error => c"logStatusError",
+        Status::Error => c"logStatusError",
     }
 }
 

@@ -1,5 +1,7 @@
 //! One participant, stepped by the importer.
 
+use std::sync::Arc;
+
 use engine::scenario::{Entry, Scenario};
 use lockstep::participant::{Inputs, Interface, Kind, Log, Outputs, Participant, Payload, Step, Termination};
 use lockstep::port::Descriptor;
@@ -9,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use toml::Table;
 
 use crate::body::{self, Body, State};
+use crate::lines::Lines;
 use crate::parameter::{Parameter, seed_of};
 use crate::refusal::Refusal;
 use crate::variable::{Port, Ports};
@@ -25,6 +28,7 @@ pub struct Single {
     ports: Ports,
     inputs: Inputs,
     running: Option<Running>,
+    lines: Lines,
     /// The parameters with which it was begun.
     begun_with: Vec<Parameter>,
     /// Where outputs are before it has begun.
@@ -113,6 +117,7 @@ impl Single {
             interface,
             ports,
             running: None,
+            lines: Lines::default(),
             begun_with: Vec::new(),
             nothing,
         })
@@ -274,7 +279,9 @@ impl Body for Single {
             early: None,
         };
         let t = start.seconds();
-        running.outputs.set_log(Log::new(&entry.setup.name, None).at(t));
+        running
+            .outputs
+            .set_log(Log::new(&entry.setup.name, Some(Arc::new(self.lines.clone()))).at(t));
         let begun = running.participant.initialise(t, &mut running.outputs);
         begun.map_err(|failure| format!("it cannot be initialised at t = {t} s: {failure}"))?;
         running.check(&self.interface, t)?;
@@ -329,6 +336,10 @@ impl Body for Single {
             running.on(&self.interface, &self.inputs)?;
         }
         Ok(())
+    }
+
+    fn said(&mut self) -> Vec<String> {
+        self.lines.take()
     }
 
     fn save(&mut self) -> Result<State, String> {

@@ -1,5 +1,6 @@
 //! A whole scenario, stepped by the importer: the engine runs it in one loop.
 
+use engine::Progress;
 use engine::campaign;
 use engine::run::{Options, Record, Run, check_here};
 use engine::scenario::Scenario;
@@ -10,6 +11,7 @@ use lockstep::wire;
 use serde::{Deserialize, Serialize};
 
 use crate::body::{self, Body, State};
+use crate::lines::Lines;
 use crate::parameter::Parameter;
 use crate::refusal::Refusal;
 use crate::variable::{Port, Ports};
@@ -34,6 +36,7 @@ pub struct Whole {
     grids: Vec<Option<(Ticks, Ticks)>>,
     figures: Option<campaign::Figures>,
     running: Option<Run>,
+    lines: Lines,
     start: f64,
     now: Ticks,
 }
@@ -107,6 +110,7 @@ impl Whole {
             keys: figures.into_iter().map(|one| one.key).collect(),
             figures: None,
             running: None,
+            lines: Lines::default(),
             start: 0.0,
             now: 0,
             scenario,
@@ -137,6 +141,7 @@ impl Whole {
             in_process: true,
             record,
             no_placement: true,
+            progress: Progress::new(self.lines.clone()),
             ..Options::default()
         };
         Run::start(&self.scenario, &options).map_err(|failure| failure.to_string())
@@ -232,6 +237,8 @@ impl Whole {
         if run.now > self.now {
             self.go(run.now)?;
         }
+        // It was said when this was first done.
+        self.lines.take();
         Ok(())
     }
 }
@@ -404,6 +411,10 @@ impl Body for Whole {
 
     fn is_over(&self) -> bool {
         self.now >= self.plan.end
+    }
+
+    fn said(&mut self) -> Vec<String> {
+        self.lines.take()
     }
 
     fn save(&mut self) -> Result<State, String> {

@@ -248,7 +248,9 @@ impl Loop {
 impl Executor for Loop {
     fn turn(&mut self, course: &mut Course) -> Result<Turn, Ending> {
         let horizon = self.parked.unwrap_or_else(|| self.next_horizon(course));
-        let reach = self.stretch(course, horizon)?;
+        let reach = self.stretch(course, horizon);
+        self.said.tell(&course.options.progress);
+        let reach = reach?;
         self.parked = (reach == Reach::Parked).then_some(horizon);
         if reach == Reach::Parked {
             return Ok(Turn::Parked);
@@ -424,8 +426,9 @@ impl Executor for Loop {
         Some(self.said.newest(participant))
     }
 
-    fn bring_down(&mut self, _: &mut Course) {
+    fn bring_down(&mut self, course: &mut Course) {
         self.looped = None;
+        self.said.tell(&course.options.progress);
     }
 
     fn account(&self) -> Account {

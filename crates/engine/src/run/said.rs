@@ -9,6 +9,7 @@ use lockstep::participant::{Line, Sink};
 use tape::folder::RunFolder;
 
 use super::log::LOG_MAX;
+use crate::observer::{Event, Progress};
 
 /// Bytes that are kept of each log in memory: the newest.
 const KEPT: usize = 64 << 10;
@@ -21,6 +22,8 @@ struct Logs {
     folder: Option<RunFolder>,
     most: u64,
     of: BTreeMap<String, One>,
+    /// Participant and line, until the run's thread hands them on: an observer is called by nobody else.
+    untold: Vec<(String, String)>,
     /// The first participant whose log is full.
     full: Option<String>,
 }
@@ -43,6 +46,7 @@ impl Said {
             folder: folder.cloned(),
             most,
             of: BTreeMap::new(),
+            untold: Vec::new(),
             full: None,
         })))
     }
@@ -54,6 +58,14 @@ impl Said {
 
     fn logs(&self) -> MutexGuard<'_, Logs> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Hands on to `progress` what was said since the last time.
+    pub(super) fn tell(&self, progress: &Progress) {
+        let untold = std::mem::take(&mut self.logs().untold);
+        for (participant, line) in &untold {
+            progress.report(Event::Said { participant, line });
+        }
     }
 
     /// The participant whose log is full, if there is one.
@@ -81,7 +93,13 @@ impl Said {
 impl Sink for Said {
     fn say(&self, line: &Line<'_>) {
         let mut logs = self.logs();
-        let Logs { folder, most, of, full } = &mut *logs;
+        let Logs {
+            folder,
+            most,
+            of,
+            untold,
+            full,
+        } = &mut *logs;
         if !of.contains_key(line.participant) {
             let path = folder.as_ref().map(|folder| folder.stderr(line.participant));
             // Where it cannot be made the newest lines are kept: the tape in the same folder tells of a full disk.
@@ -99,6 +117,9 @@ impl Sink for Said {
         let left = usize::try_from(*most - one.written).unwrap_or(usize::MAX);
         let fits = &text.as_bytes()[..text.len().min(left)];
         one.written += fits.len() as u64;
+        if !fits.is_empty() {
+            untold.push((line.participant.to_owned(), line.to_string()));
+        }
         if fits.len() < text.len() && full.is_none() {
             *full = Some(line.participant.to_owned());
         }
