@@ -8,7 +8,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use lockstep::time::{Rational, TimeError};
 
 use engine::run::{self, Known, Overrun, RunFailure, Wait};
-use engine::scenario::{Program, Scenario};
+use engine::scenario::{Changes, FaultSpec, Program, RunSpec, Scenario, Time};
 
 /// A scenario with changes.
 #[derive(Debug, Args)]
@@ -20,11 +20,11 @@ pub struct ScenarioArgs {
     pub set: Vec<String>,
     /// Another program in a participant's place from the start: a file, or builtin:NAME (may be given more than once)
     #[arg(long, value_name = "PARTICIPANT=PROGRAM", value_parser = substitute)]
-    pub substitute: Vec<String>,
+    pub substitute: Vec<(String, RunSpec)>,
     /// Add a fault, such as at=12s,until=14s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg (may be given
     /// more than once; docs/scenarios.md has the keys)
     #[arg(long = "fault", value_name = "KEY=VALUE,…")]
-    pub fault: Vec<String>,
+    pub fault: Vec<FaultSpec>,
     /// The seed of every random stream, in place of the scenario's
     #[arg(long)]
     pub seed: Option<u64>,
@@ -49,10 +49,9 @@ fn overrun() -> impl TypedValueParser<Value = Overrun> {
     })
 }
 
-/// `--substitute` as an override.
-fn substitute(text: &str) -> Result<String, String> {
-    let (participant, run) = engine::shadow::in_place(text, "--substitute")?;
-    Ok(format!("participants.{participant}.run={}", run.words()))
+/// A program in a participant's place, for an option.
+fn substitute(text: &str) -> Result<(String, RunSpec), String> {
+    engine::shadow::in_place(text, "--substitute")
 }
 
 /// An instant of a run, for an option.
@@ -125,14 +124,15 @@ impl CommonArgs {
 }
 
 impl ScenarioArgs {
-    /// All changes in the form that [`engine::scenario::Scenario::read`] takes.
-    pub fn overrides(&self) -> Vec<String> {
-        let mut all = self.substitute.clone();
-        all.extend_from_slice(&self.set);
-        all.extend(self.fault.iter().map(|fault| format!("faults+={fault}")));
-        all.extend(self.seed.map(|seed| format!("seed={seed}")));
-        all.extend(self.duration.map(|duration| format!("duration={duration}")));
-        all
+    /// All changes of the scenario.
+    pub fn changes(&self) -> Changes {
+        Changes {
+            substitutes: self.substitute.clone(),
+            set: self.set.clone(),
+            faults: self.fault.clone(),
+            seed: self.seed,
+            duration: self.duration.map(Time::from),
+        }
     }
 }
 

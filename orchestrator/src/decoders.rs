@@ -282,7 +282,7 @@ pub fn units(bytes: &[u8]) {
     if let Ok(time) = text.parse::<Rational>() {
         assert_eq!(time.to_string().parse(), Ok(time), "{text}");
     }
-    let _ = engine::scenario::fault_table(text);
+    let _ = text.parse::<engine::scenario::FaultSpec>();
 }
 
 /// One quantity of every shape.

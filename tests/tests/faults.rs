@@ -223,7 +223,10 @@ const REFUSED: [(&str, &[&str]); 33] = [
     ("at=1s", &["faults.fault-1", "exactly one of `input`", "none"]),
     (
         "input=controller.measured,kind=stuck",
-        &["faults.fault-1", "missing field `at`"],
+        &[
+            "'input=controller.measured,kind=stuck' for '--fault",
+            "missing field `at`",
+        ],
     ),
     (
         "at=1s,input=controller.measured,output=plant.target",

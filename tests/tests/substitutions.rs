@@ -201,3 +201,66 @@ fn forty_substitutions_take_place() {
         "{said:?}"
     );
 }
+
+/// What `check` says of `file` with these options.
+fn check(file: &Path, more: &[&str]) -> Said {
+    orchestrate(&[&["check", text(file)], more].concat())
+}
+
+#[test]
+fn keys_that_are_set_act_on_what_is_substituted() {
+    let folder = Folder::new("in-order");
+    let file = scenario(&folder, "in-order.toml", "");
+    let wrong = ["--substitute", "controller=builtin:pilot"];
+    let said = check(&file, &wrong);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in [
+        "participants.controller.run",
+        "no builtin `pilot`",
+        "given with --substitute",
+    ] {
+        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+    }
+    for (set, code, part) in [
+        ("participants.controller.run={ builtin = \"controller\" }", 0, ""),
+        ("participants.controller.run.args=[\"x\"]", 2, "takes no args"),
+        ("participants.controller.period=20ms", 2, "no builtin `pilot`"),
+    ] {
+        let own = if code == 2 && part.ends_with("args") {
+            "controller=builtin:controller"
+        } else {
+            wrong[1]
+        };
+        let said = check(&file, &["--set", set, "--substitute", own]);
+        assert_eq!(said.code, Some(code), "{set}: {said:?}");
+        assert!(said.err.contains(part), "{set}: `{part}` is not in {said:?}");
+    }
+}
+
+#[test]
+fn options_give_what_the_file_leaves_out() {
+    let folder = Folder::new("left-out");
+    let whole = std::fs::read_to_string(scenario(&folder, "whole.toml", "")).unwrap();
+    let bare = whole
+        .replace("duration = \"0.4 s\"\n", "")
+        .replace("run = { builtin = \"controller\" }\n", "");
+    let file = folder.write("bare.toml", &bare);
+    let said = check(&file, &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in [
+        "missing field `duration`",
+        "participants.controller.run: write { builtin",
+    ] {
+        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+    }
+    let given = ["--duration", "0.4 s", "--substitute", "controller=builtin:controller"];
+    assert_eq!(check(&file, &given).code, Some(0));
+    let said = check(
+        &file,
+        &["--duration", "0.4 s", "--substitute", "nobody=builtin:controller"],
+    );
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in ["no `nobody`", "given with --substitute", "`guidance`"] {
+        assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+    }
+}

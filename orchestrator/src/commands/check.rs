@@ -29,7 +29,7 @@ pub struct CheckArgs {
 
 /// Plans and says what would run.
 pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
-    let read = Scenario::read(catalogue(), &args.scenario.scenario, &args.scenario.overrides());
+    let read = Scenario::changed(catalogue(), &args.scenario.scenario, &args.scenario.changes());
     let checked = read.map_err(RunFailure::from);
     let checked = checked.and_then(|scenario| args.start.check(&scenario).map(|known| (scenario, known)));
     let (scenario, known) = match checked {

@@ -59,9 +59,9 @@ pub fn run(args: &FaultsArgs) -> anyhow::Result<i32> {
 }
 
 fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
-    let overrides = args.scenario.overrides();
+    let overrides = args.scenario.changes();
     let file = &args.scenario.scenario;
-    let scenario = Scenario::read(catalogue(), file, &overrides)?;
+    let scenario = Scenario::changed(catalogue(), file, &overrides)?;
     if let Some(at) = args.at.iter().find(|at| **at >= scenario.duration) {
         return Err(RunFailure::Option {
             option: "--at",

@@ -39,7 +39,7 @@ pub enum GraphFormat {
 
 /// Prints the drawing.
 pub fn run(args: &GraphArgs) -> anyhow::Result<i32> {
-    let read = Scenario::read(catalogue(), &args.scenario.scenario, &args.scenario.overrides());
+    let read = Scenario::changed(catalogue(), &args.scenario.scenario, &args.scenario.changes());
     let known = read.map_err(RunFailure::from);
     match known.and_then(|scenario| args.start.check(&scenario)) {
         Ok(known) => {

@@ -114,10 +114,10 @@ impl PartArgs {
 /// What is wrong with the first one.
 pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, CampaignError> {
     let mut first = None;
-    for point in campaign.points.iter().take(tries) {
-        let changes = [campaign.overrides.as_slice(), point].concat();
-        let scenario = Scenario::read(catalogue(), &campaign.scenario, &changes).map_err(CampaignError::from);
-        let known = scenario.and_then(|scenario| {
+    for point in 0..tries.min(campaign.points.len()) {
+        let spec = campaign.spec_of(point);
+        let scenario = spec.and_then(|spec| Scenario::of(catalogue(), spec, &campaign.scenario));
+        let known = scenario.map_err(CampaignError::from).and_then(|scenario| {
             let known = check(&scenario)?;
             Ok(campaign::figures_of(&scenario, &known.plan))
         });

@@ -12,7 +12,7 @@ use super::run::{execute, options};
 use crate::arguments::{HowArgs, instant, span};
 use engine::run::checkpoint::Checkpoint;
 use engine::run::{Origin, RunFailure, branch, check};
-use engine::scenario::Scenario;
+use engine::scenario::{Changes, Scenario, Time};
 
 /// Arguments of `resume`.
 #[derive(Debug, Args)]
@@ -55,10 +55,12 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
         eprintln!("error: {reason}");
         return Ok(2);
     }
-    let duration = args.duration.map(|duration| format!("duration={duration}"));
-    let duration: Vec<String> = duration.into_iter().collect();
-    let read = |overrides: &[String]| Scenario::read(catalogue(), &folder.plan(), overrides);
-    let read = read(&[&args.set[..], &duration].concat()).and_then(|scenario| Ok((scenario, read(&duration)?)));
+    let read = |set: &[String]| {
+        let duration = args.duration.map(Time::from);
+        let changes = Changes { duration, ..set.into() };
+        Scenario::changed(catalogue(), &folder.plan(), &changes)
+    };
+    let read = read(&args.set).and_then(|scenario| Ok((scenario, read(&[])?)));
     let (mut scenario, unchanged) = match read {
         Ok(both) => both,
         Err(error) => {

@@ -16,7 +16,7 @@ use engine::Progress;
 use engine::campaign::Recalled;
 use engine::live::{self, Server, Steering};
 use engine::run::{Ending, Options, Origin, Outcome, Punctuality, Record, RunFailure, factor, run as run_scenario};
-use engine::scenario::Scenario;
+use engine::scenario::{Changes, Scenario};
 use engine::shadow::{Account, Shadow};
 
 /// Arguments of `run`.
@@ -45,7 +45,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
     if let Some(place) = &args.point {
         return again(place, args);
     }
-    let scenario = match Scenario::read(catalogue(), &args.scenario.scenario, &args.scenario.overrides()) {
+    let scenario = match Scenario::changed(catalogue(), &args.scenario.scenario, &args.scenario.changes()) {
         Ok(scenario) => scenario,
         Err(error) => {
             eprintln!("error: {error}");
@@ -71,16 +71,16 @@ fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
         Ok(point) => point,
         Err(error) => return refused(&error),
     };
-    let more = args.scenario.overrides();
-    let changes = [point.changes.as_slice(), &more].concat();
-    let scenario = match Scenario::read(catalogue(), &point.file, &changes) {
+    let more = args.scenario.changes();
+    let spec = point.spec().and_then(|mut spec| spec.apply(&more).map(|()| spec));
+    let scenario = match spec.and_then(|spec| Scenario::of(catalogue(), spec, &point.file)) {
         Ok(scenario) => scenario,
         Err(error) => return refused(&error),
     };
     let (code, outcome) = executed(&scenario, &args.how, None, &[], false)?;
-    let common = || Scenario::read(catalogue(), &point.file, point.common()).ok();
+    let common = || Scenario::changed(catalogue(), &point.file, point.common()).ok();
     // With changes of its own it is another run.
-    let compared = outcome.filter(|_| more.is_empty()).zip(common());
+    let compared = outcome.filter(|_| more == Changes::default()).zip(common());
     if let Some(difference) = compared.and_then(|(outcome, common)| point.difference(&common, &outcome)) {
         eprintln!("error: {difference}");
         return Ok(3);

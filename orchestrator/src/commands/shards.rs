@@ -134,7 +134,7 @@ fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
             args.folder.display()
         )));
     }
-    let scenario = Scenario::read(catalogue(), &campaign.scenario, &campaign.overrides)?;
+    let scenario = Scenario::changed(catalogue(), &campaign.scenario, &campaign.overrides)?;
     let options = args.part.options(args.campaign.options())?;
     let options = Options {
         shard: options.shard.or(identity.shard),
@@ -156,7 +156,7 @@ fn merge(args: &MergeArgs) -> Result<i32, CampaignError> {
         None => None,
     };
     if !args.campaign.keep.is_empty() {
-        let scenario = Scenario::read(catalogue(), &campaign.scenario, &campaign.overrides)?;
+        let scenario = Scenario::changed(catalogue(), &campaign.scenario, &campaign.overrides)?;
         let options = Options {
             figure: figure.clone(),
             ..args.campaign.options()

@@ -8,7 +8,7 @@ use super::points::{CampaignArgs, DigestArgs, PartArgs, known_figures};
 use crate::arguments::ScenarioArgs;
 use crate::catalogue::catalogue;
 use engine::campaign::{self, Axis, Campaign, CampaignError, CampaignFile, GridError, Kind, Options, Plan, Until};
-use engine::scenario::Scenario;
+use engine::scenario::{Changes, Scenario};
 
 /// Run a scenario over a grid of values or over what a campaign file draws, and make one table, a picture and a report.
 ///
@@ -69,10 +69,10 @@ pub fn run(args: &SweepArgs) -> anyhow::Result<i32> {
 }
 
 fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
-    let overrides = args.scenario.overrides();
+    let overrides = args.scenario.changes();
     let file = declared(args)?;
     let path = file.as_ref().map_or(&*args.scenario.scenario, CampaignFile::scenario);
-    let scenario = Scenario::read(catalogue(), path, &overrides)?;
+    let scenario = Scenario::changed(catalogue(), path, &overrides)?;
     let plan = match &file {
         Some(file) => file.plan(&scenario)?,
         None => listed(args, &scenario, &overrides)?,
@@ -169,7 +169,7 @@ fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
 }
 
 /// The grid of the command line.
-fn listed(args: &SweepArgs, scenario: &Scenario, overrides: &[String]) -> Result<Plan, CampaignError> {
+fn listed(args: &SweepArgs, scenario: &Scenario, overrides: &Changes) -> Result<Plan, CampaignError> {
     let mut axes: Vec<Axis> = args.vary.iter().map(|text| text.parse()).collect::<Result<_, _>>()?;
     if let Some(count) = args.seeds {
         axes.push(campaign::range_of_seeds(scenario.seed, count)?);
@@ -184,11 +184,8 @@ fn listed(args: &SweepArgs, scenario: &Scenario, overrides: &[String]) -> Result
         return Err(grid_error("KEY.PATH=VALUES", reason).into());
     }
     for axis in &axes {
-        let fixed = overrides
-            .iter()
-            .find(|one| one.split('=').next().map(str::trim) == Some(&*axis.key));
         // --seeds starts from the scenario's seed, given or not
-        if fixed.is_some() && !(axis.key == "seed" && args.seeds.is_some()) {
+        if overrides.fixes(&axis.key) && !(axis.key == "seed" && args.seeds.is_some()) {
             return Err(grid_error(&axis.key, "is given with --set or an option as well: vary it or fix it").into());
         }
     }

@@ -14,7 +14,7 @@ use super::file::CampaignFile;
 use super::identity::{Identity, failed};
 use super::{Campaign, CampaignError};
 use crate::Catalogue;
-use crate::scenario::{Named, Scenario, each_in, each_named, value};
+use crate::scenario::{Named, RunSpec, Scenario, each_in, each_named, value};
 
 /// What a bundle has and lacks.
 #[derive(Debug)]
@@ -62,11 +62,13 @@ pub fn bundle(
     if let Some(source) = &campaign.source {
         contents.campaign_file(&source.file.0)?;
     }
-    let changes = campaign
-        .overrides
-        .iter()
-        .map(|change| contents.change(change, true))
-        .collect();
+    let mut changes = campaign.overrides.clone();
+    for change in &mut changes.set {
+        *change = contents.change(change, true);
+    }
+    for (participant, run) in &mut changes.substitutes {
+        contents.substitute(participant, run);
+    }
     let values: BTreeSet<&String> = campaign.points.iter().flatten().collect();
     for change in values {
         contents.change(change, false);
@@ -88,7 +90,14 @@ pub fn bundle(
     if let Some(source) = &mut identity.source {
         source.file = AnyPath(contents.place(&source.file.0));
     }
-    identity.changes = contents.changes.into_iter().chain::<Vec<String>>(changes).collect();
+    // What has another program from the start does not need its own.
+    let replaced = |one: &str| {
+        let mut names = changes.substitutes.iter().map(|(name, _)| name);
+        names.any(|name| one.starts_with(&format!("participants.{name}.run=")))
+    };
+    let moved: Vec<String> = contents.changes.into_iter().filter(|one| !replaced(one)).collect();
+    changes.set.splice(0..0, moved);
+    identity.changes = changes;
     identity.write(&draft, campaign)?;
     same(&draft, catalogue, &identity)?;
     let _ = fs::remove_dir_all(root);
@@ -104,7 +113,7 @@ pub fn bundle(
 /// Whether the scenario in the bundle says what it says outside.
 fn same(root: &Path, catalogue: &Arc<Catalogue>, identity: &Identity) -> Result<(), CampaignError> {
     let (campaign, _) = Campaign::of_folder(root)?;
-    let scenario = Scenario::read(catalogue, &campaign.scenario, &campaign.overrides)?;
+    let scenario = Scenario::changed(catalogue, &campaign.scenario, &campaign.overrides)?;
     let there = Identity::of(&campaign, &scenario)?;
     if (there.program, there.content) == (identity.program, identity.content) {
         return Ok(());
@@ -224,6 +233,15 @@ impl Contents {
             format!("{key}={read}")
         } else {
             change.to_owned()
+        }
+    }
+
+    /// Looks through what stands in a participant's place; paths that lead outside are changed.
+    fn substitute(&mut self, participant: &str, run: &mut RunSpec) {
+        let Ok(mut table) = Table::try_from(&*run) else { return };
+        let moved = self.named(&format!("participants.{participant}.run"), Named::Run(&mut table), true);
+        if let Some(moved) = moved.and_then(|moved| moved.try_into().ok()) {
+            *run = moved;
         }
     }
 

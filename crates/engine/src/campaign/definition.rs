@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::column::Column;
 use super::plan::Plan;
 use super::source::Source;
+use crate::scenario::{Changes, ScenarioError, ScenarioSpec};
 
 /// Which command makes a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,7 +27,7 @@ pub struct Campaign {
     /// The scenario file.
     pub scenario: PathBuf,
     /// Changes that all points share.
-    pub overrides: Vec<String>,
+    pub overrides: Changes,
     /// What tells the points apart, as columns of the table.
     pub columns: Vec<Column>,
     /// The changes of each point.
@@ -41,7 +42,7 @@ pub struct Campaign {
 
 impl Campaign {
     /// All points of a plan.
-    pub fn of_plan(kind: Kind, scenario: PathBuf, overrides: Vec<String>, plan: &Plan) -> Campaign {
+    pub fn of_plan(kind: Kind, scenario: PathBuf, overrides: Changes, plan: &Plan) -> Campaign {
         Campaign::of_columns(kind, scenario, overrides, plan.unrolled())
     }
 
@@ -49,7 +50,7 @@ impl Campaign {
     pub(super) fn of_columns(
         kind: Kind,
         scenario: PathBuf,
-        overrides: Vec<String>,
+        overrides: Changes,
         (columns, settings): (Vec<Column>, Vec<Result<Vec<String>, String>>),
     ) -> Campaign {
         let mut refused = Vec::new();
@@ -69,6 +70,16 @@ impl Campaign {
             source: None,
             digests: false,
         }
+    }
+
+    /// What point `at` (from 0) says.
+    ///
+    /// # Errors
+    /// What is wrong with the form of the scenario or of a change of it.
+    pub fn spec_of(&self, at: usize) -> Result<ScenarioSpec, ScenarioError> {
+        let mut spec = ScenarioSpec::changed(&self.scenario, &self.overrides)?;
+        spec.change(&self.points[at])?;
+        Ok(spec)
     }
 
     /// What tells point `at` (from 0) apart, by column.

@@ -15,7 +15,7 @@ use super::plan::Plan;
 use super::rare::Rare;
 use super::source::Source;
 use super::{Campaign, CampaignError};
-use crate::scenario::{Lines, Mistake, Scenario, ScenarioError};
+use crate::scenario::{Changes, Lines, Mistake, Scenario, ScenarioError};
 
 /// A file that declares a campaign: of its own, which names a scenario, or a scenario with the table `campaign`.
 #[derive(Debug)]
@@ -105,7 +105,7 @@ impl CampaignFile {
     }
 
     /// The campaign of the points `plan`, with the changes that all of them share.
-    pub fn campaign(&self, overrides: Vec<String>, plan: &Plan) -> Campaign {
+    pub fn campaign(&self, overrides: Changes, plan: &Plan) -> Campaign {
         let mut says = self.table.clone();
         // More points make the same campaign larger, and what the scenario says counts by itself.
         says.retain(|key, _| !["points", "scenario"].contains(&key));

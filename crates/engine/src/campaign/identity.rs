@@ -11,7 +11,7 @@ use super::any_path::AnyPath;
 use super::shard::Shard;
 use super::source::Source;
 use super::{Campaign, CampaignError, Column, Kind};
-use crate::scenario::{Scenario, ScenarioSpec};
+use crate::scenario::{Changes, Scenario, ScenarioSpec};
 
 /// `campaign.json`: what the folder is of.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -28,7 +28,8 @@ pub struct Identity {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<Source>,
     /// Changes that all points share.
-    pub changes: Vec<String>,
+    #[serde(flatten)]
+    pub changes: Changes,
     /// What tells the points apart.
     pub columns: Vec<Heading>,
     /// How many points the campaign has, whatever the folder has of them.

@@ -9,7 +9,7 @@ use super::journal;
 use super::point::Result as PointResult;
 use super::{Campaign, CampaignError};
 use crate::run;
-use crate::scenario::Scenario;
+use crate::scenario::{Changes, Scenario, ScenarioError, ScenarioSpec};
 
 /// A point of a campaign.
 #[derive(Debug)]
@@ -20,8 +20,6 @@ pub struct Recalled {
     pub point: usize,
     /// The scenario file.
     pub file: PathBuf,
-    /// Its changes: those that all points share, then its own.
-    pub changes: Vec<String>,
     /// What became of it, if it was run.
     pub result: Option<PointResult>,
     identity: Identity,
@@ -75,7 +73,6 @@ impl Recalled {
             root: root.to_owned(),
             point,
             file: campaign.scenario.clone(),
-            changes: [campaign.overrides.as_slice(), &campaign.points[at]].concat(),
             result,
             identity,
             campaign,
@@ -83,8 +80,16 @@ impl Recalled {
     }
 
     /// The changes that all points share.
-    pub fn common(&self) -> &[String] {
+    pub fn common(&self) -> &Changes {
         &self.campaign.overrides
+    }
+
+    /// What it says.
+    ///
+    /// # Errors
+    /// What is wrong with the form of the scenario or of a change of it.
+    pub fn spec(&self) -> Result<ScenarioSpec, ScenarioError> {
+        self.campaign.spec_of(self.point - 1)
     }
 
     /// Why the point by itself, which has become `outcome`, has another tape than in the campaign, or another figure where the campaign has no

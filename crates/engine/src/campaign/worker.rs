@@ -13,7 +13,7 @@ use super::any_path::AnyPath;
 use super::identity::digest_of_scenario;
 use super::point::{Order, Result as PointResult};
 use crate::Catalogue;
-use crate::scenario::ScenarioSpec;
+use crate::scenario::{Changes, ScenarioSpec};
 
 /// A point for a worker.
 #[derive(Debug, Serialize, Deserialize)]
@@ -27,7 +27,7 @@ pub struct Task {
     /// What it must still be, with the changes that all points share.
     pub digest: String,
     /// Those changes.
-    pub common: Vec<String>,
+    pub common: Changes,
     /// The changes of this point.
     pub changes: Vec<String>,
     /// The run folder, if it is kept.
@@ -98,7 +98,7 @@ pub fn serve(
 impl Task {
     /// The scenario with the changes that all points share, if it still is what it was.
     fn current(&self) -> Option<ScenarioSpec> {
-        let spec = ScenarioSpec::read(&self.scenario.0, &self.common).ok()?;
+        let spec = ScenarioSpec::changed(&self.scenario.0, &self.common).ok()?;
         (digest_of_scenario(&spec).to_string() == self.digest).then_some(spec)
     }
 

@@ -37,7 +37,7 @@ pub(crate) use ports::port_of;
 pub use program::{Program, in_path};
 pub use resolve::Scenario;
 pub use spec::{
-    ConnectionSpec, Entries, FaultKind, FaultSpec, Frames, GuardSpec, MeasureKind, MeasureSpec, OnFailureSpec,
-    ParticipantSpec, RecordPart, RecordSpec, RunSpec, ScenarioSpec, State, ThroughKind, Time, fault_table,
+    Changes, ConnectionSpec, Entries, FaultKind, FaultSpec, Frames, GuardSpec, MeasureKind, MeasureSpec, OnFailureSpec,
+    ParticipantSpec, RecordPart, RecordSpec, RunSpec, ScenarioSpec, State, ThroughKind, Time,
 };
 pub use value::value;

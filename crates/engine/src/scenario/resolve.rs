@@ -21,7 +21,7 @@ use super::ports::{End, not_a_port, port};
 use super::program::Program;
 use super::recorded::{self, Wish};
 use super::source::Source;
-use super::spec::{FOLDER, Reading, ScenarioSpec};
+use super::spec::{Changes, FOLDER, Reading, ScenarioSpec};
 use crate::builtins::{Builtins, HasBuiltins};
 
 /// A scenario that has been read and understood, as far as that goes without the participants.
@@ -60,7 +60,12 @@ pub struct Scenario {
 impl Scenario {
     /// Reads `file` and applies `overrides`, each `key.path=value` or `faults+=key=value,…`.
     pub fn read(catalogue: &impl HasBuiltins, file: &Path, overrides: &[String]) -> Result<Scenario, ScenarioError> {
-        Scenario::resolve(catalogue, Reading::of_file(file, overrides)?, file)
+        Scenario::changed(catalogue, file, &overrides.into())
+    }
+
+    /// Reads `file` with `changes`.
+    pub fn changed(catalogue: &impl HasBuiltins, file: &Path, changes: &Changes) -> Result<Scenario, ScenarioError> {
+        Scenario::resolve(catalogue, Reading::of_file(file, changes)?, file)
     }
 
     /// What `file` would say if `text` stood in it.
@@ -75,7 +80,11 @@ impl Scenario {
         text: &str,
         overrides: &[String],
     ) -> Result<Scenario, ScenarioError> {
-        Scenario::resolve(catalogue, Reading::of_text(file, text.to_owned(), overrides)?, file)
+        Scenario::resolve(
+            catalogue,
+            Reading::of_text(file, text.to_owned(), &overrides.into())?,
+            file,
+        )
     }
 
     /// What `spec` means as the scenario in `file`: relative paths are relative to the folder of `file`, its name without the ending is

@@ -2,6 +2,7 @@
 
 use toml::{Table, Value};
 
+use super::changes::WITH_FAULT;
 use super::fault_text;
 use super::origin::Origin;
 use super::whole::FOLDER;
@@ -11,7 +12,6 @@ use crate::scenario::value::{keep_decimal, value};
 
 /// How a change was made, as a message about it ends.
 const WITH_SET: &str = "given with --set";
-const WITH_FAULT: &str = "given with --fault";
 pub(super) const IN_CODE: &str = "set in code";
 
 fn refuse(key: &str, reason: String) -> Mistake {

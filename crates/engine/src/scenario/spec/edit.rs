@@ -5,8 +5,8 @@ use std::path::Path;
 use toml::Value;
 
 use super::change::{self, IN_CODE};
+use super::changes::Changes;
 use super::read::Reading;
-use super::run::RunSpec;
 use super::whole::ScenarioSpec;
 use crate::scenario::error::{Mistake, ScenarioError};
 
@@ -17,6 +17,14 @@ impl ScenarioSpec {
     /// # Errors
     /// Everything that is wrong with the form of it, with lines and keys.
     pub fn read(file: &Path, changes: &[String]) -> Result<ScenarioSpec, ScenarioError> {
+        ScenarioSpec::changed(file, &changes.into())
+    }
+
+    /// Reads `file` with `changes`.
+    ///
+    /// # Errors
+    /// As [`ScenarioSpec::read`].
+    pub fn changed(file: &Path, changes: &Changes) -> Result<ScenarioSpec, ScenarioError> {
         Reading::of_file(file, changes)?.whole()
     }
 
@@ -25,7 +33,7 @@ impl ScenarioSpec {
     /// # Errors
     /// As [`ScenarioSpec::read`].
     pub fn of_text(file: &Path, text: &str) -> Result<ScenarioSpec, ScenarioError> {
-        Reading::of_text(file, text.to_owned(), &[])?.whole()
+        Reading::of_text(file, text.to_owned(), &Changes::default())?.whole()
     }
 
     /// Puts `value` at a key such as `participants.tank.parameters.depth`, by the rules of `--set`: participants and connections must
@@ -49,28 +57,13 @@ impl ScenarioSpec {
         self.edit(|table, origin| changes.iter().try_for_each(|one| change::change(table, origin, one)))
     }
 
-    /// Puts `run` in the place of `participant`, as `how` says.
+    /// Makes all of `changes`, or none.
     ///
     /// # Errors
-    /// When there is no such participant.
-    pub(crate) fn set_run(&mut self, participant: &str, run: &RunSpec, how: &'static str) -> Result<(), ScenarioError> {
-        let key = format!("participants.{participant}.run");
-        match self.participants.get_mut(participant) {
-            Some(own) => {
-                own.run = run.clone();
-                self.origin.change(key, how);
-                Ok(())
-            }
-            None => {
-                let known: Vec<String> = self.participants.keys().map(|name| format!("`{name}`")).collect();
-                let reason = format!(
-                    "there is no `{participant}` in `participants` ({how}); there is {}",
-                    known.join(", ")
-                );
-                let line = None;
-                Err(self.origin.error(vec![Mistake { line, key, reason }]))
-            }
-        }
+    /// When one of them does not fit, or the whole does not fit together afterwards.
+    pub fn apply(&mut self, changes: &Changes) -> Result<(), ScenarioError> {
+        *self = Reading::complete(self.clone()).changed(changes)?.whole()?;
+        Ok(())
     }
 
     fn edit(
@@ -79,7 +72,7 @@ impl ScenarioSpec {
     ) -> Result<(), ScenarioError> {
         let (mut table, mut origin) = (self.to_table(), self.origin.clone());
         edit(&mut table, &mut origin).map_err(|mistake| origin.error(vec![mistake]))?;
-        *self = Reading::of_table(origin, table)?.whole()?;
+        *self = Reading::of_table(origin, table, &Changes::default())?.whole()?;
         Ok(())
     }
 }

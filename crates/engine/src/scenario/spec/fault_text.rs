@@ -1,10 +1,14 @@
 //! A fault on the command line: `at=12s,until=14s,input=controller.measured,field=q_m[3],kind=bias,value=0.2deg`.
 
+use std::str::FromStr;
+
 use toml::{Table, Value};
+
+use super::fault::FaultSpec;
 
 /// The entry of `[[faults]]` that `text` stands for. Values are read as TOML if they are TOML, else as text; commas inside
 /// brackets, braces and quotes belong to the value.
-pub fn table(text: &str) -> Result<Table, String> {
+pub(super) fn table(text: &str) -> Result<Table, String> {
     let mut entry = Table::new();
     for part in parts(text) {
         let Some((key, value)) = part.split_once('=') else {
@@ -22,6 +26,20 @@ pub fn table(text: &str) -> Result<Table, String> {
         }
     }
     Ok(entry)
+}
+
+impl FromStr for FaultSpec {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<FaultSpec, String> {
+        serde_path_to_error::deserialize(Value::Table(table(text)?)).map_err(|error| {
+            let path = error.path().to_string();
+            match (path.as_str(), error.into_inner().message()) {
+                (".", reason) => reason.to_owned(),
+                (key, reason) => format!("{key}: {reason}"),
+            }
+        })
+    }
 }
 
 /// The text between commas that stand in nothing.

@@ -1,6 +1,7 @@
 //! A scenario as a value: what a file says, to be made, changed and written in code.
 
 mod change;
+mod changes;
 mod connection;
 mod edit;
 mod entries;
@@ -19,10 +20,10 @@ mod time;
 mod whole;
 mod write;
 
+pub use changes::Changes;
 pub use connection::{ConnectionSpec, Frames};
 pub use entries::Entries;
 pub use fault::{FaultKind, FaultSpec, State};
-pub use fault_text::table as fault_table;
 pub use guard::GuardSpec;
 pub use measure::{MeasureKind, MeasureSpec, ThroughKind};
 pub(super) use origin::Origin;

@@ -10,7 +10,8 @@ use super::time::Time;
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParticipantSpec {
-    /// The program.
+    /// The program. A file may leave it to `--substitute`.
+    #[serde(default)]
     pub run: RunSpec,
     /// The time between two activations.
     pub period: Time,

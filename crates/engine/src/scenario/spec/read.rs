@@ -9,6 +9,7 @@ use serde::{Deserialize, Deserializer};
 use toml::{Table, Value};
 
 use super::change::change;
+use super::changes::{Changes, WITH_DURATION, WITH_FAULT, WITH_SEED, WITH_SUBSTITUTE};
 use super::entries::Entries;
 use super::fault::FaultSpec;
 use super::files::fill_in_files;
@@ -29,7 +30,8 @@ struct Top {
     title: String,
     #[serde(default)]
     folder: Option<String>,
-    duration: Time,
+    #[serde(default)]
+    duration: Option<Time>,
     #[serde(default = "one", deserialize_with = "seed")]
     seed: u64,
     #[serde(default)]
@@ -102,32 +104,56 @@ pub(in crate::scenario) struct Broken {
 }
 
 impl Reading {
-    /// Reads what `file` says, or would say if `text` stood in it: with files in place of their names, and with `changes`, each
-    /// `key.path=value` or `faults+=entry`.
-    pub(in crate::scenario) fn of_text(
-        file: &Path,
-        text: String,
-        changes: &[String],
-    ) -> Result<Reading, ScenarioError> {
+    /// Reads what `file` says, or would say if `text` stood in it: with files in place of their names, and with `changes`.
+    pub(in crate::scenario) fn of_text(file: &Path, text: String, changes: &Changes) -> Result<Reading, ScenarioError> {
+        if changes.set_a_substitute() {
+            let mut reading = Reading::of_text(file, text, &Changes::default())?.changed(changes)?;
+            let folder = reading.spec.folder_at(file);
+            reading.spec.fill_in_files(&folder)?;
+            return Ok(reading);
+        }
         let mut table = text::parse(file, &text)?;
         let mut origin = Origin::of(file.to_owned(), text);
         let folder = folder_of(file, table.get(FOLDER).and_then(Value::as_str));
         fill_in_files(&mut table, &folder, &mut origin)?;
-        for one in changes {
+        for one in &changes.set {
             change(&mut table, &mut origin, one).map_err(|mistake| origin.error(vec![mistake]))?;
         }
-        if !changes.is_empty() {
+        if !changes.set.is_empty() {
             fill_in_files(&mut table, &folder, &mut origin)?;
         }
-        Reading::of_table(origin, table)
+        let mut reading = Reading::of_table(origin, table, changes)?;
+        if !changes.faults.is_empty() {
+            reading.spec.fill_in_files(&folder)?;
+        }
+        Ok(reading)
     }
 
-    pub(in crate::scenario) fn of_file(file: &Path, changes: &[String]) -> Result<Reading, ScenarioError> {
+    pub(in crate::scenario) fn of_file(file: &Path, changes: &Changes) -> Result<Reading, ScenarioError> {
         Reading::of_text(file, text::read(file)?, changes)
     }
 
-    /// Reads a table.
-    pub(super) fn of_table(origin: Origin, table: Table) -> Result<Reading, ScenarioError> {
+    /// The same with `changes`, one after the other: a key that is set may be about a substitute, which must be there first.
+    pub(super) fn changed(mut self, changes: &Changes) -> Result<Reading, ScenarioError> {
+        let first = Changes {
+            substitutes: changes.substitutes.clone(),
+            ..Changes::default()
+        };
+        self.options(&first);
+        let spec = self.whole()?;
+        let (mut table, mut origin) = (spec.to_table(), spec.origin);
+        for one in &changes.set {
+            change(&mut table, &mut origin, one).map_err(|mistake| origin.error(vec![mistake]))?;
+        }
+        let rest = Changes {
+            substitutes: Vec::new(),
+            ..changes.clone()
+        };
+        Reading::of_table(origin, table, &rest)
+    }
+
+    /// Reads a table, and makes those of `changes` that are not made in a table.
+    pub(super) fn of_table(origin: Origin, table: Table, changes: &Changes) -> Result<Reading, ScenarioError> {
         if table.contains_key("scenario") && !table.contains_key("participants") {
             let reason = "this is a campaign file: run it with `sweep`, or give the scenario that it names";
             return Err(origin.error(vec![origin.mistake("scenario", reason)]));
@@ -163,10 +189,13 @@ impl Reading {
             &mut broken.connections,
             &mut mistakes,
         );
+        if top.duration.is_none() && changes.duration.is_none() {
+            mistakes.push(origin.mistake("", "missing field `duration`"));
+        }
         let spec = ScenarioSpec {
             title: top.title,
             folder: top.folder,
-            duration: top.duration,
+            duration: top.duration.unwrap_or_default(),
             seed: top.seed,
             participants,
             connections,
@@ -181,7 +210,35 @@ impl Reading {
             record,
             origin,
         };
-        Ok(Reading { spec, broken, mistakes })
+        let mut reading = Reading { spec, broken, mistakes };
+        reading.options(changes);
+        Ok(reading)
+    }
+
+    /// Makes those of `changes` that are values.
+    fn options(&mut self, changes: &Changes) {
+        let spec = &mut self.spec;
+        for (participant, run) in &changes.substitutes {
+            if !self.broken.participants.contains(participant)
+                && let Err(error) = spec.set_run(participant, run, WITH_SUBSTITUTE)
+            {
+                self.mistakes.extend(error.mistakes);
+            }
+        }
+        for fault in &changes.faults {
+            let position = spec.faults.len() + self.broken.faults.len();
+            let name = fault_name(fault.name.as_deref(), position);
+            spec.origin.change(format!("faults.{name}"), WITH_FAULT);
+            spec.faults.push(fault.clone());
+        }
+        if let Some(seed) = changes.seed {
+            spec.seed = seed;
+            spec.origin.change("seed".to_owned(), WITH_SEED);
+        }
+        if let Some(duration) = &changes.duration {
+            spec.duration = duration.clone();
+            spec.origin.change("duration".to_owned(), WITH_DURATION);
+        }
     }
 
     /// A scenario of which nothing is missing.

@@ -87,11 +87,6 @@ impl RunSpec {
         }
     }
 
-    /// The table as the value of a `--set`.
-    pub fn words(&self) -> String {
-        Value::try_from(self).map_or_else(|_| String::new(), |table| table.to_string())
-    }
-
     /// The keys that go with `fmu`.
     pub(in crate::scenario) fn beside_fmu(&self) -> Table {
         let given = self.clone().keys_beside_fmu().map(|(key, value)| (key, value.take()));
