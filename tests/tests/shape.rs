@@ -43,12 +43,9 @@ fn files_are_short() {
     assert!(long.is_empty(), "split these files:\n{}", long.join("\n"));
 }
 
-/// Functions that are longer than the others may be, with their files: kernels that are one loop each, of which instructions are counted.
-const LONG: [(&str, &str); 3] = [
-    ("crates/multibody/src/kernel/aba.rs", "aba"),
-    ("crates/multibody/src/kernel/inertia.rs", "mass_and_coriolis"),
-    ("crates/multibody/src/kernel/newton_euler.rs", "newton_euler"),
-];
+/// Functions that are longer than the others may be, with their files. The one kernel that is faster whole: with the steps of a body as
+/// functions of their own it takes 1.8 % more instructions in lanes (2362 for 2320 a state), or 0.4 % more everywhere.
+const LONG: [(&str, &str); 1] = [("crates/multibody/src/kernel/aba.rs", "aba")];
 
 /// Lines from `fn` to the closing brace, comments among them; those of tests too.
 #[test]

@@ -73,6 +73,38 @@ impl<T: Real> Composite<T> {
     fn b_transposed_times(&self, v: V3<T>) -> V3<T> {
         self.d.tmul_add(-v, v * self.d.trace())
     }
+
+    /// What a joint about `z`, an axis that turns by `zr`, asks of the composite.
+    #[inline(always)]
+    fn asked(&self, prismatic: bool, z: V3<T>, zr: V3<T>) -> Asked<T> {
+        if prismatic {
+            Asked {
+                n: self.h.cross(z),
+                f: z * self.mass,
+                cn: self.h.cross(zr),
+                cf: zr * self.mass,
+                g: self.h_rate.cross(z),
+            }
+        } else {
+            Asked {
+                n: inertia_times(&self.sigma, z),
+                f: z.cross(self.h),
+                cn: self.b_times(z) + inertia_times(&self.sigma, zr),
+                cf: z.cross_add(self.h_rate, zr.cross(self.h)),
+                g: self.b_transposed_times(z),
+            }
+        }
+    }
+}
+
+/// The wrench that unit acceleration of a joint asks of what is behind it, (n, f); what unit reference velocity asks, (cn, cf), by the
+/// axis' own rate and by the bodies' motion; and the transposed action, g.
+struct Asked<T> {
+    n: V3<T>,
+    f: V3<T>,
+    cn: V3<T>,
+    cf: V3<T>,
+    g: V3<T>,
 }
 
 /// `M` into `mass` and, with `RATES`, `C` into `coriolis`: both square, column by column, and zero on entry
@@ -95,12 +127,8 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     let mut composites = Z::List::<Composite<T>>::with_capacity(n + 1);
     composites.push(Composite::rigid::<RATES>(model.base, &placed[BASE], omega_base, false));
     for (i, link) in model.bodies.iter().enumerate() {
-        composites.push(Composite::rigid::<RATES>(
-            &link.rigid,
-            &placed[i + 1],
-            rate_of(i + 1).omega,
-            true,
-        ));
+        let omega = rate_of(i + 1).omega;
+        composites.push(Composite::rigid::<RATES>(&link.rigid, &placed[i + 1], omega, true));
     }
 
     for i in (0..n).rev() {
@@ -113,31 +141,23 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
 
         let col = offset + link.coordinate;
         let (z, zr) = (at.z(), rate.z);
-        // Wrench that unit acceleration of this joint asks of the composite, (n, f); what unit reference velocity asks,
-        // (cn, cf), by the axis' own rate and by the bodies' motion; and the transposed action, g.
-        let (mut n2, f2, mut cn, cf, mut g);
-        if link.prismatic {
-            (n2, f2) = (own.h.cross(z), z * own.mass);
-            (cn, cf) = (own.h.cross(zr), zr * own.mass);
-            g = own.h_rate.cross(z);
-        } else {
-            (n2, f2) = (inertia_times(&own.sigma, z), z.cross(own.h));
-            cn = own.b_times(z) + inertia_times(&own.sigma, zr);
-            cf = z.cross_add(own.h_rate, zr.cross(own.h));
-            g = own.b_transposed_times(z);
-        }
-        let diagonal = if link.prismatic { z.dot(f2) } else { z.dot(n2) };
+        let mut asked = own.asked(link.prismatic, z, zr);
+        let diagonal = if link.prismatic { z.dot(asked.f) } else { z.dot(asked.n) };
         mass[col * dim + col] = diagonal + T::of(link.motor_inertia);
         if RATES {
-            coriolis[col * dim + col] = if link.prismatic { z.dot(cf) } else { z.dot(cn) };
+            coriolis[col * dim + col] = if link.prismatic {
+                z.dot(asked.cf)
+            } else {
+                z.dot(asked.cn)
+            };
         }
         let mut from = i + 1;
         loop {
             let d = placed[from].d;
-            n2 = d.cross_add(f2, n2);
+            asked.n = d.cross_add(asked.f, asked.n);
             if RATES {
-                cn = d.cross_add(cf, cn);
-                g = rate_of(from).d.cross_add(f2, g);
+                asked.cn = d.cross_add(asked.cf, asked.cn);
+                asked.g = rate_of(from).d.cross_add(asked.f, asked.g);
             }
             from = model.bodies[from - 1].parent;
             if from == BASE {
@@ -146,9 +166,9 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
             let row = offset + model.bodies[from - 1].coordinate;
             let (z, zr) = (placed[from].z(), rate_of(from).z);
             let (m, up, down) = if model.bodies[from - 1].prismatic {
-                (z.dot(f2), z.dot(cf), zr.dot(f2))
+                (z.dot(asked.f), z.dot(asked.cf), zr.dot(asked.f))
             } else {
-                (z.dot(n2), z.dot(cn), zr.dot_add(n2, z.dot(g)))
+                (z.dot(asked.n), z.dot(asked.cn), zr.dot_add(asked.n, z.dot(asked.g)))
             };
             mass[col * dim + row] = m;
             mass[row * dim + col] = m;
@@ -158,13 +178,10 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
             }
         }
         if model.floating {
-            n2.write(mass, col * dim);
-            f2.write(mass, col * dim + 3);
-            write_row(mass, dim, col, n2, f2);
+            write_both(mass, dim, col, (asked.n, asked.f), (asked.n, asked.f));
             if RATES {
-                cn.write(coriolis, col * dim);
-                cf.write(coriolis, col * dim + 3);
-                write_row(coriolis, dim, col, n2.cross_add(omega_base, g), f2.cross(omega_base));
+                let row = (asked.n.cross_add(omega_base, asked.g), asked.f.cross(omega_base));
+                write_both(coriolis, dim, col, (asked.cn, asked.cf), row);
             }
         }
     }
@@ -173,9 +190,11 @@ pub(crate) fn mass_and_coriolis<Z: Size, T: Real, const RATES: bool>(
     }
 }
 
-/// The six elements of a joint's row in front of the joints.
+/// The six elements of a joint's column above the joints, and of its row in front of them: about the axes, then along them.
 #[inline(always)]
-fn write_row<T: Real>(m: &mut [T], dim: usize, row: usize, ang: V3<T>, lin: V3<T>) {
+fn write_both<T: Real>(m: &mut [T], dim: usize, row: usize, above: (V3<T>, V3<T>), (ang, lin): (V3<T>, V3<T>)) {
+    above.0.write(m, row * dim);
+    above.1.write(m, row * dim + 3);
     m[row] = ang.x;
     m[dim + row] = ang.y;
     m[2 * dim + row] = ang.z;

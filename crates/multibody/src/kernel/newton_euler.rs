@@ -71,6 +71,90 @@ impl<T: Real> Turn<T> {
     }
 }
 
+/// A joint's coordinate, its two rates and its acceleration.
+#[derive(Clone, Copy)]
+struct Joint<T> {
+    q: T,
+    rate: T,
+    rate_r: T,
+    acc: T,
+}
+
+impl<T: Real> Moving<T> {
+    /// The base: a_r,0 = a + v₀ × v_r,0 in spatial terms, so α = a_ω + ω×ω_r and, classically, a_v + ω×v_r.
+    #[inline(always)]
+    fn base<const SAME: bool>(model: Model, nu: &[T], a: &[T], nu_r: &[T], gravity: V3<T>) -> Self {
+        let (omega, v) = model.base_part(nu);
+        let (a_ang, a_lin) = model.base_part(a);
+        let (omega_r, alpha, acc) = if SAME {
+            (omega, a_ang, omega.cross_add(v, a_lin - gravity))
+        } else {
+            let (omega_r, v_r) = model.base_part(nu_r);
+            (
+                omega_r,
+                omega.cross_add(omega_r, a_ang),
+                omega.cross_add(v_r, a_lin - gravity),
+            )
+        };
+        Self {
+            omega,
+            omega_r,
+            alpha,
+            acc,
+        }
+    }
+
+    /// What hangs on this body by a prismatic joint.
+    #[inline(always)]
+    fn slid<const SAME: bool>(&self, link: &Link, turn: &Turn<T>, joint: Joint<T>) -> Self {
+        let z = turn.e.c[2];
+        let d = z.mul_add(joint.q, V3::of(link.p));
+        // a + α×d + ω_r×ḋ + ω×(z q̇_r) + z q̈, with ḋ = ω×d + z q̇
+        let d_rate = self.omega.cross_add(d, z * joint.rate);
+        let acc = self.alpha.cross_add(d, z.mul_add(joint.acc, self.acc));
+        let acc = self
+            .omega
+            .cross_add(z * joint.rate_r, self.omega_r.cross_add(d_rate, acc));
+        let omega = turn.to_child(self.omega);
+        let omega_r = if SAME { omega } else { turn.to_child(self.omega_r) };
+        Self {
+            omega,
+            omega_r,
+            alpha: turn.to_child(self.alpha),
+            acc: turn.to_child(acc),
+        }
+    }
+
+    /// What hangs on this body by a revolute joint.
+    #[inline(always)]
+    fn turned<const SAME: bool>(&self, link: &Link, turn: &Turn<T>, joint: Joint<T>) -> Self {
+        let d = V3::of(link.p);
+        let acc = self
+            .omega_r
+            .cross_add(self.omega.cross(d), self.alpha.cross_add(d, self.acc));
+        let mut omega = turn.to_child(self.omega);
+        let mut alpha = turn.to_child(self.alpha);
+        // z q̈ + ω×(z q̇_r)
+        alpha.x = omega.y.mul_add(joint.rate_r, alpha.x);
+        alpha.y = (-omega.x).mul_add(joint.rate_r, alpha.y);
+        alpha.z = alpha.z + joint.acc;
+        omega.z = omega.z + joint.rate;
+        let omega_r = if SAME {
+            omega
+        } else {
+            let mut r = turn.to_child(self.omega_r);
+            r.z = r.z + joint.rate_r;
+            r
+        };
+        Self {
+            omega,
+            omega_r,
+            alpha,
+            acc: turn.to_child(acc),
+        }
+    }
+}
+
 /// `out = M(q) a + C(q, ν) ν_r`, in a field `gravity` (base axes). With `SAME` the second velocity is ν itself and
 /// `nu_r` is not read.
 #[inline(always)]
@@ -85,26 +169,7 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
 ) {
     let offset = model.offset();
     let n = model.bodies.len();
-    let (omega, v) = model.base_part(nu);
-    let (a_ang, a_lin) = model.base_part(a);
-    // base: a_r,0 = a + v₀ × v_r,0 in spatial terms, so α = a_ω + ω×ω_r and, classically, a_v + ω×v_r
-    let (omega_r, alpha, acc) = if SAME {
-        (omega, a_ang, omega.cross_add(v, a_lin - gravity))
-    } else {
-        let (omega_r, v_r) = model.base_part(nu_r);
-        (
-            omega_r,
-            omega.cross_add(omega_r, a_ang),
-            omega.cross_add(v_r, a_lin - gravity),
-        )
-    };
-    let base = Moving {
-        omega,
-        omega_r,
-        alpha,
-        acc,
-    };
-
+    let base = Moving::base::<SAME>(model, nu, a, nu_r, gravity);
     let trig = sines::<Z, T>(model.bodies.len(), q);
     let mut moving = Z::List::<Moving<T>>::with_capacity(n + 1);
     let mut wrenches = Z::List::<Wrench<T>>::with_capacity(n + 1);
@@ -114,45 +179,16 @@ pub(crate) fn newton_euler<Z: Size, T: Real, const SAME: bool>(
         let up = moving[link.parent];
         let k = offset + link.coordinate;
         let turn = Turn::new(link, trig[link.coordinate]);
-        let (rate, rate_r) = (nu[k], if SAME { nu[k] } else { nu_r[k] });
+        let joint = Joint {
+            q: q[link.coordinate],
+            rate: nu[k],
+            rate_r: if SAME { nu[k] } else { nu_r[k] },
+            acc: a[k],
+        };
         let own = if link.prismatic {
-            let z = turn.e.c[2];
-            let d = z.mul_add(q[link.coordinate], V3::of(link.p));
-            // a + α×d + ω_r×ḋ + ω×(z q̇_r) + z q̈, with ḋ = ω×d + z q̇
-            let d_rate = up.omega.cross_add(d, z * rate);
-            let acc = up.alpha.cross_add(d, z.mul_add(a[k], up.acc));
-            let acc = up.omega.cross_add(z * rate_r, up.omega_r.cross_add(d_rate, acc));
-            let omega = turn.to_child(up.omega);
-            let omega_r = if SAME { omega } else { turn.to_child(up.omega_r) };
-            Moving {
-                omega,
-                omega_r,
-                alpha: turn.to_child(up.alpha),
-                acc: turn.to_child(acc),
-            }
+            up.slid::<SAME>(link, &turn, joint)
         } else {
-            let d = V3::of(link.p);
-            let acc = up.omega_r.cross_add(up.omega.cross(d), up.alpha.cross_add(d, up.acc));
-            let mut omega = turn.to_child(up.omega);
-            let mut alpha = turn.to_child(up.alpha);
-            // z q̈ + ω×(z q̇_r)
-            alpha.x = omega.y.mul_add(rate_r, alpha.x);
-            alpha.y = (-omega.x).mul_add(rate_r, alpha.y);
-            alpha.z = alpha.z + a[k];
-            omega.z = omega.z + rate;
-            let omega_r = if SAME {
-                omega
-            } else {
-                let mut r = turn.to_child(up.omega_r);
-                r.z = r.z + rate_r;
-                r
-            };
-            Moving {
-                omega,
-                omega_r,
-                alpha,
-                acc: turn.to_child(acc),
-            }
+            up.turned::<SAME>(link, &turn, joint)
         };
         wrenches.push(own_wrench::<T, SAME>(&link.rigid, &own));
         moving.push(own);
