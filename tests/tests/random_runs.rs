@@ -1,4 +1,4 @@
-//! Random plans with substitutions, declared faults, guards and checkpoints give one tape: in one loop with a folder, in memory with
+//! Random plans with substitutions, declared faults, guards, measures, checkpoints and tapes that are not whole give one tape: in one loop with a folder, in memory with
 //! rests and a way back, without a tape, in processes, and resumed from a checkpoint.
 
 use std::collections::HashSet;
@@ -112,21 +112,46 @@ fn plan(draws: &mut Draws, processes: bool) -> String {
             draws.of(&["cold", "keep"])
         );
     }
-    text
+    text + "[measures.away]\nof = \"plant.motion.position\"\ncompute = \"mean\"\n\
+            [measures.apart]\nof = \"plant.motion.velocity\"\nminus = \"plant.motion.velocity\"\ncompute = \"rms\"\n\
+            [measures.pushes]\nof = \"damper-0.push.count\"\ncompute = \"max\"\n"
+}
+
+/// What is kept of the samples; one plan in four keeps everything.
+fn record(draws: &mut Draws) -> String {
+    let part = |of: &str, part: &str| format!("{of} = {part}\n");
+    let every = [
+        "false",
+        "true",
+        "{ from = \"40 ms\", to = \"120 ms\" }",
+        "{ to = \"100 ms\" }",
+        "{ from = \"220 ms\" }",
+    ];
+    match draws.below(4) {
+        0 => String::new(),
+        1 => "[record]\nplant = false\ndamper-0 = false\n".to_owned(),
+        _ => {
+            let (motion, push) = (draws.of(&every), draws.of(&every));
+            "[record]\n".to_owned() + &part("plant.motion", motion) + &part("damper-0.push", push)
+        }
+    }
 }
 
 fn scenario(seed: u64, processes: bool) -> Scenario {
     let catalogue = Catalogue::new("tests")
         .participant("oscillator", Oscillator::factory)
         .participant("damper", Damper::factory);
-    let text = plan(&mut Draws(Stream::new(seed, "random runs"), 0), processes);
+    let text = plan(&mut Draws(Stream::new(seed, "random runs"), 0), processes)
+        + &record(&mut Draws(Stream::new(seed, "what is kept"), 0));
     let read = Scenario::read_text(&Arc::new(catalogue), Path::new("random.toml"), &text);
     read.unwrap_or_else(|error| panic!("{error}\n{text}"))
 }
 
+/// The digest of the tape, and the figures.
 fn digest(outcome: Outcome, way: &str) -> String {
     assert_eq!(outcome.ending, Ending::Complete, "{way}");
-    outcome.digest.expect("a digest").to_string()
+    let figures = outcome.figures.expect("there are measures").json();
+    format!("{} {figures:?}", outcome.digest.expect("a digest"))
 }
 
 /// Options for a run in `out`, with two checkpoints.

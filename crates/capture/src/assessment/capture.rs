@@ -5,6 +5,8 @@
 
 use engine::assessment::{Assessment, Figures, Measured, Numbers, stream};
 use lockstep::participant::ParameterError;
+use lockstep::wire;
+use serde::{Deserialize, Serialize};
 use tape::StreamSpec;
 
 use super::Summary;
@@ -58,7 +60,7 @@ struct CommandFields {
 }
 
 /// What has been seen so far.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 struct Seen {
     peaks: [f64; 13],
     integrals: [f64; 3],
@@ -77,7 +79,7 @@ struct Seen {
     joint_range: Option<[[f64; 7]; 2]>,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Last {
     stamp: f64,
     base_position: [f64; 3],
@@ -88,7 +90,7 @@ struct Last {
 
 /// The integral of the squared jerk, from second differences of the velocity at the controller's samples: between them the
 /// command is held, so a jerk taken at the plant's own rate would be that of the steps.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 struct Jerk {
     samples: u64,
     velocities: [[f64; 3]; 2],
@@ -265,6 +267,16 @@ impl Assessment for Capture {
         } else if stream == self.command.stream {
             self.command(payload);
         }
+    }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        wire::encode("the figures of a capture", &self.seen).ok()
+    }
+
+    fn restore(&mut self, saved: &[u8], _: &[bool]) -> Result<(), String> {
+        let seen = wire::decode("the figures of a capture", saved);
+        self.seen = seen.map_err(|error| error.to_string())?;
+        Ok(())
     }
 
     fn finish(&mut self, measures: Vec<Measured>) -> Figures {

@@ -94,6 +94,22 @@ pub trait Assessment: Send {
     /// Takes in a sample of stream number `stream` with its stamp, s.
     fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]);
 
+    /// What has been taken in, for whoever goes on from here with samples that no tape has ([`[record]`](crate::run::Kept)). Unless given:
+    /// `None`, and a run is not saved in which it reads a stream that is not recorded whole.
+    fn save(&self) -> Option<Vec<u8>> {
+        None
+    }
+
+    /// Goes on from what another one of the same kind has [saved](Assessment::save). `lacks` says of which streams not every sample
+    /// before has been given to this one; what reads others only has taken them in.
+    ///
+    /// # Errors
+    /// Why that cannot be done.
+    fn restore(&mut self, saved: &[u8], lacks: &[bool]) -> Result<(), String> {
+        let _ = (saved, lacks);
+        Err("the assessment has no `restore`".into())
+    }
+
     /// The figures of what has been seen, with `measures`, which the scenario declares, [beside them](Figures::with).
     fn finish(&mut self, measures: Vec<Measured>) -> Figures;
 }

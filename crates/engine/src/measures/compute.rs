@@ -1,9 +1,11 @@
 //! What is computed of a signal, sample by sample.
 
+use serde::{Deserialize, Serialize};
+
 use super::total::Total;
 
 /// What is computed. Thresholds and bands are in the unit of the signal.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Compute {
     /// The least value.
     Min,
@@ -87,14 +89,14 @@ pub enum Absent {
 }
 
 /// A sample of a signal.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Sample {
     t_s: f64,
     x: f64,
 }
 
 /// One figure under way. A percentile keeps every value, 8 bytes each; everything else takes the same memory however many come.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Fold {
     compute: Compute,
     /// The distance of two samples, s.

@@ -40,6 +40,9 @@ pub struct Definition {
     pub limits: Limits,
 }
 
+/// What a measure has taken in: how many samples of its first stream, the folds, and the pairs.
+pub(super) type Saved = (u64, Vec<Fold>, Option<Pairing>);
+
 /// A measure under way.
 #[derive(Debug)]
 pub(super) struct Measure {
@@ -91,6 +94,31 @@ impl Measure {
             signals: Vec::new(),
             definition,
         })
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.definition.name
+    }
+
+    /// What is measured, whatever it is called and must keep to.
+    pub(super) fn key(&self) -> String {
+        let Measure { definition, window, .. } = self;
+        let Definition {
+            of,
+            minus,
+            through,
+            compute,
+            ..
+        } = definition;
+        format!("{of:?} {minus:?} {through:?} {compute:?} {window:?}")
+    }
+
+    pub(super) fn saved(&self) -> Saved {
+        (self.come, self.folds.clone(), self.pairing.clone())
+    }
+
+    pub(super) fn restore(&mut self, saved: Saved) {
+        (self.come, self.folds, self.pairing) = saved;
     }
 
     /// The streams that it reads.

@@ -3,13 +3,14 @@
 use std::collections::VecDeque;
 
 use lockstep::time::SampleTime;
+use serde::{Deserialize, Serialize};
 
 use super::window::Window;
 
 /// Brings samples of two streams together, whichever comes first: to each sample of the first belongs the newest of the second
 /// that is stamped at or before it, the one that an input without delay would read. What comes too early is kept, which is
 /// as much as one participant runs ahead of the other, and no sample of the second that belongs to none of the first.
-#[derive(Debug)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Pairing {
     first: SampleTime,
     second: SampleTime,

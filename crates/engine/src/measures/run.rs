@@ -4,7 +4,7 @@ use lockstep::time::TickError;
 use tape::StreamSpec;
 
 use super::Definition;
-use super::measure::Measure;
+use super::measure::{Measure, Saved};
 use crate::assessment::Measured;
 
 /// The measures of a run. The order in which samples of different streams arrive does not matter.
@@ -51,6 +51,30 @@ impl Measures {
         for &reader in self.readers.get(stream).into_iter().flatten() {
             self.all[reader].sample(stream, stamp_s, payload);
         }
+    }
+
+    /// What has been taken in, each measure with what it looks at.
+    pub(super) fn saved(&self) -> Vec<(String, Saved)> {
+        self.all.iter().map(|one| (one.key(), one.saved())).collect()
+    }
+
+    /// Goes on from what was saved, in place of what has been taken in.
+    ///
+    /// # Errors
+    /// The measure that was not saved, and has not taken in every sample of what it looks at.
+    pub(super) fn restore(&mut self, saved: &[(String, Saved)], lacks: &[bool]) -> Result<(), String> {
+        for one in &mut self.all {
+            let key = one.key();
+            if let Some((_, saved)) = saved.iter().find(|(other, _)| *other == key) {
+                one.restore(saved.clone());
+            } else if one.streams().any(|stream| lacks[stream]) {
+                return Err(format!(
+                    "measure `{}` is new or was changed, and looks at a stream of which [record] leaves samples out",
+                    one.name()
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// The figures of what has been seen, in the order of the definitions.

@@ -1,5 +1,7 @@
 //! The measures of a scenario beside its assessment.
 
+use lockstep::wire;
+
 use super::Measures;
 use crate::assessment::{Assessment, Figures, Measured};
 
@@ -26,6 +28,25 @@ impl Assessment for Together {
             own.sample(stream, stamp_s, payload);
         }
         self.measures.sample(stream, stamp_s, payload);
+    }
+
+    fn save(&self) -> Option<Vec<u8>> {
+        let own = match &self.own {
+            Some(own) => Some(own.save()?),
+            None => None,
+        };
+        wire::encode("measures", &(own, self.measures.saved())).ok()
+    }
+
+    fn restore(&mut self, saved: &[u8], lacks: &[bool]) -> Result<(), String> {
+        let decoded = wire::decode::<(Option<Vec<u8>>, Vec<_>)>("measures", saved);
+        let (own, measures) = decoded.map_err(|error| error.to_string())?;
+        if let Some(assessment) = &mut self.own
+            && (0..lacks.len()).any(|stream| lacks[stream] && assessment.reads(stream))
+        {
+            assessment.restore(&own.unwrap_or_default(), lacks)?;
+        }
+        self.measures.restore(&measures, lacks)
     }
 
     fn finish(&mut self, measures: Vec<Measured>) -> Figures {

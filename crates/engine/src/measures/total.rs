@@ -1,7 +1,9 @@
 //! A sum that does not lose what is small beside what has been summed.
 
+use serde::{Deserialize, Serialize};
+
 /// A running sum with what rounding has taken from it (Neumaier's).
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct Total {
     sum: f64,
     lost: f64,

@@ -1,9 +1,10 @@
 //! Instants in whole ticks: which samples lie in a window, and which sample of another stream is there at them.
 
 use lockstep::time::{Rational, SampleTime, TickError, Ticks, Timebase};
+use serde::{Deserialize, Serialize};
 
 /// The samples of a stream, by their indices, that lie in a window. No time is compared as a double.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Window {
     first: u64,
     /// The first one behind it.

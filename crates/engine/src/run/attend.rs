@@ -62,14 +62,9 @@ pub(super) fn saved<E: Executor + ?Sized>(
 ) -> Result<Checkpoint, RunFailure> {
     let states = (0..course.entries.len()).map(|number| executor.save(course, number));
     let states = states.collect::<Result<_, _>>()?;
-    Ok(Checkpoint::new(
-        &course.plan,
-        time,
-        cut,
-        states,
-        course.substituted,
-        &course.entries,
-    ))
+    let rest = course.recorder().rest(&cut)?;
+    let checkpoint = Checkpoint::new(&course.plan, time, cut, states, course.substituted, &course.entries);
+    Ok(Checkpoint { rest, ..checkpoint })
 }
 
 /// A restart need not go back to before `time`, where all participants have just gone on at `cut`. Gives those that

@@ -1,7 +1,8 @@
 //! The state of a run at one instant, in one file.
 //!
 //! A checkpoint holds what is nowhere else: the state of every participant and where everybody stands. What is on its way
-//! through the links is a function of the plan and the tape; draws are functions of seed, name and index.
+//! through the links is a function of the plan and the tape; draws are functions of seed, name and index. Where the tape does not
+//! have every sample, those that are still needed are in the checkpoint too.
 
 use std::fs;
 use std::io;
@@ -13,9 +14,12 @@ use lockstep::wire::{self, WireError};
 use serde::{Deserialize, Serialize};
 use tape::Digest;
 
+use super::rest::Rest;
 use crate::scenario::Entry;
 
 const MAGIC: &[u8] = b"escapement checkpoint 1\n";
+/// One that also has what the tape lacks.
+const MAGIC_REST: &[u8] = b"escapement checkpoint 2\n";
 const DIGEST: usize = 32;
 
 /// Why a participant without `save` cannot do what was asked of it.
@@ -42,6 +46,9 @@ pub struct Checkpoint {
     pub substitutions: u64,
     /// For each participant, whether it had failed and its `on-failure` had put another program in its place.
     pub replaced: Vec<bool>,
+    /// What the tape does not have, where it does not have every sample.
+    #[serde(skip)]
+    pub rest: Option<Rest>,
 }
 
 /// Why a checkpoint cannot be written or read.
@@ -107,6 +114,7 @@ impl Checkpoint {
             states,
             substitutions: substituted as u64,
             replaced: entries.iter().map(|entry| entry.replaced).collect(),
+            rest: None,
         }
     }
 
@@ -116,8 +124,12 @@ impl Checkpoint {
     /// [`CheckpointError::TooLarge`].
     pub fn encode(&self) -> Result<Vec<u8>, CheckpointError> {
         let time = self.time;
-        let body = wire::encode("a checkpoint", self).map_err(|source| CheckpointError::TooLarge { time, source })?;
-        let mut bytes = MAGIC.to_vec();
+        let (magic, body) = match &self.rest {
+            None => (MAGIC, wire::encode("a checkpoint", self)),
+            Some(rest) => (MAGIC_REST, wire::encode("a checkpoint", &(self, rest))),
+        };
+        let body = body.map_err(|source| CheckpointError::TooLarge { time, source })?;
+        let mut bytes = magic.to_vec();
         bytes.extend_from_slice(Digest::of(&body).as_bytes());
         bytes.extend_from_slice(&body);
         Ok(bytes)
@@ -129,7 +141,8 @@ impl Checkpoint {
     /// [`CheckpointError::Foreign`] and [`CheckpointError::Damaged`].
     pub fn decode(path: &Path, bytes: &[u8]) -> Result<Checkpoint, CheckpointError> {
         let path = path.to_owned();
-        let Some(rest) = bytes.strip_prefix(MAGIC) else {
+        let (plain, more) = (bytes.strip_prefix(MAGIC), bytes.strip_prefix(MAGIC_REST));
+        let Some(rest) = plain.or(more) else {
             return Err(CheckpointError::Foreign { path });
         };
         let damaged = |reason: String| CheckpointError::Damaged {
@@ -142,7 +155,14 @@ impl Checkpoint {
         if Digest::of(body).as_bytes() != digest {
             return Err(damaged("its checksum does not fit its contents".into()));
         }
-        let checkpoint: Checkpoint = wire::decode("a checkpoint", body).map_err(|error| damaged(error.to_string()))?;
+        let decoded = match more {
+            None => wire::decode("a checkpoint", body),
+            Some(_) => wire::decode::<(Checkpoint, Rest)>("a checkpoint", body).map(|(checkpoint, rest)| Checkpoint {
+                rest: Some(rest),
+                ..checkpoint
+            }),
+        };
+        let checkpoint: Checkpoint = decoded.map_err(|error| damaged(error.to_string()))?;
         let count = checkpoint.participants.len();
         if [
             checkpoint.states.len(),
@@ -215,6 +235,7 @@ impl Checkpoint {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lockstep::plan::Backlog;
 
     fn checkpoint() -> Checkpoint {
         Checkpoint {
@@ -225,19 +246,39 @@ mod tests {
             states: vec![vec![1, 2, 3], Vec::new()],
             substitutions: 1,
             replaced: vec![false, true],
+            rest: None,
+        }
+    }
+
+    fn with_rest() -> Checkpoint {
+        let sample = Backlog {
+            index: 7,
+            payload: vec![5, 6],
+        };
+        let rest = Rest {
+            counts: vec![2, 9],
+            samples: vec![vec![sample], Vec::new()],
+            assessment: Some(vec![1]),
+            guards: vec![("0".into(), Some((vec![3], 4))), ("1".into(), None)],
+        };
+        Checkpoint {
+            rest: Some(rest),
+            ..checkpoint()
         }
     }
 
     #[test]
     fn it_comes_back_as_it_went() {
-        let bytes = checkpoint().encode().unwrap();
-        assert_eq!(Checkpoint::decode(Path::new("x"), &bytes).unwrap(), checkpoint());
+        for checkpoint in [checkpoint(), with_rest()] {
+            let bytes = checkpoint.encode().unwrap();
+            assert_eq!(Checkpoint::decode(Path::new("x"), &bytes).unwrap(), checkpoint);
+        }
     }
 
     #[test]
     fn every_changed_byte_and_every_cut_is_noticed() {
-        let bytes = checkpoint().encode().unwrap();
-        for at in 0..bytes.len() {
+        let all = [checkpoint(), with_rest()].map(|checkpoint| checkpoint.encode().unwrap());
+        for (bytes, at) in all.iter().flat_map(|bytes| (0..bytes.len()).map(move |at| (bytes, at))) {
             let mut changed = bytes.clone();
             changed[at] ^= 1;
             assert!(Checkpoint::decode(Path::new("x"), &changed).is_err(), "byte {at}");

@@ -334,7 +334,7 @@ impl Run {
         let state = &checkpoint.state;
         let (assessment, watches) = prepare::judges(&course.scenario, &course.plan, &streams(&course.plan))?;
         let (cut, told) = (&state.cut, checkpoint.told);
-        course.recorder().cut_back(cut, told, assessment, watches)?;
+        course.recorder().cut_back(state, told, assessment, watches)?;
         course.inputs.clone_from(&checkpoint.inputs);
         course.substituted = usize::try_from(state.substitutions).unwrap_or(usize::MAX);
         let agenda = Agenda::new(

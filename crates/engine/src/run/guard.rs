@@ -25,6 +25,9 @@ pub struct Watch {
     held: Option<(Vec<u8>, Ticks)>,
 }
 
+/// What a guard looks at, and what it remembers.
+type Saved = (String, Option<(Vec<u8>, Ticks)>);
+
 /// An element with its name, and the field that it is of.
 struct Element {
     slot: Slot,
@@ -122,6 +125,32 @@ impl Watch {
                 None
             }
         }
+    }
+
+    /// What it remembers, for one that looks at the same.
+    pub(super) fn saved(&self) -> Saved {
+        (self.key(), self.held.clone())
+    }
+
+    /// Goes on from what one that looks at the same has saved; whether there is one.
+    pub(super) fn restore(&mut self, all: &[Saved]) -> bool {
+        let key = self.key();
+        let saved = all.iter().find(|(saved, _)| *saved == key);
+        saved.inspect(|(_, held)| self.held.clone_from(held)).is_some()
+    }
+
+    /// What it looks at, and for what.
+    fn key(&self) -> String {
+        let elements: Vec<&str> = self.elements.iter().map(|element| &*element.name).collect();
+        let Watch {
+            forbidden, frozen_for, ..
+        } = self;
+        format!("{} {elements:?} {forbidden:?} {frozen_for:?}", self.stream)
+    }
+
+    /// What it is called, in words.
+    pub(super) fn words(&self) -> String {
+        format!("guard `{}`", self.name)
     }
 
     /// Somebody else gives this stream from now on.

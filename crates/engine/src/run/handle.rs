@@ -99,7 +99,6 @@ impl Run {
             scenario.make()?
         };
         let (known, made) = prepare::checked(&scenario, made)?;
-        refuse_without_samples(&scenario, &options)?;
         let entries = prepare::entries(&scenario, &options)?;
         let participants = if options.in_process {
             Some(in_process::seated(&scenario, &options, &entries, made)?)
@@ -117,7 +116,7 @@ impl Run {
         let folder = claim.as_ref().map(|claim| claim.folder().clone());
         let made: Result<(Ready, Making), RunFailure> = match (participants, &folder) {
             (Some(participants), folder) => {
-                let recorder = prepare::recorder(&scenario, known.plan, options.record, folder.as_ref(), asked);
+                let recorder = prepare::recorder(&scenario, known.plan, &options, folder.as_ref(), asked);
                 recorder.and_then(|mut recorder| {
                     let plan = recorder.plan.clone();
                     let start = prepare::start(&scenario, &plan, &options, &mut recorder)?;
@@ -187,8 +186,7 @@ impl Run {
             entries,
             substituted,
             inputs: start.inputs,
-            // What a run goes on from is good for going back to as well, until its first own checkpoint.
-            last_checkpoint: options.origin.as_ref().map(|origin| origin.checkpoint.clone()),
+            last_checkpoint: start.checkpoint,
             recovered,
             folder,
             recorder,
@@ -406,24 +404,6 @@ fn refuse_inside_a_participant(scenario: &Scenario) -> Result<(), RunFailure> {
         ))),
         _ => Ok(()),
     }
-}
-
-/// Where samples are left out, a run cannot be taken up in mid-course.
-fn refuse_without_samples(scenario: &Scenario, options: &Options) -> Result<(), RunFailure> {
-    if scenario.records_all() {
-        return Ok(());
-    }
-    if options.checkpoint_every.is_some() || !options.checkpoint_at.is_empty() {
-        return Err(scenario
-            .needs_samples("a checkpoint (--checkpoint-every, --checkpoint-at)")
-            .into());
-    }
-    if scenario.moves() {
-        return Err(scenario
-            .needs_samples("a program that takes over in mid-run (`on-failure`, `substitute`)")
-            .into());
-    }
-    Ok(())
 }
 
 /// Who does the steps of a run, as far as they are there.

@@ -256,6 +256,9 @@ impl Executor for Loop {
             return Ok(Turn::Parked);
         }
         let (plan, reached) = (course.plan.clone(), self.reached);
+        let steppers = self.looped.as_ref().map(InLoop::steppers).unwrap_or_default();
+        let forgotten = course.recorder().forget(|_, number| steppers[number].next_activation());
+        forgotten.map_err(|failure| course.over(failure))?;
         let lie = course.recorder().take_lie();
         if let Some((number, reason)) = lie {
             let participant = course.name(number).to_owned();

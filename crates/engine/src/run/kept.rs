@@ -40,6 +40,12 @@ impl Kept {
         self.0.number(index)
     }
 
+    /// How many of the first `samples` samples are kept.
+    pub(super) fn of_first(self, samples: u64) -> u64 {
+        let Observed { every, first, end } = self.0;
+        samples.div_ceil(every.max(1)).min(end).saturating_sub(first)
+    }
+
     /// The stream as it is on the tape; `None` when it is not there.
     pub(super) fn spec(self, spec: &StreamSpec) -> Option<StreamSpec> {
         if self.is_nothing() {

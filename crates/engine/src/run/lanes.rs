@@ -3,7 +3,6 @@
 use tape::{AppendError, StreamSpec};
 
 use super::kept::Kept;
-use super::outcome::RunFailure;
 use super::store::Store;
 
 /// What is kept of each stream, and where.
@@ -70,6 +69,29 @@ impl Lanes {
         }
     }
 
+    /// Whether the tape gets every sample of stream number `stream`.
+    pub(super) fn has_all_of(&self, stream: usize) -> bool {
+        self.all[stream].0.is_whole()
+    }
+
+    /// Whether the tape gets sample `index` of stream number `stream`.
+    pub(super) fn has(&self, stream: usize, index: u64) -> bool {
+        self.place(stream, index).is_some()
+    }
+
+    /// How many of the first `samples` samples of each stream of the run the tape gets.
+    pub(super) fn of_first(&self, samples: &[u64]) -> Vec<u64> {
+        let all = self.all.iter().zip(samples);
+        all.map(|((kept, _), samples)| kept.of_first(*samples)).collect()
+    }
+
+    /// The same of each stream of the tape.
+    pub(super) fn on_tape(&self, samples: &[u64]) -> Vec<u64> {
+        let all = self.all.iter().zip(self.of_first(samples));
+        all.filter_map(|((kept, _), count)| (!kept.is_nothing()).then_some(count))
+            .collect()
+    }
+
     /// The stream of the tape and the index in it of sample `index` of stream number `stream` of the run; `None` when it is left out.
     #[inline]
     fn place(&self, stream: usize, index: u64) -> Option<(usize, u64)> {
@@ -79,15 +101,6 @@ impl Lanes {
         let (kept, lane) = self.all.get(stream)?;
         Some((*lane, kept.number(index)?))
     }
-}
-
-/// The run needs samples that were left out.
-pub(super) fn left_out() -> RunFailure {
-    RunFailure::Other(
-        "the run cannot be taken up where it stands: its scenario leaves samples out of the tape ([record]) that this needs; keep them, or \
-         leave out [record] in this run"
-            .into(),
-    )
 }
 
 #[cfg(test)]

@@ -14,8 +14,8 @@ pub(super) struct Observers<'a> {
     pub(super) kept: Option<&'a [Kept]>,
     pub(super) assessment: Option<&'a dyn Assessment>,
     pub(super) guards: &'a [Watch],
-    /// Whether a program may ask for the newest sample of any stream.
-    pub(super) asked: bool,
+    /// Whether every sample is looked at: a program may ask for the newest of any stream, or the run may be taken up.
+    pub(super) all: bool,
 }
 
 impl Observers<'_> {
@@ -27,7 +27,7 @@ impl Observers<'_> {
             let replaced = substituted.any(|number| plan.participants[number].name == spec.participant);
             let read = self.assessment.is_some_and(|assessment| assessment.reads(stream));
             let guarded = self.guards.iter().any(|guard| guard.stream == stream);
-            if self.asked || replaced || read || guarded {
+            if self.all || replaced || read || guarded {
                 return Observed::ALL;
             }
             self.kept.map_or(Observed::NOTHING, |kept| kept[stream].observed())

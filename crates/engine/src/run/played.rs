@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use lockstep::plan::{Cut, Plan, Position};
+use lockstep::plan::Plan;
 use lockstep::port::Descriptor;
+use lockstep::time::Timebase;
 use lockstep::transport::Header;
 use tape::{Event, ReadError, Reader, Records, Source, StreamSpec};
 
@@ -12,18 +13,29 @@ use super::outcome::RunFailure;
 /// A tape with the streams of a plan.
 pub struct Played<S = Reader> {
     reader: S,
-    /// The position on the tape of each of the plan's streams.
-    streams: Vec<usize>,
+    /// Where each of the plan's streams is on the tape; `None` for one that is not there.
+    streams: Vec<Option<Place>>,
     stamp_bytes: usize,
 }
 
+/// Where the samples of a stream are.
+#[derive(Clone, Copy)]
+struct Place {
+    /// The position of the stream on the tape.
+    stream: usize,
+    /// The distance of two samples that the tape has, in samples of the plan's stream.
+    every: u64,
+    /// The number of the first one, in steps of `every`.
+    first: u64,
+}
+
 impl Played {
-    /// The tape in the folder `tape`.
+    /// The tape in the folder `tape`; a `partial` one need not have all streams and samples.
     ///
     /// # Errors
     /// When it cannot be read, or when a stream of the plan is not on it with the same ports and sample times.
-    pub fn open(tape: &Path, plan: &Plan) -> Result<Played, RunFailure> {
-        Played::of(Reader::open(tape)?, plan, &tape.display().to_string())
+    pub fn open(tape: &Path, plan: &Plan, partial: bool) -> Result<Played, RunFailure> {
+        Played::of(Reader::open(tape)?, plan, &tape.display().to_string(), partial)
     }
 
     /// What has happened.
@@ -37,14 +49,21 @@ impl<S: Source> Played<S> {
     ///
     /// # Errors
     /// As [`Played::open`].
-    pub fn of(reader: S, plan: &Plan, place: &str) -> Result<Played<S>, RunFailure> {
+    pub fn of(reader: S, plan: &Plan, place: &str, partial: bool) -> Result<Played<S>, RunFailure> {
         let mut streams = Vec::new();
         for spec in super::streams::streams(plan) {
-            let number = reader.stream(&spec.name())?;
+            let number = match reader.stream(&spec.name()) {
+                Err(_) if partial => {
+                    streams.push(None);
+                    continue;
+                }
+                number => number?,
+            };
             let played = &reader.streams()[number];
+            let every = every(played, &spec).filter(|every| partial || *every == 1);
             let difference = if played.descriptor != spec.descriptor {
                 Some("another payload")
-            } else if (played.offset, played.period) != (spec.offset, spec.period) {
+            } else if every.is_none() {
                 Some("another sample time")
             } else {
                 None
@@ -56,7 +75,11 @@ impl<S: Source> Played<S> {
                     spec.name(),
                 )));
             }
-            streams.push(number);
+            streams.push(Some(Place {
+                stream: number,
+                every: every.unwrap_or(1),
+                first: played.first_index,
+            }));
         }
         let first = reader.streams().first();
         let stamp_bytes = first.map_or(8, |spec| spec.stride() - spec.descriptor.size as usize);
@@ -68,21 +91,22 @@ impl<S: Source> Played<S> {
     }
 
     /// How many samples of stream number `stream` there are.
-    pub fn count(&self, stream: usize) -> u64 {
-        self.reader.count(self.streams[stream])
+    fn count(&self, stream: usize) -> u64 {
+        self.streams[stream].map_or(0, |place| self.reader.count(place.stream))
     }
 
-    /// The payload of one sample.
-    pub fn payload(&self, stream: u32, index: u64) -> Result<Vec<u8>, ReadError> {
-        let number = self.streams[stream as usize];
-        let mut record = vec![0; self.reader.streams()[number].stride()];
-        self.reader.read(number, index, &mut record)?;
-        Ok(record.split_off(self.stamp_bytes))
-    }
-
-    /// The description of stream number `stream`.
-    pub fn spec(&self, stream: u32) -> &StreamSpec {
-        &self.reader.streams()[self.streams[stream as usize]]
+    /// The payload of one sample; `None` where the tape does not have it.
+    pub fn payload(&self, stream: u32, index: u64) -> Result<Option<Vec<u8>>, ReadError> {
+        let Some(place) = self.streams[stream as usize].filter(|place| index.is_multiple_of(place.every)) else {
+            return Ok(None);
+        };
+        let record = (index / place.every).checked_sub(place.first);
+        let Some(record) = record.filter(|record| *record < self.reader.count(place.stream)) else {
+            return Ok(None);
+        };
+        let mut bytes = vec![0; self.reader.streams()[place.stream].stride()];
+        self.reader.read(place.stream, record, &mut bytes)?;
+        Ok(Some(bytes.split_off(self.stamp_bytes)))
     }
 
     /// The tape itself.
@@ -90,53 +114,37 @@ impl<S: Source> Played<S> {
         self.reader
     }
 
-    /// Where everybody goes on at `cut`, each with the state that it has.
-    pub(super) fn positions(&self, plan: &Plan, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
-        let numbers = 0..plan.participants.len();
-        let positions = numbers.map(|number| plan.position(cut, number, |stream, index| self.payload(stream, index)));
-        Ok(positions.collect::<Result<_, _>>()?)
-    }
-
-    /// Hands every sample before `cut` to `take`, in the order of simulated time.
-    pub fn each_before(
+    /// Hands the first `counts` samples that there are of each stream to `take`, in the order of simulated time.
+    pub fn each_of(
         &self,
         plan: &Plan,
-        cut: &Cut,
+        counts: &[u64],
         mut take: impl FnMut(usize, u32, Header, &[u8]) -> Result<(), RunFailure>,
     ) -> Result<(), RunFailure> {
-        struct Lane<'a, S: Source> {
-            participant: usize,
-            stream: u32,
-            records: Records<'a, S>,
-            next: Header,
-            left: u64,
-        }
-        let outputs = plan.participants.iter().enumerate().flat_map(|(number, own)| {
-            let samples = plan.samples_before(number, cut.next[number]);
-            own.interface.outputs.iter().map(move |_| (number, samples))
-        });
-        let seen = plan
-            .seen
-            .iter()
-            .map(|seen| (seen.participant, cut.next[seen.participant]));
+        let outputs = plan.participants.iter().enumerate();
+        let outputs = outputs.flat_map(|(number, own)| own.interface.outputs.iter().map(move |_| number));
+        let owners = outputs.chain(plan.seen.iter().map(|seen| seen.participant));
         let mut lanes = Vec::new();
-        for (stream, (participant, samples)) in outputs.chain(seen).enumerate() {
-            if self.count(stream) < samples {
+        for ((stream, participant), needed) in owners.enumerate().zip(counts) {
+            let there = self.count(stream);
+            if there < *needed {
                 return Err(RunFailure::Other(format!(
-                    "the tape has {} samples of `{}`; the checkpoint needs {samples}: take an earlier one with --from",
-                    self.count(stream),
-                    self.spec(stream as u32).name()
+                    "the tape has {there} samples of `{}`; the checkpoint needs {needed}: take an earlier one with --from",
+                    super::streams::streams(plan)[stream].name()
                 )));
             }
+            let Some(place) = self.streams[stream] else { continue };
+            let first = Header {
+                index: place.first * place.every,
+                stamp: 0,
+            };
             lanes.push(Lane {
                 participant,
                 stream: stream as u32,
-                records: Records::new(&self.reader, self.streams[stream]),
-                next: Header {
-                    index: 0,
-                    stamp: plan.participants[participant].sample_time.instant(0),
-                },
-                left: samples,
+                records: Records::new(&self.reader, place.stream),
+                every: place.every,
+                next: stamped(plan, participant, first),
+                left: *needed,
             });
         }
         loop {
@@ -149,10 +157,35 @@ impl<S: Source> Played<S> {
             };
             take(lane.participant, lane.stream, lane.next, record.payload)?;
             lane.left -= 1;
-            lane.next.index += 1;
-            lane.next.stamp = plan.participants[lane.participant].sample_time.instant(lane.next.index);
+            lane.next.index += lane.every;
+            lane.next = stamped(plan, lane.participant, lane.next);
         }
     }
+}
+
+/// A stream that is read side by side with others.
+struct Lane<'a, S: Source> {
+    participant: usize,
+    stream: u32,
+    records: Records<'a, S>,
+    every: u64,
+    next: Header,
+    left: u64,
+}
+
+/// `header` with the stamp that follows from its index.
+fn stamped(plan: &Plan, participant: usize, header: Header) -> Header {
+    Header {
+        stamp: plan.participants[participant].sample_time.instant(header.index),
+        ..header
+    }
+}
+
+/// The distance of two samples of `played`, in samples of `spec`; `None` where the one is no part of the other.
+fn every(played: &StreamSpec, spec: &StreamSpec) -> Option<u64> {
+    let base = Timebase::measuring([played.period, spec.period]).ok()?;
+    let (longer, shorter) = (base.ceil(played.period).ok()?, base.ceil(spec.period).ok()?);
+    (played.offset == spec.offset && longer % shorter == 0).then_some((longer / shorter) as u64)
 }
 
 /// The first element in which two payloads differ: its name and both values.

@@ -23,8 +23,9 @@ use super::observed::Observers;
 use super::options::{Options, Origin};
 use super::outcome::RunFailure;
 use super::played::Played;
+use super::recall::Before;
 use super::recording::Recorder;
-use super::store::{Record, Store};
+use super::store::Store;
 use super::streams::streams;
 use crate::assessment::Assessment;
 use crate::live::Steering;
@@ -210,26 +211,39 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, Ru
 pub(super) fn recorder(
     scenario: &Scenario,
     mut plan: Plan,
-    record: Record,
+    options: &Options,
     folder: Option<&RunFolder>,
     asked: bool,
 ) -> Result<Recorder, RunFailure> {
     let streams = streams(&plan);
     let (assessment, watches) = judges(scenario, &plan, &streams)?;
     let kept = scenario.kept(&plan, &streams, |_| true)?;
+    let saves = options.checkpoint_every.is_some() || !options.checkpoint_at.is_empty();
+    // Whoever takes up the run needs samples of all outputs.
+    let taken_up = asked || saves || (scenario.moves() && !options.in_process);
     let observers = Observers {
-        kept: (folder.is_some() || record.looks()).then_some(&kept),
+        kept: (folder.is_some() || options.record.looks()).then_some(&kept),
         assessment: assessment.as_deref(),
         guards: &watches,
-        asked,
+        all: taken_up,
     };
     plan.observed = observers.observed(scenario, &plan, &streams);
     let (lanes, kept) = Lanes::new(&kept, &streams);
     let store = match folder {
         Some(folder) => Store::Disk(Writer::create(&folder.tape(), kept)?),
-        None => Store::without_folder(record, kept)?,
+        None => Store::without_folder(options.record, kept)?,
     };
-    Ok(Recorder::new(Arc::new(plan), store, lanes, assessment, watches))
+    let mut recorder = Recorder::new(Arc::new(plan), store, lanes, assessment, watches);
+    if taken_up {
+        recorder.keep_recent();
+    }
+    match recorder.unsaved().filter(|_| saves) {
+        Some(stream) => {
+            let what = format!("a checkpoint of an assessment without `save`, which looks at `{stream}`,");
+            Err(scenario.needs_samples(&what).into())
+        }
+        None => Ok(recorder),
+    }
 }
 
 /// The assessment of a run, if it has one, and its guards.
@@ -281,6 +295,8 @@ pub(super) struct Start {
     pub(super) substituted: usize,
     /// The values of inputs that nobody feeds.
     pub(super) inputs: Inputs,
+    /// What the run goes on from is good for going back to as well, until its first own checkpoint.
+    pub(super) checkpoint: Option<Checkpoint>,
 }
 
 /// What runs in each seat when the run begins.
@@ -347,6 +363,7 @@ pub(super) fn start(
             positions: None,
             substituted: 0,
             inputs: Inputs::default(),
+            checkpoint: None,
         });
     };
     let from = plan.timebase.ceil(checkpoint.time);
@@ -367,8 +384,9 @@ pub(super) fn start(
             checkpoint.time, checkpoint.substitutions
         )));
     }
-    let played = Played::open(&RunFolder::open(run).tape(), plan)?;
-    recorder.copy(&played, &checkpoint.cut, checkpoint.time)?;
+    let played = &Played::open(&RunFolder::open(run).tape(), plan, checkpoint.rest.is_some())?;
+    let before = Before { played, checkpoint };
+    recorder.copy(&before)?;
     recorder.event(&Event {
         time: checkpoint.time,
         kind: EventKind::Resume,
@@ -378,7 +396,7 @@ pub(super) fn start(
     let mut told = played.events()?;
     told.retain(|event| event.time <= checkpoint.time);
     let inputs = Inputs::of_events(plan, &told)?;
-    let mut positions = played.positions(plan, &checkpoint.cut)?;
+    let mut positions = before.positions(plan)?;
     inputs.put_into(&mut positions);
     for (position, state) in positions.iter_mut().zip(&checkpoint.states) {
         position.state = Some(state.clone());
@@ -388,6 +406,10 @@ pub(super) fn start(
         positions: Some(positions),
         substituted: usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX),
         inputs,
+        checkpoint: Some(Checkpoint {
+            rest: recorder.rest(&checkpoint.cut)?,
+            ..checkpoint.clone()
+        }),
     })
 }
 

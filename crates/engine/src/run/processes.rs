@@ -16,6 +16,7 @@ use super::handshake;
 use super::monitor::Monitor;
 use super::outcome::{Ending, RunFailure};
 use super::place::Place;
+use super::recording::Recorder;
 use super::slices::Slices;
 use super::standstill::standstill;
 use super::{bus, room};
@@ -105,7 +106,20 @@ impl Processes {
                 }
             }
         }
+        let forgotten = course
+            .recorder()
+            .forget(|recorder, number| self.stands(recorder, number));
+        forgotten.map_err(|failure| course.over(failure))?;
         Ok(moved)
+    }
+
+    /// The activation that participant number `number` has come to, as far as that is known from what it has recorded.
+    pub(super) fn stands(&self, recorder: &Recorder, number: usize) -> u64 {
+        let recorded = recorder.activations(number);
+        recorded
+            .unwrap_or_else(|| self.crew[number].status().next)
+            .min(recorder.plan.participants[number].activations)
+            .max(recorder.base(number))
     }
 
     /// Takes a batch of what participant number `number` has recorded.

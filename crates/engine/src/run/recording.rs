@@ -4,18 +4,19 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use lockstep::participant::Payload;
-use lockstep::plan::{Cut, Plan, Position};
-use lockstep::time::{Rational, Ticks};
+use lockstep::plan::{Cut, Plan};
+use lockstep::time::Ticks;
 use lockstep::transport::{Broken, Header};
 use tape::{AppendError, Digest, Event, EventKind};
 
 use super::faults;
 use super::guard::Watch;
-use super::lanes::{Lanes, left_out};
+use super::lanes::Lanes;
 use super::newest::Newest;
-use super::outcome::{Ending, RunFailure};
+use super::outcome::Ending;
 use super::played::{Played, difference};
-use super::store::{Store, no_samples};
+use super::rest::Recent;
+use super::store::Store;
 use super::streams::streams;
 use crate::assessment::{Assessment, Figures};
 
@@ -32,33 +33,37 @@ pub(super) fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u6
 
 /// Everything that is made of samples while they come.
 pub struct Recorder {
-    store: Store,
+    pub(super) store: Store,
     /// Which samples are kept.
-    lanes: Lanes,
-    assessment: Option<Box<dyn Assessment>>,
+    pub(super) lanes: Lanes,
+    pub(super) assessment: Option<Box<dyn Assessment>>,
     /// The streams that the assessment reads.
     read: Vec<bool>,
     pub(super) plan: Arc<Plan>,
     /// The participant that owns each stream.
     pub(super) owners: Vec<usize>,
     /// What is still to be told of faults.
-    faults: VecDeque<(Ticks, Event)>,
+    pub(super) faults: VecDeque<(Ticks, Event)>,
     /// The newest stamp of anybody, ticks.
     pub newest: i64,
-    error: Option<AppendError>,
-    watches: Vec<Watch>,
+    pub(super) error: Option<AppendError>,
+    pub(super) watches: Vec<Watch>,
     /// The newest sample of each stream, where somebody may ask for it.
-    latest: Option<Newest>,
+    pub(super) latest: Option<Newest>,
     /// How many events that do not follow from the samples have been noted.
-    told: usize,
+    pub(super) told: usize,
     /// The first sample that a guard did not let pass: whose, and what was wrong with it.
-    lie: Option<(usize, String)>,
+    pub(super) lie: Option<(usize, String)>,
     /// Whose lie was told, until somebody else gives its outputs.
     liars: Vec<usize>,
     /// What was recorded before everybody went back to a checkpoint, and is now recorded again.
-    again: Option<Played>,
-    /// How many samples each stream has where its producer stands: those on the tape, or fewer since the run went back.
+    pub(super) again: Option<Played>,
+    /// What is remembered of streams that the tape does not have whole, where the run may be taken up.
+    pub(super) recent: Option<Recent>,
+    /// How many samples each stream has where its producer stands: those that have come, or fewer since the run went back.
     pub(super) reached: Vec<u64>,
+    /// How many samples of each stream have come.
+    pub(super) came: Vec<u64>,
     /// The number of samples of each stream that precede the first activation.
     early: Vec<u64>,
     /// The activation at which each participant started in the present place.
@@ -102,6 +107,8 @@ impl Recorder {
             newest: i64::MIN,
             error: None,
             again: None,
+            recent: None,
+            came: reached.clone(),
             reached,
         }
     }
@@ -114,10 +121,14 @@ impl Recorder {
     /// All participants go on at `cut`: the samples behind it come next.
     pub fn stand_at(&mut self, cut: &Cut) {
         self.base.clone_from(&cut.next);
-        for (stream, reached) in self.reached.iter_mut().enumerate() {
-            let owner = self.owners[stream];
-            *reached = samples(&self.plan, stream, owner, cut.next[owner]);
-        }
+        self.reached = self.samples_before(cut);
+    }
+
+    /// How many samples each stream has at `cut`.
+    pub(super) fn samples_before(&self, cut: &Cut) -> Vec<u64> {
+        let owned = self.owners.iter().enumerate();
+        let counts = owned.map(|(stream, &owner)| samples(&self.plan, stream, owner, cut.next[owner]));
+        counts.collect()
     }
 
     /// The next activation of each participant at rest at `now`. A substitute of a failed participant may be further on.
@@ -134,74 +145,6 @@ impl Recorder {
         self.base[participant]
     }
 
-    /// Records what another run had recorded before `cut`.
-    pub fn copy(&mut self, played: &Played, cut: &Cut, time: Rational) -> Result<(), RunFailure> {
-        let plan = self.plan.clone();
-        played.each_before(&plan, cut, |participant, stream, header, payload| {
-            let taken = self.sample(participant, stream, header, payload);
-            taken.map_err(|broken| match self.error.take() {
-                Some(error) => error.into(),
-                None => RunFailure::Other(format!("the tape to go on from: {broken}")),
-            })
-        })?;
-        // Faults are told again when the samples come that they are told with, and what takes place at the instant of the
-        // checkpoint takes place again.
-        let told = |event: &&Event| match event.kind {
-            EventKind::Fault => false,
-            EventKind::Substitution => event.time < time,
-            _ => event.time <= time,
-        };
-        for event in played.events()?.iter().filter(told) {
-            self.event(event)?;
-        }
-        Ok(())
-    }
-
-    /// Where everybody goes on at `cut`, each with the state that it has.
-    pub fn positions(&mut self, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
-        self.check_whole()?;
-        self.store.positions(&self.plan, cut)
-    }
-
-    /// Everybody goes back: samples that are on the tape will come again, and must be what they were.
-    pub fn expect_again(&mut self) -> Result<(), RunFailure> {
-        self.check_whole()?;
-        self.again = self.store.tape(&self.plan)?;
-        Ok(())
-    }
-
-    /// Everybody goes back to `cut`, and goes another way from there: what was recorded behind it is forgotten, and so are all
-    /// events but the first `told` of those that do not follow from the samples. `assessment` and `watches` are new ones.
-    pub fn cut_back(
-        &mut self,
-        cut: &Cut,
-        told: usize,
-        assessment: Option<Box<dyn Assessment>>,
-        watches: Vec<Watch>,
-    ) -> Result<(), RunFailure> {
-        let plan = self.plan.clone();
-        let mut events = self.store.events(&plan)?;
-        events.truncate(told);
-        let owned = self.owners.iter().enumerate();
-        let counts = owned.map(|(stream, &owner)| samples(&plan, stream, owner, cut.next[owner]));
-        self.store.cut_back(&counts.collect::<Vec<_>>())?;
-        (self.assessment, self.watches, self.lie, self.again) = (assessment, watches, None, None);
-        (self.faults, self.newest, self.told) = (faults::events(&plan), i64::MIN, 0);
-        self.latest.iter_mut().for_each(Newest::forget);
-        // Figures, guards and faults come to where they were by the samples that were kept.
-        let kept = self.store.take_kept(&plan)?;
-        kept.each_before(&plan, cut, |participant, stream, header, payload| {
-            let stamp_s = plan.timebase.seconds(header.stamp);
-            let regarded = self.regard(participant, stream as usize, header, stamp_s, payload);
-            regarded.map_err(|broken| RunFailure::Other(broken.to_string()))
-        })?;
-        self.store.give_back(kept);
-        self.lie = None;
-        self.stand_at(cut);
-        events.iter().try_for_each(|event| self.event(event))?;
-        Ok(())
-    }
-
     /// From now on the newest sample of each stream can be asked for.
     pub fn keep_newest(&mut self) {
         self.latest.get_or_insert_with(|| Newest::new(&streams(&self.plan)));
@@ -210,17 +153,6 @@ impl Recorder {
     /// The newest sample of stream number `stream`, if there is one and [`Recorder::keep_newest`] was called before it came.
     pub(super) fn newest_of(&self, stream: usize) -> Option<(Header, &Payload)> {
         self.latest.as_ref()?.get(stream)
-    }
-
-    /// That every sample is kept.
-    fn check_whole(&self) -> Result<(), RunFailure> {
-        self.lanes.is_whole().then_some(()).ok_or_else(left_out)
-    }
-
-    /// That samples can be read back.
-    pub(super) fn check_samples(&self) -> Result<(), RunFailure> {
-        self.check_whole()?;
-        self.store.has_samples().then_some(()).ok_or_else(no_samples)
     }
 
     /// How many events that do not follow from the samples have been noted.
@@ -252,17 +184,18 @@ impl Recorder {
     /// Whether the tape has samples of participant number `participant` that are still to come again, since the run went back.
     pub fn is_ahead_of(&self, participant: usize) -> bool {
         let mut outputs = self.outputs(participant);
-        outputs.any(|stream| self.reached[stream] < self.count(stream))
+        outputs.any(|stream| self.reached[stream] < self.came[stream])
     }
 
-    fn same_again(again: &Played, stream: u32, header: Header, payload: &[u8]) -> Result<(), Broken> {
+    /// Compares a sample that comes again with the one on the tape, if it is there.
+    fn same_again(&self, again: &Played, number: usize, header: Header, payload: &[u8]) -> Result<(), Broken> {
         let before = again
-            .payload(stream, header.index)
+            .payload(number as u32, header.index)
             .map_err(|error| Broken(error.to_string()))?;
-        if before == payload {
+        let Some(before) = before.filter(|before| before != payload) else {
             return Ok(());
-        }
-        let spec = again.spec(stream);
+        };
+        let spec = &streams(&self.plan)[number];
         Err(Broken(format!(
             "is not deterministic, so it cannot be restarted: sample #{} of `{}` came again with {}",
             header.index,
@@ -300,10 +233,13 @@ impl Recorder {
         if payload.is_empty() {
             return self.pass(number, header);
         }
+        if let Some(recent) = &mut self.recent {
+            recent.put(number, header.index, payload);
+        }
         if let Some(again) = &self.again
-            && header.index < again.count(number)
+            && header.index < self.came[number]
         {
-            Self::same_again(again, number as u32, header, payload)?;
+            self.same_again(again, number, header, payload)?;
             self.reached[number] += 1;
             return Ok(());
         }
@@ -317,7 +253,7 @@ impl Recorder {
             }
             Err(error) => return Err(Broken(format!("recorded {error}"))),
         }
-        self.reached[number] += 1;
+        self.counts(number);
         self.regard(participant, number, header, stamp, payload)
     }
 
@@ -330,12 +266,17 @@ impl Recorder {
                 self.name(number)
             )));
         }
-        self.reached[number] += 1;
+        self.counts(number);
         self.advance(header.stamp)
     }
 
+    fn counts(&mut self, number: usize) {
+        self.reached[number] += 1;
+        self.came[number] = self.came[number].max(self.reached[number]);
+    }
+
     /// Everything besides recording that a sample is looked at for.
-    fn regard(
+    pub(super) fn regard(
         &mut self,
         participant: usize,
         number: usize,
@@ -362,7 +303,7 @@ impl Recorder {
     }
 
     /// Notes that samples have come that are stamped `stamp`.
-    fn advance(&mut self, stamp: Ticks) -> Result<(), Broken> {
+    pub(super) fn advance(&mut self, stamp: Ticks) -> Result<(), Broken> {
         if stamp > self.newest {
             self.newest = stamp;
             self.tell_of_faults()?;
@@ -459,8 +400,7 @@ impl Recorder {
 
     /// How many samples of stream number `stream` have come.
     pub fn count(&self, stream: usize) -> u64 {
-        let stored = self.store.count(stream).filter(|_| self.lanes.is_whole());
-        stored.unwrap_or(self.reached[stream])
+        self.came[stream]
     }
 
     /// The figures of what has come so far.

@@ -26,7 +26,6 @@ use super::prepare::{self, Known, Ready, Start};
 use super::processes::{Failures, Processes, Rounds};
 use super::recording::Recorder;
 use super::room;
-use super::store::Record;
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
 
@@ -228,7 +227,7 @@ impl SetUp<'_> {
             None => {
                 let plan = scenario.plan(&interfaces)?;
                 describe::check_substitutes(scenario, &interfaces, options, &monitor)?;
-                let mut recorder = prepare::recorder(scenario, plan, Record::Folder, Some(self.folder), self.asked)?;
+                let mut recorder = prepare::recorder(scenario, plan, options, Some(self.folder), self.asked)?;
                 let plan = recorder.plan.clone();
                 let start = prepare::start(self.scenario, &plan, options, &mut recorder)?;
                 basis.insert(Basis {

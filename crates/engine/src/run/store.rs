@@ -1,6 +1,6 @@
 //! Where the samples of a run go: a tape on disk, one in memory, its digest alone, or nowhere.
 
-use lockstep::plan::{Cut, Plan, Position};
+use lockstep::plan::Plan;
 use lockstep::transport::Header;
 use tape::{AppendError, Digest, DigestSink, Event, EventKind, MemoryTape, Sink, Source, StreamSpec, Writer};
 
@@ -81,7 +81,7 @@ impl Store {
     /// The events so far, without those of declared faults, which follow from the samples.
     pub(super) fn events(&mut self, plan: &Plan) -> Result<Vec<Event>, RunFailure> {
         let mut events = match self {
-            Store::Disk(writer) => Played::open(writer.dir(), plan)?.events()?,
+            Store::Disk(writer) => Played::open(writer.dir(), plan, true)?.events()?,
             Store::Memory { events, .. } => events.clone(),
             Store::Digest(_) | Store::Nothing => Vec::new(),
         };
@@ -89,19 +89,11 @@ impl Store {
         Ok(events)
     }
 
-    /// How many samples of stream number `stream` are kept on disk, where they are.
-    pub(super) fn count(&self, stream: usize) -> Option<u64> {
-        match self {
-            Store::Disk(writer) => writer.count(stream),
-            _ => None,
-        }
-    }
-
-    /// The tape on disk, where there is one.
-    pub(super) fn tape(&mut self, plan: &Plan) -> Result<Option<Played>, RunFailure> {
+    /// The tape on disk, where there is one; a `partial` one does not have all samples.
+    pub(super) fn tape(&mut self, plan: &Plan, partial: bool) -> Result<Option<Played>, RunFailure> {
         self.flush()?;
         match self {
-            Store::Disk(writer) => Played::open(writer.dir(), plan).map(Some),
+            Store::Disk(writer) => Played::open(writer.dir(), plan, partial).map(Some),
             _ => Ok(None),
         }
     }
@@ -133,12 +125,12 @@ impl Store {
     }
 
     /// Takes out the samples that are kept, to be given back.
-    pub(super) fn take_kept(&mut self, plan: &Plan) -> Result<Kept, RunFailure> {
+    pub(super) fn take_kept(&mut self, plan: &Plan, partial: bool) -> Result<Kept, RunFailure> {
         match self {
-            Store::Disk(_) => Ok(self.tape(plan)?.map_or(Kept::Nothing, Kept::Disk)),
+            Store::Disk(_) => Ok(self.tape(plan, partial)?.map_or(Kept::Nothing, Kept::Disk)),
             Store::Memory { tape, .. } => {
                 let tape = std::mem::take(tape);
-                Ok(Kept::Memory(Played::of(tape, plan, "memory")?))
+                Ok(Kept::Memory(Played::of(tape, plan, "memory", partial)?))
             }
             Store::Digest(_) | Store::Nothing => Err(no_samples()),
         }
@@ -149,14 +141,6 @@ impl Store {
         if let (Store::Memory { tape, .. }, Kept::Memory(played)) = (self, kept) {
             *tape = played.into_source();
         }
-    }
-
-    /// Where everybody goes on at `cut`, each with the state that it has.
-    pub(super) fn positions(&mut self, plan: &Plan, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
-        let kept = self.take_kept(plan)?;
-        let positions = kept.positions(plan, cut);
-        self.give_back(kept);
-        positions
     }
 
     /// Closes what was kept; the digest of the tape.
@@ -178,24 +162,25 @@ pub(super) enum Kept {
 }
 
 impl Kept {
-    /// Hands every sample before `cut` to `take`, in the order of simulated time.
-    pub(super) fn each_before(
+    /// Hands the first `counts` samples of each stream to `take`, in the order of simulated time.
+    pub(super) fn each_of(
         &self,
         plan: &Plan,
-        cut: &Cut,
+        counts: &[u64],
         take: impl FnMut(usize, u32, Header, &[u8]) -> Result<(), RunFailure>,
     ) -> Result<(), RunFailure> {
         match self {
-            Kept::Disk(played) => played.each_before(plan, cut, take),
-            Kept::Memory(played) => played.each_before(plan, cut, take),
+            Kept::Disk(played) => played.each_of(plan, counts, take),
+            Kept::Memory(played) => played.each_of(plan, counts, take),
             Kept::Nothing => Err(no_samples()),
         }
     }
 
-    fn positions(&self, plan: &Plan, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
+    /// The payload of one sample, if it was kept.
+    pub(super) fn payload(&self, stream: u32, index: u64) -> Result<Option<Vec<u8>>, RunFailure> {
         match self {
-            Kept::Disk(played) => played.positions(plan, cut),
-            Kept::Memory(played) => played.positions(plan, cut),
+            Kept::Disk(played) => Ok(played.payload(stream, index)?),
+            Kept::Memory(played) => Ok(played.payload(stream, index)?),
             Kept::Nothing => Err(no_samples()),
         }
     }

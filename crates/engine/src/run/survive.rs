@@ -199,7 +199,13 @@ impl Processes {
         let seats = prepare::seats_at(course, &checkpoint, |number| {
             fallen.iter().any(|one| one.number == number)
         });
-        course.recorder().expect_again()?;
+        {
+            let mut recorder = course.recorder();
+            recorder.expect_again()?;
+            if let Some(rest) = &checkpoint.rest {
+                recorder.remember(&rest.samples);
+            }
+        }
         let missing = self.move_everybody(course, &checkpoint.cut, seats)?;
         course.substituted = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
         course.guide.rewind(&course.scenario, &course.plan, course.substituted);
@@ -222,14 +228,7 @@ impl Processes {
         for (number, member) in self.crew.iter().enumerate() {
             let stands = match member.recalled {
                 Some(next) => next,
-                None => {
-                    let recorder = course.recorder();
-                    let recorded = recorder.activations(number);
-                    recorded
-                        .unwrap_or_else(|| member.status().next)
-                        .min(course.plan.participants[number].activations)
-                        .max(recorder.base(number))
-                }
+                None => self.stands(&course.recorder(), number),
             };
             cut.next.push(stands);
             if course.recorder().is_liar(number) && stands == course.plan.participants[number].activations {

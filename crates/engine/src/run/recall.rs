@@ -1,0 +1,342 @@
+//! The way back: what was recorded is read again, for whoever goes on from a cut.
+//!
+//! What the tape does not have is remembered, as far as anybody may still need it, and a checkpoint takes it along. So a run that leaves
+//! samples out of its tape is taken up like any other.
+
+use std::collections::BTreeMap;
+
+use lockstep::plan::{Backlog, Cut, Plan, Position};
+use lockstep::transport::Header;
+use tape::{Event, EventKind};
+
+use super::checkpoint::Checkpoint;
+use super::faults;
+use super::guard::Watch;
+use super::newest::Newest;
+use super::outcome::RunFailure;
+use super::played::Played;
+use super::recording::Recorder;
+use super::rest::{Recent, Rest};
+use super::store::no_samples;
+use super::streams::streams;
+use crate::assessment::Assessment;
+
+/// Reads a sample back, by the number of its stream and its index.
+type Read<'a> = dyn Fn(u32, u64) -> Result<Vec<u8>, RunFailure> + 'a;
+
+/// A run to go on from.
+pub(super) struct Before<'a> {
+    pub(super) played: &'a Played,
+    pub(super) checkpoint: &'a Checkpoint,
+}
+
+impl Before<'_> {
+    /// Where everybody goes on, each with the state that it has.
+    pub(super) fn positions(&self, plan: &Plan) -> Result<Vec<Position>, RunFailure> {
+        positions(plan, &self.checkpoint.cut, &|stream, index| {
+            self.read(plan, stream, index)
+        })
+    }
+
+    fn read(&self, plan: &Plan, stream: u32, index: u64) -> Result<Vec<u8>, RunFailure> {
+        if let Some(payload) = self.played.payload(stream, index)? {
+            return Ok(payload);
+        }
+        let rest = self.checkpoint.rest.as_ref();
+        let payload = rest.and_then(|rest| rest.payload(stream as usize, index));
+        payload.map(<[u8]>::to_vec).ok_or_else(|| nowhere(plan, stream, index))
+    }
+}
+
+fn positions(plan: &Plan, cut: &Cut, read: &Read<'_>) -> Result<Vec<Position>, RunFailure> {
+    let numbers = 0..plan.participants.len();
+    numbers.map(|number| plan.position(cut, number, read)).collect()
+}
+
+/// A sample that is needed and that nobody has.
+fn nowhere(plan: &Plan, stream: u32, index: u64) -> RunFailure {
+    let name = streams(plan)[stream as usize].name();
+    RunFailure::Other(format!(
+        "the run cannot be taken up: it needs sample #{index} of `{name}`, which is neither on the tape nor in the checkpoint: [record] \
+         leaves it out, and it was not needed then; keep `{name}`, or change no delay, hold or fault that reaches further back"
+    ))
+}
+
+impl Recorder {
+    /// From now on what the tape does not have is remembered as long as it may be needed.
+    pub(super) fn keep_recent(&mut self) {
+        if !self.lanes.is_whole() && self.store.has_samples() {
+            let all = streams(&self.plan).into_iter().enumerate();
+            let size = |(stream, spec): (usize, tape::StreamSpec)| {
+                (!self.lanes.has_all_of(stream)).then_some(spec.descriptor.size as usize)
+            };
+            self.recent = Some(Recent::new(all.map(size)));
+        }
+    }
+
+    /// The stream that an assessment without `save` reads and the tape does not have whole.
+    pub(super) fn unsaved(&self) -> Option<String> {
+        let assessment = self.assessment.as_ref()?;
+        let mut all = 0..self.owners.len();
+        let stream = all.find(|stream| !self.lanes.has_all_of(*stream) && assessment.reads(*stream))?;
+        assessment.save().is_none().then(|| self.name(stream))
+    }
+
+    /// That the run can be saved and go back.
+    pub(super) fn check_samples(&self) -> Result<(), RunFailure> {
+        if !self.store.has_samples() {
+            return Err(no_samples());
+        }
+        match self.unsaved() {
+            None => Ok(()),
+            Some(stream) => Err(RunFailure::Other(format!(
+                "the run cannot be saved: its assessment has no `save`, and looks at `{stream}`, of which [record] leaves samples out; keep it"
+            ))),
+        }
+    }
+
+    /// Does `work` with a way to read samples back: from the tape what it has, else what is remembered.
+    fn reading<R>(
+        &mut self,
+        work: impl FnOnce(&Recorder, &Read<'_>) -> Result<R, RunFailure>,
+    ) -> Result<R, RunFailure> {
+        let plan = self.plan.clone();
+        let kept = self.store.take_kept(&plan, !self.lanes.is_whole())?;
+        let this = &*self;
+        let done = work(this, &|stream, index| {
+            if let Some(payload) = kept.payload(stream, index)? {
+                return Ok(payload);
+            }
+            let payload = this
+                .recent
+                .as_ref()
+                .and_then(|recent| recent.get(stream as usize, index));
+            payload.map(<[u8]>::to_vec).ok_or_else(|| nowhere(&plan, stream, index))
+        });
+        self.store.give_back(kept);
+        done
+    }
+
+    /// Where everybody goes on at `cut`, each with the state that it has.
+    pub fn positions(&mut self, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
+        self.reading(|this, read| positions(&this.plan, cut, read))
+    }
+
+    /// For each stream the samples that are needed at `cut` and that the tape does not have.
+    fn needed(&self, cut: &Cut, read: &Read<'_>) -> Result<Vec<Vec<Backlog>>, RunFailure> {
+        let needed = std::cell::RefCell::new(vec![BTreeMap::new(); self.owners.len()]);
+        let noting = |stream: u32, index: u64| {
+            let payload = read(stream, index)?;
+            if !self.lanes.has(stream as usize, index) {
+                needed.borrow_mut()[stream as usize].insert(index, payload.clone());
+            }
+            Ok(payload)
+        };
+        positions(&self.plan, cut, &noting)?;
+        // A program that drives the run may ask for the newest sample of any stream.
+        for (stream, samples) in self.samples_before(cut).into_iter().enumerate() {
+            if let Some(newest) = samples.checked_sub(1) {
+                noting(stream as u32, newest)?;
+            }
+        }
+        let one = |samples: BTreeMap<u64, Vec<u8>>| {
+            let all = samples.into_iter();
+            all.map(|(index, payload)| Backlog { index, payload }).collect()
+        };
+        Ok(needed.into_inner().into_iter().map(one).collect())
+    }
+
+    /// The same of this run, all of whose participants have come to `cut` at least; what nobody needs any more is forgotten.
+    fn forget_before(&mut self, cut: &Cut) -> Result<Vec<Vec<Backlog>>, RunFailure> {
+        let samples = self.reading(|this, read| this.needed(cut, read))?;
+        let before = self.samples_before(cut);
+        if let Some(recent) = &mut self.recent {
+            recent.keep(&before, &samples);
+        }
+        Ok(samples)
+    }
+
+    /// Forgets what nobody needs any more, if so much is remembered that this is worth it; each participant has come to activation
+    /// `next` at least.
+    pub(super) fn forget(&mut self, next: impl Fn(&Recorder, usize) -> u64) -> Result<(), RunFailure> {
+        if self.recent.as_ref().is_some_and(Recent::is_crowded) {
+            let next = (0..self.plan.participants.len())
+                .map(|number| next(self, number))
+                .collect();
+            self.forget_before(&Cut { next })?;
+        }
+        Ok(())
+    }
+
+    /// What a checkpoint at `cut` needs besides the states; nothing where the tape has every sample.
+    pub(super) fn rest(&mut self, cut: &Cut) -> Result<Option<Rest>, RunFailure> {
+        if self.recent.is_none() {
+            return Ok(None);
+        }
+        Ok(Some(Rest {
+            samples: self.forget_before(cut)?,
+            counts: self.lanes.of_first(&self.samples_before(cut)),
+            assessment: self.assessment.as_ref().and_then(|assessment| assessment.save()),
+            guards: self.watches.iter().map(Watch::saved).collect(),
+        }))
+    }
+
+    /// Records what another run had recorded before its checkpoint.
+    pub(super) fn copy(&mut self, before: &Before<'_>) -> Result<(), RunFailure> {
+        let Before { played, checkpoint } = before;
+        let (plan, samples) = (self.plan.clone(), self.samples_before(&checkpoint.cut));
+        let rest = checkpoint.rest.as_ref();
+        let counts = rest.map_or(&samples, |rest| &rest.counts);
+        let lacks: Vec<bool> = counts.iter().zip(&samples).map(|(there, all)| there < all).collect();
+        let mut put = vec![0; samples.len()];
+        played.each_of(&plan, counts, |participant, stream, header, payload| {
+            let (stream, stamp_s) = (stream as usize, plan.timebase.seconds(header.stamp));
+            self.lanes
+                .put(&mut self.store, stream, header.index, stamp_s, payload)?;
+            put[stream] += u64::from(self.lanes.has(stream, header.index));
+            self.regard_again(participant, stream, header, payload, &lacks)
+        })?;
+        if let Some(short) = (0..put.len()).find(|stream| put[*stream] < self.lanes.of_first(&samples)[*stream]) {
+            return Err(RunFailure::Other(format!(
+                "the run cannot be taken up: [record] keeps more of `{}` now than the run before did, and its tape does not have that; keep \
+                 no more than it did",
+                self.name(short)
+            )));
+        }
+        if self.recent.is_some() {
+            let needed = self.needed(&checkpoint.cut, &|stream, index| before.read(&plan, stream, index))?;
+            self.remember(&needed);
+        }
+        (self.came, self.reached) = (samples.clone(), samples);
+        self.come_to(rest, &lacks)?;
+        // Faults are told again when the samples come that they are told with, and what takes place at the instant of the
+        // checkpoint takes place again.
+        let time = checkpoint.time;
+        let told = |event: &&Event| match event.kind {
+            EventKind::Fault => false,
+            EventKind::Substitution => event.time < time,
+            _ => event.time <= time,
+        };
+        for event in played.events()?.iter().filter(told) {
+            self.event(event)?;
+        }
+        Ok(())
+    }
+
+    /// Everybody goes back: samples that are on the tape will come again, and must be what they were.
+    pub fn expect_again(&mut self) -> Result<(), RunFailure> {
+        self.again = self.store.tape(&self.plan, !self.lanes.is_whole())?;
+        Ok(())
+    }
+
+    /// The samples behind those in `needed` come next.
+    pub(super) fn remember(&mut self, needed: &[Vec<Backlog>]) {
+        if let Some(recent) = &mut self.recent {
+            recent.go_back(needed);
+        }
+    }
+
+    /// Everybody goes back to `checkpoint`, and goes another way from there: what was recorded behind it is forgotten, and so are all
+    /// events but the first `told` of those that do not follow from the samples. `assessment` and `watches` are new ones.
+    pub(super) fn cut_back(
+        &mut self,
+        checkpoint: &Checkpoint,
+        told: usize,
+        assessment: Option<Box<dyn Assessment>>,
+        watches: Vec<Watch>,
+    ) -> Result<(), RunFailure> {
+        let plan = self.plan.clone();
+        let mut events = self.store.events(&plan)?;
+        events.truncate(told);
+        let samples = self.samples_before(&checkpoint.cut);
+        self.store.cut_back(&self.lanes.on_tape(&samples))?;
+        (self.assessment, self.watches, self.lie, self.again) = (assessment, watches, None, None);
+        (self.faults, self.newest, self.told) = (faults::events(&plan), i64::MIN, 0);
+        self.latest.iter_mut().for_each(Newest::forget);
+        let counts = self.lanes.of_first(&samples);
+        let lacks: Vec<bool> = counts.iter().zip(&samples).map(|(there, all)| there < all).collect();
+        if let Some(rest) = &checkpoint.rest {
+            self.remember(&rest.samples);
+        }
+        // Figures, guards and faults come to where they were by the samples that were kept, and by what was saved of them.
+        let kept = self.store.take_kept(&plan, !self.lanes.is_whole())?;
+        let regarded = kept.each_of(&plan, &counts, |participant, stream, header, payload| {
+            self.regard_again(participant, stream as usize, header, payload, &lacks)
+        });
+        self.store.give_back(kept);
+        regarded?;
+        self.stand_at(&checkpoint.cut);
+        self.came.clone_from(&self.reached);
+        self.come_to(checkpoint.rest.as_ref(), &lacks)?;
+        self.lie = None;
+        events.iter().try_for_each(|event| self.event(event))?;
+        Ok(())
+    }
+
+    /// Looks at a sample of the tape as when it came, unless its stream `lacks` others.
+    fn regard_again(
+        &mut self,
+        participant: usize,
+        stream: usize,
+        header: Header,
+        payload: &[u8],
+        lacks: &[bool],
+    ) -> Result<(), RunFailure> {
+        if lacks[stream] {
+            return Ok(());
+        }
+        let stamp_s = self.plan.timebase.seconds(header.stamp);
+        let regarded = self.regard(participant, stream, header, stamp_s, payload);
+        regarded.map_err(|broken| match self.error.take() {
+            Some(error) => error.into(),
+            None => RunFailure::Other(format!("the tape to go on from: {broken}")),
+        })
+    }
+
+    /// Everything that looks at streams which lack samples comes to where all of them have been looked at.
+    fn come_to(&mut self, rest: Option<&Rest>, lacks: &[bool]) -> Result<(), RunFailure> {
+        let Some(rest) = rest.filter(|_| lacks.contains(&true)) else {
+            return Ok(());
+        };
+        let cannot = |what: &str| RunFailure::Other(format!("the run cannot be taken up: {what}"));
+        let lacking = (0..lacks.len()).filter(|stream| lacks[*stream]);
+        if let Some(assessment) = &mut self.assessment
+            && lacking.clone().any(|stream| assessment.reads(stream))
+        {
+            let saved = rest.assessment.as_deref().unwrap_or_default();
+            let restored = assessment.restore(saved, lacks);
+            restored.map_err(|reason| cannot(&reason))?;
+        }
+        for watch in self.watches.iter_mut().filter(|watch| lacks[watch.stream]) {
+            if !watch.restore(&rest.guards) {
+                let what = format!(
+                    "{} is new or was changed, and looks at a stream of which [record] leaves samples out",
+                    watch.words()
+                );
+                return Err(cannot(&what));
+            }
+        }
+        let mut newest = Vec::new();
+        for stream in lacking.filter(|stream| self.reached[*stream] > 0) {
+            let (own, index) = (&self.plan.participants[self.owners[stream]], self.reached[stream] - 1);
+            let stamp = own.sample_time.instant(index);
+            newest.push((stream, Header { index, stamp }));
+        }
+        if self.latest.is_some() {
+            let payloads = self.reading(|_, read| {
+                let all = newest.iter().map(|(stream, header)| read(*stream as u32, header.index));
+                all.collect::<Result<Vec<_>, _>>()
+            })?;
+            for ((stream, header), payload) in newest.iter().zip(payloads) {
+                self.latest
+                    .iter_mut()
+                    .for_each(|latest| latest.put(*stream, *header, &payload));
+            }
+        }
+        for (_, header) in newest {
+            self.advance(header.stamp)
+                .map_err(|broken| cannot(&broken.to_string()))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,161 @@
+//! What the tape of a run does not have, and whoever takes up the run needs.
+
+use lockstep::plan::Backlog;
+use lockstep::time::Ticks;
+use serde::{Deserialize, Serialize};
+
+/// What a checkpoint has besides the states, where `[record]` leaves samples out of the tape.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Rest {
+    /// How many samples of each stream the tape has.
+    pub counts: Vec<u64>,
+    /// For each stream the samples that are still needed and are not on the tape, oldest first. Their stamps follow from their indices.
+    pub samples: Vec<Vec<Backlog>>,
+    /// What the assessment and the measures have taken in.
+    pub assessment: Option<Vec<u8>>,
+    /// What each guard remembers.
+    pub guards: Vec<(String, Option<(Vec<u8>, Ticks)>)>,
+}
+
+impl Rest {
+    /// The payload of a sample that it has.
+    pub(super) fn payload(&self, stream: usize, index: u64) -> Option<&[u8]> {
+        find(self.samples.get(stream)?, index)
+    }
+}
+
+/// With fewer bytes of samples nobody looks at what is still needed.
+const CROWDED_BYTES: usize = 1 << 20;
+
+/// The newest samples of the streams that the tape does not have whole, and the older ones that are still needed.
+pub(super) struct Recent {
+    /// For each stream; `None` where the tape has every sample.
+    tracks: Vec<Option<Track>>,
+    /// How many bytes of newest samples there are.
+    bytes: usize,
+    /// Above this many it is worth finding out which of them are still needed.
+    limit: usize,
+}
+
+/// Samples of one stream.
+struct Track {
+    size: usize,
+    /// Those that are still needed, of those before `first`.
+    old: Vec<Backlog>,
+    /// The index of the first of `count` samples in a row.
+    first: u64,
+    count: u64,
+    newest: Vec<u8>,
+}
+
+impl Recent {
+    /// For streams with payloads of these sizes; `None` for one of which nothing is remembered.
+    pub(super) fn new(sizes: impl Iterator<Item = Option<usize>>) -> Recent {
+        let track = |size| Track {
+            size,
+            old: Vec::new(),
+            first: 0,
+            count: 0,
+            newest: Vec::new(),
+        };
+        Recent {
+            tracks: sizes.map(|size| size.map(track)).collect(),
+            bytes: 0,
+            limit: CROWDED_BYTES,
+        }
+    }
+
+    /// Remembers the next sample of a stream.
+    #[inline]
+    pub(super) fn put(&mut self, stream: usize, index: u64, payload: &[u8]) {
+        let Some(track) = &mut self.tracks[stream] else {
+            return;
+        };
+        if track.count == 0 {
+            track.first = index;
+        }
+        track.count += 1;
+        track.newest.extend_from_slice(payload);
+        self.bytes += payload.len();
+    }
+
+    /// A sample, if it is remembered.
+    pub(super) fn get(&self, stream: usize, index: u64) -> Option<&[u8]> {
+        let track = self.tracks.get(stream)?.as_ref()?;
+        match index.checked_sub(track.first).filter(|at| *at < track.count) {
+            Some(at) => track.newest.get(at as usize * track.size..)?.get(..track.size),
+            None => find(&track.old, index),
+        }
+    }
+
+    /// Whether it is time to forget what nobody needs.
+    pub(super) fn is_crowded(&self) -> bool {
+        self.bytes > self.limit
+    }
+
+    /// Of the first `before` samples of each stream those in `needed` are remembered, and no others.
+    pub(super) fn keep(&mut self, before: &[u64], needed: &[Vec<Backlog>]) {
+        self.bytes = 0;
+        for (stream, track) in self.tracks.iter_mut().enumerate() {
+            let Some(track) = track else { continue };
+            let gone = before[stream].saturating_sub(track.first).min(track.count);
+            track.newest.drain(..gone as usize * track.size);
+            (track.first, track.count) = (track.first + gone, track.count - gone);
+            track.old.clone_from(&needed[stream]);
+            self.bytes += track.newest.len();
+        }
+        // Those who are far behind others keep much of it for a while.
+        self.limit = CROWDED_BYTES.max(2 * self.bytes);
+    }
+
+    /// The samples behind those in `needed` come next.
+    pub(super) fn go_back(&mut self, needed: &[Vec<Backlog>]) {
+        self.bytes = 0;
+        for (track, needed) in self.tracks.iter_mut().zip(needed) {
+            if let Some(track) = track {
+                track.old.clone_from(needed);
+                track.newest.clear();
+                track.count = 0;
+            }
+        }
+    }
+}
+
+fn find(samples: &[Backlog], index: u64) -> Option<&[u8]> {
+    let at = samples.binary_search_by_key(&index, |sample| sample.index).ok()?;
+    Some(&samples[at].payload)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_needed_outlives_what_is_new() {
+        let mut recent = Recent::new([Some(2), None].into_iter());
+        for index in 3..10_u8 {
+            recent.put(0, index.into(), &[index, 1]);
+            recent.put(1, index.into(), &[index]);
+        }
+        assert_eq!(recent.get(0, 3), Some(&[3, 1][..]));
+        assert_eq!(
+            (recent.get(0, 2), recent.get(0, 10), recent.get(1, 4)),
+            (None, None, None)
+        );
+        let sample = |index: u8| Backlog {
+            index: index.into(),
+            payload: vec![index, 1],
+        };
+        recent.keep(&[7, 0], &[vec![sample(3), sample(6)], Vec::new()]);
+        let there: Vec<u64> = (0..12).filter(|index| recent.get(0, *index).is_some()).collect();
+        assert_eq!(there, [3, 6, 7, 8, 9]);
+        assert_eq!(recent.get(0, 8), Some(&[8, 1][..]));
+        recent.go_back(&[vec![sample(3)], Vec::new()]);
+        recent.put(0, 5, &[5, 1]);
+        let there: Vec<u64> = (0..12).filter(|index| recent.get(0, *index).is_some()).collect();
+        assert_eq!(there, [3, 5]);
+        assert!(!recent.is_crowded());
+        (0..1 << 19).for_each(|index| recent.put(0, 6 + index, &[0, 1]));
+        assert!(recent.is_crowded());
+    }
+}
