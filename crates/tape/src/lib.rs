@@ -19,6 +19,7 @@
 //! a run that was interrupted and resumed can be shown to have the tape of the undisturbed one.
 
 pub mod compare;
+mod desk;
 mod digest;
 mod error;
 mod events;
@@ -32,6 +33,7 @@ mod selection;
 mod sink;
 mod source;
 mod spec;
+mod stream_file;
 #[cfg(test)]
 mod testing;
 mod track;

@@ -4,25 +4,28 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use super::desk::Desk;
 use super::hash::combine;
-use super::spec::{Index, Seal, SealEntry, validate_all};
+use super::spec::{Index, STAMP_BYTES, Seal, SealEntry, validate_all};
+use super::stream_file::{Block, StreamFile, failed};
 use super::track::Track;
 use super::whole::write_whole;
 use super::{AppendError, CreateError, Digest, Event, Sink, StreamSpec};
 
 /// Bytes that one stream collects before they go to its file. Large enough that hashing and the system call are cheap
 /// per byte, small enough that a hundred streams stay in the cache.
-const BUFFER_BYTES: usize = 1 << 16;
+const BLOCK_BYTES: usize = 1 << 16;
 
 /// Writes a tape into a folder.
 ///
-/// A sample that [`Writer::append`] took is in the process's memory until its stream's buffer is full or
+/// A sample that [`Writer::append`] took is in the process's memory until some blocks are full, or
 /// [`Writer::flush`] is called; from then on it survives a `kill -9` of the process. It survives the loss of power once
 /// the operating system has written it back.
 #[derive(Debug)]
 pub struct Writer {
     dir: PathBuf,
     lanes: Vec<Lane>,
+    desk: Desk,
     events: File,
     events_bytes: u64,
 }
@@ -30,15 +33,8 @@ pub struct Writer {
 #[derive(Debug)]
 struct Lane {
     track: Track,
-    path: PathBuf,
-    file: File,
-    /// What is on the disk; the hash covers exactly these bytes.
-    written: u64,
-    hasher: blake3::Hasher,
-    /// Whole records, the first `buffer_start` bytes of which are on the disk already (after a write that failed halfway).
-    buffer: Vec<u8>,
-    buffer_start: usize,
-    capacity: usize,
+    /// What is not at the desk yet.
+    block: Block,
 }
 
 impl Writer {
@@ -69,30 +65,35 @@ impl Writer {
                 .open(path)
                 .map_err(io(path, "create the file"))
         };
-        let mut lanes = Vec::with_capacity(streams.len());
+        let (mut lanes, mut files) = (Vec::with_capacity(streams.len()), Vec::with_capacity(streams.len()));
         for spec in streams {
             let path = dir.join(spec.file_name());
-            let capacity = BUFFER_BYTES.max(spec.stride());
+            files.push(StreamFile::new(path.clone(), create(&path)?));
             lanes.push(Lane {
-                file: create(&path)?,
-                path,
-                written: 0,
-                hasher: blake3::Hasher::new(),
-                buffer: Vec::with_capacity(capacity),
-                buffer_start: 0,
-                capacity,
+                block: Block::new(BLOCK_BYTES.max(spec.stride())),
                 track: Track::new(spec)?,
             });
         }
+        let rooms = lanes.iter().map(|lane| lane.block.room).collect();
         let events = create(&dir.join("events.jsonl"))?;
         let path = dir.join("index.json");
         write_json(&path, &index).map_err(io(&path, "write the index"))?;
         Ok(Writer {
             dir: dir.to_owned(),
             lanes,
+            desk: Desk::new(files, rooms, BLOCK_BYTES),
             events,
             events_bytes: 0,
         })
+    }
+
+    /// From now on a thread of the writer's own hashes and writes, if this process may use another core for it: who appends only copies.
+    /// What goes wrong is told by a later call then, at the latest by the next [`Writer::flush`].
+    pub fn beside(mut self) -> Writer {
+        if std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1) {
+            self.desk.start_thread();
+        }
+        self
     }
 
     /// Appends sample `index` of stream number `stream`: the next index of that stream, its exact stamp in seconds and a
@@ -106,11 +107,10 @@ impl Writer {
             .get_mut(stream)
             .ok_or(AppendError::Stream { stream, count })?;
         lane.track.check(index, stamp_s, payload)?;
-        if lane.buffer.len() + lane.track.spec().stride() > lane.capacity {
-            lane.flush()?;
+        if !lane.block.has_room_for(STAMP_BYTES + payload.len()) {
+            self.desk.hand_over(stream, &mut lane.block)?;
         }
-        lane.buffer.extend_from_slice(&stamp_s.to_le_bytes());
-        lane.buffer.extend_from_slice(payload);
+        lane.block.push(stamp_s, payload);
         lane.track.advance();
         Ok(())
     }
@@ -130,9 +130,11 @@ impl Writer {
     /// Hands every complete sample to the operating system: from here on a crash of this process does not lose it.
     /// Every stream is tried; the first error is given.
     pub fn flush(&mut self) -> Result<(), AppendError> {
-        let mut first = Ok(());
-        for lane in &mut self.lanes {
-            first = first.and(lane.flush());
+        let mut first = self.desk.settle();
+        for (stream, lane) in self.lanes.iter_mut().enumerate() {
+            if !self.desk.has_failed(stream) {
+                first = first.and(self.desk.file(stream).put(&mut lane.block));
+            }
         }
         first
     }
@@ -141,8 +143,10 @@ impl Writer {
     /// run that has come so far. What is kept is read once, for its hash.
     pub fn cut_back(&mut self, counts: &[u64]) -> Result<(), AppendError> {
         self.flush()?;
-        for (lane, &count) in self.lanes.iter_mut().zip(counts) {
-            lane.cut_back(count)?;
+        for (stream, (lane, &count)) in self.lanes.iter_mut().zip(counts).enumerate() {
+            lane.track.cut_back(count);
+            let kept = lane.track.count() * lane.track.spec().stride() as u64;
+            self.desk.file(stream).cut_back(kept)?;
         }
         let path = || self.dir.join("events.jsonl");
         let cut = self.events.set_len(0).and_then(|()| self.events.rewind());
@@ -161,30 +165,21 @@ impl Writer {
         self.lanes.get(stream).map(|lane| lane.track.count())
     }
 
-    /// How many bytes of samples are in files so far.
-    pub fn written_bytes(&self) -> u64 {
-        self.lanes.iter().map(|lane| lane.written).sum()
-    }
-
     /// Flushes everything, writes `seal.json` and gives the digest of the tape.
     pub fn finish(mut self) -> Result<Digest, AppendError> {
         self.flush()?;
-        let hashes: Vec<Digest> = self.lanes.iter().map(|lane| lane.hasher.finalize().into()).collect();
-        let parts = self.lanes.iter().zip(&hashes);
-        let digest = combine(parts.map(|(lane, hash)| (lane.track.spec(), lane.track.count(), *hash)));
-        let mut streams: Vec<&Lane> = self.lanes.iter().collect();
-        streams.sort_by(|a, b| a.track.spec().key().cmp(&b.track.spec().key()));
-        let seal = Seal {
-            digest,
-            streams: streams
-                .into_iter()
-                .map(|lane| SealEntry {
-                    stream: lane.track.spec().name(),
-                    count: lane.track.count(),
-                    blake3: lane.hasher.finalize().into(),
-                })
-                .collect(),
+        let hashes = (0..self.lanes.len()).map(|stream| self.desk.file(stream).hash());
+        let parts = self.lanes.iter().map(|lane| &lane.track).zip(hashes);
+        let mut parts: Vec<(&Track, Digest)> = parts.collect();
+        parts.sort_by(|a, b| a.0.spec().key().cmp(&b.0.spec().key()));
+        let digest = combine(parts.iter().map(|(track, hash)| (track.spec(), track.count(), *hash)));
+        let entry = |(track, hash): &(&Track, Digest)| SealEntry {
+            stream: track.spec().name(),
+            count: track.count(),
+            blake3: *hash,
         };
+        let streams = parts.iter().map(entry).collect();
+        let seal = Seal { digest, streams };
         let path = self.dir.join("seal.json");
         write_json(&path, &seal).map_err(|source| failed(path, 0, source))?;
         Ok(digest)
@@ -201,51 +196,6 @@ impl Drop for Writer {
     /// A run that ends early keeps what it has; whoever needs to know that it got there calls [`Writer::finish`].
     fn drop(&mut self) {
         let _ = self.flush();
-    }
-}
-
-impl Lane {
-    /// Everything is in the file: keeps the first `count` records.
-    fn cut_back(&mut self, count: u64) -> Result<(), AppendError> {
-        self.track.cut_back(count);
-        let kept = self.track.count() * self.track.spec().stride() as u64;
-        let mut hasher = blake3::Hasher::new();
-        let mut cut = || {
-            self.file.set_len(kept)?;
-            self.file.rewind()?;
-            // The file is read to its end, which is where writing goes on.
-            hasher.update_reader(&self.file).map(drop)
-        };
-        cut().map_err(|source| failed(self.path.clone(), self.written, source))?;
-        (self.hasher, self.written) = (hasher, kept);
-        Ok(())
-    }
-
-    fn flush(&mut self) -> Result<(), AppendError> {
-        while self.buffer_start < self.buffer.len() {
-            let rest = &self.buffer[self.buffer_start..];
-            let result = match self.file.write(rest) {
-                Ok(0) => Err(io::Error::from(io::ErrorKind::WriteZero)),
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-                result => result,
-            };
-            let taken = result.map_err(|source| failed(self.path.clone(), self.written, source))?;
-            self.hasher.update(&rest[..taken]);
-            self.buffer_start += taken;
-            self.written += taken as u64;
-        }
-        self.buffer.clear();
-        self.buffer_start = 0;
-        Ok(())
-    }
-}
-
-fn failed(path: PathBuf, written: u64, source: io::Error) -> AppendError {
-    use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
-    if matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge) {
-        AppendError::DiskFull { path, written, source }
-    } else {
-        AppendError::Io { path, written, source }
     }
 }
 
@@ -286,12 +236,96 @@ mod tests {
         assert_eq!(digest_of(&cut).unwrap(), digest);
     }
 
+    fn put(writer: &mut Writer, stream: usize, index: u64, doubles: u64) -> Result<(), AppendError> {
+        let (stamp, payload) = sample(index, doubles);
+        writer.append(stream, index, stamp, &payload)
+    }
+
+    /// Streams at different rates, one of them with payloads that are larger than a block usually is.
+    #[test]
+    fn a_thread_writes_what_is_written_without_and_a_flush_waits_for_it() {
+        const DOUBLES: [u64; 3] = [2, 30, 9000];
+        let (alone, beside) = (scratch("alone"), scratch("beside"));
+        let streams = || {
+            ["x", "y", "z"]
+                .iter()
+                .zip(DOUBLES)
+                .map(|(port, n)| spec("a", port, n as u32))
+                .collect()
+        };
+        let mut writers = [&alone, &beside].map(|dir| Writer::create(dir, streams()).unwrap());
+        writers[1].desk.start_thread();
+        for index in 0..30_000 {
+            for writer in &mut writers {
+                put(writer, 0, index, DOUBLES[0]).unwrap();
+                put(writer, 1, index, DOUBLES[1]).unwrap();
+                if index % 500 == 0 {
+                    put(writer, 2, index / 500, DOUBLES[2]).unwrap();
+                }
+            }
+            if index % 7_000 == 0 {
+                writers[1].flush().unwrap();
+                let reader = Reader::open(&beside).unwrap();
+                let counts = ["a.x", "a.y", "a.z"].map(|name| reader.count(reader.stream(name).unwrap()));
+                assert_eq!(counts, [index + 1, index + 1, index / 500 + 1]);
+            }
+        }
+        let [one, other] = writers.map(|writer| writer.finish().unwrap());
+        assert_eq!(one, other);
+        assert_eq!(digest_of(&beside).unwrap(), one);
+    }
+
+    #[test]
+    fn a_writer_that_is_dropped_leaves_its_samples_and_neither_a_thread_nor_an_open_file() {
+        let dir = scratch("dropped");
+        let mut writer = Writer::create(&dir, vec![spec("a", "x", 30)]).unwrap();
+        writer.desk.start_thread();
+        (0..5000).for_each(|index| put(&mut writer, 0, index, 30).unwrap());
+        let open = || {
+            let all = fs::read_dir("/proc/self/fd").unwrap().flatten();
+            let names = all.filter_map(|one| fs::read_link(one.path()).ok());
+            names.filter(|name| name.starts_with(&dir)).count()
+        };
+        let rest = writer.desk.rest();
+        assert!(open() > 0 && rest() > 0);
+        drop(writer);
+        assert_eq!((open(), rest()), (0, 0));
+        assert_eq!(Reader::open(&dir).unwrap().count(0), 5000);
+    }
+
+    /// A device that is always full, behind a thread: it is told, holds up nobody else, and nothing is lost when there is space again.
+    #[test]
+    fn a_full_disk_behind_a_thread_is_told_and_holds_up_no_other_stream() {
+        let dir = scratch("full-beside");
+        let mut writer = Writer::create(&dir, vec![spec("a", "x", 2), spec("b", "y", 30)]).unwrap();
+        let disk = std::mem::replace(&mut writer.desk.file(1).file, File::create("/dev/full").unwrap());
+        writer.desk.start_thread();
+        // Without a flush it is told as well, before all memory for blocks is used up.
+        let told = (0..100_000)
+            .find_map(|index| put(&mut writer, 1, index, 30).err())
+            .unwrap();
+        assert!(matches!(told, AppendError::DiskFull { written: 0, .. }), "{told}");
+        for _ in 0..2 {
+            let text = writer.flush().unwrap_err().to_string();
+            assert!(text.contains("b.y.bin"), "{text}");
+        }
+        let count = writer.count(1).unwrap();
+        assert!(put(&mut writer, 0, 0, 2).is_ok() && writer.flush().is_err());
+        let reader = Reader::open(&dir).unwrap();
+        assert_eq!((reader.count(0), reader.count(1)), (1, 0));
+        writer.desk.file(1).file = disk;
+        put(&mut writer, 1, count, 30).unwrap();
+        let digest = writer.finish().unwrap();
+        assert_eq!(digest_of(&dir).unwrap(), digest);
+        assert_eq!(Reader::open(&dir).unwrap().count(1), count + 1);
+    }
+
     /// A device that is always full stands in for the stream's file.
     #[test]
     fn a_full_disk_is_named_and_the_tape_stays_readable() {
         let dir = scratch("full");
         let mut writer = Writer::create(&dir, vec![spec("a", "x", 2), spec("b", "y", 3)]).unwrap();
-        let disk = std::mem::replace(&mut writer.lanes[1].file, File::create("/dev/full").unwrap());
+        let disk = std::mem::replace(&mut writer.desk.file(1).file, File::create("/dev/full").unwrap());
         let mut index = 0;
         let error = loop {
             let (stamp, payload) = sample(index, 3);
@@ -309,7 +343,7 @@ mod tests {
         let reader = Reader::open(&dir).unwrap();
         assert_eq!((reader.count(0), reader.count(1)), (index, 0));
         // Space again: the refused sample can be appended, and the tape is the one of a run without the accident.
-        writer.lanes[1].file = disk;
+        writer.desk.file(1).file = disk;
         let (stamp, payload) = sample(index, 3);
         writer.append(1, index, stamp, &payload).unwrap();
         let digest = writer.finish().unwrap();

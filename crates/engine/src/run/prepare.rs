@@ -230,7 +230,7 @@ pub(super) fn recorder(
     plan.observed = observers.observed(scenario, &plan, &streams);
     let (lanes, kept) = Lanes::new(&kept, &streams);
     let store = match folder {
-        Some(folder) => Store::Disk(Writer::create(&folder.tape(), kept)?),
+        Some(folder) => Store::Disk(Writer::create(&folder.tape(), kept)?.beside()),
         None => Store::without_folder(options.record, kept)?,
     };
     let mut recorder = Recorder::new(Arc::new(plan), store, lanes, assessment, watches);

@@ -1,0 +1,218 @@
+//! Where full blocks wait until they are in their files: written by who brings them, or by a thread of the tape's own.
+
+use std::collections::VecDeque;
+use std::mem::replace;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+use super::AppendError;
+use super::stream_file::{Block, StreamFile};
+
+/// Blocks of one size that may wait, beside the one that each stream fills. Large blocks have one for all: it is their memory that counts.
+const SPARES: usize = 8;
+
+/// So many blocks have to wait before the thread is woken. To wake it costs the thread that steps more than to copy some samples does.
+const ENOUGH: usize = 4;
+
+/// The files of a tape, and the blocks on their way to them. All memory is taken at the beginning.
+#[derive(Debug)]
+pub(crate) struct Desk {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    files: Vec<Mutex<StreamFile>>,
+    blocks: Mutex<Blocks>,
+    /// There is something to do for the thread.
+    filled: Condvar,
+    /// No block is being written.
+    emptied: Condvar,
+}
+
+#[derive(Debug)]
+struct Blocks {
+    /// Full ones with the number of their stream, in the order in which they came.
+    queue: VecDeque<(usize, Block)>,
+    spare: Vec<Block>,
+    /// The streams whose files did not take a block. Their blocks wait until [`Desk::settle`] tries again.
+    failed: Vec<bool>,
+    /// What the first of them said, until it is told.
+    error: Option<AppendError>,
+    /// A block is being written.
+    busy: bool,
+    over: bool,
+}
+
+impl Desk {
+    /// `rooms` has the size of the blocks of each stream; more than `usual` is large.
+    pub(crate) fn new(files: Vec<StreamFile>, mut rooms: Vec<usize>, usual: usize) -> Desk {
+        let failed = vec![false; files.len()];
+        rooms.sort_unstable();
+        let sizes = rooms.chunk_by(|one, next| one == next);
+        let spares = sizes.flat_map(|same| {
+            let count = if same[0] > usual { 1 } else { SPARES };
+            (0..count).map(|_| Block::new(same[0]))
+        });
+        let spare: Vec<Block> = spares.collect();
+        Desk {
+            shared: Arc::new(Shared {
+                files: files.into_iter().map(Mutex::new).collect(),
+                blocks: Mutex::new(Blocks {
+                    queue: VecDeque::with_capacity(spare.len()),
+                    spare,
+                    failed,
+                    error: None,
+                    busy: false,
+                    over: false,
+                }),
+                filled: Condvar::new(),
+                emptied: Condvar::new(),
+            }),
+            thread: None,
+        }
+    }
+
+    /// From now on a thread writes, if one can be had.
+    pub(crate) fn start_thread(&mut self) {
+        let shared = self.shared.clone();
+        let thread = std::thread::Builder::new().name("tape".into());
+        self.thread = thread.spawn(move || shared.serve()).ok();
+    }
+
+    /// The file of stream number `stream`; in order once [`Desk::settle`] has come back.
+    pub(crate) fn file(&self, stream: usize) -> MutexGuard<'_, StreamFile> {
+        self.shared.file(stream)
+    }
+
+    /// Takes a full block of stream number `stream` and leaves an empty one in its place. Does not allocate.
+    ///
+    /// # Errors
+    /// What went wrong with this block or any before it. None is lost: they are tried again by the next call.
+    pub(crate) fn hand_over(&self, stream: usize, block: &mut Block) -> Result<(), AppendError> {
+        let mut blocks = self.shared.lock();
+        while blocks.failed.contains(&true) || !blocks.has_spare(block.room) {
+            drop(blocks);
+            self.settle()?;
+            blocks = self.shared.lock();
+        }
+        blocks.exchange(stream, block);
+        if self.thread.is_none() {
+            blocks = self.shared.work_off(blocks);
+            return blocks.error.take().map_or(Ok(()), Err);
+        }
+        if blocks.queue.len() >= ENOUGH || !blocks.has_spare(block.room) {
+            drop(blocks);
+            self.shared.filled.notify_one();
+        }
+        Ok(())
+    }
+
+    /// Sees to it that every block is in its file: who waits for the thread does what the thread has not begun. A block that was refused is
+    /// tried once more, and others are not held up by it.
+    pub(crate) fn settle(&self) -> Result<(), AppendError> {
+        let mut blocks = self.shared.lock();
+        while blocks.busy {
+            blocks = self.shared.wait(&self.shared.emptied, blocks);
+        }
+        blocks.failed.fill(false);
+        blocks.error = None;
+        blocks = self.shared.work_off(blocks);
+        blocks.error.take().map_or(Ok(()), Err)
+    }
+
+    /// Whether blocks of stream number `stream` could not be written.
+    pub(crate) fn has_failed(&self, stream: usize) -> bool {
+        self.shared.lock().failed[stream]
+    }
+}
+
+#[cfg(test)]
+impl Desk {
+    /// Counts who still has the files, also after this is gone.
+    pub(crate) fn rest(&self) -> impl Fn() -> usize + use<> {
+        let shared = Arc::downgrade(&self.shared);
+        move || shared.strong_count()
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        self.shared.lock().over = true;
+        self.shared.filled.notify_one();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Blocks {
+    fn has_spare(&self, room: usize) -> bool {
+        self.spare.iter().any(|spare| spare.room == room)
+    }
+
+    /// Puts `block` into the queue, and the spare one that was used last in its place.
+    fn exchange(&mut self, stream: usize, block: &mut Block) {
+        if let Some(at) = self.spare.iter().rposition(|spare| spare.room == block.room) {
+            let spare = self.spare.swap_remove(at);
+            self.queue.push_back((stream, replace(block, spare)));
+        }
+    }
+
+    /// The place in the queue of the next block to write. There is none while one is being written: blocks of a stream keep their order.
+    fn next(&self) -> Option<usize> {
+        let waits = |(stream, _): &(usize, Block)| !self.failed[*stream];
+        self.queue.iter().position(waits).filter(|_| !self.busy)
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Blocks> {
+        self.blocks.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn file(&self, stream: usize) -> MutexGuard<'_, StreamFile> {
+        self.files[stream].lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wait<'a>(&self, on: &Condvar, blocks: MutexGuard<'a, Blocks>) -> MutexGuard<'a, Blocks> {
+        on.wait(blocks).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The thread, to its end.
+    fn serve(&self) {
+        let mut blocks = self.lock();
+        while !blocks.over {
+            blocks = self.work_off(blocks);
+            if !blocks.over {
+                blocks = self.wait(&self.filled, blocks);
+            }
+        }
+    }
+
+    /// Writes block by block until none is left that could be written.
+    fn work_off<'a>(&'a self, mut blocks: MutexGuard<'a, Blocks>) -> MutexGuard<'a, Blocks> {
+        while let Some(at) = blocks.next() {
+            let Some((stream, mut block)) = blocks.queue.remove(at) else {
+                break;
+            };
+            blocks.busy = true;
+            drop(blocks);
+            let put = self.file(stream).put(&mut block);
+            blocks = self.lock();
+            blocks.busy = false;
+            match put {
+                Ok(()) => blocks.spare.push(block),
+                Err(error) => {
+                    blocks.failed[stream] = true;
+                    blocks.error.get_or_insert(error);
+                    // Meanwhile others came behind it at most.
+                    blocks.queue.insert(at, (stream, block));
+                }
+            }
+            self.emptied.notify_one();
+        }
+        blocks
+    }
+}

@@ -1,0 +1,106 @@
+//! The file of one stream, while it is written.
+
+use std::fs::File;
+use std::io::{self, Seek, Write};
+use std::path::PathBuf;
+
+use super::{AppendError, Digest};
+
+/// A file that grows, and the hash of exactly what is in it.
+#[derive(Debug)]
+pub(crate) struct StreamFile {
+    path: PathBuf,
+    pub(crate) file: File,
+    written: u64,
+    hasher: blake3::Hasher,
+}
+
+/// Whole records of one stream, the first `done` bytes of which are in the file already (after a write that failed halfway).
+#[derive(Debug)]
+pub(crate) struct Block {
+    bytes: Vec<u8>,
+    done: usize,
+    /// Bytes that it has room for.
+    pub(crate) room: usize,
+}
+
+impl Block {
+    /// An empty one. A block never grows.
+    pub(crate) fn new(room: usize) -> Block {
+        Block {
+            bytes: Vec::with_capacity(room),
+            done: 0,
+            room,
+        }
+    }
+
+    pub(crate) fn has_room_for(&self, bytes: usize) -> bool {
+        self.bytes.len() + bytes <= self.room
+    }
+
+    #[inline]
+    pub(crate) fn push(&mut self, stamp_s: f64, payload: &[u8]) {
+        self.bytes.extend_from_slice(&stamp_s.to_le_bytes());
+        self.bytes.extend_from_slice(payload);
+    }
+}
+
+impl StreamFile {
+    /// `file` is empty, and is the one at `path`.
+    pub(crate) fn new(path: PathBuf, file: File) -> StreamFile {
+        StreamFile {
+            path,
+            file,
+            written: 0,
+            hasher: blake3::Hasher::new(),
+        }
+    }
+
+    /// Hands `block` to the operating system and hashes it; it is empty then. After an error it has what is not in the file.
+    pub(crate) fn put(&mut self, block: &mut Block) -> Result<(), AppendError> {
+        while block.done < block.bytes.len() {
+            let rest = &block.bytes[block.done..];
+            let result = match self.file.write(rest) {
+                Ok(0) => Err(io::Error::from(io::ErrorKind::WriteZero)),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                result => result,
+            };
+            let taken = result.map_err(|source| failed(self.path.clone(), self.written, source))?;
+            self.hasher.update(&rest[..taken]);
+            block.done += taken;
+            self.written += taken as u64;
+        }
+        block.bytes.clear();
+        block.done = 0;
+        Ok(())
+    }
+
+    /// Keeps the first `kept` bytes, which are read for their hash.
+    pub(crate) fn cut_back(&mut self, kept: u64) -> Result<(), AppendError> {
+        let mut hasher = blake3::Hasher::new();
+        let mut cut = || {
+            self.file.set_len(kept)?;
+            self.file.rewind()?;
+            // The file is read to its end, which is where writing goes on.
+            hasher.update_reader(&self.file).map(drop)
+        };
+        cut().map_err(|source| failed(self.path.clone(), self.written, source))?;
+        (self.hasher, self.written) = (hasher, kept);
+        Ok(())
+    }
+
+    /// The hash of what is in the file.
+    pub(crate) fn hash(&self) -> Digest {
+        self.hasher.finalize().into()
+    }
+}
+
+/// Writing to the file at `path` failed behind its first `written` bytes.
+pub(crate) fn failed(path: PathBuf, written: u64, source: io::Error) -> AppendError {
+    use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+    if matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge) {
+        AppendError::DiskFull { path, written, source }
+    } else {
+        AppendError::Io { path, written, source }
+    }
+}
