@@ -235,7 +235,7 @@ const REFUSED: [(&str, &[&str]); 33] = [
     ("at=1s,input=controller.measured", &["`kind` is missing"]),
     (
         "at=1s,input=controller.measured,kind=wobble",
-        &["faults.fault-1.kind", "wobble", "bit-flip"],
+        &["--fault", "kind: unknown variant `wobble`", "bit-flip"],
     ),
     (
         "at=-1s,connection=measured,drop=0.1",
