@@ -13,6 +13,7 @@ pub mod page;
 pub mod parts;
 pub mod program;
 pub mod rust;
+pub mod samples;
 pub mod sources;
 pub mod workspace;
 pub mod world;

@@ -69,9 +69,9 @@ impl Lanes {
         }
     }
 
-    /// Whether the tape gets every sample of stream number `stream`.
-    pub(super) fn has_all_of(&self, stream: usize) -> bool {
-        self.all[stream].0.is_whole()
+    /// What the tape gets of stream number `stream`.
+    pub(super) fn kept(&self, stream: usize) -> Kept {
+        self.all[stream].0
     }
 
     /// Whether the tape gets sample `index` of stream number `stream`.

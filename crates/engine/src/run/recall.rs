@@ -68,7 +68,7 @@ impl Recorder {
         if !self.lanes.is_whole() && self.store.has_samples() {
             let all = streams(&self.plan).into_iter().enumerate();
             let size = |(stream, spec): (usize, tape::StreamSpec)| {
-                (!self.lanes.has_all_of(stream)).then_some(spec.descriptor.size as usize)
+                (!self.lanes.kept(stream).is_whole()).then_some(spec.descriptor.size as usize)
             };
             self.recent = Some(Recent::new(all.map(size)));
         }
@@ -78,7 +78,7 @@ impl Recorder {
     pub(super) fn unsaved(&self) -> Option<String> {
         let assessment = self.assessment.as_ref()?;
         let mut all = 0..self.owners.len();
-        let stream = all.find(|stream| !self.lanes.has_all_of(*stream) && assessment.reads(*stream))?;
+        let stream = all.find(|stream| !self.lanes.kept(*stream).is_whole() && assessment.reads(*stream))?;
         assessment.save().is_none().then(|| self.name(stream))
     }
 
@@ -187,21 +187,24 @@ impl Recorder {
         let (plan, samples) = (self.plan.clone(), self.samples_before(&checkpoint.cut));
         let rest = checkpoint.rest.as_ref();
         let counts = rest.map_or(&samples, |rest| &rest.counts);
+        if counts.len() != samples.len() {
+            let reason = "the run cannot be taken up: the checkpoint is one of other streams";
+            return Err(RunFailure::Other(reason.into()));
+        }
         let lacks: Vec<bool> = counts.iter().zip(&samples).map(|(there, all)| there < all).collect();
         let mut put = vec![0; samples.len()];
         played.each_of(&plan, counts, |participant, stream, header, payload| {
             let (stream, stamp_s) = (stream as usize, plan.timebase.seconds(header.stamp));
+            if self.lanes.has(stream, header.index) {
+                self.check_next(stream, put[stream], header.index)?;
+                put[stream] += 1;
+            }
             self.lanes
                 .put(&mut self.store, stream, header.index, stamp_s, payload)?;
-            put[stream] += u64::from(self.lanes.has(stream, header.index));
             self.regard_again(participant, stream, header, payload, &lacks)
         })?;
-        if let Some(short) = (0..put.len()).find(|stream| put[*stream] < self.lanes.of_first(&samples)[*stream]) {
-            return Err(RunFailure::Other(format!(
-                "the run cannot be taken up: [record] keeps more of `{}` now than the run before did, and its tape does not have that; keep \
-                 no more than it did",
-                self.name(short)
-            )));
+        for (stream, put) in put.into_iter().enumerate() {
+            self.check_next(stream, put, samples[stream])?;
         }
         if self.recent.is_some() {
             let needed = self.needed(&checkpoint.cut, &|stream, index| before.read(&plan, stream, index))?;
@@ -221,6 +224,18 @@ impl Recorder {
             self.event(event)?;
         }
         Ok(())
+    }
+
+    /// That `put` is everything which the tape gets of the first `index` samples of a stream.
+    fn check_next(&self, stream: usize, put: u64, index: u64) -> Result<(), RunFailure> {
+        if put == self.lanes.kept(stream).of_first(index) {
+            return Ok(());
+        }
+        Err(RunFailure::Other(format!(
+            "the run cannot be taken up: [record] keeps more of `{}` now than the run before did, and its tape does not have that; keep no \
+             more than it did",
+            self.name(stream)
+        )))
     }
 
     /// Everybody goes back: samples that are on the tape will come again, and must be what they were.
