@@ -1,10 +1,12 @@
 //! What lockstep and recording add to a scenario's own computing.
 
-use super::Figures;
-use engine::run::{Options, Record, run};
+use engine::run::{Options, Outcome, Record, Run, RunFailure, run};
 use engine::scenario::Scenario;
+use rustix::time::{ClockId, clock_gettime};
 
-/// Wall time of a scenario, s.
+use super::Figures;
+
+/// Wall time of a scenario, and where it says so processor time of the thread that steps, s.
 pub struct Share {
     /// One process, nothing recorded.
     pub alone: Figures,
@@ -12,6 +14,10 @@ pub struct Share {
     pub recorded: Figures,
     /// A process each, recorded.
     pub processes: Figures,
+    /// Processor time in one process: everything is computed and its newest sample kept, for a program that asks, and nothing else.
+    pub own_computed: Figures,
+    /// Processor time in one process, recorded.
+    pub own_recorded: Figures,
 }
 
 /// Measures `rounds` rounds of each, in turn. Run folders go to `out` and are removed.
@@ -20,33 +26,46 @@ pub fn share(scenario: &Scenario, rounds: usize, out: &std::path::Path) -> anyho
         alone: Figures::default(),
         recorded: Figures::default(),
         processes: Figures::default(),
+        own_computed: Figures::default(),
+        own_recorded: Figures::default(),
     };
-    for _ in 0..rounds {
-        all.alone.add(alone(scenario)?);
-        all.recorded.add(wall(scenario, out, true)?);
-        all.processes.add(wall(scenario, out, false)?);
-    }
-    Ok(all)
-}
-
-fn wall(scenario: &Scenario, out: &std::path::Path, in_process: bool) -> anyhow::Result<f64> {
+    let alone = Options {
+        in_process: true,
+        record: Record::Nothing,
+        ..Options::default()
+    };
     let folder = out.join(format!("bench-{}", std::process::id()));
-    let options = Options {
+    let recorded = |in_process| Options {
         in_process,
         out: Some(folder.clone()),
         patience_s: 60.0,
         ..Options::default()
     };
-    let outcome = run(scenario, &options)?;
-    std::fs::remove_dir_all(&folder)?;
-    Ok(outcome.wall_s)
+    for _ in 0..rounds {
+        all.alone.add(run(scenario, &alone)?.wall_s);
+        let (own_s, _) = timed(|| {
+            let mut computed = Run::start(scenario, &alone)?;
+            computed.run_to(scenario.duration)?;
+            computed.end()
+        })?;
+        all.own_computed.add(own_s);
+        let (own_s, outcome) = timed(|| run(scenario, &recorded(true)))?;
+        std::fs::remove_dir_all(&folder)?;
+        all.recorded.add(outcome.wall_s);
+        all.own_recorded.add(own_s);
+        all.processes.add(run(scenario, &recorded(false))?.wall_s);
+        std::fs::remove_dir_all(&folder)?;
+    }
+    Ok(all)
 }
 
-fn alone(scenario: &Scenario) -> anyhow::Result<f64> {
-    let options = Options {
-        in_process: true,
-        record: Record::Nothing,
-        ..Options::default()
+/// The processor time that this thread takes for `one` run.
+fn timed(one: impl FnOnce() -> Result<Outcome, RunFailure>) -> anyhow::Result<(f64, Outcome)> {
+    let now = || {
+        let now = clock_gettime(ClockId::ThreadCPUTime);
+        now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
     };
-    Ok(run(scenario, &options)?.wall_s)
+    let started = now();
+    let outcome = one()?;
+    Ok((now() - started, outcome))
 }

@@ -97,6 +97,13 @@ fn measure(args: &BenchArgs, folder: &Path) -> anyhow::Result<()> {
             "  lockstep and recording: parts of that",
             &share.processes.beside(&share.alone),
         );
+        println!("\n{}, s of processor time of the thread that steps", path.display());
+        row("in one process, everything computed", &share.own_computed);
+        row("in one process, everything recorded", &share.own_recorded);
+        row(
+            "  recording: parts of that",
+            &share.own_recorded.beside(&share.own_computed),
+        );
     }
     Ok(())
 }
