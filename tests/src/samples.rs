@@ -22,3 +22,15 @@ pub fn samples(run: &Path) -> BTreeMap<String, BTreeMap<u64, Vec<u8>>> {
     });
     streams.collect()
 }
+
+/// Options that keep a part of a stock capture's tape.
+pub const PARTS: [&str; 8] = [
+    "--set",
+    "record.plant.truth=false",
+    "--set",
+    "record.plant.measured={ every = \"20 ms\", from = \"0.505 s\", to = \"2 s\" }",
+    "--set",
+    "record.controller={ command = { to = \"1 s\" } }",
+    "--set",
+    "record.guidance=true",
+];

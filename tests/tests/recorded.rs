@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use escapement_tests::program::{Folder, Said, orchestrate, root, text};
-use escapement_tests::samples::samples;
+use escapement_tests::samples::{PARTS, samples};
 use escapement_tests::world::World;
 use serde_json::Value;
 
@@ -24,17 +24,6 @@ fn close(out: &Path, more: &[&str]) -> Said {
     assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
     said
 }
-
-const PARTS: [&str; 8] = [
-    "--set",
-    "record.plant.truth=false",
-    "--set",
-    "record.plant.measured={ every = \"20 ms\", from = \"0.505 s\", to = \"2 s\" }",
-    "--set",
-    "record.controller={ command = { to = \"1 s\" } }",
-    "--set",
-    "record.guidance=true",
-];
 
 #[test]
 fn what_is_kept_is_what_it_was_in_every_way_of_running() {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use escapement_tests::machine::{signal, wait_for_bytes, writer_of};
 use escapement_tests::program::{Folder, Said, finish, orchestrate, participant, root, start, text};
-use escapement_tests::samples::samples;
+use escapement_tests::samples::{PARTS, samples};
 use escapement_tests::world::{World, substitution};
 use rustix::process::Signal;
 use serde_json::Value;
@@ -269,18 +269,6 @@ fn substituted_without_the_rest_it_is_the_same_run() {
     }
     thinned(&world.path("whole"), &world.path("part"));
 }
-
-/// What is kept of a capture.
-const PARTS: [&str; 8] = [
-    "--set",
-    "record.plant.truth=false",
-    "--set",
-    "record.plant.measured={ every = \"20 ms\", from = \"0.505 s\", to = \"2 s\" }",
-    "--set",
-    "record.controller={ command = { to = \"1 s\" } }",
-    "--set",
-    "record.guidance=true",
-];
 
 /// Two masses of the program's own, of which nothing and a window is kept; and a capture with figures of its own.
 #[test]

@@ -1,8 +1,8 @@
 //! A cut through a run: where every participant stands, and what is still on its way to it.
 //!
-//! Which samples an input still needs is a pure function of the plan, and every sample is on the tape. So the queues of the
-//! links need not be saved: they are read back. That makes one way of taking up a run for all who need it: a resumed run, a
-//! restart after a death, a substitute in mid-run.
+//! Which samples an input still needs is a pure function of the plan, and every sample is on the tape, or beside it where the tape leaves
+//! some out. So the queues of the links need not be saved: they are read back. That makes one way of taking up a run for all who need
+//! it: a resumed run, a restart after a death, a substitute in mid-run.
 
 use serde::{Deserialize, Serialize};
 
