@@ -151,6 +151,14 @@ impl Whole {
         self.running.as_mut().ok_or_else(|| "it is not initialised".to_owned())
     }
 
+    /// Ends the run, if there is one: participants may say something at their end.
+    fn end(&mut self) {
+        if let Some(run) = self.running.take() {
+            // Nothing is written, and nobody asks how it ended.
+            let _ = run.end();
+        }
+    }
+
     /// Lets the run on to `to`, ticks.
     fn run_to(&mut self, to: Ticks) -> Result<(), String> {
         let time = self.timebase().time(to).ok_or("the time is too fine")?;
@@ -334,7 +342,7 @@ impl Body for Whole {
     }
 
     fn begin(&mut self, _: &[Parameter], start: Rational) -> Result<(), String> {
-        self.running = None;
+        self.end();
         self.running = Some(self.fresh()?);
         (self.start, self.now) = (start.seconds(), 0);
         self.history.clear();
@@ -352,7 +360,7 @@ impl Body for Whole {
     }
 
     fn reset(&mut self) {
-        self.running = None;
+        self.end();
         for all in [&mut self.inputs, &mut self.outputs] {
             all.iter_mut().for_each(|one| one.bytes_mut().fill(0));
         }
