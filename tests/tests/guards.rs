@@ -130,12 +130,7 @@ fn stock_modes_go_by_their_names() {
             "\"Tracking\"",
             "mode = Tracking, which must never be",
         ),
-        (
-            "plant.truth",
-            "grasped",
-            "false",
-            "grasped = false, which must never be",
-        ),
+        ("plant.truth", "grasped", "false", "grasped = 0, which must never be"),
     ] {
         let guard = format!("guards.named={{ output = \"{output}\", field = \"{field}\", never = {never} }}");
         let out = folder.path().join(field);

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use lockstep::port::Element;
 use toml::Value;
 
 use crate::describe::About;
@@ -81,6 +82,14 @@ fn fields(version: Version, port: &Port) -> Vec<String> {
         }
         if let Some(room) = field.element.room() {
             let _ = write!(entry, ", size = {room}");
+        }
+        // FMI 2.0 has one type for all whole numbers.
+        if version == Version::Two
+            && field.element.is_number()
+            && field.element.range().is_some()
+            && field.element != Element::I32
+        {
+            let _ = write!(entry, ", element = {}", text(&field.element.name()));
         }
         if !field.frame.is_empty() {
             let _ = write!(entry, ", frame = {}", text(&field.frame));

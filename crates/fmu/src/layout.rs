@@ -7,7 +7,7 @@ use crate::abi::{Native, Values};
 use crate::description::{Causality, Conversion, Description, Type, Variable, Version};
 use crate::items::Items;
 use crate::names::unknown;
-use crate::options::{FieldEntry, Options};
+use crate::options::{FieldEntry, Form, Options};
 use crate::settings::Settings;
 use crate::transfer::{Slot, Transfer};
 
@@ -64,8 +64,20 @@ pub fn element(version: Version, variable: &Variable) -> Option<Element> {
     })
 }
 
-/// The element with as much room as an entry says.
-fn sized(variable: &Variable, element: Element, size: Option<u32>) -> Result<Element, String> {
+/// The element as an entry says: with more room, or another type of whole numbers.
+fn formed(variable: &Variable, element: Element, (size, other): Form) -> Result<Element, String> {
+    if let Some(other) = other {
+        let whole = |element: Element| element.is_number() && element.range().is_some();
+        if size.is_some() || !whole(element) || !whole(other) {
+            return Err(format!(
+                "`{}` is a {}, and the element of its field {}: one of i8 to i64 and u8 to u64 takes the place of another one",
+                variable.name,
+                variable.kind.name(),
+                other.name()
+            ));
+        }
+        return Ok(other);
+    }
     match (size, element) {
         (None, element) => Ok(element),
         (Some(size), Element::Text(_)) if size > 0 => Ok(Element::Text(size)),
@@ -217,7 +229,7 @@ impl<'a> Planner<'a> {
             .filter(|one| one.causality == causality);
         let signals = own.filter(|one| element(version, one).is_some_and(|one| one.room().is_none()));
         let mut fields = signals
-            .map(|one| self.field(one.name.clone(), vec![one], false, (None, "", None)))
+            .map(|one| self.field(one.name.clone(), vec![one], false, (None, "", (None, None))))
             .collect::<Result<Vec<_>, _>>()?;
         fields.sort_by_key(|planned| std::cmp::Reverse(planned.field.element.align()));
         Ok(fields)
@@ -230,7 +242,7 @@ impl<'a> Planner<'a> {
                 .into_iter()
                 .map(|name| self.variable(name))
                 .collect::<Result<Vec<_>, _>>()?;
-            self.field(name, variables, listed, (unit, frame, entry.size()))
+            self.field(name, variables, listed, (unit, frame, entry.form()))
         });
         planned.collect()
     }
@@ -240,7 +252,7 @@ impl<'a> Planner<'a> {
         name: String,
         variables: Vec<&'a Variable>,
         listed: bool,
-        (unit, frame, size): (Option<&str>, &str, Option<u32>),
+        (unit, frame, form): (Option<&str>, &str, Form),
     ) -> Result<Planned<'a>, String> {
         let first = *variables
             .first()
@@ -250,7 +262,7 @@ impl<'a> Planner<'a> {
             let kind = first.kind.name();
             return Err(format!("`{}` is a {kind}, which is no signal", first.name));
         };
-        let element = sized(first, element, size)?;
+        let element = formed(first, element, form)?;
         if let Some(other) = variables
             .iter()
             .find(|one| (one.kind, &one.unit, &one.items) != (first.kind, &first.unit, &first.items))

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use lockstep::participant::ParameterError;
+use lockstep::port::Element;
 use serde::Deserialize;
 
 /// The keys beside `fmu`.
@@ -46,7 +47,12 @@ pub struct FullEntry {
     pub frame: String,
     /// The most bytes of a text or of bytes.
     pub size: Option<u32>,
+    /// Another type of whole numbers than the variable's.
+    pub element: Option<Element>,
 }
+
+/// The most bytes, and the type of the field.
+pub(crate) type Form = (Option<u32>, Option<Element>);
 
 /// One variable or several.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -67,7 +73,7 @@ impl Options {
         let options: Options = lockstep::units::read(table).map_err(|error| {
             let reason = match error.reason.contains("untagged") {
                 true => "a field is the name of a variable, or { name = \"FIELD\", variable = \"NAME\" or [\"NAME\", …], unit = \
-                         \"UNIT\", frame = \"FRAME\", size = BYTES }"
+                         \"UNIT\", frame = \"FRAME\", size = BYTES, element = \"TYPE\" }"
                     .to_owned(),
                 false => error.reason,
             };
@@ -82,11 +88,11 @@ impl Options {
 }
 
 impl FieldEntry {
-    /// How many bytes a text or bytes may have, where it is said.
-    pub(crate) fn size(&self) -> Option<u32> {
+    /// How many bytes a text or bytes may have, and the type of whole numbers, where they are said.
+    pub(crate) fn form(&self) -> Form {
         match self {
-            FieldEntry::Plain(_) => None,
-            FieldEntry::Full(full) => full.size,
+            FieldEntry::Plain(_) => (None, None),
+            FieldEntry::Full(full) => (full.size, full.element),
         }
     }
 

@@ -118,7 +118,7 @@ impl Stretch {
 impl Slot {
     /// Whether its bytes are those of the values.
     fn is_copied(&self, native: Native) -> bool {
-        self.conversion.is_none() && self.element.is_number() && self.element.size() == native.size()
+        self.conversion.is_none() && self.element.is_number() && native.element() == Some(self.element)
     }
 
     /// Takes the variable's part of a payload as values.
@@ -151,7 +151,10 @@ impl Slot {
                     })?;
                     bytes = value.to_le_bytes();
                 }
-                _ => bytes[..size].copy_from_slice(own),
+                (native, _) => match native.element() {
+                    Some(natural) if natural != self.element => bytes = self.whole(self.element, own, natural)?,
+                    _ => bytes[..size].copy_from_slice(own),
+                },
             }
             values.put(self.first + index, &bytes);
         }
@@ -192,10 +195,23 @@ impl Slot {
                 // Whatever is not false is true.
                 (Native::Bool32, _) => own[0] = u8::from(i32::from_ne_bytes(four) != 0),
                 (Native::Bool8, _) => own[0] = u8::from(bytes[0] != 0),
-                _ => own.copy_from_slice(&bytes[..size]),
+                (native, _) => {
+                    let natural = native.element().unwrap_or(self.element);
+                    let bytes = self.whole(natural, &bytes, self.element)?;
+                    own.copy_from_slice(&bytes[..size]);
+                }
             }
         }
         Ok(())
+    }
+
+    /// A whole number of the type `from` as one of the type `to`.
+    fn whole(&self, from: Element, bytes: &[u8], to: Element) -> Result<[u8; 8], String> {
+        let value = from.whole(bytes);
+        if to.range().is_some_and(|(least, most)| (least..=most).contains(&value)) {
+            return Ok((value as i64).to_le_bytes());
+        }
+        Err(format!("`{}` is {value}, which is no {}", self.name, to.name()))
     }
 
     /// A text or bytes as the FMU gives them: all of them, or none.

@@ -2,6 +2,8 @@
 
 use std::ffi::{CStr, c_void};
 
+use lockstep::port::Element;
+
 use crate::description::{Description, Type, Version};
 
 /// How a call ended.
@@ -92,6 +94,23 @@ impl Native {
             (_, Type::String) => Native::Text,
             (Version::Three, Type::Binary) => Native::Binary,
             _ => return None,
+        })
+    }
+
+    /// The number type of a field that has its values byte for byte; nothing for what is no number.
+    pub const fn element(self) -> Option<Element> {
+        Some(match self {
+            Native::F64 => Element::F64,
+            Native::F32 => Element::F32,
+            Native::I8 => Element::I8,
+            Native::U8 => Element::U8,
+            Native::I16 => Element::I16,
+            Native::U16 => Element::U16,
+            Native::I32 => Element::I32,
+            Native::U32 => Element::U32,
+            Native::I64 => Element::I64,
+            Native::U64 => Element::U64,
+            Native::Bool32 | Native::Bool8 | Native::Text | Native::Binary => return None,
         })
     }
 
