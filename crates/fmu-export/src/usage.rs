@@ -89,7 +89,7 @@ fn fields(version: Version, port: &Port) -> Vec<String> {
             && field.element.range().is_some()
             && field.element != Element::I32
         {
-            let _ = write!(entry, ", element = {}", text(&field.element.name()));
+            let _ = write!(entry, ", element = {}", text(field.element.name()));
         }
         if !field.frame.is_empty() {
             let _ = write!(entry, ", frame = {}", text(&field.frame));

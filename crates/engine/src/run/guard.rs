@@ -26,7 +26,7 @@ pub struct Watch {
 }
 
 /// What a guard looks at, and what it remembers.
-type Saved = (String, Option<(Vec<u8>, Ticks)>);
+pub(super) type Saved = (String, Option<(Vec<u8>, Ticks)>);
 
 /// An element with its name, and the field that it is of.
 struct Element {

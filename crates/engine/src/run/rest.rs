@@ -1,8 +1,9 @@
 //! What the tape of a run does not have, and whoever takes up the run needs.
 
 use lockstep::plan::Backlog;
-use lockstep::time::Ticks;
 use serde::{Deserialize, Serialize};
+
+use super::guard;
 
 /// What a checkpoint has besides the states, where `[record]` leaves samples out of the tape.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -14,7 +15,7 @@ pub struct Rest {
     /// What the assessment and the measures have taken in.
     pub assessment: Option<Vec<u8>>,
     /// What each guard remembers.
-    pub guards: Vec<(String, Option<(Vec<u8>, Ticks)>)>,
+    pub guards: Vec<guard::Saved>,
 }
 
 impl Rest {

@@ -19,7 +19,7 @@ pub enum Step {
     /// Shards were given to the engine, or are with it.
     Given(Underway),
     /// All is there, or enough: the campaign with the points that count, merged.
-    Complete(Campaign, Box<Finished>),
+    Complete(Box<Campaign>, Box<Finished>),
 }
 
 /// Gives those shards of `campaign` to the engine that are missing and not with it, and merges them when all are complete. With
@@ -52,7 +52,7 @@ pub fn submit(
         let end = watch.and_then(|mut watch| watch.look(&finished.results));
         if end.is_some() || count == all {
             finished.results.truncate(end.unwrap_or(count));
-            return Ok(Step::Complete(part, Box::new(finished)));
+            return Ok(Step::Complete(Box::new(part), Box::new(finished)));
         }
         count = (2 * count).min(all);
     }
