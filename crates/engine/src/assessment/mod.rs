@@ -94,7 +94,7 @@ pub trait Assessment: Send {
     /// Takes in a sample of stream number `stream` with its stamp, s.
     fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]);
 
-    /// What has been taken in, for whoever goes on from here with samples that no tape has ([`[record]`](crate::run::Kept)). Unless given:
+    /// What has been taken in, for an assessment that goes on from here with samples that no tape has ([`[record]`](crate::run::Kept)). Unless given:
     /// `None`, and a run is not saved in which it reads a stream that is not recorded whole.
     fn save(&self) -> Option<Vec<u8>> {
         None

@@ -219,7 +219,7 @@ pub(super) fn recorder(
     let (assessment, watches) = judges(scenario, &plan, &streams)?;
     let kept = scenario.kept(&plan, &streams, |_| true)?;
     let saves = options.checkpoint_every.is_some() || !options.checkpoint_at.is_empty();
-    // Whoever takes up the run needs samples of all outputs.
+    // To take up the run needs samples of all outputs.
     let taken_up = asked || saves || (scenario.moves() && !options.in_process);
     let observers = Observers {
         kept: (folder.is_some() || options.record.looks()).then_some(&kept),

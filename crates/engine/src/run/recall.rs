@@ -1,6 +1,6 @@
-//! The way back: what was recorded is read again, for whoever goes on from a cut.
+//! The way back: what was recorded is read again, for participants that go on from a cut.
 //!
-//! What the tape does not have is remembered, as far as anybody may still need it, and a checkpoint takes it along. So a run that leaves
+//! What the tape does not have is remembered, as far as it may still be needed, and a checkpoint takes it along. So a run that leaves
 //! samples out of its tape is taken up like any other.
 
 use std::collections::BTreeMap;
@@ -31,7 +31,7 @@ pub(super) struct Before<'a> {
 }
 
 impl Before<'_> {
-    /// Where everybody goes on, each with the state that it has.
+    /// Where all participants go on, each with the state that it has.
     pub(super) fn positions(&self, plan: &Plan) -> Result<Vec<Position>, RunFailure> {
         positions(plan, &self.checkpoint.cut, &|stream, index| {
             self.read(plan, stream, index)
@@ -53,7 +53,7 @@ fn positions(plan: &Plan, cut: &Cut, read: &Read<'_>) -> Result<Vec<Position>, R
     numbers.map(|number| plan.position(cut, number, read)).collect()
 }
 
-/// A sample that is needed and that nobody has.
+/// A sample that is needed and is nowhere.
 fn nowhere(plan: &Plan, stream: u32, index: u64) -> RunFailure {
     let name = streams(plan)[stream as usize].name();
     RunFailure::Other(format!(
@@ -117,7 +117,7 @@ impl Recorder {
         done
     }
 
-    /// Where everybody goes on at `cut`, each with the state that it has.
+    /// Where all participants go on at `cut`, each with the state that it has.
     pub fn positions(&mut self, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
         self.reading(|this, read| positions(&this.plan, cut, read))
     }

@@ -1,4 +1,4 @@
-//! What the tape of a run does not have, and whoever takes up the run needs.
+//! What the tape of a run does not have, and is needed to take up the run.
 
 use lockstep::plan::Backlog;
 use serde::{Deserialize, Serialize};
