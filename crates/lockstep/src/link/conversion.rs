@@ -88,9 +88,7 @@ impl Conversion {
 
     /// Sets those elements of `payload` to zero to which it and others will add.
     pub(crate) fn clear(&self, payload: &mut [u8]) {
-        for pair in self.pairs.iter().filter(|pair| pair.adds) {
-            payload[pair.range()].fill(0);
-        }
+        self.pairs.iter().for_each(|pair| pair.clear(payload));
     }
 
     /// Puts what becomes of `sample` into the payload of the input.
@@ -101,18 +99,7 @@ impl Conversion {
     /// Puts what stands in for a sample into the payload of the input: the elements of `initial`, which is such a payload, and
     /// constants, which hold always.
     pub(crate) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
-        for pair in &self.pairs {
-            if pair.terms.is_empty() {
-                pair.apply(&[], payload);
-            } else if pair.adds {
-                for to in pair.elements() {
-                    let value = to.value(payload) + to.value(initial);
-                    to.element.put(value, to.bytes(payload));
-                }
-            } else {
-                payload[pair.range()].copy_from_slice(&initial[pair.range()]);
-            }
-        }
+        self.pairs.iter().for_each(|pair| pair.stand_in(initial, payload));
     }
 }
 
@@ -129,12 +116,39 @@ impl Pair {
         term.scale == 1.0 && self.offset == 0.0 && !self.adds
     }
 
+    /// Whether what it makes of a sample are the sample's own bytes.
+    pub(super) fn keeps_bytes(&self) -> bool {
+        self.copies() && self.terms[0].from.element == self.to.element
+    }
+
     fn elements(&self) -> impl Iterator<Item = Slot> {
         let to = self.to;
         (0..self.count).map(move |number| to.after(number))
     }
 
-    fn apply(&self, sample: &[u8], payload: &mut [u8]) {
+    /// Sets elements to zero to which it and others will add.
+    pub(super) fn clear(&self, payload: &mut [u8]) {
+        if self.adds {
+            payload[self.range()].fill(0);
+        }
+    }
+
+    /// Puts what stands in for a sample into its elements.
+    pub(super) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
+        if self.terms.is_empty() {
+            self.apply(&[], payload);
+        } else if self.adds {
+            for to in self.elements() {
+                let value = to.value(payload) + to.value(initial);
+                to.element.put(value, to.bytes(payload));
+            }
+        } else {
+            payload[self.range()].copy_from_slice(&initial[self.range()]);
+        }
+    }
+
+    /// Puts what becomes of `sample` into its elements.
+    pub(super) fn apply(&self, sample: &[u8], payload: &mut [u8]) {
         if self.copies() {
             return self.copy(self.terms[0].from, sample, payload);
         }

@@ -49,6 +49,12 @@ impl Payload {
     }
 }
 
+/// The bits of a number's exponent, and the lowest of them.
+const DOUBLE_EXPONENT: u64 = 0x7ff << 52;
+const DOUBLE_ONE: u64 = 1 << 52;
+const SINGLE_EXPONENT: u32 = 0xff << 23;
+const SINGLE_ONE: u32 = 1 << 23;
+
 /// The elements of a payload that can have values which their type does not allow, merged into runs.
 #[derive(Debug, Clone)]
 pub(crate) struct ValueCheck {
@@ -94,19 +100,23 @@ impl ValueCheck {
         }
     }
 
-    /// True when every element is a value of its type. The exponent field alone tells of a number, so the loop has no branches.
+    /// True when every element is a value of its type.
     pub(crate) fn passes(&self, payload: &[u8]) -> bool {
-        let mut good = true;
+        // The exponent alone tells of a number, and only one that is all ones becomes so large with one more that the bit of the sign is
+        // set. Sums are there for two numbers and more at once on every processor; comparisons of this width are not.
+        let mut doubles = 0;
         for run in &self.doubles {
             for chunk in payload[run.clone()].as_chunks::<8>().0 {
-                good &= u64::from_le_bytes(*chunk) & 0x7ff0_0000_0000_0000 != 0x7ff0_0000_0000_0000;
+                doubles |= (u64::from_le_bytes(*chunk) & DOUBLE_EXPONENT) + DOUBLE_ONE;
             }
         }
+        let mut singles = 0;
         for run in &self.singles {
             for chunk in payload[run.clone()].as_chunks::<4>().0 {
-                good &= u32::from_le_bytes(*chunk) & 0x7f80_0000 != 0x7f80_0000;
+                singles |= (u32::from_le_bytes(*chunk) & SINGLE_EXPONENT) + SINGLE_ONE;
             }
         }
+        let mut good = doubles >> 63 == 0 && singles >> 31 == 0;
         for (run, allowed) in &self.bytes {
             for byte in &payload[run.clone()] {
                 good &= allowed[usize::from(byte / 64)] >> (byte % 64) & 1 == 1;
@@ -283,5 +293,69 @@ impl Outputs {
     /// Sets whether output number `port` is seen, for a test that drives a participant by hand: the sample under way, and any sample.
     pub fn set_seen(&mut self, port: usize, now: bool, ever: bool) {
         self.looks[port] = Look { now, ever };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn field(name: &str, element: Element, count: u32, offset: u32) -> Field {
+        Field {
+            name: name.into(),
+            element,
+            shape: vec![count],
+            unit: "1".into(),
+            frame: String::new(),
+            offset,
+            values: Vec::new(),
+        }
+    }
+
+    /// Bits of numbers, those around the largest and the smallest more often than all others.
+    fn bits(exponent: u32, width: u32) -> impl Strategy<Value = u64> {
+        let all_ones = ((1_u64 << exponent) - 1) << (width - 1 - exponent);
+        let near = prop_oneof![Just(all_ones - 1), Just(all_ones), Just(all_ones + 1), Just(0), Just(1)];
+        let signed = (near, any::<bool>()).prop_map(move |(bits, negative)| bits | u64::from(negative) << (width - 1));
+        prop_oneof![4 => any::<u64>(), 1 => signed]
+    }
+
+    proptest! {
+        #[test]
+        fn payload_passes_where_all_of_its_numbers_are_finite(
+            doubles in prop::collection::vec(bits(11, 64), 7),
+            singles in prop::collection::vec(bits(8, 32), 5),
+        ) {
+            let descriptor = Descriptor {
+                name: "x".into(),
+                size: 84,
+                fields: vec![
+                    field("a", Element::F64, 3, 0),
+                    field("b", Element::F64, 2, 24),
+                    // Whole numbers may have any bits.
+                    field("c", Element::U64, 1, 40),
+                    field("d", Element::F64, 2, 48),
+                    field("e", Element::F32, 1, 64),
+                    field("f", Element::F32, 4, 68),
+                ],
+            };
+            let mut payload = Vec::new();
+            let mut finite = true;
+            for (number, bits) in doubles.iter().enumerate() {
+                if number == 5 {
+                    payload.extend(u64::MAX.to_le_bytes());
+                }
+                payload.extend(bits.to_le_bytes());
+                finite &= f64::from_bits(*bits).is_finite();
+            }
+            for bits in singles {
+                payload.extend((bits as u32).to_le_bytes());
+                finite &= f32::from_bits(bits as u32).is_finite();
+            }
+            let check = ValueCheck::new(&descriptor, false);
+            prop_assert_eq!(check.passes(&payload), finite);
+            prop_assert!(ValueCheck::new(&descriptor, true).passes(&payload));
+        }
     }
 }

@@ -36,10 +36,13 @@ impl Observed {
     /// The number of sample `index` among the observed ones, if it is one of them.
     #[inline]
     pub fn number(self, index: u64) -> Option<u64> {
-        // What another process sends may be zero.
-        let every = self.every.max(1);
-        let number = index / every;
-        (index.is_multiple_of(every) && (self.first..self.end).contains(&number)).then_some(number)
+        let number = match self.every {
+            // Almost every stream is like this. What another process sends may be zero.
+            0 | 1 => index,
+            every if index.is_multiple_of(every) => index / every,
+            _ => return None,
+        };
+        (self.first..self.end).contains(&number).then_some(number)
     }
 
     /// Whether sample `index` is observed.

@@ -6,10 +6,10 @@ use super::StepError;
 use super::between::Between;
 use super::source::Source;
 use crate::fault::Injector;
-use crate::link::{Conversion, Hold, Read, ReadSchedule};
+use crate::link::{Hold, Joined, Read, ReadSchedule};
 use crate::participant::{Inputs, Payload, ValueCheck};
 use crate::plan::{Assignment, Backlog, Initial, InputLink, Observed, SeenInput};
-use crate::port::Descriptor;
+use crate::port::{Descriptor, Field};
 use crate::time::{SampleTime, Ticks, Timebase};
 use crate::transport::Receiver;
 
@@ -23,7 +23,7 @@ pub(super) struct InputState {
     initial: Vec<u8>,
     shows_initial: bool,
     /// How samples become fields of the input, and the newest sample. Without one, samples are the input's payload.
-    conversion: Option<(Conversion, Payload)>,
+    conversion: Option<(Joined, Payload)>,
     /// The samples between which is interpolated, where that is asked for.
     between: Option<Between>,
 }
@@ -47,7 +47,7 @@ impl InputState {
             schedule,
             initial: link.initial.payload(descriptor.size as usize),
             shows_initial: false,
-            conversion: (link.conversion.clone())
+            conversion: conversion(link, descriptor)
                 .map(|conversion| (conversion, Payload::zeroed(message.size as usize))),
             between: (link.visibility.hold() == Hold::Linear).then(|| Between::new(message, link.visibility.clone())),
         }
@@ -90,6 +90,20 @@ impl InputState {
     }
 }
 
+/// How samples of `link` become fields of an input that takes `takes`; nothing where they are all of it as they come, by whatever names.
+fn conversion(link: &InputLink, takes: &Descriptor) -> Option<Joined> {
+    let joined = Joined::new(link.conversion.as_ref()?);
+    let same = joined.is_nothing(link.message(takes), takes) && keeps_good(link, &joined, takes);
+    (!same).then_some(joined)
+}
+
+/// Whether an input that takes `takes` is good where `joined` puts good samples of `link` into it. Enumerations that hold each other's
+/// values need not have the same ones, and what lies between two numbers need not be one.
+fn keeps_good(link: &InputLink, joined: &Joined, takes: &Descriptor) -> bool {
+    let number = |field: &Field| field.element.is_number();
+    joined.keeps_values() && link.visibility.hold() != Hold::Linear && takes.fields.iter().all(number)
+}
+
 /// An input that is put together from what its links bring.
 pub(super) struct Assembled {
     port: usize,
@@ -97,11 +111,13 @@ pub(super) struct Assembled {
     links: Range<usize>,
     descriptor: Descriptor,
     values: ValueCheck,
+    /// Whether it is good where what its links bring is, which has been looked at as it came.
+    keeps_good: bool,
 }
 
 impl Assembled {
-    /// Those of a participant.
-    pub(super) fn all(assignment: &Assignment) -> Vec<Assembled> {
+    /// Those of a participant with the links `inputs`.
+    pub(super) fn all(assignment: &Assignment, inputs: &[InputState]) -> Vec<Assembled> {
         let port = |link: &InputLink| link.input as usize;
         let mut assembled = Vec::new();
         let mut start = 0;
@@ -109,12 +125,16 @@ impl Assembled {
         for own in assignment.inputs.chunk_by(|one, next| port(one) == port(next)) {
             let links = start..start + own.len();
             start = links.end;
-            if own.iter().any(|link| link.conversion.is_some()) {
+            let states = &inputs[links.clone()];
+            if states.iter().any(|link| link.conversion.is_some()) {
                 let port = port(&own[0]);
                 let descriptor = &assignment.interface.inputs[port].descriptor;
+                let joined = own.iter().zip(states);
+                let mut joined = joined.filter_map(|(link, state)| Some((link, &state.conversion.as_ref()?.0)));
                 assembled.push(Assembled {
                     port,
                     links,
+                    keeps_good: joined.all(|(link, joined)| keeps_good(link, joined, descriptor)),
                     values: ValueCheck::new(descriptor, own.iter().any(|link| link.disturbed)),
                     descriptor: descriptor.clone(),
                 });
@@ -137,7 +157,8 @@ impl Assembled {
                 None => {}
             }
         }
-        if !self.values.passes(payload) {
+        let good = self.keeps_good && own.iter().all(|link| !link.shows_initial);
+        if !good && !self.values.passes(payload) {
             let from: Vec<&str> = own.iter().map(|link| link.source.from()).collect();
             return Err(StepError::BadSample {
                 from: from.join("`, `"),

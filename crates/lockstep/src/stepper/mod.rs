@@ -93,6 +93,7 @@ impl Stepper {
                 backlog,
             )
         });
+        let inputs: Vec<InputState> = inputs.collect();
         let mut seen: Vec<SeenState> = (assignment.seen.iter())
             .map(|seen| {
                 let descriptor = &interface.inputs[seen.input as usize].descriptor;
@@ -135,8 +136,8 @@ impl Stepper {
         }
         Stepper {
             participant,
-            inputs: inputs.collect(),
-            assembled: Assembled::all(&assignment),
+            assembled: Assembled::all(&assignment, &inputs),
+            inputs,
             seen,
             outputs,
             recording: ends.recording,

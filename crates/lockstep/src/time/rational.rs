@@ -81,11 +81,13 @@ impl Rational {
     }
 
     /// The numerator in lowest terms, s.
+    #[inline]
     pub fn numerator(self) -> i64 {
         self.numerator
     }
 
     /// The denominator in lowest terms, always positive.
+    #[inline]
     pub fn denominator(self) -> i64 {
         self.denominator
     }
@@ -132,17 +134,22 @@ impl Rational {
 
 /// The double nearest to `numerator / denominator` (ties to even), for a positive denominator.
 pub(crate) fn nearest_double(numerator: i128, denominator: i128) -> f64 {
-    const EXACT: u64 = 1 << 53;
-    // Almost every time of a run is like this, and 64-bit conversions are one instruction each.
     if let (Ok(n), Ok(d)) = (i64::try_from(numerator), i64::try_from(denominator))
-        && n.unsigned_abs() <= EXACT
-        && d.unsigned_abs() <= EXACT
+        && let Some(exact) = quotient(n, d)
     {
-        // Both are doubles already, so the one division is the only rounding.
-        return n as f64 / d as f64;
+        return exact;
     }
     let magnitude = long_division(numerator.unsigned_abs(), denominator.unsigned_abs());
     if numerator < 0 { -magnitude } else { magnitude }
+}
+
+/// The same where both are doubles already, so that the one division is the only rounding. Almost every time of a run is like this, and
+/// 64-bit conversions are one instruction each.
+#[inline]
+pub(super) fn quotient(numerator: i64, denominator: i64) -> Option<f64> {
+    const EXACT: u64 = 1 << 53;
+    let exact = numerator.unsigned_abs() <= EXACT && denominator.unsigned_abs() <= EXACT;
+    exact.then(|| numerator as f64 / denominator as f64)
 }
 
 fn long_division(n: u128, d: u128) -> f64 {

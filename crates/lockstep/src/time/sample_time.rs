@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Rational;
-use super::rational::{gcd, nearest_double};
+use super::rational::{gcd, nearest_double, quotient};
 
 /// A count of ticks of a [`Timebase`]: an instant or a duration.
 pub type Ticks = i64;
@@ -67,11 +67,11 @@ impl Timebase {
     }
 
     /// The double nearest to `ticks` in seconds: one rounding, never a running sum.
+    #[inline]
     pub fn seconds(&self, ticks: Ticks) -> f64 {
-        nearest_double(
-            i128::from(ticks) * i128::from(self.tick.numerator()),
-            i128::from(self.tick.denominator()),
-        )
+        let (n, d) = (self.tick.numerator(), self.tick.denominator());
+        let short = ticks.checked_mul(n).and_then(|n| quotient(n, d));
+        short.unwrap_or_else(|| nearest_double(i128::from(ticks) * i128::from(n), i128::from(d)))
     }
 
     /// The exact instant; `None` when 63 bits do not hold it.
@@ -91,6 +91,7 @@ pub struct SampleTime {
 
 impl SampleTime {
     /// The instant of activation `k`; saturates at the end of representable time.
+    #[inline]
     pub fn instant(&self, k: u64) -> Ticks {
         let exact = Ticks::try_from(k).ok().and_then(|k| self.period.checked_mul(k));
         exact

@@ -1,79 +1,81 @@
-//! Links inside one process: a bounded ring behind a mutex.
+//! Links inside one process: a ring in memory that both ends share, by the same rules as between processes.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use super::interface::{Broken, Header, Receiver, Sender};
+use super::lock_free::board::{Get, Set};
+use super::lock_free::slots::{SlotReceiver, SlotSender, Slots};
+use super::lock_free::words::Word;
 
+/// What both ends know.
 struct Ring {
-    headers: Vec<Header>,
-    payloads: Vec<u8>,
-    size: usize,
-    first: usize,
-    count: usize,
+    slots: Slots,
+    words: Box<[Word]>,
+    taken: Taken,
+}
+
+/// How many samples the receiver has taken.
+struct Taken(Word);
+
+impl Get<u64> for Taken {
+    #[inline]
+    fn get(&self) -> u64 {
+        self.0.heard()
+    }
+}
+
+impl Set<u64> for Taken {
+    #[inline]
+    fn set(&self, value: u64) {
+        self.0.announce(value);
+    }
 }
 
 /// The sending end.
-pub struct LocalSender(Arc<Mutex<Ring>>);
+pub struct LocalSender {
+    ring: Arc<Ring>,
+    sender: SlotSender,
+}
 
 /// The receiving end.
-pub struct LocalReceiver(Arc<Mutex<Ring>>);
+pub struct LocalReceiver {
+    ring: Arc<Ring>,
+    receiver: SlotReceiver,
+}
 
 /// A link that holds up to `capacity` samples of `size` bytes. All of its memory is taken here.
 pub fn link(size: usize, capacity: usize) -> (LocalSender, LocalReceiver) {
-    let ring = Arc::new(Mutex::new(Ring {
-        headers: vec![Header::default(); capacity],
-        payloads: vec![0; size * capacity],
-        size,
-        first: 0,
-        count: 0,
-    }));
-    (LocalSender(ring.clone()), LocalReceiver(ring))
-}
-
-/// A panic of the other end leaves the ring as it was between two calls, so it stays usable.
-fn lock(ring: &Mutex<Ring>) -> MutexGuard<'_, Ring> {
-    ring.lock().unwrap_or_else(PoisonError::into_inner)
+    let slots = Slots { size, capacity };
+    let ring = Arc::new(Ring {
+        slots,
+        words: (0..slots.words()).map(|_| Word::new(0)).collect(),
+        taken: Taken(Word::new(0)),
+    });
+    let sender = LocalSender {
+        ring: ring.clone(),
+        sender: SlotSender::new(slots),
+    };
+    let receiver = LocalReceiver {
+        ring,
+        receiver: SlotReceiver::new(slots),
+    };
+    (sender, receiver)
 }
 
 impl Sender for LocalSender {
     fn try_send(&mut self, header: Header, payload: &[u8]) -> Result<bool, Broken> {
-        let ring = &mut *lock(&self.0);
-        if payload.len() != ring.size {
-            return Err(Broken(format!(
-                "a sample of {} bytes on a link of {}",
-                payload.len(),
-                ring.size
-            )));
-        }
-        let capacity = ring.headers.len();
-        if ring.count == capacity {
-            return Ok(false);
-        }
-        let slot = (ring.first + ring.count) % capacity;
-        ring.headers[slot] = header;
-        ring.payloads[slot * ring.size..][..ring.size].copy_from_slice(payload);
-        ring.count += 1;
-        Ok(true)
+        let Ring { words, taken, .. } = &*self.ring;
+        self.sender.try_send(words, taken, header, payload)
     }
 }
 
 impl Receiver for LocalReceiver {
     fn try_receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
-        let ring = &mut *lock(&self.0);
-        if ring.count == 0 {
-            return Ok(None);
+        let Ring { slots, words, taken } = &*self.ring;
+        if payload.len() != slots.size {
+            let (came, due) = (slots.size, payload.len());
+            return Err(Broken(format!("a sample of {came} bytes where {due} are expected")));
         }
-        if payload.len() != ring.size {
-            return Err(Broken(format!(
-                "a sample of {} bytes where {} are expected",
-                ring.size,
-                payload.len()
-            )));
-        }
-        let slot = ring.first;
-        payload.copy_from_slice(&ring.payloads[slot * ring.size..][..ring.size]);
-        ring.first = (slot + 1) % ring.headers.len();
-        ring.count -= 1;
-        Ok(Some(ring.headers[slot]))
+        self.receiver.try_receive(words, taken, payload)
     }
 }

@@ -29,10 +29,10 @@ impl Slots {
         self.stride() * self.capacity
     }
 
-    /// The slot of the sample that `before` others precede.
-    fn slot(self, words: &[Word], before: u64) -> &[Word] {
-        let first = (before % self.capacity as u64) as usize * self.stride();
-        &words[first..first + self.stride()]
+    /// The word with which the slot behind the one at `first` begins.
+    fn behind(self, first: usize) -> usize {
+        let next = first + self.stride();
+        if next < self.words() { next } else { 0 }
     }
 
     /// # Errors
@@ -50,6 +50,8 @@ impl Slots {
 pub(crate) struct SlotSender {
     slots: Slots,
     sent: u64,
+    /// The word with which the slot of the next sample begins.
+    at: usize,
     room: Room,
 }
 
@@ -58,6 +60,7 @@ impl SlotSender {
         SlotSender {
             slots,
             sent: 0,
+            at: 0,
             room: Room::default(),
         }
     }
@@ -75,11 +78,12 @@ impl SlotSender {
         if !self.room.fits(self.slots.capacity as u64, self.sent, 1, count)? {
             return Ok(false);
         }
-        let slot = self.slots.slot(words, self.sent);
+        let slot = &words[self.at..self.at + self.slots.stride()];
         slot[1].set(header.index);
         slot[2].set(header.stamp as u64);
         put(&slot[HEAD..], payload);
         self.sent += 1;
+        self.at = self.slots.behind(self.at);
         slot[0].announce(self.sent);
         Ok(true)
     }
@@ -89,11 +93,13 @@ impl SlotSender {
 pub(crate) struct SlotReceiver {
     slots: Slots,
     taken: u64,
+    /// The word with which the slot of the next sample begins.
+    at: usize,
 }
 
 impl SlotReceiver {
     pub(crate) fn new(slots: Slots) -> SlotReceiver {
-        SlotReceiver { slots, taken: 0 }
+        SlotReceiver { slots, taken: 0, at: 0 }
     }
 
     /// Copies the next sample out of `words` and counts it; `None` while it has not come.
@@ -108,7 +114,7 @@ impl SlotReceiver {
             let (came, due) = (words.len(), self.slots.words());
             return Err(Broken(format!("a ring of {came} words where {due} are expected")));
         }
-        let slot = self.slots.slot(words, self.taken);
+        let slot = &words[self.at..self.at + self.slots.stride()];
         let (number, due) = (slot[0].heard(), self.taken + 1);
         if number != due {
             // The slot is empty, or still has what was taken out of it one round ago.
@@ -126,6 +132,7 @@ impl SlotReceiver {
         // A copy, so that what is checked is what is used, whatever the sender does to its memory afterwards.
         take(&slot[HEAD..], payload);
         self.taken = due;
+        self.at = self.slots.behind(self.at);
         count.set(due);
         Ok(Some(header))
     }

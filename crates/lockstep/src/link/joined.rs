@@ -1,0 +1,237 @@
+//! Conversions as they are done with each sample: what is only copied goes over in as few pieces as there are.
+
+use super::{Conversion, Pair};
+use crate::port::Descriptor;
+
+/// A [`Conversion`] that is made ready to be done many times. No element is fed by two of its pairs, unless both add.
+#[derive(Debug, Clone)]
+pub(crate) struct Joined {
+    /// What goes over as it is.
+    copies: Vec<Copied>,
+    /// What is calculated.
+    others: Vec<Pair>,
+}
+
+/// Bytes that stand side by side in the sample and in the payload of the input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Copied {
+    from: usize,
+    to: usize,
+    len: usize,
+}
+
+impl Joined {
+    /// Does what `conversion` does.
+    pub(crate) fn new(conversion: &Conversion) -> Joined {
+        let (copied, others): (Vec<&Pair>, Vec<&Pair>) = conversion.pairs.iter().partition(|pair| pair.keeps_bytes());
+        let each = copied.into_iter().map(Copied::of);
+        let mut each: Vec<Copied> = each.collect();
+        // No element is fed twice, so the order is free; names, by which a scenario has them in order, tell nothing of places.
+        each.sort_by_key(|copied| copied.to);
+        let mut copies: Vec<Copied> = Vec::new();
+        for next in each {
+            match copies.last_mut() {
+                Some(last) if last.is_before(next) => last.len += next.len,
+                _ => copies.push(next),
+            }
+        }
+        Joined {
+            copies,
+            others: others.into_iter().cloned().collect(),
+        }
+    }
+
+    /// Whether samples of `message` are payloads of an input that takes `takes`, and nothing else is made of them.
+    pub(crate) fn is_nothing(&self, message: &Descriptor, takes: &Descriptor) -> bool {
+        let whole = Copied {
+            from: 0,
+            to: 0,
+            len: takes.size as usize,
+        };
+        self.others.is_empty() && message.size == takes.size && self.copies == [whole]
+    }
+
+    /// Whether values are taken over as they are, all of them: nothing is calculated, and no type becomes another.
+    pub(crate) fn keeps_values(&self) -> bool {
+        self.others.is_empty()
+    }
+
+    /// Sets those elements of `payload` to zero to which it and others will add.
+    pub(crate) fn clear(&self, payload: &mut [u8]) {
+        self.others.iter().for_each(|pair| pair.clear(payload));
+    }
+
+    /// Puts what becomes of `sample` into the payload of the input.
+    pub(crate) fn apply(&self, sample: &[u8], payload: &mut [u8]) {
+        for &Copied { from, to, len } in &self.copies {
+            payload[to..to + len].copy_from_slice(&sample[from..from + len]);
+        }
+        self.others.iter().for_each(|pair| pair.apply(sample, payload));
+    }
+
+    /// Puts what stands in for a sample into the payload of the input: see [`Conversion::stand_in`].
+    pub(crate) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
+        for &Copied { to, len, .. } in &self.copies {
+            payload[to..to + len].copy_from_slice(&initial[to..to + len]);
+        }
+        self.others.iter().for_each(|pair| pair.stand_in(initial, payload));
+    }
+}
+
+impl Copied {
+    /// What `pair` copies.
+    fn of(pair: &Pair) -> Copied {
+        let range = pair.range();
+        Copied {
+            from: pair.terms[0].from.offset as usize,
+            to: range.start,
+            len: range.len(),
+        }
+    }
+
+    /// Whether `next` goes on where it ends, here and there.
+    fn is_before(self, next: Copied) -> bool {
+        (self.from + self.len, self.to + self.len) == (next.from, next.to)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fault::Slot;
+    use crate::link::Term;
+    use crate::port::Element;
+    use proptest::prelude::*;
+
+    const ELEMENTS: u32 = 24;
+
+    fn message() -> Descriptor {
+        Descriptor {
+            name: "x".into(),
+            size: 8 * ELEMENTS,
+            fields: Vec::new(),
+        }
+    }
+
+    fn slot(number: u32, element: Element) -> Slot {
+        Slot {
+            offset: 8 * number,
+            element,
+        }
+    }
+
+    fn double(number: u32) -> Slot {
+        slot(number, Element::F64)
+    }
+
+    fn pair(to: Slot, from: Slot, count: u32) -> Pair {
+        Pair {
+            to,
+            count,
+            terms: vec![Term { from, scale: 1.0 }],
+            offset: 0.0,
+            adds: false,
+        }
+    }
+
+    fn joined(pairs: Vec<Pair>) -> Joined {
+        Joined::new(&Conversion {
+            message: message(),
+            pairs,
+        })
+    }
+
+    #[test]
+    fn neighbours_that_are_copied_go_over_in_one_piece() {
+        let copied = |from: usize, to: usize, len: usize| Copied {
+            from: 8 * from,
+            to: 8 * to,
+            len: 8 * len,
+        };
+        let each = |numbers: &[u32]| numbers.iter().map(|&n| pair(double(n), double(n), 1)).collect();
+        let all: Vec<u32> = (0..ELEMENTS).rev().collect();
+        let whole = joined(each(&all));
+        assert_eq!(whole.copies, [copied(0, 0, 24)]);
+        assert!(whole.is_nothing(&message(), &message()));
+        assert!(!joined(each(&all[1..])).is_nothing(&message(), &message()));
+        let larger = Descriptor {
+            size: 8 * ELEMENTS + 8,
+            ..message()
+        };
+        assert!(!whole.is_nothing(&larger, &message()));
+        assert!(!whole.is_nothing(&message(), &larger));
+        // Neighbours at one end only, and one that is scaled.
+        let mut pairs = vec![
+            pair(double(3), double(0), 2),
+            pair(double(5), double(2), 1),
+            pair(double(6), double(4), 1),
+            pair(double(8), double(5), 1),
+            pair(double(9), double(6), 1),
+        ];
+        pairs[4].terms[0].scale = 2.0;
+        let some = joined(pairs);
+        assert_eq!(some.copies, [copied(0, 3, 3), copied(4, 6, 1), copied(5, 8, 1)]);
+        assert!(!some.keeps_values());
+    }
+
+    /// Pairs for every element of an input, in any order: copies, mostly from the place of the same number, and others.
+    fn pairs() -> impl Strategy<Value = Vec<Pair>> {
+        let one = (0..10_u8, 0..ELEMENTS, any::<bool>());
+        let each = prop::collection::vec(one, ELEMENTS as usize);
+        let pairs = each.prop_map(|each| {
+            let one = |(to, (kind, from, own)): (u32, (u8, u32, bool))| {
+                let mut pair = pair(double(to), double(if own || kind > 5 { to } else { from }), 1);
+                match kind {
+                    0 => pair.terms[0].scale = -2.5,
+                    1 => pair.offset = 0.75,
+                    2 => pair.adds = true,
+                    3 => pair.terms[0].from.element = Element::F32,
+                    4 => {
+                        pair.terms.clear();
+                        pair.offset = 3.0;
+                    }
+                    // Taken over, if anything can be, by two elements of half the size.
+                    5 => {
+                        pair.to.element = Element::I32;
+                        pair.terms[0].from.element = Element::I32;
+                        pair.count = 2;
+                    }
+                    6 => return None,
+                    _ => {}
+                }
+                Some(pair)
+            };
+            let each = (0..).zip(each).filter_map(one);
+            each.collect::<Vec<Pair>>()
+        });
+        pairs.prop_shuffle()
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_joined_does_what_its_pairs_do(
+            pairs in pairs(),
+            sample in prop::collection::vec(-1e6..1e6, ELEMENTS as usize),
+            initial in prop::collection::vec(-1e6..1e6, ELEMENTS as usize),
+        ) {
+            let bytes = |values: &[f64]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+            let (sample, initial) = (bytes(&sample), bytes(&initial));
+            let conversion = Conversion { message: message(), pairs };
+            let joined = Joined::new(&conversion);
+            let mut payloads = [bytes(&[7.0; ELEMENTS as usize]), bytes(&[7.0; ELEMENTS as usize])];
+            for stands_in in [true, false, false] {
+                let [one, other] = &mut payloads;
+                conversion.clear(one);
+                joined.clear(other);
+                if stands_in {
+                    conversion.stand_in(&initial, one);
+                    joined.stand_in(&initial, other);
+                } else {
+                    conversion.apply(&sample, one);
+                    joined.apply(&sample, other);
+                }
+                prop_assert_eq!(&*one, &*other);
+            }
+        }
+    }
+}
