@@ -21,7 +21,7 @@ impl Grip {
             p_NE: servicer.p_nb + servicer.quat_nb.rotate(&p_BE.p),
             quat_NE: servicer.quat_nb.times(quaternion_of(&p_BE.r)),
             p_NG: target.p_nb + target.quat_nb.rotate(&model.grasp.p),
-            quat_NG: target.quat_nb.times(quaternion_of(&model.grasp.r)),
+            quat_NG: target.quat_nb.times(model.quat_TG),
         }
     }
 
@@ -88,7 +88,7 @@ impl TruthTeller {
             q: std::array::from_fn(|joint| servicer.q[joint]),
             slosh,
             slosh_direction_B: bob.d.into(),
-            slosh_swing: libm::atan2(libm::hypot(bob.d.x, bob.d.y), -bob.d.z),
+            slosh_swing: libm::atan2(hypot(bob.d.x, bob.d.y), -bob.d.z),
             omega_NB_B: servicer.omega().into(),
             v_NB_B: servicer.velocity().into(),
             qdot: std::array::from_fn(|joint| servicer.nu[6 + joint]),
@@ -141,4 +141,47 @@ impl TruthTeller {
 /// The angle of a rotation, the short way, rad.
 pub fn angle_of(q: Quaternion) -> f64 {
     2.0 * libm::atan2(Vector3::new(q.x, q.y, q.z).norm(), q.w.abs())
+}
+
+/// The length of `(x, y)`, with the bits of `libm::hypot`.
+///
+/// That one takes its root with an instruction of the time before AVX, for which the processor puts away the upper halves of all registers
+/// and brings them back: hundreds of cycles at every step of a plant. Here the same sum is made of the squares where nothing in it can be
+/// too large or too small, and the root is the compiler's.
+fn hypot(x: f64, y: f64) -> f64 {
+    let (x, y) = (x.abs(), y.abs());
+    let (large, small) = if x < y { (y, x) } else { (x, y) };
+    // not a number is in no range, and goes the other way
+    if !(large < 1e100 && small > 1e-100 && small > 1e-15 * large) {
+        return libm::hypot(x, y);
+    }
+    // a square, and what it lacks to the exact one
+    let square = |x: f64| (x * x, x.mul_add(x, -(x * x)));
+    let ((large, large_rest), (small, small_rest)) = (square(large), square(small));
+    (small_rest + large_rest + small + large).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_length_has_the_bits_of_the_library() {
+        // directions all round, and one side smaller and smaller until it counts no more, is zero, or no number
+        let mut sides = vec![0.0, f64::MIN_POSITIVE, 1e-310, f64::MAX, f64::INFINITY, f64::NAN];
+        let mut side = 1.0_f64;
+        while side > 1e-120 {
+            sides.extend([side, 1.0 / side, libm::sin(side * 1e3)]);
+            side *= 0.713;
+        }
+        for x in &sides {
+            for y in &sides {
+                for (x, y) in [(*x, *y), (-x, *y), (*y, -x)] {
+                    let (ours, theirs) = (hypot(x, y), libm::hypot(x, y));
+                    let same = ours.to_bits() == theirs.to_bits() || (ours.is_nan() && theirs.is_nan());
+                    assert!(same, "{x:e} {y:e}: {ours:e} and {theirs:e}");
+                }
+            }
+        }
+    }
 }

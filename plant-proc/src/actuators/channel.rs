@@ -109,7 +109,7 @@ impl Channel {
             value = 0.0;
         }
         if quantum > 0.0 {
-            value = (value / quantum).round_ties_even() * quantum;
+            value = nearest(value, quantum);
         }
         value = value.clamp(-self.limit, self.limit);
         if let Some((left, mean)) = lag {
@@ -120,6 +120,12 @@ impl Channel {
         self.state.last = value;
         value
     }
+}
+
+/// The multiple of `quantum` nearest to `value`. By itself, since inlined the quotient would be computed for continuous actuators as well.
+#[inline(never)]
+fn nearest(value: f64, quantum: f64) -> f64 {
+    (value / quantum).round_ties_even() * quantum
 }
 
 #[cfg(test)]

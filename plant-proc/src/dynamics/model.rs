@@ -28,6 +28,8 @@ pub struct Model {
     pub target_inertia: Inertia,
     /// Pose of the grasp frame in the target's.
     pub grasp: Placement,
+    /// Its attitude once more.
+    pub quat_TG: Quaternion,
 }
 
 /// How the gripper holds the target, and what closing it cost.
@@ -99,6 +101,10 @@ impl Model {
                 Some(sphere)
             }
         };
+        let grasp = Placement {
+            p: target.grasp.position.si().into(),
+            r: rotation::roll_pitch_yaw(roll, pitch, yaw),
+        };
         Ok(Self {
             version: fresh(),
             tree,
@@ -106,10 +112,8 @@ impl Model {
             end_effector,
             target: TargetTree::new(&body).map_err(|error| refuse("target.inertia", &error))?,
             target_inertia,
-            grasp: Placement {
-                p: target.grasp.position.si().into(),
-                r: rotation::roll_pitch_yaw(roll, pitch, yaw),
-            },
+            quat_TG: quaternion_of(&grasp.r),
+            grasp,
         })
     }
 
