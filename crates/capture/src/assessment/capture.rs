@@ -109,8 +109,21 @@ impl Jerk {
     }
 }
 
+/// The larger of two numbers. Compiled for size, `f64::max` is a call of the C library, dozens at every step of the plant; nothing that is
+/// no number gets here.
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
+}
+
+/// The smaller of two numbers, as [`larger`].
+#[inline(always)]
+fn smaller(a: f64, b: f64) -> f64 {
+    if b < a { b } else { a }
+}
+
 fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()))
+    values.iter().fold(0.0, |most, value| larger(most, value.abs()))
 }
 
 fn length(vector: [f64; 3]) -> f64 {
@@ -152,22 +165,21 @@ impl Capture {
 
     fn truth(&mut self, stamp: f64, payload: &[u8]) {
         let (fields, figures) = (&self.truth, &mut self.seen);
-        figures.slosh = figures.slosh.max(largest(&fields.slosh.read(payload)));
-        figures.wheel_momentum = figures
-            .wheel_momentum
-            .max(largest(&fields.wheel_momentum.read(payload)));
+        figures.slosh = larger(figures.slosh, largest(&fields.slosh.read(payload)));
+        let momentum = largest(&fields.wheel_momentum.read(payload));
+        figures.wheel_momentum = larger(figures.wheel_momentum, momentum);
         let force = fields.thruster_force.read(payload);
         let sum = |values: &[f64]| values.iter().map(|value| value.abs()).sum::<f64>() * fields.period;
         figures.impulses[0] += sum(&fields.thrust.read(payload));
         figures.impulses[1] += sum(&force);
-        figures.swing = figures.swing.max(fields.slosh_swing.read(payload)[0]);
+        figures.swing = larger(figures.swing, fields.slosh_swing.read(payload)[0]);
         let residuals = [
             length(fields.linear_residual.read(payload)),
             length(fields.angular_residual.read(payload)),
             largest(&fields.energy_residual.read(payload)),
         ];
         for (worst, residual) in figures.residuals.iter_mut().zip(residuals) {
-            *worst = worst.max(residual);
+            *worst = larger(*worst, residual);
         }
         let samples = stamp / self.command.period;
         if (samples - samples.round()).abs() * self.command.period < 0.5 * fields.period {
@@ -177,8 +189,8 @@ impl Capture {
         let joints = fields.joints.read(payload);
         let [low, high] = figures.joint_range.get_or_insert([joints; 2]);
         for joint in 0..7 {
-            low[joint] = low[joint].min(joints[joint]);
-            high[joint] = high[joint].max(joints[joint]);
+            low[joint] = smaller(low[joint], joints[joint]);
+            high[joint] = larger(high[joint], joints[joint]);
         }
         let [grasped] = fields.grasped.read(payload);
         let [impact_loss] = fields.impact_loss.read(payload);
@@ -208,7 +220,7 @@ impl Capture {
                 3..6 => 1,
                 _ => 2,
             };
-            figures.peaks[channel] = figures.peaks[channel].max(value.abs());
+            figures.peaks[channel] = larger(figures.peaks[channel], value.abs());
             figures.integrals[group] += value.abs() * fields.period;
             over[group] |= value.abs() > self.limits[channel];
         }
