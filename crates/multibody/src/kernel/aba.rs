@@ -4,7 +4,7 @@
 //! An articulated inertia is the 21 numbers of `[n; f] = [A H; Hᵀ M] [α; a] + [n₀; f₀]`.
 
 use super::place::sines;
-use super::{BASE, Model, Rigid, rotate};
+use super::{BASE, Link, Model, Rigid, rotate};
 use crate::num::{Constant, List, Mat3, Real, Size, Sym3, V3};
 
 /// Articulated inertia and bias wrench about a point.
@@ -42,6 +42,19 @@ impl<T: Real> Articulated<T> {
             m: Sym3::scalar(rigid.mass.lift()),
             n: h.cross_add(acc, j.mul_add(alpha, omega.cross(j.mul(omega)))),
             f: omega.cross_add(omega.cross(h), alpha.cross_add(h, acc * rigid.mass.lift())),
+        }
+    }
+
+    /// The base alone, turning at `omega`: its axes are those that everything is given in, and nothing accelerates it yet.
+    #[inline(always)]
+    fn base<K: Constant<T>>(rigid: &Rigid<K>, omega: V3<T>) -> Self {
+        let (h, j) = (V3::of(rigid.h), Sym3::of(rigid.j));
+        Self {
+            a: j,
+            h: Mat3::skew(h),
+            m: Sym3::scalar(rigid.mass.lift()),
+            n: omega.cross(j.mul(omega)),
+            f: omega.cross(omega.cross(h)),
         }
     }
 
@@ -89,6 +102,48 @@ struct Outward<T> {
     acc: V3<T>,
 }
 
+impl<T: Real> Outward<T> {
+    /// The base, turning at `omega`.
+    #[inline(always)]
+    fn base(omega: V3<T>) -> Self {
+        let zero = V3::zero();
+        Self {
+            r: Mat3::identity(),
+            omega,
+            d: zero,
+            alpha: zero,
+            acc: zero,
+        }
+    }
+
+    /// A body on `self` with its joint at `q`, of which `(s, c)` are sine and cosine, moving at `rate`.
+    #[inline(always)]
+    fn child<K: Constant<T>>(&self, link: &Link<K>, q: T, (s, c): (T, T), rate: T) -> Self {
+        let r = rotate(link, &self.r, s, c);
+        let z_rate = r.c[2] * rate;
+        let mut d = self.r.mul(V3::of(link.p));
+        let (omega, alpha, spin);
+        if link.prismatic {
+            d = r.c[2].mul_add(q, d);
+            omega = self.omega;
+            alpha = self.alpha;
+            // ω×(ω×d) + 2 ω×(z q̇)
+            spin = omega.cross(omega.cross_add(d, z_rate + z_rate));
+        } else {
+            omega = self.omega + z_rate;
+            alpha = self.omega.cross_add(z_rate, self.alpha);
+            spin = self.omega.cross(self.omega.cross(d));
+        }
+        Self {
+            r,
+            omega,
+            d,
+            alpha,
+            acc: self.alpha.cross_add(d, self.acc + spin),
+        }
+    }
+}
+
 /// A joint on the way in: what it takes to find its acceleration on the way back out.
 #[derive(Clone, Copy)]
 struct Inward<T> {
@@ -96,6 +151,47 @@ struct Inward<T> {
     u_f: V3<T>,
     u: T,
     inv: T,
+}
+
+impl<T: Real> Inward<T> {
+    /// A joint about or along `z` that `drive` acts on and that carries `own`.
+    #[inline(always)]
+    fn of<K: Constant<T>>(link: &Link<K>, z: V3<T>, own: &Articulated<T>, drive: T) -> Self {
+        let (u_n, u_f, pivot, resist) = if link.prismatic {
+            let (u_n, u_f) = (own.h.mul(z), own.m.mul(z));
+            (u_n, u_f, z.dot(u_f), z.dot(own.f))
+        } else {
+            let (u_n, u_f) = (own.a.mul(z), own.h.tmul(z));
+            (u_n, u_f, z.dot(u_n), z.dot(own.n))
+        };
+        Self {
+            u_n,
+            u_f,
+            u: drive - resist,
+            inv: (pivot + link.motor_inertia.lift()).recip(),
+        }
+    }
+
+    /// What is left of `own` for the parent once the joint has yielded.
+    #[inline(always)]
+    fn reduced(&self, own: &Articulated<T>) -> Articulated<T> {
+        let Self { u_n, u_f, u, inv } = *self;
+        let k = u * inv;
+        let (w_n, w_f) = (u_n * -inv, u_f * -inv);
+        Articulated {
+            n: u_n.mul_add(k, own.n),
+            f: u_f.mul_add(k, own.f),
+            a: own.a.add_outer(u_n, w_n),
+            h: own.h.add_outer(u_n, w_f),
+            m: own.m.add_outer(u_f, w_f),
+        }
+    }
+
+    /// The joint's acceleration where its parent's frame turns at `alpha` and the body's origin would move at `acc`.
+    #[inline(always)]
+    fn acceleration(&self, alpha: V3<T>, acc: V3<T>) -> T {
+        (self.u - self.u_n.dot_add(alpha, self.u_f.dot(acc))) * self.inv
+    }
 }
 
 /// Acceleration (`out`, as the generalised velocity's rate) of a tree at `q` moving at `nu` under the generalised
@@ -114,49 +210,19 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
     let offset = model.offset();
     let n = model.bodies.len();
     let (omega_base, v_base) = model.base_part(nu);
-    let zero = V3::zero();
     // Measured: doubles like a body's pose and inertia in one go, lanes (four times the register space) one after the other.
     let wide = const { size_of::<T>() > size_of::<f64>() };
     let trig = sines::<Z, T>(model.bodies.len(), q);
     let mut outward = Z::List::<Outward<T>>::with_capacity(n + 1);
-    outward.push(Outward {
-        r: Mat3::identity(),
-        omega: omega_base,
-        d: zero,
-        alpha: zero,
-        acc: zero,
-    });
+    outward.push(Outward::base(omega_base));
     let mut inertias = Z::List::<Articulated<T>>::with_capacity(n + 1);
-    inertias.push(Articulated::rigid(model.base, &outward[BASE]));
+    inertias.push(Articulated::base(model.base, omega_base));
     if let Some(load) = load {
-        inertias[BASE].add_shifted(load, zero);
+        inertias[BASE].add_shifted(load, V3::zero());
     }
     for link in model.bodies {
-        let parent = &outward[link.parent];
-        let (s, c) = trig[link.coordinate];
-        let r = rotate(link, &parent.r, s, c);
-        let z_rate = r.c[2] * nu[offset + link.coordinate];
-        let mut d = parent.r.mul(V3::of(link.p));
-        let (omega, alpha, spin);
-        if link.prismatic {
-            d = r.c[2].mul_add(q[link.coordinate], d);
-            omega = parent.omega;
-            alpha = parent.alpha;
-            // ω×(ω×d) + 2 ω×(z q̇)
-            spin = omega.cross(omega.cross_add(d, z_rate + z_rate));
-        } else {
-            omega = parent.omega + z_rate;
-            alpha = parent.omega.cross_add(z_rate, parent.alpha);
-            spin = parent.omega.cross(parent.omega.cross(d));
-        }
-        let acc = parent.alpha.cross_add(d, parent.acc + spin);
-        let own = Outward {
-            r,
-            omega,
-            d,
-            alpha,
-            acc,
-        };
+        let at = link.coordinate;
+        let own = outward[link.parent].child(link, q[at], trig[at], nu[offset + at]);
         outward.push(own);
         if !wide {
             inertias.push(Articulated::rigid(&link.rigid, &own));
@@ -173,30 +239,10 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
         let link = &model.bodies[i];
         let Outward { r, d, .. } = &outward[i + 1];
         let (before, rest) = inertias.split_at_mut(i + 1);
-        let own = &rest[0];
-        let z = r.c[2];
-        let (u_n, u_f, pivot, resist) = if link.prismatic {
-            let (u_n, u_f) = (own.h.mul(z), own.m.mul(z));
-            (u_n, u_f, z.dot(u_f), z.dot(own.f))
-        } else {
-            let (u_n, u_f) = (own.a.mul(z), own.h.tmul(z));
-            (u_n, u_f, z.dot(u_n), z.dot(own.n))
-        };
-        let inv = (pivot + link.motor_inertia.lift()).recip();
-        let rate = nu[offset + link.coordinate];
-        let u = drive(link, q[link.coordinate], rate, tau[offset + link.coordinate]) - resist;
-        inward.push(Inward { u_n, u_f, u, inv });
-        // what is left for the parent once the joint has yielded
-        let k = u * inv;
-        let (w_n, w_f) = (u_n * -inv, u_f * -inv);
-        let reduced = Articulated {
-            n: u_n.mul_add(k, own.n),
-            f: u_f.mul_add(k, own.f),
-            a: own.a.add_outer(u_n, w_n),
-            h: own.h.add_outer(u_n, w_f),
-            m: own.m.add_outer(u_f, w_f),
-        };
-        before[link.parent].add_shifted(&reduced, *d);
+        let (at, row) = (link.coordinate, offset + link.coordinate);
+        let joint = Inward::of(link, r.c[2], &rest[0], drive(link, q[at], nu[row], tau[row]));
+        inward.push(joint);
+        before[link.parent].add_shifted(&joint.reduced(&rest[0]), *d);
     }
 
     let (alpha, acc) = if model.floating {
@@ -215,22 +261,21 @@ pub(crate) fn aba<Z: Size, T: Real, K: Constant<T>>(
     rates.push((alpha, acc));
     for (i, link) in model.bodies.iter().enumerate() {
         let (joint, own) = (&inward[n - 1 - i], &outward[i + 1]);
-        let (alpha_p, acc_p) = rates[link.parent];
-        let a_lin = alpha_p.cross_add(own.d, acc_p);
-        let qdd = (joint.u - joint.u_n.dot_add(alpha_p, joint.u_f.dot(a_lin))) * joint.inv;
+        let (alpha, acc) = rates[link.parent];
+        let acc = alpha.cross_add(own.d, acc);
+        let qdd = joint.acceleration(alpha, acc);
         out[offset + link.coordinate] = qdd;
         let z = own.r.c[2];
-        rates.push(if link.prismatic {
-            (alpha_p, z.mul_add(qdd, a_lin))
-        } else {
-            (z.mul_add(qdd, alpha_p), a_lin)
+        rates.push(match link.prismatic {
+            true => (alpha, z.mul_add(qdd, acc)),
+            false => (z.mul_add(qdd, alpha), acc),
         });
     }
 }
 
 /// The joint's drive with damper and spring.
 #[inline(always)]
-fn drive<T: Real, K: Constant<T>>(link: &super::Link<K>, q: T, rate: T, tau: T) -> T {
+fn drive<T: Real, K: Constant<T>>(link: &Link<K>, q: T, rate: T, tau: T) -> T {
     let damped = (-link.damping.lift()).mul_add(rate, tau);
     (-link.stiffness.lift()).mul_add(q - link.rest.lift(), damped)
 }
