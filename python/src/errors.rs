@@ -1,5 +1,7 @@
 //! Errors of the engine as exceptions of the package.
 
+use std::path::Path;
+
 use engine::run::RunFailure;
 use engine::scenario::ScenarioError;
 use pyo3::prelude::*;
@@ -21,19 +23,26 @@ fn raise(py: Python<'_>, name: &str, message: &str, carries: &[(&str, &Bound<'_,
 /// A scenario that is refused: file, line, key and reason of each mistake.
 pub(crate) fn scenario(py: Python<'_>, error: &ScenarioError) -> PyErr {
     let mistakes = (error.mistakes.iter()).map(|mistake| (mistake.line, mistake.key.as_str(), mistake.reason.as_str()));
-    let mistakes: Vec<_> = mistakes.collect();
-    let file = error.file.display().to_string();
+    refused(py, &error.file, &error.to_string(), mistakes.collect())
+}
+
+/// A change of the scenario in `file` that says nothing it can say.
+pub(crate) fn key(py: Python<'_>, file: &Path, key: &str, reason: &str) -> PyErr {
+    let message = format!("{}: {key}: {reason}", file.display());
+    refused(py, file, &message, vec![(None, key, reason)])
+}
+
+fn refused(py: Python<'_>, file: &Path, message: &str, mistakes: Vec<(Option<usize>, &str, &str)>) -> PyErr {
+    let file = file.display().to_string();
     let carried = file
         .into_pyobject(py)
         .map_err(PyErr::from)
         .and_then(|file| Ok((file, mistakes.into_pyobject(py)?)));
     match carried {
-        Ok((file, mistakes)) => raise(
-            py,
-            "ScenarioError",
-            &error.to_string(),
-            &[("file", file.as_any()), ("mistakes", &mistakes)],
-        ),
+        Ok((file, mistakes)) => {
+            let carries = [("file", file.as_any()), ("mistakes", mistakes.as_any())];
+            raise(py, "ScenarioError", message, &carries)
+        }
         Err(error) => error,
     }
 }

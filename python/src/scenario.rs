@@ -6,7 +6,7 @@ use std::sync::{Arc, PoisonError};
 
 use engine::Catalogue;
 use engine::run::{self, Known, Options};
-use engine::scenario::{self, Program};
+use engine::scenario::{self, Changes, FaultSpec, Program};
 use lockstep::participant::{Factory, Interface, Kind};
 use lockstep::port::Descriptor;
 use lockstep::time::Rational;
@@ -64,22 +64,32 @@ fn within(program: &Program, classes: &HashMap<String, Py<PyAny>>, raised: &Rais
 
 #[pymethods]
 impl Scenario {
-    /// Reads `file`, or `text` as if it stood there, with `overrides` as `--set` takes them.
+    /// Reads `file`, or `text` as if it stood there, with `set` as `--set` takes them and `faults` as `--fault` does.
     #[new]
     fn read(
         py: Python<'_>,
         file: PathBuf,
         text: Option<&str>,
-        overrides: Vec<String>,
+        set: Vec<String>,
+        faults: Vec<String>,
         classes: HashMap<String, Py<PyAny>>,
     ) -> PyResult<Scenario> {
         let raised = Raised::default();
         let kept = raised.clone();
         let catalogue = orchestrator::stock::catalogue().within(move |program| within(program, &classes, &kept));
         let catalogue = Arc::new(catalogue);
+        let faults = faults.iter().map(|fault| {
+            let read = fault.parse::<FaultSpec>();
+            read.map_err(|reason| errors::key(py, &file, "faults", &format!("{reason} (in `{fault}`)")))
+        });
+        let changes = Changes {
+            set,
+            faults: faults.collect::<PyResult<_>>()?,
+            ..Changes::default()
+        };
         let scenario = match text {
-            None => scenario::Scenario::read(&catalogue, &file, &overrides),
-            Some(text) => scenario::Scenario::read_text_with(&catalogue, &file, text, &overrides),
+            None => scenario::Scenario::changed(&catalogue, &file, &changes),
+            Some(text) => scenario::Scenario::changed_text(&catalogue, &file, text, &changes),
         };
         let scenario = scenario.map_err(|error| errors::scenario(py, &error))?;
         Ok(Scenario {

@@ -186,6 +186,7 @@ def test_state_goes_from_rust_to_python_where_restore_takes_it(rust, built, tmp_
     [
         'at=1s,until=2s,input=controller.measured,field=position,kind=bias,value="5 mm"',
         "at=1s,until=2s,output=controller.push,kind=stuck",
+        {"at": "1 s", "until": "2 s", "input": "controller.measured", "field": "position", "kind": "bias", "value": "5 mm"},
         "at=1s,until=2s,connection=measured,drop=0.5",
     ],
 )
@@ -193,6 +194,45 @@ def test_declared_faults_are_those_of_the_host(built, fault):
     rust = esc.run(PID, set=in_rust(built), faults=fault, in_process=True, out="rust")
     same(rust, esc.run(PID, participants=LOOP, faults=fault, out="within"))
     same(rust, esc.run(PID, participants=LOOP, faults=fault, in_process=False, out="apart"))
+
+
+def test_a_fault_is_a_dict_or_a_text(built):
+    """Numbers, lists, tables and texts that look like numbers come through as what they are."""
+    text = "at=1s,until=2s,connection=measured,drop=0.5,delay='3 ms'"
+    table = {"at": "1 s", "until": "2 s", "connection": "measured", "drop": 0.5, "delay": "3 ms"}
+    said = esc.run(PID, set=in_rust(built), faults=[text], out="text")
+    same(said, esc.run(PID, set=in_rust(built), faults=table, out="table"))
+    same(said, esc.run(esc.Scenario(PID, set=in_rust(built)), faults=(one for one in [table]), out="later"))
+    twice = esc.sweep(PID, seeds=2, set=in_rust(built), faults=[text], out="texts"), esc.sweep(PID, seeds=2, set=in_rust(built), faults=table, out="tables")
+    assert twice[0].equals(twice[1]) and len(twice[0]) == 2
+
+
+def test_a_class_takes_over_in_mid_run(rust):
+    """Whether the class is in this process or a process of its own, and with a class in its place before."""
+    takes = {"at": "1.5 s", "substitute": "controller", "run": loop.Pid, "state": "keep"}
+    for here in (True, False):
+        same(rust, esc.run(PID, participants=LOOP, faults=takes, in_process=here, out=f"taken-{here}"))
+
+
+@pytest.mark.parametrize(
+    "fault, words",
+    [
+        ({"at": "1 s", "untill": "2 s", "output": "controller.push", "kind": "stuck"}, "untill"),
+        ({"at": "soon", "output": "controller.push", "kind": "stuck"}, "soon"),
+        ({"at": "1 s", "output": "nobody.push", "kind": "stuck"}, "nobody"),
+        ("at=1s,output", "KEY=VALUE"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_refused(fault, words):
+    with pytest.raises(esc.ScenarioError, match=words) as refused:
+        esc.Scenario(PID, participants=LOOP, faults=fault)
+    assert str(refused.value.file).endswith("pid.toml") and refused.value.key.startswith("faults")
+
+
+def test_a_fault_is_nothing_else():
+    for wrong in (3, None, {"at": "1 s", "substitute": "controller", "run": int}):
+        with pytest.raises(esc.EscapementError, match="fault"):
+            esc.Scenario(PID, participants=LOOP, faults=[wrong])
 
 
 def test_failure_in_a_process_of_its_own_is_named_and_logged(tmp_path):

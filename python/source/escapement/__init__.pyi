@@ -9,6 +9,8 @@ import pandas
 import xarray
 
 _Path = str | PathLike[str]
+# The keys of an entry of [[faults]], or a text as `--fault` takes it.
+_Fault = str | Mapping[str, Any]
 _Told = Callable[[str, Any], object]
 _M = TypeVar("_M", bound=Message)
 
@@ -106,7 +108,7 @@ class Scenario:
         *,
         set: Mapping[str, Any] | None = None,
         participants: Mapping[str, type[Participant] | str] | None = None,
-        faults: str | Iterable[str] = (),
+        faults: _Fault | Iterable[_Fault] = (),
         text: str | None = None,
     ) -> None: ...
     @classmethod
@@ -211,7 +213,7 @@ class Run:
         *,
         set: Mapping[str, Any] | None = None,
         participants: Mapping[str, type[Participant] | str] | None = None,
-        faults: str | Iterable[str] = (),
+        faults: _Fault | Iterable[_Fault] = (),
         in_process: bool | None = None,
         out: _Path | None = None,
         force: bool = False,
@@ -244,7 +246,7 @@ def run(
     *,
     set: Mapping[str, Any] | None = None,
     participants: Mapping[str, type[Participant] | str] | None = None,
-    faults: str | Iterable[str] = (),
+    faults: _Fault | Iterable[_Fault] = (),
     in_process: bool | None = None,
     out: _Path | None = None,
     force: bool = False,
@@ -261,7 +263,7 @@ def run(
     *,
     set: Mapping[str, Any] | None = None,
     participants: Mapping[str, type[Participant] | str] | None = None,
-    faults: str | Iterable[str] = (),
+    faults: _Fault | Iterable[_Fault] = (),
     in_process: bool | None = None,
     out: None = None,
     force: bool = False,
@@ -293,7 +295,7 @@ def sweep(
     seeds: int | None = None,
     set: Mapping[str, Any] | None = None,
     participants: Mapping[str, type[Participant] | str] | None = None,
-    faults: str | Iterable[str] = (),
+    faults: _Fault | Iterable[_Fault] = (),
     out: _Path | None = None,
     workers: int | None = None,
     keep: bool = False,

@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from . import Outcome, Participant, Scenario
+from . import Outcome, Participant, Scenario, _Fault
 
 _Array = npt.NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class Env(gymnasium.Env[_Array, _Array]):
         ranges: Mapping[str, tuple[Any, Any]] | None = None,
         set: Mapping[str, Any] | None = None,
         participants: Mapping[str, type[Participant] | str] | None = None,
-        faults: str | Iterable[str] = (),
+        faults: _Fault | Iterable[_Fault] = (),
     ) -> None: ...
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[_Array, dict[str, Any]]: ...
     def step(self, action: Any) -> tuple[_Array, float, bool, bool, dict[str, Any]]: ...

@@ -13,7 +13,7 @@ import numpy as np
 from . import _native, _program, participant as _participant
 from .errors import EscapementError, MessageError, PortError, RunError, ScenarioWarning
 from .message import Message
-from .scenarios import Scenario
+from .scenarios import Scenario, _listed
 from .tape import RunFolder
 
 _LINE_EVERY = 0.1
@@ -103,7 +103,7 @@ def _scenario(scenario, set, participants, faults=()):
             scenario.file,
             set={**scenario._sets, **(set or {})},
             participants={**scenario._participants, **(participants or {})},
-            faults=[*scenario._faults, *([faults] if isinstance(faults, str) else faults)],
+            faults=[*scenario._faults, *_listed(faults)],
             text=scenario._text,
         )
     return Scenario(scenario, set=set, participants=participants, faults=faults)

@@ -3,6 +3,7 @@
 import inspect
 import os
 import sys
+from collections.abc import Mapping
 
 from . import _native
 from .errors import EscapementError
@@ -57,12 +58,38 @@ def _class_name(cls):
     return f"{cls.__module__}:{cls.__qualname__}"
 
 
+def _host(name):
+    """What runs the class `name`, FILE.py:CLASS, in a process of its own."""
+    return {"exe": sys.executable, "args": ["-m", "escapement.host", name]}
+
+
+def _listed(faults):
+    return [faults] if isinstance(faults, (str, Mapping)) else list(faults)
+
+
+def _fault(fault, hosted):
+    """A fault as `--fault` takes it."""
+    if isinstance(fault, str):
+        return fault
+    if not isinstance(fault, Mapping):
+        raise EscapementError(f"{fault!r} is no fault: give a dict of the keys of an entry of [[faults]], or a text as `--fault` takes it")
+    entry = dict(fault)
+    run = entry.get("run")
+    if isinstance(run, type) and issubclass(run, Participant):
+        entry["run"] = hosted(run)
+    elif isinstance(run, type):
+        raise EscapementError(f"faults: {run!r} is no participant: give a subclass of escapement.Participant")
+    return ",".join(f"{_key(key)}={_toml(value)}" for key, value in entry.items())
+
+
 class Scenario:
     """A scenario file with changes.
 
     `set` maps dotted keys to values, as `--set` of the command line: `{"connections.measured.delay": "10 ms"}`. `participants` maps names
-    of participants to what takes their place: a subclass of `Participant`, or `"FILE.py:CLASS"`. With `text` the file need not be
-    there; its name tells where relative paths lead. Everything is read and understood at once: a mistake raises `ScenarioError`.
+    of participants to what takes their place: a subclass of `Participant`, or `"FILE.py:CLASS"`. `faults` is what goes wrong besides: each a
+    dict of the keys of an entry of `[[faults]]`, whose `run` may be a subclass of `Participant`, or a text as `--fault` takes it. With `text`
+    the file need not be there; its name tells where relative paths lead. Everything is read and understood at once: a mistake raises
+    `ScenarioError`.
     """
 
     def __init__(self, file, *, set=None, participants=None, faults=(), text=None):
@@ -70,7 +97,7 @@ class Scenario:
         self._text = text
         self._sets = dict(set or {})
         self._participants = dict(participants or {})
-        self._faults = [faults] if isinstance(faults, str) else list(faults)
+        self._faults = _listed(faults)
         self._read()
 
     @classmethod
@@ -79,22 +106,29 @@ class Scenario:
         return cls(file, **how)
 
     def _read(self):
-        overrides, classes = [], {}
+        sets, classes = [], {}
+
+        def hosted(what):
+            name = _class_name(what)
+            classes[name] = what
+            return _host(name)
+
         for name, what in self._participants.items():
             if isinstance(what, type) and issubclass(what, Participant):
-                what, known = _class_name(what), what
-                classes[what] = known
+                run = hosted(what)
             elif isinstance(what, type):
                 raise EscapementError(f"participant `{name}`: {what!r} is no participant: give a subclass of escapement.Participant")
             elif not isinstance(what, str):
                 raise EscapementError(f"participant `{name}`: {what!r} is neither a class nor \"FILE.py:CLASS\"")
-            run = {"exe": sys.executable, "args": ["-m", "escapement.host", what]}
-            overrides.append(f"participants.{name}.run={_toml(run)}")
-        overrides.extend(f"{key}={_toml(value)}" for key, value in self._sets.items())
-        overrides.extend(f"faults+={fault}" for fault in self._faults)
+            else:
+                run = _host(what)
+            sets.append(f"participants.{name}.run={_toml(run)}")
+        sets.extend(f"{key}={_toml(value)}" for key, value in self._sets.items())
+        faults = [_fault(fault, hosted) for fault in self._faults]
+        # What a program of its own is told by `--set` and `--fault`.
+        self._options = [("--set", one) for one in sets] + [("--fault", one) for one in faults]
         self._classes = classes
-        self._overrides = overrides
-        self._native = _native.Scenario(self.file, self._text, overrides, classes)
+        self._native = _native.Scenario(self.file, self._text, sets, faults, classes)
 
     def set(self, key, value):
         """Changes a key; gives the scenario, so that calls can be chained. A mistake changes nothing."""

@@ -36,9 +36,8 @@ def sweep(scenario, vary=None, *, seeds=None, set=None, participants=None, fault
     command = [_program.needed("a sweep"), "sweep", scenario.file, "--json"]
     for key, value in (vary or {}).items():
         command += ["--vary", _values(key, value)]
-    for one in scenario._overrides:
-        fault = one.removeprefix("faults+=")
-        command += ["--fault", fault] if fault != one else ["--set", one]
+    for option in scenario._options:
+        command += option
     command += ["--seeds", str(seeds)] if seeds is not None else []
     command += ["--out", os.fspath(out)] if out is not None else []
     command += ["--workers", str(workers)] if workers is not None else []

@@ -70,21 +70,17 @@ impl Scenario {
 
     /// What `file` would say if `text` stood in it.
     pub fn read_text(catalogue: &impl HasBuiltins, file: &Path, text: &str) -> Result<Scenario, ScenarioError> {
-        Scenario::read_text_with(catalogue, file, text, &[])
+        Scenario::changed_text(catalogue, file, text, &Changes::default())
     }
 
-    /// The same with `overrides` applied.
-    pub fn read_text_with(
+    /// The same with `changes`.
+    pub fn changed_text(
         catalogue: &impl HasBuiltins,
         file: &Path,
         text: &str,
-        overrides: &[String],
+        changes: &Changes,
     ) -> Result<Scenario, ScenarioError> {
-        Scenario::resolve(
-            catalogue,
-            Reading::of_text(file, text.to_owned(), &overrides.into())?,
-            file,
-        )
+        Scenario::resolve(catalogue, Reading::of_text(file, text.to_owned(), changes)?, file)
     }
 
     /// What `spec` means as the scenario in `file`: relative paths are relative to the folder of `file`, its name without the ending is
