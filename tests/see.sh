@@ -41,6 +41,7 @@ if ! "$packaged" -c "import escapement" 2>/dev/null; then
     ESCAPEMENT=$(realpath "$orchestrator") "$packaged" -m pip install --quiet ./python
 fi
 step "scenes" "$python" tests/pages/check_scene.py "$orchestrator" "$(dirname "$orchestrator")/lander" --python "$packaged" ${2:+--screenshots "$2"}
+step "cases" "$python" tests/pages/check_cases.py "$orchestrator" ${2:+--screenshots "$2"}
 step "live page" "$python" tests/pages/check_live.py "$orchestrator" ${2:+--screenshots "$2"}
 
 # A participant in Python takes the place of one in Rust, and the tape stays the same: docs/protocol.md is enough.

@@ -86,7 +86,14 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
     };
     known_figures(&campaign, 1)?;
     let finished = campaign::run(&campaign, &scenario, &args.campaign.options())?;
-    let files = write(&campaign, &finished, None)?;
+    let mut files = write(&campaign, &finished, None)?;
+    let title = if cases.title.is_empty() {
+        finished.identity.heading()
+    } else {
+        &cases.title
+    };
+    let page = report::campaign::page(title, &campaign::of_cases(title, &campaign, &finished.results));
+    files.push(finished.folder.write("report.html", page)?);
     if args.campaign.json {
         println!("{}", json(&campaign, &finished, &files));
     } else if args.markdown {

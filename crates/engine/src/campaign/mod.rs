@@ -45,7 +45,7 @@ mod until;
 mod work;
 mod worker;
 
-pub use analysis::analysis;
+pub use analysis::{analysis, of_cases};
 pub use bundle::{Bundle, bundle};
 pub use cases::{Cases, CasesError, appended, builtin, from_file as cases_from_file};
 pub use cell::{Cell, Head, Point};

@@ -6,6 +6,7 @@ use crate::page::{STYLE, TICKS, TOOLS, base64, filled};
 
 const TEMPLATE: &str = include_str!("assets/campaign.html");
 const STYLE_OF_ITS_OWN: &str = include_str!("assets/campaign.css");
+const CASES: &str = include_str!("assets/cases.js");
 const SCRIPT: &str = include_str!("assets/campaign.js");
 
 /// Numbers as the page takes them: seven digits are finer than any picture. What is not there is NaN.
@@ -13,7 +14,7 @@ pub fn floats(values: Vec<f64>) -> Value {
     base64(values.into_iter().flat_map(|value| (value as f32).to_le_bytes())).into()
 }
 
-/// The page of a campaign called `title`, of what `engine::campaign::analysis` computes.
+/// The page of a campaign called `title`, of what `engine::campaign::analysis` computes, or `of_cases` of a list of cases.
 pub fn page(title: &str, data: &Value) -> String {
     let data = data.to_string().replace('<', "\\u003c");
     filled(
@@ -21,6 +22,6 @@ pub fn page(title: &str, data: &Value) -> String {
         title,
         &[STYLE, STYLE_OF_ITS_OWN],
         &data,
-        &[TOOLS, TICKS, SCRIPT],
+        &[TOOLS, TICKS, CASES, SCRIPT],
     )
 }

@@ -1,9 +1,11 @@
 //! Statistics of a campaign: everything that its page shows.
 
+mod cases;
 mod failures;
 mod figure;
 mod vectors;
 
+pub use cases::of_cases;
 use report::campaign::floats;
 use serde_json::{Value, json};
 

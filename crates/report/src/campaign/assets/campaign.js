@@ -259,11 +259,15 @@ function drawn() {
   section("drawn", "What was drawn", el("div", { class: "plots small" }, ...inputs.map((one) => el("div", { class: "card" }, el("h3", {}, one.name), histogram(one, { words: one.words, below: unitOf(one) })))));
 }
 
-rare(); top(); worst(); heat(); figures(); vectors(); drawn();
-const kept = drawings.length;
-const view = measures.length ? detail() : null;
-if (DATA.points > DATA.shown.length) main.append(el("p", { class: "note" }, `Pictures and lists of single points show ${DATA.shown.length} of the ${DATA.points} points; all other numbers are of all of them.`));
-if (view) { at("figures").after(view.made); choose(chosen, false); }
+let kept = 0, view = null;
+function statistics() {
+  rare(); top(); worst(); heat(); figures(); vectors(); drawn();
+  kept = drawings.length;
+  view = measures.length ? detail() : null;
+  if (DATA.points > DATA.shown.length) main.append(el("p", { class: "note" }, `Pictures and lists of single points show ${DATA.shown.length} of the ${DATA.points} points; all other numbers are of all of them.`));
+  if (view) { at("figures").after(view.made); choose(chosen, false); }
+}
+DATA.cases ? cases() : statistics();
 repaint();
 at("theme").addEventListener("click", () => { setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"); repaint(); });
 addEventListener("resize", repaint);

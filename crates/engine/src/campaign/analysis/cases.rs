@@ -1,0 +1,45 @@
+//! What the page of a list of cases shows. Cases are chosen, not drawn: they are compared one by one, and are no sample of anything.
+
+use report::campaign::floats;
+use serde_json::{Value, json};
+
+use super::super::point::Result as PointResult;
+use super::super::{Campaign, good_word, verdicts};
+use super::{failures, figure, word};
+
+/// The cases of a campaign with what became of each, for its page.
+pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
+    let samples = figure::samples(results);
+    let measures = samples.iter().filter(|sample| !sample.truth).map(|sample| {
+        let values = sample.values.iter().map(|value| value.unwrap_or(f64::NAN));
+        json!({
+            "name": sample.name,
+            "unit": sample.unit,
+            "limits": sample.limits,
+            "lowest": sample.lowest,
+            "values": floats(values.collect()),
+        })
+    });
+    let cases = results.iter().enumerate().map(|(at, result)| {
+        let cells = campaign.columns.iter().map(|column| column.texts[at].as_str());
+        json!({
+            "cells": cells.collect::<Vec<_>>(),
+            "outcome": word(result.as_ref()),
+            "reason": result.as_ref().and_then(|result| result.reason.as_deref()),
+        })
+    });
+    let ran = results.iter().flatten().filter(|result| result.outcome.ran()).count();
+    let good = results.iter().flatten().filter(|result| result.outcome.good()).count();
+    json!({
+        "title": title,
+        "words": verdicts(results),
+        "good": good_word(results),
+        "points": results.len(),
+        "share": { "good": good, "ran": ran },
+        "columns": campaign.columns.iter().map(|column| [column.name.as_str(), column.unit.as_str()]).collect::<Vec<_>>(),
+        "inputs": [],
+        "measures": measures.collect::<Vec<_>>(),
+        "failures": failures::failures(results),
+        "cases": cases.collect::<Vec<_>>(),
+    })
+}
