@@ -214,3 +214,68 @@ fn a_debugger_has_time_before_the_first_step() {
     assert_eq!(said.code, Some(0), "{said:?}");
     assert!(said.out.contains("identical: 100 samples"), "{said:?}");
 }
+
+/// What was before a branch was made by another plan: where that shows the replay is refused, where it does not it is one like any other.
+#[test]
+fn branch_is_replayed_where_its_own_plan_made_it() {
+    let folder = Folder::new("replay-branch");
+    let run = capture(&folder);
+    let run = recorded(
+        &Folder::new("replay-parent"),
+        &run.join("plan.toml"),
+        &["--duration", "1 s", "--checkpoint-at", "400 ms"],
+    );
+    let branch = folder.path().join("branch");
+    let resume = |from: &Path, out: &Path, more: &[&str]| {
+        let said = orchestrate(&[&["resume", text(from), "--out", text(out), "--quiet"], more].concat());
+        assert!(matches!(said.code, Some(0 | 3)), "{said:?}");
+    };
+    let change = [
+        "--from",
+        "500 ms",
+        "--set",
+        "participants.guidance.parameters.schedule.start=100 ms",
+    ];
+    resume(&run, &branch, &[&change[..], &["--checkpoint-at", "700 ms"]].concat());
+    let said = replay(&branch, "guidance", &[]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in [
+        "taken up with changes at t = 500 ms",
+        "`guidance` differs",
+        "replay the run that this one was taken up from",
+    ] {
+        assert!(said.err.contains(part), "{said:?}");
+    }
+    // The law of the controller is the same all along, and its inputs are on the tape.
+    assert!(identical(&replay(&branch, "controller", &[])) > 0);
+    // Whoever goes on from it goes on with what it is; its own change is asked for, so the difference is told.
+    let again = folder.path().join("again");
+    resume(&branch, &again, &[]);
+    assert_eq!(replay(&again, "guidance", &[]).code, Some(2));
+    let said = replay(
+        &branch,
+        "guidance",
+        &["--set", "participants.guidance.parameters.schedule.start=200 ms"],
+    );
+    assert_eq!(said.code, Some(3), "{said:?}");
+}
+
+#[test]
+fn a_tape_with_a_part_of_what_is_needed_is_refused_by_name() {
+    let folder = Folder::new("replay-record");
+    for (who, what, does) in [
+        ("controller", "record.plant.measured=false", "reads"),
+        ("guidance", "record.guidance.setpoint={ every = \"100 ms\" }", "says"),
+    ] {
+        let run = recorded(
+            &folder,
+            &root().join("scenarios/close.toml"),
+            &["--duration", "300 ms", "--force", "--in-process", "--set", what],
+        );
+        let said = replay(&run, who, &[]);
+        assert_eq!(said.code, Some(2), "{said:?}");
+        for part in ["`record` leaves out samples of `", does, "record the stream whole"] {
+            assert!(said.err.contains(part), "{said:?}");
+        }
+    }
+}

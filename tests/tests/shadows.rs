@@ -161,3 +161,25 @@ fn a_substitute_takes_the_place_from_the_start() {
     assert_eq!(said.code, Some(1), "{said:?}");
     assert!(said.err.contains("`damper`") && said.err.contains("finite"), "{said:?}");
 }
+
+#[test]
+fn two_candidates_for_one_place_are_both_compared() {
+    let folder = Folder::new("two-shadows");
+    let scenario = oscillator(&folder, "damper");
+    let out = folder.path().join("run");
+    let shadow = format!("damper={}", participant("damper").display());
+    let twice = ["--shadow", &shadow, "--shadow", &shadow];
+    let said = orchestrate(&[&["run", text(&scenario), "--out", text(&out), "--json"], &twice[..]].concat());
+    assert_eq!(said.code, Some(0), "{said:?}");
+    for (number, place) in ["damper", "damper-2"].into_iter().enumerate() {
+        assert_eq!(
+            said.json()["shadows"][number]["comparison"]["identical"],
+            true,
+            "{said:?}"
+        );
+        assert!(
+            out.join("shadow").join(place).join("tape/index.json").exists(),
+            "{place}"
+        );
+    }
+}

@@ -4,7 +4,7 @@
 //! is replayed on the recorded inputs as soon as the run is over, with the bits that it would have seen. It costs the run
 //! nothing, and whatever happens to it, the run has happened already.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -156,7 +156,16 @@ impl Shadow {
         }
     }
 
-    /// Feeds it what its participant was fed in the run in `folder`. Its own run is kept in `shadow/NAME` there.
+    /// The folder of its own run: `shadow/NAME`, and `shadow/NAME-2` of the second one of a participant.
+    fn own_folder(&self, folder: &Path) -> PathBuf {
+        let all = folder.join("shadow");
+        let numbered = (2..).map(|number| all.join(format!("{}-{number}", self.participant)));
+        let mut places = std::iter::once(all.join(&self.participant)).chain(numbered);
+        places.find(|place| !place.exists()).expect("there is no last number")
+    }
+
+    /// Feeds it what its participant was fed in the run in `folder`. Its own run is kept in `shadow/NAME` there, or `shadow/NAME-2` where
+    /// that is taken.
     pub fn run(&self, catalogue: &Arc<Catalogue>, folder: &Path, options: &Options) -> Account {
         let mut account = Account {
             participant: self.participant.clone(),
@@ -181,7 +190,7 @@ impl Shadow {
             let in_process = options.in_process && !replay.external();
             replay.run(&Options {
                 in_process,
-                out: Some(folder.join("shadow").join(&self.participant)),
+                out: Some(self.own_folder(folder)),
                 interrupt: options.interrupt.clone(),
                 wait: options.wait,
                 no_placement: options.no_placement,

@@ -76,6 +76,7 @@ pub struct Replay {
     participant: String,
     scenario: Scenario,
     notes: Vec<String>,
+    branched: Option<Branched>,
 }
 
 impl Replay {
@@ -116,11 +117,16 @@ impl Replay {
             spec.duration = end.into();
             scenario = Scenario::of(request.catalogue, spec, &file)?;
         }
+        let changed_at = RunFolder::open(request.folder).changed_at();
         Ok(Replay {
             scenario,
             participant: request.participant.to_owned(),
             reader,
             notes,
+            branched: changed_at.and_then(|at| at.parse().ok()).map(|at| Branched {
+                at,
+                as_it_was: request.overrides.is_empty() && request.program.is_none() && request.run.is_none(),
+            }),
         })
     }
 
@@ -181,6 +187,9 @@ impl Replay {
             &Selection::new(&self.reader, recording),
             &Selection::new(&replayed, replay),
         )?;
+        if let (Some(branched), Some(first)) = (&self.branched, &comparison.first) {
+            notes.push(branched.differs(&self.reader, &self.participant, first.stamp_s)?);
+        }
         if let Some(difference) = comparison.streams.first() {
             return Err(ReplayError::Misfit(format!(
                 "participants.{}: it has other ports than when the tape was recorded: {difference}",
@@ -193,6 +202,35 @@ impl Replay {
             notes,
             to_s: duration_s,
         })
+    }
+}
+
+/// A run that was taken up with changes: what was before was made by another plan than its `plan.toml`.
+struct Branched {
+    /// Since when the plan is that of the run.
+    at: Rational,
+    /// Whether nothing is asked for but the run as it was.
+    as_it_was: bool,
+}
+
+impl Branched {
+    /// What is to be known where a replay differs from `first` on, in seconds.
+    ///
+    /// # Errors
+    /// Where nothing but the other plan can be the reason.
+    fn differs(&self, reader: &Reader, participant: &str, first: f64) -> Result<String, ReplayError> {
+        let at = self.at;
+        let why = format!(
+            "the run was taken up with changes at t = {at}: what was before was made by another plan than its plan.toml"
+        );
+        if !self.as_it_was || first >= at.seconds() {
+            return Ok(why);
+        }
+        Err(ReplayError::Misfit(format!(
+            "{}: {why}, and `{participant}` differs from t = {first} s on. A participant is replayed from its start, where its state is known: \
+             replay the run that this one was taken up from",
+            reader.dir().display()
+        )))
     }
 }
 

@@ -76,6 +76,9 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
     let mut kept = Entries::default();
     kept.insert(subject.to_owned(), own);
     let (mut connections, played) = feeding(spec, &cast)?;
+    for (producer, (ports, _)) in &played {
+        ports.iter().try_for_each(|port| whole(spec, producer, port, "reads"))?;
+    }
     let mut stand = |name: String, producer: &str, ports: &[String], role: Role| -> Result<(), String> {
         let original = participants.get(producer).ok_or_else(|| {
             let run = request.folder.display();
@@ -90,6 +93,7 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
     let said = reader.streams().iter();
     let said = said.filter(|spec| spec.participant == subject && !spec.is_seen());
     let said: Vec<String> = said.map(|spec| spec.port.clone()).collect();
+    said.iter().try_for_each(|port| whole(spec, subject, port, "says"))?;
     stand(cast.heard.clone(), subject, &said, Role::Listener)?;
     for port in said {
         let connection = ConnectionSpec::new(&format!("{subject}.{port}"), &format!("{}.{port}", cast.heard));
@@ -107,6 +111,17 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
     spec.scene = None;
     spec.record.clear();
     Ok(cast)
+}
+
+/// That the tape has every sample of a stream that the participant `does` something with.
+fn whole(spec: &ScenarioSpec, participant: &str, port: &str, does: &str) -> Result<(), String> {
+    if !spec.leaves_out(participant, port) {
+        return Ok(());
+    }
+    Err(format!(
+        "`record` leaves out samples of `{participant}.{port}`, which the participant {does}, and a replay needs all of them: record the \
+         stream whole"
+    ))
 }
 
 /// Puts a program that was given on the command line into the participant's place.

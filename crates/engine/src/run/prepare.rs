@@ -153,6 +153,9 @@ struct Provenance<'a> {
     iceoryx2: &'a str,
     host: Host,
     files: Vec<String>,
+    /// Before this instant the run was made by another plan: it is a branch.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    changed_at: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -189,7 +192,8 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, Ru
         None => RunFolder::create_default(std::path::Path::new("runs"), &scenario.name)?,
     };
     let folder = claim.folder();
-    folder.write(&folder.plan(), &scenario.written().to_text())?;
+    let written = scenario.written();
+    folder.write(&folder.plan(), &written.to_text())?;
     let provenance = Provenance {
         scenario: &scenario.name,
         title: &scenario.title,
@@ -201,9 +205,31 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, Ru
         iceoryx2: lockstep::transport::iceoryx::VERSION,
         host: Host::here(),
         files: scenario.files().iter().map(|file| file.display().to_string()).collect(),
+        changed_at: options
+            .origin
+            .as_ref()
+            .and_then(|origin| changed_at(written.to_table(), origin)),
     };
     folder.write_json(&folder.run(), &provenance)?;
     Ok(claim)
+}
+
+/// Since when a run that goes on from `origin` by the plan `own` is made by it: from its beginning when nothing is given. How long a run is
+/// changes nothing of what was before.
+fn changed_at(own: toml::Table, origin: &Origin) -> Option<String> {
+    let parent = RunFolder::open(&origin.run);
+    let lasting = |mut table: toml::Table| {
+        table.remove("duration");
+        table
+    };
+    let before = std::fs::read_to_string(parent.plan())
+        .ok()?
+        .parse::<toml::Table>()
+        .ok()?;
+    if lasting(before) != lasting(own) {
+        return Some(origin.checkpoint.time.to_string());
+    }
+    parent.changed_at()
 }
 
 /// Opens what keeps the samples: the tape in `folder`, or what the options ask for without one. The plan of the recorder says what is

@@ -7,7 +7,7 @@ use tape::StreamSpec;
 use super::error::{Mistake, ScenarioError};
 use super::names::{Names, unknown};
 use super::source::Source;
-use super::spec::{Entries, RecordPart, RecordSpec, SEEN, Time};
+use super::spec::{Entries, RecordPart, RecordSpec, SEEN, ScenarioSpec, Time};
 use crate::run::Kept;
 
 /// What a scenario says of a stream, or of all of a participant's.
@@ -127,6 +127,13 @@ pub(super) fn leaves_out(record: &Entries<RecordSpec>, participant: &str, path: 
     };
     let said = record.get(participant).or_else(|| record.get(&stream));
     said.is_some_and(|said| *said != RecordSpec::Whole)
+}
+
+impl ScenarioSpec {
+    /// Whether `[record]` leaves samples of an output out.
+    pub(crate) fn leaves_out(&self, participant: &str, port: &str) -> bool {
+        leaves_out(&self.record, participant, port)
+    }
 }
 
 impl Wish {

@@ -82,6 +82,14 @@ impl RunFolder {
         self.root.join("run.json")
     }
 
+    /// Since when its plan is that of the run, as `run.json` says it: a run that was taken up with changes was made by another one before.
+    /// From the beginning when nothing is given.
+    pub fn changed_at(&self) -> Option<String> {
+        let text = std::fs::read_to_string(self.run()).ok()?;
+        let about: serde_json::Value = serde_json::from_str(&text).ok()?;
+        Some(about.get("changed_at")?.as_str()?.to_owned())
+    }
+
     /// Verdict and figures of merit.
     pub fn summary(&self) -> PathBuf {
         self.root.join("summary.json")
