@@ -65,6 +65,30 @@ fn failing_fmu_is_named_with_its_own_words() {
 }
 
 #[test]
+fn warnings_are_in_the_participants_log_wherever_it_runs() {
+    for version in [2, 3] {
+        let folder = Folder::new("warns");
+        let file = Recipe {
+            fault: "WARN",
+            ..Recipe::new(version)
+        }
+        .build(&folder, "warns");
+        for more in [&[][..], &["--in-process"]] {
+            let said = run(&folder, &file, "run.ports.inputs = []", more);
+            assert_eq!(said.code, Some(0), "{said:?}");
+            let log = std::fs::read_to_string(folder.path().join("run/log/it.stderr")).expect("it has a log");
+            let lines: Vec<&str> = log
+                .lines()
+                .filter(|line| line.contains("FMU, error: the spring broke"))
+                .collect();
+            // One in each of the steps of the second half.
+            assert_eq!(lines.len(), 500, "{log}");
+            assert!(more.is_empty() || lines[7].contains("0.507"), "{}", lines[7]);
+        }
+    }
+}
+
+#[test]
 fn endless_step_is_ended_by_patience() {
     let folder = Folder::new("endless");
     let file = Recipe {

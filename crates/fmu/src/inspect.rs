@@ -6,7 +6,7 @@ use std::path::Path;
 use toml::Value;
 
 use crate::description::{Causality, Description, Type, Variable, Version};
-use crate::layout::{Layout, element};
+use crate::layout::{Layout, element, not_always};
 use crate::model::{FmuError, Model};
 use crate::options::Options;
 use crate::settings::Settings;
@@ -72,6 +72,18 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
             ),
             None => format!("`{}` is a {kind}, which is no signal", one.name),
         });
+    }
+    let figures: Vec<&str> = (about
+        .variables
+        .iter()
+        .filter(|one| not_always(about, one))
+        .map(|one| one.name.as_str()))
+    .collect();
+    if !figures.is_empty() {
+        problems.push(format!(
+            "in no port unless `ports` names them, because they are NaN until they are known: {}",
+            figures.join(", ")
+        ));
     }
     for problem in &problems {
         let _ = writeln!(text, "note: {problem}");

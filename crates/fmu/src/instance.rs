@@ -86,6 +86,11 @@ impl Running {
         Ok(running)
     }
 
+    /// Hands over what the FMU has written into its log since this was asked for last.
+    pub fn tell(&self, say: impl FnMut(&str)) {
+        self.log.tell(say);
+    }
+
     /// The folder in which the FMU may litter.
     pub fn work(&self) -> std::path::PathBuf {
         self._scratch.work()

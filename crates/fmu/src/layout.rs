@@ -64,6 +64,13 @@ pub fn element(version: Version, variable: &Variable) -> Option<Element> {
     })
 }
 
+/// Whether a variable has no value at times, and so is in no port unless `ports` names it: the figures of merit of a scenario that was exported
+/// from here are NaN until they are known.
+pub fn not_always(description: &Description, variable: &Variable) -> bool {
+    let figure = variable.causality == Causality::Output && variable.name.starts_with("figures.");
+    figure && description.tool.starts_with("Escapement")
+}
+
 /// The element as an entry says: with more room, or another type of whole numbers.
 fn formed(variable: &Variable, element: Element, (size, other): Form) -> Result<Element, String> {
     if let Some(other) = other {
@@ -227,6 +234,7 @@ impl<'a> Planner<'a> {
             .variables
             .iter()
             .filter(|one| one.causality == causality);
+        let own = own.filter(|one| !not_always(self.description, one));
         let signals = own.filter(|one| element(version, one).is_some_and(|one| one.room().is_none()));
         let mut fields = signals
             .map(|one| self.field(one.name.clone(), vec![one], false, (None, "", (None, None))))

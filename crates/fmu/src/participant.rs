@@ -159,6 +159,13 @@ impl Fmu {
         Ok(())
     }
 
+    /// Puts what the FMU has written into the participant's log.
+    fn tell(&self, outputs: &Outputs) {
+        if let Some(running) = &self.running {
+            running.tell(|line| outputs.log(line));
+        }
+    }
+
     /// Feeds a fresh instance what another one was fed, and compares what comes out.
     fn play(&mut self, played: &History) -> Result<(), Failure> {
         self.start(played.start)?;
@@ -183,11 +190,14 @@ impl Fmu {
             self.advance(t, &inputs, &mut outputs)?;
             last = t;
         }
+        // It was told when the first one wrote it.
+        self.running.iter().for_each(|running| running.tell(|_| {}));
         let checksum = self.history.as_ref().map(|history| history.checksum);
         if checksum != Some(played.checksum) {
             return Err(format!(
-                "fed the same inputs again up to t = {last} s, the FMU gave other outputs than before: it depends on something else than \
-                 its inputs, and as it cannot save its state, it cannot be taken up"
+                "fed the same inputs again up to t = {last} s, the FMU gave other outputs than before. It cannot save its state, so it is \
+                 taken up only as it was: with the parameters and start values that it had, and if it depends on nothing but these and its \
+                 inputs"
             )
             .into());
         }
@@ -202,6 +212,7 @@ impl Participant for Fmu {
 
     fn initialise(&mut self, t: f64, outputs: &mut Outputs) -> Result<(), Failure> {
         self.start(t)?;
+        self.tell(outputs);
         if !self.feedthrough
             && let Some(running) = &mut self.running
         {
@@ -212,7 +223,9 @@ impl Participant for Fmu {
     }
 
     fn step(&mut self, step: &Step, inputs: &Inputs, outputs: &mut Outputs) -> Result<(), Failure> {
-        self.advance(step.t, inputs, outputs)
+        let done = self.advance(step.t, inputs, outputs);
+        self.tell(outputs);
+        done
     }
 
     fn save(&self) -> Option<Vec<u8>> {

@@ -8,8 +8,28 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// How many of the newest messages are kept.
 const KEPT: usize = 8;
 
+/// How many messages of one step are told.
+const TOLD: usize = 64;
+
+/// What one instance writes into.
+#[derive(Debug, Default)]
+struct Shared {
+    /// Whether something is untold: asked at every step.
+    fresh: AtomicBool,
+    written: Mutex<Written>,
+}
+
+/// What one instance has written.
+#[derive(Debug, Default)]
+struct Written {
+    newest: VecDeque<String>,
+    /// What was not told yet, and how many more there were than are told.
+    untold: Vec<String>,
+    more: usize,
+}
+
 /// The environment pointers of living instances. They are numbers: an FMU that mixes them up writes into no memory of ours.
-static LOGS: Mutex<BTreeMap<usize, Arc<Mutex<VecDeque<String>>>>> = Mutex::new(BTreeMap::new());
+static LOGS: Mutex<BTreeMap<usize, Arc<Shared>>> = Mutex::new(BTreeMap::new());
 static NEXT: AtomicUsize = AtomicUsize::new(1);
 static ALOUD: AtomicBool = AtomicBool::new(false);
 
@@ -23,19 +43,19 @@ pub fn to_standard_error() {
     ALOUD.store(true, Ordering::Relaxed);
 }
 
-/// The newest warnings and errors of one instance.
+/// The warnings and errors of one instance.
 #[derive(Debug)]
 pub struct Log {
     number: usize,
-    lines: Arc<Mutex<VecDeque<String>>>,
+    shared: Arc<Shared>,
 }
 
 impl Default for Log {
     fn default() -> Log {
         let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let lines = Arc::new(Mutex::new(VecDeque::new()));
-        locked(&LOGS).insert(number, lines.clone());
-        Log { number, lines }
+        let shared = Arc::new(Shared::default());
+        locked(&LOGS).insert(number, shared.clone());
+        Log { number, shared }
     }
 }
 
@@ -53,11 +73,27 @@ impl Log {
 
     /// The messages as a continuation of a sentence, and forgets them.
     pub fn take(&self) -> String {
-        let lines: Vec<String> = locked(&self.lines).drain(..).collect();
+        let lines: Vec<String> = locked(&self.shared.written).newest.drain(..).collect();
         if lines.is_empty() {
             return String::new();
         }
         format!("; its log: {}", lines.join(" | "))
+    }
+
+    /// What was written since this was asked for last, for the participant's own log. Nothing where it went to standard error.
+    pub fn tell(&self, mut say: impl FnMut(&str)) {
+        if !self.shared.fresh.load(Ordering::Relaxed) {
+            return;
+        }
+        let (lines, more) = {
+            let mut written = locked(&self.shared.written);
+            self.shared.fresh.store(false, Ordering::Relaxed);
+            (std::mem::take(&mut written.untold), std::mem::take(&mut written.more))
+        };
+        lines.iter().for_each(|line| say(line));
+        if more > 0 {
+            say(&format!("FMU: {more} more messages"));
+        }
     }
 }
 
@@ -66,16 +102,26 @@ fn record(environment: *mut c_void, status: i32, category: &str, text: &str) {
         return;
     }
     let line = text.trim().to_owned();
-    if ALOUD.load(Ordering::Relaxed) {
-        eprintln!("FMU, {category}: {line}");
+    let told = format!("FMU, {category}: {line}");
+    let aloud = ALOUD.load(Ordering::Relaxed);
+    if aloud {
+        eprintln!("{told}");
     }
-    let lines = locked(&LOGS).get(&environment.addr()).cloned();
-    if let Some(lines) = lines {
-        let mut lines = locked(&lines);
-        if lines.len() == KEPT {
-            lines.pop_front();
+    let shared = locked(&LOGS).get(&environment.addr()).cloned();
+    if let Some(shared) = shared {
+        let mut written = locked(&shared.written);
+        if written.newest.len() == KEPT {
+            written.newest.pop_front();
         }
-        lines.push_back(line);
+        written.newest.push_back(line);
+        if aloud {
+            return;
+        }
+        match written.untold.len() < TOLD {
+            true => written.untold.push(told),
+            false => written.more += 1,
+        }
+        shared.fresh.store(true, Ordering::Relaxed);
     }
 }
 
