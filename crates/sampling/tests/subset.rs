@@ -87,6 +87,29 @@ fn interval_holds_the_truth_about_as_often_as_it_says() {
     assert!((172..=200).contains(&holds), "{holds} of 200");
 }
 
+/// With few points the levels that are kept by chance are known badly, and what was never seen must not be called rarer than it is.
+#[test]
+fn bound_of_what_was_never_seen_is_above_the_truth() {
+    let truth = normal_cumulative(-3.775);
+    let settings = Settings {
+        points: 100,
+        levels: 4,
+        ..Settings::default()
+    };
+    let all = (0..400).map(|seed| simulate(settings, 5000 + seed, 1, |z| z[0] - 3.775));
+    let never: Vec<f64> = all
+        .filter(|one| one.probability == 0.0)
+        .map(|one| one.interval[1])
+        .collect();
+    let below = never.iter().filter(|bound| **bound < truth).count();
+    assert!(never.len() > 20, "{} of 400", never.len());
+    assert!(
+        below * 20 <= never.len(),
+        "{below} of {} bounds are below {truth:e}",
+        never.len()
+    );
+}
+
 #[test]
 fn frequent_event_takes_one_level_and_is_counted() {
     let estimate = simulate(Settings::default(), 3, 2, |z| z[0] - 1.0);
@@ -114,10 +137,9 @@ fn event_that_never_happens_has_a_bound() {
     );
     assert_eq!(estimate.probability, 0.0);
     assert_eq!(estimate.levels.len(), 3);
-    assert!(
-        (estimate.interval[1] - 3e-5).abs() < 1e-6 && estimate.interval[0] == 0.0,
-        "{estimate:?}"
-    );
+    // Three of a thousand independent states of the last level, and more for what is not known of the levels before.
+    let [low, high] = estimate.interval;
+    assert!(low == 0.0 && (3e-5..3e-4).contains(&high), "{estimate:?}");
     assert!(estimate.centre.is_empty() && estimate.variation.is_infinite());
 }
 

@@ -42,6 +42,18 @@ impl Level {
     }
 }
 
+impl Level {
+    /// By how much the states of its chains say less than independent ones.
+    fn inflation(&self) -> f64 {
+        let independent = (1.0 - self.share) / (self.share * self.states as f64);
+        if independent > 0.0 {
+            self.variation.powi(2) / independent
+        } else {
+            1.0
+        }
+    }
+}
+
 /// By how much the correlation of the states of a chain enlarges the variance: equations 27 to 29 of Au and Beck.
 fn inflation(rows: &[Vec<bool>], share: f64) -> f64 {
     let variance = share * (1.0 - share);
@@ -133,12 +145,17 @@ fn around(probability: f64, variation: f64) -> [f64; 2] {
     [probability * (-width).exp(), (probability * width.exp()).min(1.0)]
 }
 
-/// What a probability hardly exceeds of which nothing was seen: with N independent states 3 / N (95 %).
+/// What a probability hardly exceeds of which nothing was seen: with N independent states 3 / N (95 %), of as much as the levels before may
+/// well have kept (95 %).
 fn bound(levels: &[Level]) -> f64 {
     let (last, before) = match levels.split_last() {
         Some(all) => all,
         None => return 1.0,
     };
-    let before: f64 = before.iter().map(|level| level.share).product();
-    (before * 3.0 / last.states.max(1) as f64).min(1.0)
+    let share: f64 = before.iter().map(|level| level.share).product();
+    let variation = before.iter().map(|level| level.variation.powi(2)).sum::<f64>();
+    let most = share * (normal_quantile(0.95) * variation.ln_1p().sqrt()).exp();
+    // Of states that say so little as those of the levels before: what correlates them does not show where none is in the event.
+    let inflation = before.iter().map(Level::inflation).fold(1.0, f64::max);
+    (most * (3.0 * inflation / last.states.max(1) as f64).min(1.0)).min(1.0)
 }
