@@ -1,10 +1,10 @@
 //! `escapement sweep SCENARIO`, and what is done with the folders of campaigns: `run`, `merge`, `status`
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{ArgMatches, Args, FromArgMatches, Subcommand};
-use engine::campaign::{self, Campaign, CampaignError, Options, Part, State};
+use engine::campaign::{self, Campaign, CampaignError, Options, Part, Source, State};
 use engine::scenario::Scenario;
 
 use super::conclusion::{conclude, figures};
@@ -124,14 +124,18 @@ pub fn run(command: &SweepCommand) -> anyhow::Result<i32> {
     }))
 }
 
+/// What goes on with a campaign for a rare event: its file says which points come next.
+fn rare_command(source: &Source, folder: &Path) -> String {
+    format!("{} --out {}", source.file.0.display(), folder.display())
+}
+
 fn run_folder(args: &RunFolderArgs) -> Result<i32, CampaignError> {
     let (campaign, identity) = Campaign::of_folder(&args.folder)?;
     if let Some(source) = campaign.source.as_ref().filter(|source| source.rare) {
         return Err(CampaignError::Rare(format!(
-            "{}: its points depend on those before them, which the campaign file says: sweep {} --out {}",
+            "{}: its points depend on those before them, which the campaign file says: sweep {}",
             args.folder.display(),
-            source.file.0.display(),
-            args.folder.display()
+            rare_command(source, &args.folder)
         )));
     }
     let scenario = Scenario::changed(catalogue(), &campaign.scenario, &campaign.overrides)?;
@@ -271,6 +275,11 @@ fn print(part: &Part, waits: bool) {
     };
     println!("  {name}  {counts}{nodes}  {state}  {}", part.root.display());
     if part.state == State::Stopped && !waits {
-        println!("    goes on with: sweep run {}", part.root.display());
+        let source = part.identity.source.as_ref().filter(|source| source.rare);
+        let command = source.map_or_else(
+            || format!("run {}", part.root.display()),
+            |source| rare_command(source, &part.root),
+        );
+        println!("    goes on with: sweep {command}");
     }
 }
