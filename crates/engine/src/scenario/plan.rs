@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use lockstep::link::Conversion;
+use lockstep::link::{Conversion, TimingError};
 use lockstep::participant::{Input, Interface, Kind, Output};
 use lockstep::plan::{Initial, LinkSpec, ParticipantSpec, Plan, PlanError};
 use lockstep::port::{Descriptor, Element, Field};
@@ -173,13 +173,17 @@ fn place(error: &PlanError, origins: &HashMap<String, &str>) -> String {
         PlanError::Interface { participant, .. } => format!("participants.{participant}"),
         PlanError::Name(name) | PlanError::NameTwice(name) => format!("participants.{name}"),
         PlanError::Duration(_) => "duration".into(),
-        PlanError::Unknown { link, .. }
-        | PlanError::Mismatch { link, .. }
-        | PlanError::Timing { link, .. }
-        | PlanError::InitialSize { link, .. }
+        PlanError::Timing { link, source } => match source {
+            TimingError::Negative { what, .. } => format!("{}.{what}", connection(link)),
+            TimingError::Probability(_) => format!("{}.drop", connection(link)),
+            TimingError::Precision { .. } => connection(link),
+            TimingError::Fault { fault, .. } => format!("faults.{fault}"),
+        },
+        PlanError::Capacity { link, .. } => format!("{}.delay", connection(link)),
+        PlanError::InitialSize { link, .. }
         | PlanError::FirstSample { link, .. }
-        | PlanError::FirstSampleLate { link, .. }
-        | PlanError::Capacity { link, .. } => connection(link),
+        | PlanError::FirstSampleLate { link, .. } => format!("{}.initial", connection(link)),
+        PlanError::Unknown { link, .. } | PlanError::Mismatch { link, .. } => connection(link),
         PlanError::FedTwice { second, .. } | PlanError::FieldFedTwice { second, .. } => connection(second),
         PlanError::Fault { fault, .. } => format!("faults.{fault}"),
         PlanError::NotConnected { .. }

@@ -98,18 +98,22 @@ impl Plan {
             first_stream += outputs;
         }
         let index = Index::of(&plan.participants);
-        let mut names = HashSet::new();
+        let (mut names, mut refused) = (HashSet::new(), HashSet::new());
         for spec in links {
             if !names.insert(spec.name.as_str()) {
                 errors.push(PlanError::NameTwice(spec.name.clone()));
             }
             match plan.link(spec, &index) {
                 Ok(link) => plan.add(link, &mut errors),
-                Err(error) => errors.push(error),
+                Err(error) => {
+                    // Its input has a connection, which is the one to be mended.
+                    refused.extend(index.input(&spec.to));
+                    errors.push(error);
+                }
             }
         }
-        errors.extend(plan.unconnected());
-        errors.extend(fields::check(&plan));
+        errors.extend(plan.unconnected(&refused));
+        errors.extend(fields::check(&plan, &refused));
         if errors.is_empty() {
             errors = order::rank(&mut plan);
         }
@@ -216,12 +220,13 @@ impl Plan {
         }
     }
 
-    fn unconnected(&self) -> Vec<PlanError> {
+    /// The inputs that need a connection and have none, not even one of those that were `refused`.
+    fn unconnected(&self, refused: &HashSet<(usize, usize)>) -> Vec<PlanError> {
         let mut errors = Vec::new();
         let mut outputs = None;
         for (number, participant) in self.participants.iter().enumerate() {
             for (input, port) in participant.interface.inputs.iter().enumerate() {
-                if port.required && participant.inputs[input].is_empty() {
+                if port.required && participant.inputs[input].is_empty() && !refused.contains(&(number, input)) {
                     let outputs = outputs.get_or_insert_with(|| self.outputs_by_payload());
                     errors.push(PlanError::NotConnected {
                         input: self.input_name((number, input)),
@@ -317,6 +322,14 @@ impl Index {
                 .map(|interface| numbers(interface.outputs.iter().map(|port| &port.name)))
                 .collect(),
         }
+    }
+}
+
+impl Index {
+    /// The numbers of a participant and its input of these names.
+    fn input(&self, (participant, input): &(String, String)) -> Option<(usize, usize)> {
+        let participant = *self.participants.get(participant)?;
+        Some((participant, *self.inputs[participant].get(input)?))
     }
 }
 

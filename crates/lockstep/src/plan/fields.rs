@@ -1,13 +1,16 @@
 //! Inputs that are put together from fields: which of their elements are fed, and by whom.
 
+use std::collections::HashSet;
+
 use super::{Plan, PlanError};
 use crate::port::{Descriptor, Field};
 
 /// What feeds an element: a link, and whether it adds to what others give.
 type Feeder = Option<(usize, bool)>;
 
-/// Elements that are fed twice, and those of inputs that must be fed which are not.
-pub(super) fn check(plan: &Plan) -> Vec<PlanError> {
+/// Elements that are fed twice, and those of inputs that must be fed which are not. What a `refused` link would feed of an input is not
+/// known.
+pub(super) fn check(plan: &Plan, refused: &HashSet<(usize, usize)>) -> Vec<PlanError> {
     let mut errors = Vec::new();
     for (number, participant) in plan.participants.iter().enumerate() {
         for (input, links) in participant.inputs.iter().enumerate() {
@@ -18,7 +21,7 @@ pub(super) fn check(plan: &Plan) -> Vec<PlanError> {
                     errors.extend(feed(plan, link, &port.descriptor, &mut fed));
                 }
                 let left = left_out(&port.descriptor, &fed);
-                if port.required && !left.is_empty() {
+                if port.required && !left.is_empty() && !refused.contains(&(number, input)) {
                     errors.push(PlanError::FieldsNotFed {
                         input: plan.input_name((number, input)),
                         fields: left,

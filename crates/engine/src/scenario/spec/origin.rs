@@ -52,7 +52,13 @@ impl Origin {
         self.changed.insert(key, how);
     }
 
-    /// A mistake about `key`, with the line it stands on, or with the change that made it.
+    /// Whether `key` itself was changed.
+    pub(in crate::scenario) fn changes(&self, key: &str) -> bool {
+        self.changed.contains_key(key)
+    }
+
+    /// A mistake about `key`, with the line it stands on, or with the change that made it. What was changed below the key, where no line
+    /// has it, is named too.
     pub(in crate::scenario) fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {
         let reason = reason.into();
         // The key itself, then the tables around it.
@@ -69,8 +75,28 @@ impl Origin {
         Mistake {
             line: lines.line(key),
             key: key.to_owned(),
-            reason,
+            reason: match self.changed_below(key) {
+                below if below.is_empty() => reason,
+                below => format!("{reason} ({below})"),
+            },
         }
+    }
+
+    /// What was changed below `key`, and how; the first ones of many.
+    fn changed_below(&self, key: &str) -> String {
+        const SHOWN_MAX: usize = 3;
+        let below = |(changed, how): (&String, &&str)| {
+            let rest = changed.strip_prefix(key)?.strip_prefix('.')?;
+            Some(format!("`{rest}` {how}"))
+        };
+        let mut all: Vec<String> = self.changed.iter().filter_map(below).collect();
+        all.sort();
+        let more = all.len().saturating_sub(SHOWN_MAX);
+        all.truncate(SHOWN_MAX);
+        if more > 0 {
+            all.push(format!("{more} more"));
+        }
+        all.join(", ")
     }
 
     pub(in crate::scenario) fn error(&self, mistakes: Vec<Mistake>) -> ScenarioError {
