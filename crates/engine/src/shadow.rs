@@ -13,7 +13,7 @@ use tape::compare::Comparison;
 use crate::Catalogue;
 use crate::replay::{Replay, Request};
 use crate::run::{Ending, Options, RunFailure, describe};
-use crate::scenario::{RunSpec, Scenario, ScenarioSpec};
+use crate::scenario::{Program, RunSpec, Scenario, ScenarioSpec};
 
 /// What `--shadow NAME=PROGRAM` asks for.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,8 +65,8 @@ pub fn in_place(text: &str, option: &str) -> Result<(String, RunSpec), String> {
     };
     let run = match program.strip_prefix("builtin:") {
         Some(builtin) => RunSpec::builtin(builtin),
-        // What has a slash is relative to where the user is, not to the scenario.
-        None if program.contains('/') || program.ends_with(".fmu") => {
+        // A file is relative to where the user is, not to the scenario; a bare name may be one of a program in PATH.
+        None if program.contains('/') || Program::key_of(program) != "exe" => {
             let absolute = std::path::absolute(program).map_err(|error| format!("{option}: `{program}`: {error}"))?;
             let text = absolute.into_os_string().into_string();
             let text =
@@ -133,7 +133,7 @@ impl Shadow {
         let (_, original) = ports(scenario.clone())?;
         let mut changed = scenario.clone();
         changed.set_run(&self.participant, &self.run, "given with --shadow")?;
-        changed.change(&self.set)?;
+        changed.change_as(&self.set, "given with --shadow-set")?;
         let (scenario, shadow) = ports(changed)?;
         let (Ok(Some((_, original))), shadow) = (original, shadow) else {
             // What is wrong with the run itself is said when it starts.
@@ -227,6 +227,10 @@ mod tests {
         assert_eq!((name.as_str(), run), ("controller", exe("/bin/true")));
         assert!(in_place("controller=./x", "").unwrap().1.exe.unwrap().starts_with('/'));
         assert_eq!(in_place("controller=x", "").unwrap().1, exe("x"));
+        for file in ["x.so", "./x.so"] {
+            let library = in_place(&format!("controller={file}"), "").unwrap().1.library;
+            assert!(library.is_some_and(|file| file.starts_with('/')), "{file}");
+        }
         assert_eq!(in_place("controller=/x.so", "").unwrap().1, RunSpec::library("/x.so"));
         for bad in ["controller", "=x", "controller="] {
             assert!(in_place(bad, "--shadow").unwrap_err().contains("PARTICIPANT=PROGRAM"));

@@ -78,7 +78,7 @@ impl Campaign {
     /// What is wrong with the form of the scenario or of a change of it.
     pub fn spec_of(&self, at: usize) -> Result<ScenarioSpec, ScenarioError> {
         let mut spec = ScenarioSpec::changed(&self.scenario, &self.overrides)?;
-        spec.change(&self.points[at])?;
+        spec.vary(&self.points[at])?;
         Ok(spec)
     }
 

@@ -159,7 +159,7 @@ impl Order {
 
     fn begun(&self, catalogue: &Arc<Catalogue>, alone: bool) -> Begun {
         let mut spec = self.spec.clone();
-        let changed = spec.change(&self.changes);
+        let changed = spec.vary(&self.changes);
         let scenario = match changed.and_then(|()| Scenario::of(catalogue, spec, &self.file)) {
             Ok(scenario) => scenario,
             Err(error) => return Begun::Over(self.refused(&error)),

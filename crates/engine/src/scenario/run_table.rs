@@ -43,10 +43,8 @@ pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Progr
             }
             let path = source.folder.join(file);
             plugin::look(&path).map_err(|wrong| {
-                source.mistake(
-                    key,
-                    format!("{wrong}; a relative path is one from the scenario's folder"),
-                )
+                let from = from_where(file);
+                source.mistake(key, format!("{wrong}{from}"))
             })?;
             let file = absolute(&path).map_err(|reason| source.mistake(key, reason))?;
             let participant = run.participant.clone();
@@ -89,15 +87,21 @@ fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
         return if runs(&path) {
             absolute(&path)
         } else {
-            Err(format!(
-                "`{}` is not an executable file; a relative path is one from the scenario's folder",
-                path.display()
-            ))
+            let from = from_where(exe);
+            Err(format!("`{}` is not an executable file{from}", path.display()))
         };
     }
     in_path(exe)
         .and_then(|path| absolute(&path).ok())
         .ok_or_else(|| format!("there is no program `{exe}` in PATH; name a file with its folder, such as \"./{exe}\""))
+}
+
+/// Where a file that is named so is looked for, where that is a question. An option that takes a program names it in full.
+fn from_where(file: &str) -> &'static str {
+    match Path::new(file).is_absolute() {
+        true => "",
+        false => "; a relative path is one from the scenario's folder",
+    }
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, String> {

@@ -2,7 +2,6 @@
 
 use toml::{Table, Value};
 
-use super::changes::WITH_FAULT;
 use super::fault_text;
 use super::origin::Origin;
 use super::whole::FOLDER;
@@ -11,7 +10,8 @@ use crate::scenario::names::fault_name;
 use crate::scenario::value::{keep_decimal, value};
 
 /// How a change was made, as a message about it ends.
-const WITH_SET: &str = "given with --set";
+pub(super) const WITH_SET: &str = "given with --set";
+pub(super) const VARIED: &str = "varied by the campaign";
 pub(super) const IN_CODE: &str = "set in code";
 
 fn refuse(key: &str, reason: String) -> Mistake {
@@ -22,16 +22,16 @@ fn refuse(key: &str, reason: String) -> Mistake {
     }
 }
 
-/// Makes a change in a scenario's table: `key.path=value` or `faults+=entry`.
-pub(super) fn change(table: &mut Table, origin: &mut Origin, one: &str) -> Result<(), Mistake> {
+/// Makes a change in a scenario's table, which was made as `how` says: `key.path=value` or `faults+=entry`.
+pub(super) fn change(table: &mut Table, origin: &mut Origin, one: &str, how: &'static str) -> Result<(), Mistake> {
     if let Some(entry) = one.strip_prefix("faults+=") {
-        return add_fault(table, origin, entry);
+        return add_fault(table, origin, entry, how);
     }
     let Some((key, text)) = one.split_once('=') else {
         let reason = "--set takes KEY.PATH=VALUE, such as connections.measured.delay=10ms";
         return Err(refuse(one, reason.into()));
     };
-    set(table, origin, key.trim(), value(text.trim()), WITH_SET)
+    set(table, origin, key.trim(), value(text.trim()), how)
 }
 
 /// Puts `value` at `key`; `how` says where the change comes from.
@@ -95,13 +95,13 @@ pub(super) fn set(
     Ok(())
 }
 
-fn add_fault(table: &mut Table, origin: &mut Origin, text: &str) -> Result<(), Mistake> {
-    let refuse = |reason: String| refuse("faults", format!("{reason} ({WITH_FAULT})"));
+fn add_fault(table: &mut Table, origin: &mut Origin, text: &str, how: &'static str) -> Result<(), Mistake> {
+    let refuse = |reason: String| refuse("faults", format!("{reason} ({how})"));
     let entry = fault_text::table(text).map_err(refuse)?;
     let position = table.get("faults").and_then(Value::as_array).map_or(0, Vec::len);
     let name = fault_name(entry.get("name").and_then(Value::as_str), position);
     fault_text::append(table, entry).map_err(refuse)?;
-    origin.change(format!("faults.{name}"), WITH_FAULT);
+    origin.change(format!("faults.{name}"), how);
     Ok(())
 }
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use toml::Value;
 
-use super::change::{self, IN_CODE};
+use super::change::{self, IN_CODE, VARIED};
 use super::changes::Changes;
 use super::read::Reading;
 use super::whole::ScenarioSpec;
@@ -51,10 +51,23 @@ impl ScenarioSpec {
     /// # Errors
     /// When one of them is none, or the whole does not fit together afterwards.
     pub fn change(&mut self, changes: &[String]) -> Result<(), ScenarioError> {
+        self.change_as(changes, IN_CODE)
+    }
+
+    /// The same for what a campaign varies from point to point.
+    pub(crate) fn vary(&mut self, changes: &[String]) -> Result<(), ScenarioError> {
+        self.change_as(changes, VARIED)
+    }
+
+    /// The same for changes that were made as `how` says, with which a message about one of them ends.
+    pub(crate) fn change_as(&mut self, changes: &[String], how: &'static str) -> Result<(), ScenarioError> {
         if changes.is_empty() {
             return Ok(());
         }
-        self.edit(|table, origin| changes.iter().try_for_each(|one| change::change(table, origin, one)))
+        self.edit(|table, origin| {
+            let mut changes = changes.iter();
+            changes.try_for_each(|one| change::change(table, origin, one, how))
+        })
     }
 
     /// Makes all of `changes`, or none.

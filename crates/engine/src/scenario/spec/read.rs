@@ -8,7 +8,7 @@ use serde::de::{DeserializeOwned, Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 use toml::{Table, Value};
 
-use super::change::change;
+use super::change::{WITH_SET, change};
 use super::changes::{Changes, WITH_DURATION, WITH_FAULT, WITH_SEED, WITH_SUBSTITUTE};
 use super::entries::Entries;
 use super::fault::FaultSpec;
@@ -117,7 +117,7 @@ impl Reading {
         let folder = folder_of(file, table.get(FOLDER).and_then(Value::as_str));
         fill_in_files(&mut table, &folder, &mut origin)?;
         for one in &changes.set {
-            change(&mut table, &mut origin, one).map_err(|mistake| origin.error(vec![mistake]))?;
+            change(&mut table, &mut origin, one, WITH_SET).map_err(|mistake| origin.error(vec![mistake]))?;
         }
         if !changes.set.is_empty() {
             fill_in_files(&mut table, &folder, &mut origin)?;
@@ -143,7 +143,7 @@ impl Reading {
         let spec = self.whole()?;
         let (mut table, mut origin) = (spec.to_table(), spec.origin);
         for one in &changes.set {
-            change(&mut table, &mut origin, one).map_err(|mistake| origin.error(vec![mistake]))?;
+            change(&mut table, &mut origin, one, WITH_SET).map_err(|mistake| origin.error(vec![mistake]))?;
         }
         let rest = Changes {
             substitutes: Vec::new(),
