@@ -197,9 +197,47 @@ fn what_cannot_be_resumed_is_refused() {
     assert!(said.err.contains("--checkpoint-every"), "{said:?}");
     let said = world.resume("nowhere", "none", &[]);
     assert_eq!(said.code, Some(2), "{said:?}");
-    let said = world.resume("saved", "other rate", &["--set", "participants.damper.period=20ms"]);
-    assert_ne!(said.code, Some(0), "{said:?}");
-    assert!(said.err.contains("sample time"), "{said:?}");
+    let rate = ["--set", "participants.damper.period=20ms"];
+    let offset = ["--set", "participants.damper.offset=15ms"];
+    let later = [&["--from", "6 s"], &rate[..]].concat();
+    for (more, key, parts) in [
+        (
+            &rate[..],
+            "period",
+            ["200 activations", "400 in the run", "given with --set"],
+        ),
+        (
+            &offset,
+            "offset",
+            ["399 activations", "400 in the run", "given with --set"],
+        ),
+        // From between two checkpoints: nothing is run up to there.
+        (
+            &later,
+            "period",
+            ["300 activations", "600 in the run", "given with --set"],
+        ),
+        (
+            &["--duration", "3 s"],
+            "duration",
+            ["t = 4 s", "--from", "given with --duration"],
+        ),
+    ] {
+        for way in [&[][..], &["--in-process"]] {
+            let said = world.resume("saved", "other", &[more, way].concat());
+            assert_eq!(said.code, Some(2), "{said:?}");
+            let key = if key == "duration" {
+                "duration: ".to_owned()
+            } else {
+                format!("participants.damper.{key}: ")
+            };
+            assert!(said.err.contains(&key), "`{key}` is not in {said:?}");
+            for part in parts {
+                assert!(said.err.contains(part), "`{part}` is not in {said:?}");
+            }
+            assert!(!world.path("other").exists(), "nothing is written");
+        }
+    }
     let file = world.path("saved/checkpoints/4s.checkpoint");
     let mut bytes = std::fs::read(&file).unwrap();
     *bytes.last_mut().unwrap() ^= 1;

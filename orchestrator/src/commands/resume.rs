@@ -11,7 +11,7 @@ use tape::folder::RunFolder;
 use super::run::{execute, options};
 use crate::arguments::{HowArgs, instant, span};
 use engine::run::checkpoint::Checkpoint;
-use engine::run::{Origin, RunFailure, branch, check};
+use engine::run::{Origin, RunFailure, branch, check, check_branch};
 use engine::scenario::{Changes, Scenario, Time};
 
 /// Arguments of `resume`.
@@ -93,7 +93,8 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     };
     // What would be refused there is refused now.
     let checked = check(&scenario).map_err(RunFailure::from);
-    match checked.and_then(|_| branch(&unchanged, &options(&args.how), origin, at)) {
+    let checked = checked.and_then(|_| check_branch(&scenario, &unchanged, at));
+    match checked.and_then(|()| branch(&unchanged, &options(&args.how), origin, at)) {
         Ok(branch) => execute(&scenario, &args.how, Some(branch.origin.clone()), &[]),
         Err(failure) => {
             eprintln!("error: {failure}");

@@ -119,7 +119,7 @@ impl Run {
                 let recorder = prepare::recorder(&scenario, known.plan, &options, folder.as_ref(), asked);
                 recorder.and_then(|mut recorder| {
                     let plan = recorder.plan.clone();
-                    let start = prepare::start(&scenario, &plan, &options, &mut recorder)?;
+                    let start = prepare::start(&plan, &options, &mut recorder)?;
                     let recovered = Vec::new();
                     let ready = Ready {
                         entries,

@@ -12,6 +12,7 @@ use tape::folder::{Claim, RunFolder, utc_text};
 use tape::{Event, EventKind, StreamSpec, Writer};
 
 use super::checkpoint::Checkpoint;
+use super::continuation;
 use super::course::Course;
 use super::describe;
 use super::executor::Seat;
@@ -326,22 +327,13 @@ pub(super) struct Start {
 }
 
 /// What runs in each seat when the run begins.
+///
+/// # Errors
+/// When the scenario does not go on from the checkpoint that the run is taken up from.
 pub(super) fn entries(scenario: &Scenario, options: &Options) -> Result<Vec<Entry>, RunFailure> {
     let mut entries = scenario.participants.clone();
     if let Some(origin) = &options.origin {
-        let names: Vec<&String> = entries.iter().map(|entry| &entry.setup.name).collect();
-        if !names.iter().copied().eq(&origin.checkpoint.participants) {
-            return Err(RunFailure::Other(format!(
-                "the run cannot be taken up: the checkpoint is one of {}, the scenario has {}",
-                origin.checkpoint.participants.join(", "),
-                scenario
-                    .participants
-                    .iter()
-                    .map(|entry| entry.setup.name.as_str())
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            )));
-        }
+        continuation::check(scenario, &origin.checkpoint)?;
         entries = entries_at(scenario, &origin.checkpoint);
     }
     Ok(entries)
@@ -376,13 +368,8 @@ pub(super) fn seats_at(course: &Course, checkpoint: &Checkpoint, anew: impl Fn(u
     seats.collect()
 }
 
-/// Where the run begins; what was before it is put on the tape.
-pub(super) fn start(
-    scenario: &Scenario,
-    plan: &Plan,
-    options: &Options,
-    recorder: &mut Recorder,
-) -> Result<Start, RunFailure> {
+/// Where the run begins; what was before it is put on the tape. That the scenario goes on from there was checked with its [`entries`].
+pub(super) fn start(plan: &Plan, options: &Options, recorder: &mut Recorder) -> Result<Start, RunFailure> {
     let Some(Origin { run, checkpoint }) = &options.origin else {
         return Ok(Start {
             from: 0,
@@ -394,22 +381,6 @@ pub(super) fn start(
     };
     let from = plan.timebase.ceil(checkpoint.time);
     let from = from.map_err(|error| RunFailure::Other(error.to_string()))?;
-    if from >= plan.end || plan.cut_at(from) != checkpoint.cut {
-        return Err(RunFailure::Other(format!(
-            "the run cannot be taken up at t = {}: the scenario ends before, or has other sample times than the run that was saved",
-            checkpoint.time
-        )));
-    }
-    // A substitution at the instant of a checkpoint comes after it.
-    let instants = scenario.substitutions.iter().map(|one| plan.timebase.ceil(one.at));
-    let before = instants.filter(|at| at.as_ref().is_ok_and(|at| *at < from)).count();
-    if before as u64 != checkpoint.substitutions {
-        return Err(RunFailure::Other(format!(
-            "the run cannot be taken up at t = {}: {} of its substitutions had happened, the scenario has {before} before then; \
-             leave those in it",
-            checkpoint.time, checkpoint.substitutions
-        )));
-    }
     let played = &Played::open(&RunFolder::open(run).tape(), plan, checkpoint.rest.is_some())?;
     let before = Before { played, checkpoint };
     recorder.copy(&before)?;

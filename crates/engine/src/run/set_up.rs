@@ -229,7 +229,7 @@ impl SetUp<'_> {
                 describe::check_substitutes(scenario, &interfaces, options, &monitor)?;
                 let mut recorder = prepare::recorder(scenario, plan, options, Some(self.folder), self.asked)?;
                 let plan = recorder.plan.clone();
-                let start = prepare::start(self.scenario, &plan, options, &mut recorder)?;
+                let start = prepare::start(&plan, options, &mut recorder)?;
                 basis.insert(Basis {
                     interfaces,
                     plan,

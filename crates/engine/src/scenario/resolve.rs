@@ -330,6 +330,24 @@ impl Scenario {
         self.source.error(vec![self.refused(entry, key, reason)])
     }
 
+    /// A refusal of what stands at `key`.
+    pub(crate) fn key_refusal(&self, key: &str, reason: &str) -> ScenarioError {
+        self.source.error(vec![self.source.mistake(key, reason)])
+    }
+
+    /// A refusal of the sample times of participants, by number, with the reason: of an offset where only that was changed, else of the
+    /// period.
+    pub(crate) fn sample_time_refusal(&self, wrong: &[(usize, String)]) -> ScenarioError {
+        let mistakes = wrong.iter().map(|(number, reason)| {
+            let key = |key: &str| format!("participants.{}.{key}", self.participants[*number].setup.name);
+            let [period, offset] = ["period", "offset"].map(key);
+            let moved = self.source.origin.changes(&offset) && !self.source.origin.changes(&period);
+            self.source
+                .mistake(if moved { &offset } else { &period }, reason.as_str())
+        });
+        self.source.error(mistakes.collect())
+    }
+
     /// A refusal of the program of `entry`.
     pub fn program_refusal(&self, entry: &Entry, reason: &str) -> ScenarioError {
         self.source.error(vec![self.source.mistake(&entry.run_key, reason)])
