@@ -231,7 +231,7 @@ impl Pending<'_> {
         let process = &mut *self.process;
         let failed = elsewhere || process.ended().is_some() || process.floods();
         match failed || self.patience.is_over() {
-            true => Err(silent(process, self.within, monitor, "answer", self.when)),
+            true => Err(silent(process, self.within, monitor, &Awaited::answer(self.when))),
             false => Ok(()),
         }
     }
@@ -331,23 +331,51 @@ pub(super) fn foreign_writer_reason(victim: &str, process: u32, broken: &str) ->
     format!("process {process} opened the record of `{victim}`, which is not its own: `{victim}` {broken}")
 }
 
-/// Why a participant did not do `what`: it ended or is late, or the monitor reports another failure.
-fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, what: &str, when: &str) -> RunFailure {
+/// What a participant is waited for, in words.
+struct Awaited {
+    /// What it is to do.
+    what: &'static str,
+    /// From when on it is waited for.
+    since: &'static str,
+    /// When it was that it ended instead.
+    instead: &'static str,
+}
+
+impl Awaited {
+    const ARRIVAL: Awaited = Awaited {
+        what: "enter the run",
+        since: "of its start",
+        instead: "before it had entered the run",
+    };
+
+    /// An answer to what it was asked `when`.
+    fn answer(when: &'static str) -> Awaited {
+        Awaited {
+            what: "answer",
+            since: when,
+            instead: when,
+        }
+    }
+}
+
+/// Why a participant did not do what it is waited for: it ended or is late, or the monitor reports another failure.
+fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, awaited: &Awaited) -> RunFailure {
+    let Awaited { what, since, instead } = awaited;
     let elsewhere = monitor.failure();
     let reason = match (process.ended(), elsewhere) {
         (_, Some(RunFailure::Interrupted)) => return RunFailure::Interrupted,
         (Some(status), _) => format!(
-            "{} {when}{}{}",
+            "{} {instead}{}{}",
             Participant::ending(status),
             room::of_bus_error(status),
             words(process.log())
         ),
-        (None, _) if process.floods() => format!("{} {when}", flood()),
+        (None, _) if process.floods() => format!("{} {instead}", flood()),
         (None, Some(failure)) => return failure,
         (None, None) => {
             let pid = process.pid();
             format!(
-                "did not {what} within {} s {when} (pid {pid}, {}); a program that needs longer is given it by `start-within` in the \
+                "did not {what} within {} s {since} (pid {pid}, {}); a program that needs longer is given it by `start-within` in the \
                  scenario or --start-within{}",
                 within.as_secs_f64(),
                 life(pid).words(),
@@ -391,7 +419,7 @@ pub(super) fn arrive(member: &mut Member, waited: &mut Awake, monitor: &Monitor)
         let process = &mut member.process;
         let late = waited.at(Instant::now()) > member.within;
         if process.ended().is_some() || monitor.failure().is_some() || late {
-            return Err(silent(process, member.within, monitor, "enter the run", "of its start"));
+            return Err(silent(process, member.within, monitor, &Awaited::ARRIVAL));
         }
         std::thread::sleep(Duration::from_micros(300));
     }
