@@ -234,6 +234,14 @@ pub enum ReadError {
         /// How many there are.
         count: u64,
     },
+    /// A window of time that has no instant.
+    #[error("the last instant, {to}, is before the first one, {from}: the window is empty")]
+    Window {
+        /// The first instant that was asked for.
+        from: Rational,
+        /// The last one.
+        to: Rational,
+    },
     /// No stream of that name or number.
     #[error("there is no stream `{name}`; the tape has {available}")]
     NoStream {

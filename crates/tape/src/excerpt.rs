@@ -38,8 +38,13 @@ impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
     /// Looks `choice` up in `source`.
     ///
     /// # Errors
-    /// A stream or field that is not there, with those that are; a tape that cannot be read.
+    /// A stream or field that is not there, with those that are; an end before the beginning; a tape that cannot be read.
     pub fn new(source: &'a S, choice: &Choice) -> Result<Excerpt<'a, S>, ReadError> {
+        if let (Some(from), Some(to)) = (choice.from, choice.to)
+            && to < from
+        {
+            return Err(ReadError::Window { from, to });
+        }
         let all = source.streams();
         let mut fields: Vec<Option<Vec<usize>>> = vec![None; all.len()];
         for name in &choice.names {
@@ -164,6 +169,22 @@ mod tests {
     use super::*;
     use crate::{MemoryTape, Records, Sink};
     use lockstep::port::{Element, Field};
+
+    #[test]
+    fn window_that_ends_before_it_begins_is_refused() {
+        let tape = tape();
+        let chosen = |from: i64, to: i64| {
+            let choice = Choice {
+                from: Some(Rational::from_millis(from)),
+                to: Some(Rational::from_millis(to)),
+                ..Choice::default()
+            };
+            Excerpt::new(&tape, &choice).map(|chosen| chosen.count(0))
+        };
+        assert_eq!(chosen(300, 300).unwrap(), 1);
+        let error = chosen(500, 300).unwrap_err().to_string();
+        assert!(error.contains("300 ms, is before the first one, 500 ms"), "{error}");
+    }
 
     /// Streams `a.x` and `a.y` with the fields `u` (two bytes), `v` (a double) and `w` (a byte), whose bytes count up.
     fn tape() -> MemoryTape {

@@ -9,7 +9,7 @@ use lockstep::time::Rational;
 use report::export::{self, Compression};
 use report::page::scene_of;
 use tape::folder::RunFolder;
-use tape::{Choice, Excerpt, Source};
+use tape::{Choice, Excerpt, ReadError, Source};
 
 use super::trust::{Trust, told};
 use crate::arguments::{instant, model};
@@ -126,7 +126,11 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let chosen = match Excerpt::new(&reader, &args.choice()) {
         Ok(chosen) => chosen,
         Err(error) => {
-            eprintln!("error: {}", told(&error));
+            let option = match error {
+                ReadError::Window { .. } => "--until: ",
+                _ => "",
+            };
+            eprintln!("error: {option}{}", told(&error));
             return Ok(UNREADABLE);
         }
     };
