@@ -15,6 +15,7 @@ pub mod decoders;
 mod limits;
 mod line;
 mod program;
+mod refusal;
 mod signals;
 #[cfg(feature = "capture")]
 mod spring;

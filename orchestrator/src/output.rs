@@ -2,6 +2,9 @@
 //! dropped, and the work goes on to its own end with its own exit code. The standard library's `println!` and its siblings panic
 //! there, in the middle of a run; the macros of the same names below take their places in this crate.
 //!
+//! What cannot be written to standard output for another reason (a full disk behind a redirection) is missing for whoever reads it: the
+//! work goes on to its end all the same, and then the program says so and fails ([`unwritten`]).
+//!
 //! Messages contain text of other programs: reasons, last lines of logs, names. The engine makes it harmless where it enters a message,
 //! and [`Heard`] replaces the control characters in everything that leaves this program.
 //!
@@ -11,6 +14,10 @@
 use std::borrow::Cow;
 use std::fmt::Arguments;
 use std::io::{self, BufWriter, ErrorKind, StderrLock, StdoutLock, Write};
+use std::sync::OnceLock;
+
+/// What kept standard output from being written, the first time.
+static UNWRITTEN: OnceLock<String> = OnceLock::new();
 
 macro_rules! println {
     ($($text:tt)*) => { $crate::output::line(&mut $crate::output::stdout(), format_args!($($text)*)) };
@@ -34,7 +41,11 @@ macro_rules! say {
 }
 
 /// A stream whose reader may leave. Control characters are replaced by their numbers, except line feed, tab and carriage return.
-pub struct Heard<W>(W);
+pub struct Heard<W> {
+    to: W,
+    /// Where it is noted that something could not be written.
+    unwritten: Option<&'static OnceLock<String>>,
+}
 
 /// `bytes` with control characters replaced by their numbers.
 fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
@@ -66,28 +77,45 @@ fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
 }
 
 impl<W: Write> Heard<W> {
-    fn unless_gone<T>(result: io::Result<T>, otherwise: T) -> io::Result<T> {
+    fn unless_gone<T>(&self, result: io::Result<T>, otherwise: T) -> io::Result<T> {
         match result {
             Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(otherwise),
-            result => result,
+            Err(error) => {
+                if let Some(unwritten) = self.unwritten {
+                    unwritten.get_or_init(|| error.to_string());
+                }
+                Err(error)
+            }
+            Ok(done) => Ok(done),
         }
     }
 }
 
 impl<W: Write> Write for Heard<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.0.write_all(&plain(bytes)).map(|()| bytes.len());
-        Self::unless_gone(written, bytes.len())
+        let written = self.to.write_all(&plain(bytes)).map(|()| bytes.len());
+        self.unless_gone(written, bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        Self::unless_gone(self.0.flush(), ())
+        let flushed = self.to.flush();
+        self.unless_gone(flushed, ())
     }
 }
 
 /// Standard output.
 pub fn stdout() -> Heard<StdoutLock<'static>> {
-    Heard(io::stdout().lock())
+    Heard {
+        to: io::stdout().lock(),
+        unwritten: Some(&UNWRITTEN),
+    }
+}
+
+/// What kept standard output from being written to its end, if anything did.
+pub fn unwritten() -> Option<&'static str> {
+    // The end of it may still wait for the end of its line.
+    let _ = stdout().flush();
+    UNWRITTEN.get().map(String::as_str)
 }
 
 /// Standard output for a page of many lines, which are written when it is dropped or has become large.
@@ -97,10 +125,13 @@ pub fn page() -> BufWriter<impl Write> {
 
 /// Standard error.
 pub fn stderr() -> Heard<StderrLock<'static>> {
-    Heard(io::stderr().lock())
+    Heard {
+        to: io::stderr().lock(),
+        unwritten: None,
+    }
 }
 
-/// Says `text` and ends the line. What cannot be said (a full disk behind a redirection) is no reason to stop what is done.
+/// Says `text` and ends the line. What cannot be said is no reason to stop what is done.
 pub fn line(out: &mut impl Write, text: Arguments<'_>) {
     let _ = out.write_fmt(text).and_then(|()| out.write_all(b"\n"));
 }
@@ -117,7 +148,10 @@ mod tests {
     #[test]
     fn heard_replaces_control_bytes() {
         let mut out = Vec::new();
-        let mut heard = Heard(&mut out);
+        let mut heard = Heard {
+            to: &mut out,
+            unwritten: None,
+        };
         heard
             .write_all("\rt = 1 s\n\tä\u{1b}[31m\0\u{7f}\u{9b}31m".as_bytes())
             .unwrap();
@@ -125,5 +159,32 @@ mod tests {
             String::from_utf8(out).unwrap(),
             "\rt = 1 s\n\tä\\u{1b}[31m\\u{0}\\u{7f}\\u{9b}31m"
         );
+    }
+
+    /// A stream that cannot be written, for one reason or the other.
+    struct Refuses(ErrorKind);
+
+    impl Write for Refuses {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(self.0.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Err(self.0.into())
+        }
+    }
+
+    #[test]
+    fn a_reader_that_has_left_has_heard_enough_and_a_full_disk_has_not() {
+        static LEFT: OnceLock<String> = OnceLock::new();
+        static FULL: OnceLock<String> = OnceLock::new();
+        for (kind, noted) in [(ErrorKind::BrokenPipe, &LEFT), (ErrorKind::StorageFull, &FULL)] {
+            let mut heard = Heard {
+                to: Refuses(kind),
+                unwritten: Some(noted),
+            };
+            line(&mut heard, format_args!("text"));
+        }
+        assert!(LEFT.get().is_none() && FULL.get().is_some(), "{LEFT:?} {FULL:?}");
     }
 }

@@ -1,5 +1,6 @@
 //! A program: the whole command line over a catalogue.
 
+use std::io::{ErrorKind, Write, stdout};
 use std::process::ExitCode;
 
 use clap::FromArgMatches;
@@ -8,7 +9,7 @@ use lockstep::participant::{ParameterError, Participant, Setup};
 
 use crate::cli::{self, Cli, Command};
 use crate::templates::Template;
-use crate::{bench, catalogue, commands, limits, version};
+use crate::{bench, catalogue, commands, limits, output, refusal, version};
 
 /// A program with the whole command line, and with participants and assessments of its own inside.
 ///
@@ -107,9 +108,10 @@ impl Program {
         if self.templates.is_empty() {
             line = line.mut_subcommand("new", |new| new.hide(true));
         }
-        let cli = match Cli::from_arg_matches(&line.clone().get_matches()) {
+        let matches = line.clone().try_get_matches();
+        let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
             Ok(cli) => cli,
-            Err(error) => error.exit(),
+            Err(answer) => return answered(&answer),
         };
         let catalogue = self.catalogue.with_version(version);
         catalogue::set(bench::register(catalogue));
@@ -162,11 +164,34 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         }
         Command::Participant(_) => Ok(0),
     };
-    match result {
-        Ok(code) => ExitCode::from(code as u8),
+    let unwritten = output::unwritten();
+    let code = match result {
+        Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {error:#}");
-            ExitCode::from(1)
+            let words = refusal::words(&error);
+            // That of the output is told below.
+            if unwritten != Some(words.as_str()) {
+                eprintln!("error: {words}");
+            }
+            refusal::exit_code(&error)
         }
+    };
+    match unwritten {
+        Some(reason) => unheard(reason),
+        None => ExitCode::from(code as u8),
     }
+}
+
+/// Prints what the command line itself is answered with: help, the version, or what is wrong with it.
+fn answered(answer: &clap::Error) -> ExitCode {
+    match answer.print().and_then(|()| stdout().flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe && !answer.use_stderr() => unheard(&error.to_string()),
+        _ => ExitCode::from(answer.exit_code() as u8),
+    }
+}
+
+/// Whatever was done, not all of what the program says of it could be written.
+fn unheard(reason: &str) -> ExitCode {
+    eprintln!("error: standard output cannot be written: {reason}");
+    ExitCode::from(1)
 }

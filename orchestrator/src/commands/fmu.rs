@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 
 use super::fmu_export::{self, FmuExportArgs};
+use crate::refusal::Refusal;
 
 /// Arguments of `fmu`.
 #[derive(Debug, Args)]
@@ -31,7 +32,7 @@ pub enum FmuAction {
 pub fn run(args: &FmuArgs) -> anyhow::Result<i32> {
     match &args.action {
         FmuAction::Inspect { file } => {
-            let found = fmu::inspect(file)?;
+            let found = fmu::inspect(file).map_err(Refusal::of)?;
             print!("{}", found.text);
             println!("\nA scenario with it:\n\n{}", found.scenario);
             Ok(if found.usable { 0 } else { 2 })

@@ -16,6 +16,8 @@ use multibody::{Description, DynState, DynTree, FrameId, Quaternion, UrdfOptions
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
+use crate::refusal::Refusal;
+
 /// Arguments of `model`.
 #[derive(Debug, Args)]
 pub struct ModelArgs {
@@ -30,20 +32,22 @@ pub struct ModelArgs {
 
 /// Prints the tree of a URDF file or, with states, evaluates it at those states and prints JSON.
 pub fn run(args: &ModelArgs) -> Result<()> {
+    // Nothing can go wrong but what the files say.
+    let found = told(args).map_err(Refusal::of)?;
+    print!("{found}");
+    Ok(())
+}
+
+/// What is to be printed.
+fn told(args: &ModelArgs) -> Result<String> {
     let description = read(&args.model, args.allow_unphysical)?;
-    match args.states.as_deref() {
-        None => {
-            print!("{}", listing(&description)?);
-            Ok(())
-        }
-        Some(path) => {
-            let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-            let file: Value = serde_json::from_str(&text).with_context(|| format!("in {}", path.display()))?;
-            let out = evaluate(&description, &file).with_context(|| format!("in {}", path.display()))?;
-            println!("{}", serde_json::to_string_pretty(&out)?);
-            Ok(())
-        }
-    }
+    let Some(path) = args.states.as_deref() else {
+        return listing(&description);
+    };
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let file: Value = serde_json::from_str(&text).with_context(|| format!("in {}", path.display()))?;
+    let out = evaluate(&description, &file).with_context(|| format!("in {}", path.display()))?;
+    Ok(serde_json::to_string_pretty(&out)? + "\n")
 }
 
 /// Reads a file; warnings go to the standard error.

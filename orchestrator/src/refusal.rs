@@ -1,0 +1,73 @@
+//! Errors of commands in words, and the exit codes that belong to them.
+
+use std::fmt;
+
+use engine::run::RunFailure;
+use engine::scenario::ScenarioError;
+
+/// Something is wrong with the command line or with a file that it names, and nothing was done.
+#[derive(Debug)]
+pub struct Refusal(String);
+
+impl Refusal {
+    /// A refusal for what `error` says.
+    pub fn of(error: impl Into<anyhow::Error>) -> Refusal {
+        Refusal(words(&error.into()))
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+/// An error with its causes. One whose text has its cause's in it already is not followed by that once more.
+pub fn words(error: &anyhow::Error) -> String {
+    let mut words = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !words.contains(&cause) {
+            words += &format!(": {cause}");
+        }
+    }
+    words
+}
+
+/// The exit code of a command that ends with `error`: 2 when the user must change something, else 1.
+pub fn exit_code(error: &anyhow::Error) -> i32 {
+    if error.is::<Refusal>() || error.is::<ScenarioError>() {
+        return 2;
+    }
+    error.downcast_ref::<RunFailure>().map_or(1, RunFailure::exit_code)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+
+    use anyhow::{Context, anyhow};
+
+    use super::*;
+
+    #[test]
+    fn a_cause_is_told_once() {
+        let error = || io::Error::other("the disk is full");
+        let told = |error: anyhow::Error| words(&error);
+        assert_eq!(told(error().into()), "the disk is full");
+        let wrapped = Err::<(), _>(error()).context("x.toml").unwrap_err();
+        assert_eq!(told(wrapped), "x.toml: the disk is full");
+        let tells = Err::<(), _>(error())
+            .context("x.toml: the disk is full; name another")
+            .unwrap_err();
+        assert_eq!(told(tells), "x.toml: the disk is full; name another");
+    }
+
+    #[test]
+    fn what_the_user_must_change_has_its_exit_code() {
+        assert_eq!(exit_code(&anyhow!("x")), 1);
+        assert_eq!(exit_code(&Refusal::of(anyhow!("x")).into()), 2);
+        assert_eq!(exit_code(&RunFailure::Interrupted.into()), 1);
+    }
+}
