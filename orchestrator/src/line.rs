@@ -25,7 +25,8 @@ enum How {
 pub struct Line {
     how: How,
     last: Option<Instant>,
-    width: usize,
+    /// How many columns of it are drawn.
+    drawn: usize,
 }
 
 impl Line {
@@ -41,7 +42,7 @@ impl Line {
 
     fn shown(how: How, now: Instant) -> Line {
         let last = (how == How::Written).then_some(now);
-        Line { how, last, width: 0 }
+        Line { how, last, drawn: 0 }
     }
 
     /// Whether it is time to show something at `now`; then it has been shown.
@@ -80,19 +81,88 @@ impl Line {
 
     /// Takes a moving line away.
     pub fn clear(&mut self) {
-        if self.width > 0 {
+        if self.drawn > 0 {
             self.draw("");
             eprint!("\r");
-            self.width = 0;
+            self.drawn = 0;
         }
     }
 
     fn draw(&mut self, text: &str) {
-        let count = text.chars().count();
-        let width = self.width.max(count);
-        eprint!("\r{text:width$}");
+        let drawn = self.drawing(text, columns());
+        eprint!("\r{drawn}");
         let _ = stderr().flush();
-        self.width = count;
+    }
+
+    /// What is written over the line that is drawn, where a terminal has `columns`, so that `text` stands in its place. What would not fit
+    /// into a row is left out: the terminal would go on in the next row, from which no carriage return comes back. The last column stays
+    /// free, behind which some terminals go on at once.
+    fn drawing(&mut self, text: &str, columns: Option<usize>) -> String {
+        let room = columns.map_or(usize::MAX, |columns| columns.saturating_sub(1));
+        let (mut drawing, mut count) = (String::with_capacity(text.len()), 0);
+        for one in text.chars() {
+            let shown = shown(one);
+            let width: usize = shown.chars().map(width).sum();
+            if count + width > room {
+                break;
+            }
+            drawing.push_str(&shown);
+            count += width;
+        }
+        // Since it was drawn the terminal may have become narrower.
+        let over = self.drawn.min(room).saturating_sub(count);
+        drawing.extend(std::iter::repeat_n(' ', over));
+        self.drawn = count;
+        drawing
+    }
+}
+
+/// The columns of the terminal at standard error, which change when its window does. `None` where it has none that are known.
+fn columns() -> Option<usize> {
+    let size = rustix::termios::tcgetwinsize(stderr()).ok()?;
+    Some(usize::from(size.ws_col)).filter(|columns| *columns > 0)
+}
+
+/// What is shown of a character: control characters, which names of files may have, by their numbers.
+fn shown(one: char) -> String {
+    match one.is_control() {
+        true => one.escape_unicode().to_string(),
+        false => one.to_string(),
+    }
+}
+
+/// Characters without a column of their own: marks that stand over others, joiners, variants.
+const NARROW: [(u32, u32); 7] = [
+    (0x300, 0x36f),
+    (0x483, 0x489),
+    (0x591, 0x5bd),
+    (0x64b, 0x65f),
+    (0x200b, 0x200f),
+    (0x20d0, 0x20f0),
+    (0xfe00, 0xfe0f),
+];
+/// Characters of two columns: the scripts of East Asia, and pictures.
+const WIDE: [(u32, u32); 11] = [
+    (0x1100, 0x115f),
+    (0x2e80, 0x303e),
+    (0x3041, 0x4dbf),
+    (0x4e00, 0xa4cf),
+    (0xa960, 0xa97c),
+    (0xac00, 0xd7a3),
+    (0xf900, 0xfaff),
+    (0xfe30, 0xfe6f),
+    (0xff00, 0xff60),
+    (0xffe0, 0xffe6),
+    (0x1f300, 0x3fffd),
+];
+
+/// How many columns of a terminal a character takes.
+fn width(one: char) -> usize {
+    let among = |ranges: &[(u32, u32)]| ranges.iter().any(|&(from, to)| (from..=to).contains(&u32::from(one)));
+    match (among(&NARROW), among(&WIDE)) {
+        (true, _) => 0,
+        (false, true) => 2,
+        (false, false) => 1,
     }
 }
 
@@ -225,6 +295,24 @@ mod tests {
                 .count()
         };
         assert_eq!((count(How::Moving), count(How::Never)), (10, 0));
+    }
+
+    #[test]
+    fn a_moving_line_stays_in_its_row() {
+        let mut line = Line::shown(How::Moving, Instant::now());
+        let all = "t = 12.250 s of 35 s (35 %)";
+        assert_eq!(line.drawing(all, None), all);
+        assert_eq!(line.drawing("t = 1", Some(80)), format!("t = 1{:22}", ""));
+        assert_eq!(line.drawing(all, Some(20)), &all[..19]);
+        // The window has become narrower: what is written over the line fits into it.
+        assert_eq!(line.drawing("t", Some(10)), format!("t{:8}", ""));
+        assert_eq!(line.drawing("t", Some(1)), "");
+        // Two columns each, one that is not a whole one, and marks of no column.
+        assert_eq!(line.drawing("試験/run", Some(6)), "試験/");
+        assert_eq!(line.drawing("試験", Some(4)), "試  ");
+        assert_eq!(line.drawing("e\u{301}e\u{301}e", Some(3)), "e\u{301}e\u{301}");
+        // A name of a file may have anything in it.
+        assert_eq!(line.drawing("a\nb", Some(80)), "a\\u{a}b");
     }
 
     #[test]

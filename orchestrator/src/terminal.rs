@@ -16,8 +16,37 @@ struct Terminal {
     /// Simulated time at which the progress is measured from, s; after a rest from where it goes on.
     from_s: Option<f64>,
     duration_s: f64,
+    /// How many points of a campaign there were when they were first seen.
+    counted: Option<Counted>,
     /// Whether a pause has asked for a line.
     asks: bool,
+}
+
+/// Points of a campaign, from when they were first seen.
+#[derive(Debug, Clone, Copy)]
+struct Counted {
+    since: Instant,
+    first: usize,
+    last: usize,
+}
+
+impl Counted {
+    /// With `done` of them at `now`. Fewer than before are those of other work, such as runs that are kept: they are counted anew.
+    fn with(before: Option<Counted>, done: usize, now: Instant) -> Counted {
+        let begun = Counted {
+            since: now,
+            first: done,
+            last: done,
+        };
+        let before = before.filter(|before| before.last <= done).unwrap_or(begun);
+        Counted { last: done, ..before }
+    }
+
+    /// How many came since then, and in how many seconds up to `now`.
+    fn own(&self, now: Instant) -> (usize, f64) {
+        let wall = now.saturating_duration_since(self.since);
+        (self.last - self.first, wall.as_secs_f64())
+    }
 }
 
 /// A terminal's observer. With `quiet`, notices alone.
@@ -27,6 +56,7 @@ pub fn progress(quiet: bool) -> Progress {
         started: Instant::now(),
         from_s: None,
         duration_s: 0.0,
+        counted: None,
         asks: false,
     })
 }
@@ -50,17 +80,23 @@ fn run_line(t_s: f64, from_s: f64, duration_s: f64, wall_s: f64) -> String {
     )
 }
 
-/// `42 of 84 points (50 %), 3.1 a second, 14 s left`
-fn campaign_line(done: usize, all: usize, resumed: usize, wall_s: f64) -> String {
-    let own = done.saturating_sub(resumed) as f64;
-    let mut text = format!("{done} of {all} points ({:.0} %)", percent(done as f64, all as f64));
-    if own > 0.0 {
-        let each = wall_s / own;
+/// `42 of 84 points (50 %), 3.1 a second, 14 s left`, of which `own` came in `wall_s`. Of a campaign that grows with its results nobody
+/// knows the end: `42 of 84 points so far, 3.1 a second`.
+fn campaign_line(done: usize, all: usize, grows: bool, (own, wall_s): (usize, f64)) -> String {
+    let mut text = format!("{done} of {all} points");
+    text += &match grows {
+        true => " so far".to_owned(),
+        false => format!(" ({:.0} %)", percent(done as f64, all as f64)),
+    };
+    if own > 0 {
+        let each = wall_s / own as f64;
         text += &match each {
             1.0.. => format!(", {each:.1} s each"),
             _ => format!(", {:.1} a second", 1.0 / each.max(1e-6)),
         };
-        text += &left((all - done) as f64 * each);
+        if !grows {
+            text += &left(all.saturating_sub(done) as f64 * each);
+        }
     }
     text
 }
@@ -81,9 +117,11 @@ impl Observer for Terminal {
                 let wall_s = self.started.elapsed().as_secs_f64();
                 self.line.show(|| run_line(t_s, from_s, self.duration_s, wall_s));
             }
-            Event::Points { done, all, resumed } => {
-                let wall_s = self.started.elapsed().as_secs_f64();
-                self.line.show(|| campaign_line(done, all, resumed, wall_s));
+            Event::Points { done, all, grows, .. } => {
+                let now = Instant::now();
+                let counted = Counted::with(self.counted, done, now);
+                self.counted = Some(counted);
+                self.line.show(|| campaign_line(done, all, grows, counted.own(now)));
             }
             Event::Notice { text } => self.line.notice(text),
             Event::Paused { t_s, processes } => {
@@ -154,13 +192,33 @@ mod tests {
     #[test]
     fn a_campaign_counts_its_points_and_estimates_from_its_own() {
         assert_eq!(
-            campaign_line(42, 84, 0, 14.0),
+            campaign_line(42, 84, false, (42, 14.0)),
             "42 of 84 points (50 %), 3.0 a second, 14 s left"
         );
         assert_eq!(
-            campaign_line(12, 20, 10, 30.0),
+            campaign_line(12, 20, false, (2, 30.0)),
             "12 of 20 points (60 %), 15.0 s each, 2 min left"
         );
-        assert_eq!(campaign_line(10, 20, 10, 60.0), "10 of 20 points (50 %)");
+        assert_eq!(campaign_line(10, 20, false, (0, 60.0)), "10 of 20 points (50 %)");
+        assert_eq!(
+            campaign_line(401, 410, true, (401, 14.0)),
+            "401 of 410 points so far, 28.6 a second"
+        );
+    }
+
+    #[test]
+    fn points_of_all_levels_are_counted_and_those_of_other_work_anew() {
+        let start = Instant::now();
+        let at = |s: u64| start + std::time::Duration::from_secs(s);
+        // Three were there; the work goes on level after level.
+        let mut counted = None;
+        for (s, done) in [(5, 3), (6, 13), (7, 23), (8, 23), (15, 43)] {
+            counted = Some(Counted::with(counted, done, at(s)));
+        }
+        assert_eq!(counted.unwrap().own(at(15)), (40, 10.0));
+        for (s, done) in [(20, 0), (22, 1)] {
+            counted = Some(Counted::with(counted, done, at(s)));
+        }
+        assert_eq!(counted.unwrap().own(at(22)), (1, 2.0));
     }
 }

@@ -25,6 +25,8 @@ pub enum Event<'a> {
         all: usize,
         /// Points whose results were there when it began.
         resumed: usize,
+        /// Whether more points may follow, depending on the results of these.
+        grows: bool,
     },
     /// Something that a user should see; the run goes on.
     Notice {

@@ -106,9 +106,11 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         until: args.until.as_ref().map(|until| until.watch(&figures)).transpose()?,
         ..args.part.options(args.campaign.options())?
     };
-    if let Some(rare) = file.as_ref().map(|file| file.rare(&plan)).transpose()?.flatten() {
+    if let Some(file) = &file
+        && let Some(rare) = file.rare(&plan)?
+    {
         alone(args)?;
-        let criterion = rare.criterion(&known.criteria)?;
+        let criterion = file.criterion(&rare, &known.criteria, &scenario)?;
         let ended = rare.run(campaign, &plan, criterion, &scenario, &options)?;
         return conclude_rare(&ended, figure.as_ref(), &args.campaign);
     }

@@ -15,6 +15,7 @@ use super::plan::Plan;
 use super::rare::Rare;
 use super::source::Source;
 use super::{Campaign, CampaignError};
+use crate::assessment::Criterion;
 use crate::scenario::{Changes, Lines, Mistake, Scenario, ScenarioError};
 
 /// A file that declares a campaign: of its own, which names a scenario, or a scenario with the table `campaign`.
@@ -194,6 +195,16 @@ impl CampaignFile {
                 Err(self.error(vec![self.mistake(&key, reason)]))
             }
         }
+    }
+
+    /// The criterion that `rare` looks at, among those that the points of `scenario` have.
+    ///
+    /// # Errors
+    /// When there is none of the name that the file says, or when it must say one.
+    pub fn criterion(&self, rare: &Rare, known: &[Criterion], scenario: &Scenario) -> Result<Criterion, CampaignError> {
+        let measured = |name: &str| scenario.spec().measures.contains_key(name);
+        let found = rare.criterion(known, measured);
+        found.map_err(|reason| self.error(vec![self.mistake("subset.criterion", reason)]))
     }
 
     fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {

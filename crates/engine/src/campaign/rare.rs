@@ -15,7 +15,7 @@ use super::keep::Keep;
 use super::options::Options;
 use super::plan::{Plan, columns_of};
 use super::point::{Outcome, Result as PointResult};
-use super::work::{Finished, run};
+use super::work::{Finished, work};
 use super::{Campaign, CampaignError, POINTS_MAX, journal};
 use crate::assessment::Criterion;
 use crate::scenario::Scenario;
@@ -54,31 +54,40 @@ impl Rare {
         Rare { subset, criterion }
     }
 
-    /// The criterion among those that the runs have.
+    /// The criterion among those that the runs have; `measured` says whether they have a measure of a name.
     ///
     /// # Errors
-    /// When there is none of that name, or several and none is named.
-    pub fn criterion(&self, known: &[Criterion]) -> Result<Criterion, CampaignError> {
+    /// When there is none of that name, or several and none is named: the reason.
+    pub(super) fn criterion(&self, known: &[Criterion], measured: impl Fn(&str) -> bool) -> Result<Criterion, String> {
         let names: Vec<String> = known.iter().map(|one| format!("`{}`", one.name)).collect();
-        let refuse = |reason: String| Err(CampaignError::Rare(reason));
+        let there = match &names[..] {
+            [] => "there is none that could be missed: give a measure a limit".to_owned(),
+            names => format!("there is {}", names.join(", ")),
+        };
         match (&self.criterion, known) {
-            (_, []) => refuse("the scenario has no criterion that could be missed: give a measure a limit".into()),
+            (None, []) => Err("the scenario has no criterion that could be missed: give a measure a limit".to_owned()),
             (None, [one]) => Ok(one.clone()),
-            (None, _) => refuse(format!(
+            (None, _) => Err(format!(
                 "which criterion is to be missed is not said: write criterion = \"…\" in [subset], one of {}",
                 names.join(", ")
             )),
-            (Some(name), _) => match known.iter().find(|one| one.name == *name) {
-                Some(one) => Ok(one.clone()),
-                None => refuse(format!("there is no criterion `{name}`: there is {}", names.join(", "))),
-            },
+            (Some(name), _) => known.iter().find(|one| one.name == *name).cloned().ok_or_else(|| {
+                if measured(name) {
+                    format!(
+                        "the measure `{name}` is no criterion, because it has no limit: give [measures.{name}] `at-most`, `at-least` or \
+                         `within`; among the criteria {there}"
+                    )
+                } else {
+                    format!("there is no criterion `{name}`: {there}")
+                }
+            }),
         }
     }
 
     /// Runs level after level. `first` is the campaign of the first level, which `plan` declares.
     ///
     /// # Errors
-    /// As [`run`], and when a point crashes: what the next ones are depends on it.
+    /// As [`super::run`], and when a point crashes: what the next ones are depends on it.
     pub fn run(
         self,
         first: Campaign,
@@ -221,11 +230,10 @@ impl Levels<'_> {
         self.grow();
         // The folder is let go of before it is taken again.
         let before = self.finished.take().map(|before| (before.resumed, before.wall_s));
-        let mut ended = run(&self.campaign, self.scenario, &self.options)?;
-        if let Some((resumed, wall_s)) = before {
-            ended.resumed = resumed;
-            ended.wall_s += wall_s;
-        }
+        let identity = Identity::of(&self.campaign, self.scenario)?;
+        let resumed = before.map(|(resumed, _)| resumed);
+        let mut ended = work(&self.campaign, self.scenario, identity, &self.options, resumed)?;
+        ended.wall_s += before.map_or(0.0, |(_, wall_s)| wall_s);
         self.known.clone_from(&ended.results);
         let mut all = self.known.iter().zip(1..);
         let crashed = all.find_map(|(result, number)| {

@@ -90,7 +90,7 @@ pub fn run(campaign: &Campaign, scenario: &Scenario, options: &Options) -> Resul
         audit: options.audit,
         ..Identity::of(campaign, scenario)?
     };
-    work(campaign, scenario, identity, options)
+    work(campaign, scenario, identity, options, None)
 }
 
 /// The same for a campaign that was read from a folder, which says what it must be.
@@ -126,14 +126,16 @@ pub fn run_as(
         source: now.source,
         ..known.clone()
     };
-    work(campaign, scenario, identity, options)
+    work(campaign, scenario, identity, options, None)
 }
 
-fn work(
+/// Does the work of [`run`]. A campaign that grows had `before` points when it began; any other those that its folder has.
+pub(super) fn work(
     campaign: &Campaign,
     scenario: &Scenario,
     identity: Identity,
     options: &Options,
+    before: Option<usize>,
 ) -> Result<Finished, CampaignError> {
     let started = Instant::now();
     let (mut folder, mut known) = Folder::open(campaign, &identity, options)?;
@@ -148,11 +150,13 @@ fn work(
     }
     let open = open_points(&known, &identity);
     folder.hold(options.workers(open.len()))?;
-    let resumed = known.results.iter().flatten().count();
+    let done = known.results.iter().flatten().count();
+    let resumed = before.unwrap_or(done);
     let mut results = known.results;
     let mut crew = Crew::new(campaign, scenario, &folder, &mut results, open);
     crew.all = (0..campaign.points.len()).filter(|at| identity.owns(*at)).count();
-    (crew.resumed, crew.done) = (resumed, resumed);
+    (crew.resumed, crew.done) = (resumed, done);
+    crew.grows = campaign.source.as_ref().is_some_and(|source| source.rare);
     crew.keep = options.keep.contains(&Keep::All);
     crew.until = options.until.clone();
     crew.draft = identity.shard.is_none().then(|| Draft::new(&folder));
@@ -241,6 +245,8 @@ struct Crew<'a> {
     resumed: usize,
     done: usize,
     all: usize,
+    /// Whether there may be more, which depends on their results.
+    grows: bool,
     /// Whether run folders are kept on the way.
     keep: bool,
     until: Option<Watch>,
@@ -304,6 +310,7 @@ impl<'a> Crew<'a> {
             resumed: 0,
             done: 0,
             all: open.len(),
+            grows: false,
             open,
             suspects: VecDeque::new(),
             lanes: company(scenario),
@@ -368,6 +375,7 @@ impl<'a> Crew<'a> {
                 done: self.done,
                 all: self.all,
                 resumed: self.resumed,
+                grows: self.grows,
             });
             let (number, word) = match words.1.recv_timeout(Duration::from_millis(50)) {
                 Ok(word) => word,
