@@ -231,8 +231,19 @@ fn what_cannot_be_is_refused() {
     refused(
         &table("criterion = \"speed\""),
         &[],
-        &["no criterion `speed`", "`swing`"],
+        &["wrong.toml:20: subset.criterion: ", "no criterion `speed`", "`swing`"],
     );
+    // What is measured without a limit lacks that alone.
+    springs(
+        &folder,
+        "\n[measures.e]\nof = \"left.motion.position\"\ncompute = \"rms\"\n",
+    );
+    refused(
+        &table("criterion = \"e\""),
+        &[],
+        &["wrong.toml:20: subset.criterion: ", "[measures.e] `at-most`", "`swing`"],
+    );
+    springs(&folder, "");
     refused(
         &with("\"subset\"", "\"random\"").replace("seed = 5", "seed = 5\nsubset = { levels = 3 }"),
         &[],

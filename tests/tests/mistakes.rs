@@ -1,0 +1,204 @@
+//! A mistake is told once, with the option that made it and where to mend it; what follows from it is no mistake of its own.
+
+use std::path::Path;
+
+use escapement_tests::program::{Folder, Said, orchestrate, orchestrator, root, text};
+
+/// Two masses on springs.
+fn springs(folder: &Folder) -> std::path::PathBuf {
+    let scenario = std::fs::read_to_string(root().join("orchestrator/src/templates/spring.toml")).unwrap();
+    folder.write("m.toml", &scenario.replace("10 s\"", "200 ms\""))
+}
+
+/// Sees that `said` is a refusal with all of `parts` and with none of `without`.
+fn refused(said: &Said, parts: &[&str], without: &[&str]) {
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in parts {
+        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+    }
+    for part in without {
+        assert!(!said.err.contains(part), "`{part}` is in: {}", said.err);
+    }
+}
+
+#[test]
+fn a_connection_that_is_refused_is_the_only_mistake() {
+    let folder = Folder::new("one-mistake");
+    let file = springs(&folder);
+    for (set, key, part) in [
+        ("delay=-1ms", "connections.to-right.delay", "must not be negative"),
+        ("drop=1.5", "connections.to-right.drop", "between 0 and 1"),
+        ("delay=\"1000 s\"", "connections.to-right.delay", "in flight"),
+    ] {
+        let set = format!("connections.to-right.{set}");
+        let said = orchestrate(&["check", text(&file), "--set", &set]);
+        refused(&said, &[key, part, "(given with --set)"], &["not connected", "m.toml:"]);
+        assert_eq!(said.err.lines().count(), 1, "{}", said.err);
+    }
+    // A mistake of the whole connection says what of it the file does not have.
+    let said = orchestrate(&["check", text(&file), "--set", "connections.to-right.from=left.movement"]);
+    refused(&said, &["`movement`", "(`from` given with --set)"], &["not connected"]);
+}
+
+#[test]
+fn a_change_is_said_to_be_where_it_comes_from() {
+    let folder = Folder::new("where-from");
+    let file = springs(&folder);
+    let out = folder.path().join("out");
+    let shadow = ["--shadow", "left=builtin:spring", "--shadow-set", "massx=1"];
+    let said = orchestrate(&[&["run", text(&file), "--out", text(&out)], &shadow[..]].concat());
+    refused(&said, &["massx", "given with --shadow-set"], &["given with --set"]);
+    let vary = ["--vary", "connections.to-right.dellay=0ms"];
+    let said = orchestrate(&[&["sweep", text(&file), "--out", text(&out)], &vary[..]].concat());
+    refused(&said, &["dellay", "varied by the campaign"], &["--set"]);
+    let campaign = "scenario = \"m.toml\"\npoints = 4\n[vary.k]\nkey = \"participants.left.parameters.stiffness\"\n\
+                    distribution = \"uniform\"\nfrom = \"-9 N/m\"\nto = \"-5 N/m\"\n";
+    let campaign = folder.write("campaign.toml", campaign);
+    let said = orchestrate(&["sweep", text(&campaign), "--out", text(&out)]);
+    refused(&said, &["vary.k", "varied by the campaign"], &["--set"]);
+    assert!(!out.exists(), "nothing is written");
+}
+
+#[test]
+fn a_program_of_an_option_is_looked_for_where_the_command_is_given() {
+    let folder = Folder::new("given-here");
+    let file = springs(&folder);
+    for option in ["--substitute", "--shadow"] {
+        for name in ["./nothere", "nothere.so"] {
+            let out = folder.path().join("out");
+            let given = format!("left={name}");
+            let said = orchestrate(&["run", text(&file), "--out", text(&out), option, &given]);
+            let here = root().join("nothere");
+            refused(&said, &[text(&here), option], &["scenario's folder"]);
+            assert!(!out.exists(), "nothing is written");
+        }
+    }
+    let said = orchestrate(&[
+        "check",
+        text(&file),
+        "--set",
+        "participants.left.run={ exe = \"./nothere\" }",
+    ]);
+    refused(&said, &["one from the scenario's folder", "given with --set"], &[]);
+}
+
+#[test]
+fn a_file_that_cannot_be_read_is_a_refusal_that_is_told_once() {
+    let nothing = Folder::new("read-once").path().join("nothere");
+    let nothing = |ending: &str| nothing.with_extension(ending);
+    for (command, file, part) in [
+        (&["fmu", "inspect"][..], nothing("fmu"), "No such file"),
+        (&["fmu", "inspect"], "/etc/passwd".into(), "/etc/passwd"),
+        (&["model"], nothing("urdf"), "No such file"),
+        (&["model"], root().join("scenarios/close.toml"), "close.toml"),
+    ] {
+        let said = orchestrate(&[command, &[text(&file)]].concat());
+        refused(&said, &[part], &[]);
+        let line = said.err.lines().next().unwrap().trim_start_matches("error: ");
+        let said_twice = line
+            .split(": ")
+            .any(|words| words.len() > 12 && line.matches(words).count() > 1);
+        assert!(!said_twice, "{}", said.err);
+    }
+}
+
+#[test]
+fn who_ends_before_it_has_entered_the_run_is_said_to() {
+    let folder = Folder::new("ends-early");
+    let file = springs(&folder);
+    let out = folder.path().join("out");
+    let killed = folder.write("killed", "#!/bin/sh\nkill -9 $$\n");
+    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(&killed, mode).unwrap();
+    for (program, how) in [
+        (Path::new("/bin/true"), "exited with status 0"),
+        (&killed, "was ended by signal 9 (killed)"),
+    ] {
+        let given = format!("left={}", text(program));
+        let said = orchestrate(&[
+            "run",
+            text(&file),
+            "--substitute",
+            &given,
+            "--out",
+            text(&out),
+            "--force",
+        ]);
+        assert_eq!(said.code, Some(1), "{said:?}");
+        let words = format!("participant `left`: {how} before it had entered the run; it wrote nothing");
+        assert!(said.err.contains(&words), "{said:?}");
+    }
+}
+
+#[test]
+fn an_export_that_ends_before_it_begins_is_refused() {
+    let folder = Folder::new("empty-export");
+    let file = springs(&folder);
+    let (run, out) = (folder.path().join("run"), folder.path().join("out"));
+    let said = orchestrate(&["run", text(&file), "--in-process", "--out", text(&run)]);
+    assert_eq!(said.code, Some(0), "{said:?}");
+    for format in ["csv", "parquet", "mat", "mcap"] {
+        let window = ["--from", "50ms", "--until", "30ms"];
+        let said = orchestrate(
+            &[
+                &["export", text(&run), "--to", format, "--out", text(&out)],
+                &window[..],
+            ]
+            .concat(),
+        );
+        refused(&said, &["--until: ", "30 ms", "50 ms", "the window is empty"], &[]);
+        assert!(!out.exists(), "nothing is written");
+    }
+}
+
+/// The same command, with its standard output on a disk that is full.
+fn on_a_full_disk(arguments: &[&str]) -> Said {
+    let mut command = std::process::Command::new("/bin/sh");
+    command
+        .args(["-c", "exec \"$0\" \"$@\" >/dev/full"])
+        .arg(orchestrator());
+    let child = command
+        .args(arguments)
+        .current_dir(root())
+        .stdin(std::process::Stdio::null());
+    let output = child.output().expect("a shell can be started");
+    output.into()
+}
+
+#[test]
+fn output_that_cannot_be_written_is_an_error() {
+    let folder = Folder::new("full");
+    let file = springs(&folder);
+    let run = folder.path().join("run");
+    let (file, run) = (text(&file), text(&run));
+    let whole: &[&[&str]] = &[
+        &["run", file, "--in-process", "--out", run],
+        &["check", file],
+        &["check", file, "--json"],
+        &["graph", file],
+        &["export", run, "--to", "csv"],
+        &["compare", run, run],
+        &["measure", run, "--of", "left.motion.position", "--compute", "max"],
+        &["report", run],
+        &["completions", "bash"],
+        &["man"],
+        &["model", "models/servicer.urdf"],
+        &["--help"],
+        &["check", "--help"],
+        &["--version"],
+    ];
+    for arguments in whole {
+        let said = on_a_full_disk(arguments);
+        assert_eq!(said.code, Some(1), "{arguments:?}: {said:?}");
+        let told = "error: standard output cannot be written: No space left on device";
+        assert_eq!(said.err.matches(told).count(), 1, "{arguments:?}: {said:?}");
+        assert_eq!(said.err.matches("No space").count(), 1, "{arguments:?}: {said:?}");
+    }
+    // What was done was done.
+    assert!(Path::new(run).join("summary.json").exists() && Path::new(run).join("report.html").exists());
+    // Where there is nothing to say nothing is missing.
+    assert_eq!(
+        on_a_full_disk(&["run", file, "--quiet", "--force", "--out", run]).code,
+        Some(0)
+    );
+}
