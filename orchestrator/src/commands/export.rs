@@ -110,10 +110,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     }
     let reader = match args.trust.open(&args.run) {
         Ok(reader) => reader,
-        Err(error) => {
-            eprintln!("error: {}", told(&error));
-            return Ok(UNREADABLE);
-        }
+        Err(error) => return Ok(refused(&error)),
     };
     for torn in reader.torn() {
         eprintln!(
@@ -125,14 +122,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let busy = Busy::reading("exporting", &args.run);
     let chosen = match Excerpt::new(&reader, &args.choice()) {
         Ok(chosen) => chosen,
-        Err(error) => {
-            let option = match error {
-                ReadError::Window { .. } => "--until: ",
-                _ => "",
-            };
-            eprintln!("error: {option}{}", told(&error));
-            return Ok(UNREADABLE);
-        }
+        Err(error) => return Ok(refused(&error)),
     };
     let about = about(&args.run);
     let result = match args.to {
@@ -179,6 +169,16 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
             Ok(UNWRITABLE)
         }
     }
+}
+
+/// Says why the tape, or what was asked for of it, cannot be read; gives the exit code.
+fn refused(error: &ReadError) -> i32 {
+    let option = match error {
+        ReadError::Window { .. } => "--until: ",
+        _ => "",
+    };
+    eprintln!("error: {option}{}", told(error));
+    UNREADABLE
 }
 
 /// The plan among what is known of a run; empty where it is not there.
