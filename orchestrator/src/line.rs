@@ -309,7 +309,7 @@ mod tests {
         assert_eq!(line.drawing("t", Some(1)), "");
         // Two columns each, one that is not a whole one, and marks of no column.
         assert_eq!(line.drawing("試験/run", Some(6)), "試験/");
-        assert_eq!(line.drawing("試験", Some(4)), "試  ");
+        assert_eq!(line.drawing("試験", Some(4)), "試 ");
         assert_eq!(line.drawing("e\u{301}e\u{301}e", Some(3)), "e\u{301}e\u{301}");
         // A name of a file may have anything in it.
         assert_eq!(line.drawing("a\nb", Some(80)), "a\\u{a}b");

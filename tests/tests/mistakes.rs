@@ -32,7 +32,9 @@ fn a_connection_that_is_refused_is_the_only_mistake() {
     ] {
         let set = format!("connections.to-right.{set}");
         let said = orchestrate(&["check", text(&file), "--set", &set]);
-        refused(&said, &[key, part, "(given with --set)"], &["not connected", "m.toml:"]);
+        // With its own key, and not with a line of the file, which is right.
+        let told = format!("m.toml: {key}: ");
+        refused(&said, &[&told, part, "(given with --set)"], &["not connected"]);
         assert_eq!(said.err.lines().count(), 1, "{}", said.err);
     }
     // A mistake of the whole connection says what of it the file does not have.

@@ -233,17 +233,6 @@ fn what_cannot_be_is_refused() {
         &[],
         &["wrong.toml:20: subset.criterion: ", "no criterion `speed`", "`swing`"],
     );
-    // What is measured without a limit lacks that alone.
-    springs(
-        &folder,
-        "\n[measures.e]\nof = \"left.motion.position\"\ncompute = \"rms\"\n",
-    );
-    refused(
-        &table("criterion = \"e\""),
-        &[],
-        &["wrong.toml:20: subset.criterion: ", "[measures.e] `at-most`", "`swing`"],
-    );
-    springs(&folder, "");
     refused(
         &with("\"subset\"", "\"random\"").replace("seed = 5", "seed = 5\nsubset = { levels = 3 }"),
         &[],
@@ -273,4 +262,21 @@ fn what_cannot_be_is_refused() {
         said.err.contains("sweep ") && said.err.contains("rare.toml --out"),
         "{said:?}"
     );
+}
+
+#[test]
+fn what_is_measured_without_a_limit_lacks_that_alone() {
+    let folder = Folder::new("rare-no-limit");
+    springs(
+        &folder,
+        "\n[measures.e]\nof = \"left.motion.position\"\ncompute = \"rms\"\n",
+    );
+    let file = folder.write("wrong.toml", &format!("{CAMPAIGN}\n[subset]\ncriterion = \"e\"\n"));
+    let out = folder.path().join("out");
+    let said = orchestrate(&["sweep", text(&file), "--out", text(&out), "--quiet"]);
+    assert_eq!(said.code, Some(2), "{said:?}");
+    for part in ["wrong.toml:20: subset.criterion: ", "[measures.e] `at-most`", "`swing`"] {
+        assert!(said.err.contains(part), "`{part}` is not in: {}", said.err);
+    }
+    assert!(!out.exists(), "nothing is run");
 }
