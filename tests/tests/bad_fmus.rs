@@ -219,7 +219,7 @@ fn archive_that_cannot_be_trusted_is_refused() {
         let file = folder.path().join("bad.fmu");
         std::fs::write(&file, bytes).expect("the folder can be written");
         let said = orchestrate(&["fmu", "inspect", text(&file)]);
-        assert_eq!(said.code, Some(1), "{said:?}");
+        assert_eq!(said.code, Some(2), "{said:?}");
         assert!(
             said.err.contains(words) && said.err.contains("bad.fmu"),
             "`{words}`: {said:?}"
