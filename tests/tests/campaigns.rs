@@ -368,8 +368,6 @@ append = { "participants.plant.parameters.faults" = [{ actuator = "joint.A1", ef
     assert_eq!(values(2, "connections.measured.delay"), "200 ms");
     assert_eq!(values(1, "participants.controller.parameters.model.mass_factor"), "2.0");
     assert!(values(1, "actuators").contains("wheel.y") && values(1, "connections.measured.delay").is_empty());
-    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(page.contains("wheel y off, arm twice as heavy") && page.contains("connections.measured.delay"));
     for number in [1, 2] {
         let row = &json["rows"][number];
         assert_eq!(row["outcome"], "not-met", "{row}");

@@ -219,10 +219,10 @@ fn a_debugger_has_time_before_the_first_step() {
 #[test]
 fn branch_is_replayed_where_its_own_plan_made_it() {
     let folder = Folder::new("replay-branch");
-    let run = capture(&folder);
+    let parent = Folder::new("replay-parent");
     let run = recorded(
-        &Folder::new("replay-parent"),
-        &run.join("plan.toml"),
+        &parent,
+        &capture(&folder).join("plan.toml"),
         &["--duration", "1 s", "--checkpoint-at", "400 ms"],
     );
     let branch = folder.path().join("branch");

@@ -3,9 +3,9 @@
 use report::campaign::floats;
 use serde_json::{Value, json};
 
-use super::super::point::Result as PointResult;
+use super::super::point::{Result as PointResult, word};
 use super::super::{Campaign, good_word, verdicts};
-use super::{failures, figure, word};
+use super::{failures, figure};
 
 /// The cases of a campaign with what became of each, for its page.
 pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {

@@ -9,7 +9,7 @@ pub use cases::of_cases;
 use report::campaign::floats;
 use serde_json::{Value, json};
 
-use super::point::Result as PointResult;
+use super::point::{Result as PointResult, word};
 use super::{Campaign, Column, Figures, Rarely, good_word, verdicts, wilson};
 use figure::Sample;
 
@@ -58,10 +58,6 @@ impl Rarely {
         all["worst"] = worst(&self.campaign, results);
         all
     }
-}
-
-fn word(result: Option<&PointResult>) -> &'static str {
-    result.map_or("not run", |result| result.outcome.word())
 }
 
 /// Whether a column is something that figures may depend on: not the number of a run, and not the same everywhere.
