@@ -198,8 +198,8 @@ def test_declared_faults_are_those_of_the_host(built, fault):
 
 def test_a_fault_is_a_dict_or_a_text(built):
     """Numbers, lists, tables and texts that look like numbers come through as what they are."""
-    text = "at=1s,until=2s,connection=measured,drop=0.5,delay='3 ms'"
-    table = {"at": "1 s", "until": "2 s", "connection": "measured", "drop": 0.5, "delay": "3 ms"}
+    text = "at=1s,until=2s,connection=measured,drop=0.5,extra-delay='3 ms'"
+    table = {"at": "1 s", "until": "2 s", "connection": "measured", "drop": 0.5, "extra-delay": "3 ms"}
     said = esc.run(PID, set=in_rust(built), faults=[text], out="text")
     same(said, esc.run(PID, set=in_rust(built), faults=table, out="table"))
     same(said, esc.run(esc.Scenario(PID, set=in_rust(built)), faults=(one for one in [table]), out="later"))

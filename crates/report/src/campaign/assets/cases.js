@@ -24,7 +24,7 @@ function sortable(heads, rows) {
 function cases() {
   const judged = measures.filter((one) => one.limits.length), shown = judged.length ? judged : measures, { good, ran } = DATA.share;
   // A list of cases names each in its first column; of failures all columns together say which.
-  const name = (i) => (DATA.columns[0][0] === "case" ? DATA.cases[i - 1].cells[0] : DATA.cases[i - 1].cells.filter(Boolean).join(" "));
+  const listed = DATA.columns[0][0] === "case", name = (i) => (listed ? DATA.cases[i - 1].cells[0] : DATA.cases[i - 1].cells.filter(Boolean).join(" "));
   at("runs").append(DATA.words);
   const groups = DATA.failures.map((one) => row(one.outcome, String(one.count), el("td", { class: "reason" }, one.reason || "—"), el("td", { class: "reason" }, one.points.map(name).join(", ") + (one.count > one.points.length ? ", …" : ""))));
   section("success", "Success", el("div", { class: "two" },
@@ -37,9 +37,12 @@ function cases() {
     const tint = of == null ? "" : `background: color-mix(in srgb, var(${beyond ? "--bad" : "--c0"}) ${beyond ? 45 : Math.round(30 * Math.max(0, Math.min(1, of)))}%, transparent)`;
     return told(Number.isNaN(x) ? "—" : show(x), x, { style: tint, title: of == null ? one.name : `${one.name}: ${percent(of)} of its limit` });
   };
-  const rows = DATA.cases.map((one, i) => [told(String(i + 1), i + 1), ...one.cells.map((cell) => told(cell)),
-    told(one.outcome, one.outcome, { style: `color: ${GOOD.has(one.outcome) ? "inherit" : "var(--bad)"}`, title: one.reason || "" }), ...shown.map((measure) => value(measure, i))]);
-  section("cases", "Cases", el("div", { class: "card wide cases" }, sortable(["case", ...DATA.columns.map(([key, unit]) => key + (unit ? ` [${unit}]` : "")), "outcome", ...shown.map(named)], rows)),
+  // What names a case stands first, what a list of cases sets behind what became of it: its keys are long.
+  const first = listed ? 1 : DATA.columns.length, heads = DATA.columns.map(([key, unit]) => key + (unit ? ` [${unit}]` : ""));
+  const rows = DATA.cases.map((one, i) => [told(String(i + 1), i + 1), ...one.cells.slice(0, first).map((cell) => told(cell)),
+    told(one.outcome, one.outcome, { style: `color: ${GOOD.has(one.outcome) ? "inherit" : "var(--bad)"}`, title: one.reason || "" }), ...shown.map((measure) => value(measure, i)),
+    ...one.cells.slice(first).map((cell) => told(cell))]);
+  section("cases", "Cases", el("div", { class: "card wide cases" }, sortable(["number", ...heads.slice(0, first), "outcome", ...shown.map(named), ...heads.slice(first)], rows)),
     el("p", { class: "note" }, judged.length ? "Shaded by the part of its limit that a figure takes; red beyond it. A click on a heading sorts." : "Nothing here has a limit. A click on a heading sorts."));
 
   const x = [0.4, DATA.cases.length + 0.6];
