@@ -2,7 +2,7 @@
 //! dropped, and the work goes on to its own end with its own exit code. The standard library's `println!` and its siblings panic
 //! there, in the middle of a run; the macros of the same names below take their places in this crate.
 //!
-//! What cannot be written to standard output for another reason (a full disk behind a redirection) is missing for whoever reads it: the
+//! What cannot be written to standard output for another reason (a full disk behind a redirection) is missing from what is read: the
 //! work goes on to its end all the same, and then the program says so and fails ([`unwritten`]).
 //!
 //! Messages contain text of other programs: reasons, last lines of logs, names. The engine makes it harmless where it enters a message,

@@ -80,8 +80,8 @@ fn run_line(t_s: f64, from_s: f64, duration_s: f64, wall_s: f64) -> String {
     )
 }
 
-/// `42 of 84 points (50 %), 3.1 a second, 14 s left`, of which `own` came in `wall_s`. Of a campaign that grows with its results nobody
-/// knows the end: `42 of 84 points so far, 3.1 a second`.
+/// `42 of 84 points (50 %), 3.1 a second, 14 s left`, of which `own` came in `wall_s`. The end of a campaign that grows with its
+/// results is not known: `42 of 84 points so far, 3.1 a second`.
 fn campaign_line(done: usize, all: usize, grows: bool, (own, wall_s): (usize, f64)) -> String {
     let mut text = format!("{done} of {all} points");
     text += &match grows {

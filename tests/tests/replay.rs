@@ -248,7 +248,7 @@ fn branch_is_replayed_where_its_own_plan_made_it() {
     }
     // The law of the controller is the same all along, and its inputs are on the tape.
     assert!(identical(&replay(&branch, "controller", &[])) > 0);
-    // Whoever goes on from it goes on with what it is; its own change is asked for, so the difference is told.
+    // A run that goes on from the branch is one too. Where a change is asked for, the difference is told.
     let again = folder.path().join("again");
     resume(&branch, &again, &[]);
     assert_eq!(replay(&again, "guidance", &[]).code, Some(2));

@@ -134,12 +134,7 @@ fn table(campaign: &Campaign, finished: &Finished, markdown: bool) -> String {
     }];
     for (at, result) in finished.results.iter().enumerate() {
         let mut line: Vec<String> = campaign.columns.iter().map(|column| column.texts[at].clone()).collect();
-        line.push(
-            result
-                .as_ref()
-                .map_or("not run", |result| result.outcome.word())
-                .to_owned(),
-        );
+        line.push(campaign::word(result.as_ref()).to_owned());
         let own = result.as_ref().and_then(|result| result.figures.as_ref());
         for (number, _) in criteria.iter().enumerate() {
             let value = own.and_then(|figures| figures.criteria.get(number)?.value);

@@ -75,7 +75,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
         eprintln!("error: the run cannot be taken up: {error}");
         return Ok(2);
     }
-    if let Some(name) = name(&folder) {
+    if let Some(name) = folder.scenario_name() {
         scenario.name = name;
     }
     // Without changes the run is the same from any checkpoint on.
@@ -101,11 +101,4 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
             Ok(failure.exit_code())
         }
     }
-}
-
-/// The name of the scenario that was run.
-fn name(folder: &RunFolder) -> Option<String> {
-    let text = std::fs::read_to_string(folder.run()).ok()?;
-    let about: serde_json::Value = serde_json::from_str(&text).ok()?;
-    Some(about.get("scenario")?.as_str()?.to_owned())
 }

@@ -74,11 +74,8 @@ def _fault(fault, hosted):
     if not isinstance(fault, Mapping):
         raise EscapementError(f"{fault!r} is no fault: give a dict of the keys of an entry of [[faults]], or a text as `--fault` takes it")
     entry = dict(fault)
-    run = entry.get("run")
-    if isinstance(run, type) and issubclass(run, Participant):
-        entry["run"] = hosted(run)
-    elif isinstance(run, type):
-        raise EscapementError(f"faults: {run!r} is no participant: give a subclass of escapement.Participant")
+    if isinstance(entry.get("run"), type):
+        entry["run"] = hosted("faults", entry["run"])
     return ",".join(f"{_key(key)}={_toml(value)}" for key, value in entry.items())
 
 
@@ -108,16 +105,16 @@ class Scenario:
     def _read(self):
         sets, classes = [], {}
 
-        def hosted(what):
+        def hosted(where, what):
+            if not issubclass(what, Participant):
+                raise EscapementError(f"{where}: {what!r} is no participant: give a subclass of escapement.Participant")
             name = _class_name(what)
             classes[name] = what
             return _host(name)
 
         for name, what in self._participants.items():
-            if isinstance(what, type) and issubclass(what, Participant):
-                run = hosted(what)
-            elif isinstance(what, type):
-                raise EscapementError(f"participant `{name}`: {what!r} is no participant: give a subclass of escapement.Participant")
+            if isinstance(what, type):
+                run = hosted(f"participant `{name}`", what)
             elif not isinstance(what, str):
                 raise EscapementError(f"participant `{name}`: {what!r} is neither a class nor \"FILE.py:CLASS\"")
             else:

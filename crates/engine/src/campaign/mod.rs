@@ -64,7 +64,7 @@ pub use merge::merge;
 pub use options::Options;
 pub use picture::Picture;
 pub use plan::Plan;
-pub use point::{Outcome, Result as PointResult, figures_of};
+pub use point::{Outcome, Result as PointResult, figures_of, word};
 pub use rare::{Rare, Rarely};
 pub use recall::Recalled;
 pub use sampling::statistics::wilson;

@@ -268,6 +268,7 @@ pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Figures {
     let none = || Figures::new(Vec::new(), Vec::new());
     made.map_or_else(none, |mut assessment| Figures::of(&assessment.finish(Vec::new())))
 }
+
 /// What became of a point in a word, also where it was not run.
 pub fn word(result: Option<&Result>) -> &'static str {
     result.map_or("not run", |result| result.outcome.word())

@@ -40,9 +40,7 @@ impl Level {
             scores,
         }
     }
-}
 
-impl Level {
     /// By how much the states of its chains say less than independent ones.
     fn inflation(&self) -> f64 {
         let independent = (1.0 - self.share) / (self.share * self.states as f64);

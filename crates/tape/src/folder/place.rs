@@ -85,9 +85,18 @@ impl RunFolder {
     /// Since when its plan is that of the run, as `run.json` says it: a run that was taken up with changes was made by another one before.
     /// From the beginning when nothing is given.
     pub fn changed_at(&self) -> Option<String> {
+        self.about("changed_at")
+    }
+
+    /// The name of the scenario that was run, as `run.json` says it.
+    pub fn scenario_name(&self) -> Option<String> {
+        self.about("scenario")
+    }
+
+    fn about(&self, key: &str) -> Option<String> {
         let text = std::fs::read_to_string(self.run()).ok()?;
         let about: serde_json::Value = serde_json::from_str(&text).ok()?;
-        Some(about.get("changed_at")?.as_str()?.to_owned())
+        Some(about.get(key)?.as_str()?.to_owned())
     }
 
     /// Verdict and figures of merit.

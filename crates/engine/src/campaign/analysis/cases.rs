@@ -1,6 +1,5 @@
 //! What the page of a list of cases shows. Cases are chosen, not drawn: they are compared one by one, and are no sample of anything.
 
-use report::campaign::floats;
 use serde_json::{Value, json};
 
 use super::super::point::{Result as PointResult, word};
@@ -10,16 +9,8 @@ use super::{failures, figure};
 /// The cases of a campaign with what became of each, for its page.
 pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
     let samples = figure::samples(results);
-    let measures = samples.iter().filter(|sample| !sample.truth).map(|sample| {
-        let values = sample.values.iter().map(|value| value.unwrap_or(f64::NAN));
-        json!({
-            "name": sample.name,
-            "unit": sample.unit,
-            "limits": sample.limits,
-            "lowest": sample.lowest,
-            "values": floats(values.collect()),
-        })
-    });
+    let measures = samples.iter().filter(|sample| !sample.truth);
+    let measures = measures.map(|sample| sample.drawn(0..results.len()));
     let cases = results.iter().enumerate().map(|(at, result)| {
         let cells = campaign.columns.iter().map(|column| column.texts[at].as_str());
         json!({

@@ -1,5 +1,6 @@
 //! One figure over all points.
 
+use report::campaign::floats;
 use sampling::statistics::{correlation, indices, moments, percentile, ranks};
 use serde_json::{Value, json};
 
@@ -102,6 +103,19 @@ impl Sample {
     /// The values that are there.
     pub(super) fn there(&self) -> Vec<f64> {
         self.values.iter().flatten().copied().collect()
+    }
+
+    /// What a page draws of it at the points `shown`.
+    pub(super) fn drawn(&self, shown: impl Iterator<Item = usize>) -> Value {
+        let values = shown.map(|at| self.values[at].unwrap_or(f64::NAN));
+        json!({
+            "name": self.name,
+            "unit": self.unit,
+            "truth": self.truth,
+            "limits": self.limits,
+            "lowest": self.lowest,
+            "values": floats(values.collect()),
+        })
     }
 
     pub(super) fn moments(&self) -> Option<[f64; 2]> {

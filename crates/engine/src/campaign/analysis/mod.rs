@@ -138,20 +138,13 @@ fn part_of_limit(figures: &Figures) -> Option<(f64, &str)> {
 
 impl Sample {
     fn json(&self, inputs: &[Option<figure::Ranked<'_>>], width: usize, shown: &[usize]) -> Value {
-        let values = shown.iter().map(|at| self.values[*at].unwrap_or(f64::NAN));
-        json!({
-            "name": self.name,
-            "unit": self.unit,
-            "truth": self.truth,
-            "limits": self.limits,
-            "lowest": self.lowest,
-            "count": self.there().len(),
-            "values": floats(values.collect()),
-            "moments": self.moments(),
-            "percentiles": self.percentiles(),
-            "correlations": self.correlations(inputs),
-            "convergence": self.convergence(),
-            "indices": self.indices(width),
-        })
+        let mut all = self.drawn(shown.iter().copied());
+        all["count"] = json!(self.there().len());
+        all["moments"] = json!(self.moments());
+        all["percentiles"] = self.percentiles();
+        all["correlations"] = json!(self.correlations(inputs));
+        all["convergence"] = self.convergence();
+        all["indices"] = json!(self.indices(width));
+        all
     }
 }
