@@ -30,15 +30,21 @@ pub fn orphans() -> Vec<String> {
     names.filter(orphan).collect()
 }
 
-/// The processes whose command line or environment names `folder`.
+/// The processes whose command line names `folder`, or something in it.
 pub fn processes_of(folder: &std::path::Path) -> Vec<String> {
     let name = folder.as_os_str().as_encoded_bytes();
+    // Folders of tests end with a number: that of the second is how that of the twentieth begins.
+    let goes_on = |line: &[u8], at: usize| line.get(at + name.len()).is_some_and(u8::is_ascii_alphanumeric);
+    let names_it = |line: &[u8]| {
+        let mut places = line.windows(name.len()).enumerate();
+        places.any(|(at, part)| part == name && !goes_on(line, at))
+    };
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok());
     numbers
         .filter_map(|pid| {
             let line = fs::read(format!("/proc/{pid}/cmdline")).ok()?;
-            let found = pid != std::process::id() && line.windows(name.len()).any(|part| part == name);
+            let found = pid != std::process::id() && names_it(&line);
             found.then(|| format!("{pid}: {}", String::from_utf8_lossy(&line).replace('\0', " ")))
         })
         .collect()

@@ -21,6 +21,17 @@ impl Outside {
         Outside(folder)
     }
 
+    /// Puts the workspace's profiles where Cargo finds them for every project in this folder: what has been compiled for the workspace is
+    /// not compiled again. A user's own project has Cargo's profiles.
+    fn compile_as_the_workspace_does(&self) {
+        let manifest = std::fs::read_to_string(root().join("Cargo.toml")).expect("the workspace has a manifest");
+        let manifest: toml::Table = manifest.parse().expect("Cargo has read it");
+        let profiles = toml::Table::from_iter([("profile".to_owned(), manifest["profile"].clone())]);
+        let folder = self.0.join(".cargo");
+        std::fs::create_dir(&folder).expect("the folder can be written");
+        std::fs::write(folder.join("config.toml"), profiles.to_string()).expect("the folder can be written");
+    }
+
     /// The program with `arguments`, in this folder.
     fn escapement(&self, arguments: &[&str]) -> Said {
         let mut command = Command::new(orchestrator());
@@ -234,8 +245,10 @@ fn fmus_are_connected_where_names_and_units_fit() {
 #[test]
 fn a_program_of_ones_own_builds_and_runs() {
     let outside = Outside::new();
+    outside.compile_as_the_workspace_does();
     let done = follow(&outside, "rust", "own-lander", &[]);
     assert!(done.out.contains("run folder: runs/lander"), "{done:?}");
+    assert!(!done.err.contains(" generated "), "{done:?}");
     let version = outside.shell("cd own-lander; cargo run --release --quiet -- --version");
     assert!(
         version.out.starts_with("own-lander 0.1.0, built on escapement"),

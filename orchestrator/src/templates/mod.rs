@@ -6,7 +6,9 @@ mod project;
 #[cfg(feature = "capture")]
 mod rust;
 
-pub use project::{File, Project, Template};
+#[cfg(feature = "capture")]
+use project::File;
+pub use project::{Project, Template};
 
 #[cfg(feature = "capture")]
 /// Files of the project's own tree, under the same paths.
