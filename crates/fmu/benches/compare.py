@@ -3,6 +3,7 @@
     compare.py ESCAPEMENT FOLDER ROUNDS
 """
 
+import os
 import resource
 import subprocess
 import sys
@@ -22,6 +23,8 @@ escapement, work, rounds = sys.argv[1], Path(sys.argv[2]), int(sys.argv[3])
 COUNT, STEP = 27, 1e-3
 # Few enough that a round takes a second or so in each of them.
 BARE, OURS, THEIRS, PYTHON = 2_000_000, 100_000, 50_000, 10_000
+# How much an FMU does itself in a step, where the question is what share of it the rest is.
+ROOTS = (0, 50, 200, 500, 1000)
 
 
 class Clock:
@@ -68,12 +71,12 @@ OTHER = work / "exchange-other.fmu"
 OTHER.write_bytes(FMU.read_bytes())
 
 
-def bare():
+def bare(steps=BARE):
     said = subprocess.run(
-        [work / "bare", work / "exchange.so", work / "exchange-two.so", str(BARE)], check=True, capture_output=True, text=True
+        [work / "bare", work / "exchange.so", work / "exchange-two.so", str(steps)], check=True, capture_output=True, text=True
     )
     wall, processor, _ = map(float, said.stdout.split())
-    return [wall / BARE, processor / BARE]
+    return [wall / steps, processor / steps]
 
 
 def scenario():
@@ -184,3 +187,11 @@ for kind, title in enumerate(["wall time", "processor time of all processes"]):
         ]
         figures = f"{min(own):9.3f} {median(own):9.3f} {max(own):9.3f}"
         print(f"  {name:<26} {figures}   {beside[0]:8.2f} times bare calls {beside[1]:8.2f} times ours in one process")
+
+print("the same where a step of an FMU works itself: processor time of a step of both, least, µs, and the median of ratios")
+for roots in ROOTS:
+    os.environ["EXCHANGE_WORK"] = str(roots)
+    pairs = [(bare(OURS)[1] * 1e6, ours("--in-process")[1] * 1e6) for _ in range(rounds)]
+    own, whole = (min(column) for column in zip(*pairs))
+    ratio = median(with_us / alone for alone, with_us in pairs)
+    print(f"  {roots:5} roots: bare calls {own:8.3f}   ours, one process {whole:8.3f}   {ratio:6.2f} times bare calls")

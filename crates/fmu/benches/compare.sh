@@ -16,7 +16,7 @@ if [ -z "$python" ]; then
     python=$work/venv/bin/python
     "$python" -m pip install --quiet ecospy==0.7.2 fmpy==0.3.32 libcosimpy==0.0.6
 fi
-cc -O2 -shared -fPIC -o "$work/exchange.so" "$here/exchange.c"
+cc -O2 -shared -fPIC -o "$work/exchange.so" "$here/exchange.c" -lm
 cp "$work/exchange.so" "$work/exchange-two.so"
 cc -O2 -o "$work/bare" "$here/bare.c" -ldl
 "$python" "$here/compare.py" "$escapement" "$work" "${ROUNDS:-9}"

@@ -1,17 +1,22 @@
 /* An FMU of FMI 2.0 that costs nothing itself: 27 outputs, each the mean of its input and of its own number. Variables 0 to 26 are the
- * inputs, 27 to 53 the outputs. Written against the standard without its headers. */
+ * inputs, 27 to 53 the outputs. EXCHANGE_WORK in the environment makes each step work: so many roots, one after the other. Written against
+ * the standard without its headers. */
+#include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { COUNT = 27 };
 typedef struct { double value[2 * COUNT]; } Model;
+static long work;
 
 const char *fmi2GetTypesPlatform(void) { return "default"; }
 const char *fmi2GetVersion(void) { return "2.0"; }
 int fmi2SetDebugLogging(void *c, int on, size_t n, const char *const *all) { (void)c; (void)on; (void)n; (void)all; return 0; }
 void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources, const void *callbacks, int visible, int logging) {
     (void)name; (void)type; (void)guid; (void)resources; (void)callbacks; (void)visible; (void)logging;
+    const char *wanted = getenv("EXCHANGE_WORK");
+    work = wanted ? atol(wanted) : 0;
     return calloc(1, sizeof(Model));
 }
 void fmi2FreeInstance(void *c) { free(c); }
@@ -31,6 +36,8 @@ int fmi2SetReal(void *c, const unsigned *vr, size_t n, const double *v) {
 int fmi2DoStep(void *c, double t, double h, int keep) {
     double *x = ((Model *)c)->value;
     (void)t; (void)h; (void)keep;
+    volatile double root = 2;
+    for (long k = 0; k < work; k++) root = sqrt(root + 1);
     for (int k = 0; k < COUNT; k++) x[COUNT + k] = 0.5 * (x[k] + k);
     return 0;
 }
