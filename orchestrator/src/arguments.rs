@@ -1,4 +1,4 @@
-//! Arguments that several commands take.
+//! Arguments shared by several commands.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -33,7 +33,7 @@ pub struct ScenarioArgs {
     pub duration: Option<Rational>,
 }
 
-/// `--wait` by the names of the strategies.
+/// Parser of `--wait`: the names of the strategies.
 fn wait() -> impl TypedValueParser<Value = Wait> {
     PossibleValuesParser::new(Wait::ALL.map(|(name, _)| name)).map(|text| {
         let found = Wait::ALL.iter().find(|(name, _)| *name == text);
@@ -41,7 +41,7 @@ fn wait() -> impl TypedValueParser<Value = Wait> {
     })
 }
 
-/// `--overrun` by its words.
+/// Parser of `--overrun`: the names of the policies.
 fn overrun() -> impl TypedValueParser<Value = Overrun> {
     PossibleValuesParser::new(Overrun::ALL.map(|(name, _)| name)).map(|text| {
         let found = Overrun::ALL.iter().find(|(name, _)| *name == text);
@@ -49,12 +49,12 @@ fn overrun() -> impl TypedValueParser<Value = Overrun> {
     })
 }
 
-/// A program in a participant's place, for an option.
+/// Parser of a participant's substitute.
 fn substitute(text: &str) -> Result<(String, RunSpec), String> {
     engine::shadow::in_place(text, "--substitute")
 }
 
-/// An instant of a run, for an option.
+/// Parser of an instant of a run.
 pub fn instant(text: &str) -> Result<Rational, String> {
     let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
     if time.is_negative() {
@@ -65,7 +65,7 @@ pub fn instant(text: &str) -> Result<Rational, String> {
     Ok(time)
 }
 
-/// A body of a scene with the file of its model, for an option.
+/// Parser of a body of a scene with the file of its model.
 pub fn model(text: &str) -> Result<(String, PathBuf), String> {
     let parts = text
         .split_once('=')
@@ -74,7 +74,7 @@ pub fn model(text: &str) -> Result<(String, PathBuf), String> {
     Ok((body.to_owned(), PathBuf::from(file)))
 }
 
-/// A stretch of time, for an option.
+/// Parser of a duration.
 pub fn span(text: &str) -> Result<Rational, String> {
     let time: Rational = text.parse().map_err(|error: TimeError| error.to_string())?;
     if !time.is_positive() {
@@ -83,10 +83,10 @@ pub fn span(text: &str) -> Result<Rational, String> {
     Ok(time)
 }
 
-/// Slower or faster is not meant: a run would stand still, or its clock would have no effect.
+/// Beyond these limits a run would stand still, or its clock would have no effect.
 const PACES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 
-/// A multiple of the wall clock's pace, for an option.
+/// Parser of a multiple of the wall clock's pace.
 fn pace(text: &str) -> Result<f64, String> {
     let factor: f64 = text.trim().parse().map_err(|_| format!("`{text}` is not a number"))?;
     if !PACES.contains(&factor) {
@@ -100,13 +100,13 @@ fn pace(text: &str) -> Result<f64, String> {
 }
 
 impl CommonArgs {
-    /// `--start-within` as far as a duration goes.
+    /// The value of `--start-within`, limited to the range of a `Duration`.
     pub fn start_within(&self) -> Option<Duration> {
         let time = self.start_within?;
         Some(Duration::try_from_secs_f64(time.seconds()).unwrap_or(Duration::ZERO))
     }
 
-    /// Refuses to replace the run in `source`, from which this one is made.
+    /// Refuses to replace the run in `source`, from which this run is made.
     ///
     /// # Errors
     /// Names the folder and the remedy.
@@ -231,10 +231,10 @@ pub enum Start {
 }
 
 impl StartArgs {
-    /// What is known of `scenario` without a run of it.
+    /// The plan of `scenario`, and what its programs report, without a run.
     ///
     /// # Errors
-    /// What a run of it would be refused for.
+    /// The reason for which a run would be rejected.
     pub fn check(&self, scenario: &Scenario) -> Result<Known, RunFailure> {
         const CHEAP: usize = 16;
         let asked = |program: &&Program| !matches!(program, Program::Builtin(_) | Program::Fmu { .. });

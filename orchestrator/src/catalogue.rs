@@ -1,4 +1,4 @@
-//! The catalogue of the program that runs.
+//! The catalogue of the running program.
 
 use std::sync::{Arc, OnceLock};
 
@@ -8,15 +8,15 @@ use crate::version;
 
 static CATALOGUE: OnceLock<Arc<Catalogue>> = OnceLock::new();
 
-/// What the program that runs contains; nothing when no program runs, as in a test.
+/// The contents of the running program; empty when none is set, as in a test.
 pub fn catalogue() -> &'static Arc<Catalogue> {
     CATALOGUE.get_or_init(|| Arc::new(Catalogue::new(version::ESCAPEMENT)))
 }
 
-/// Makes `catalogue` the one of this process.
+/// Sets the catalogue of this process to `catalogue`.
 ///
 /// # Panics
-/// When there is one already: a process is one program.
+/// When it is already set: a process is one program.
 pub fn set(catalogue: Catalogue) {
     let known = CATALOGUE.set(Arc::new(catalogue));
     assert!(known.is_ok(), "a process is one program");

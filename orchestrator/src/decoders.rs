@@ -1,7 +1,8 @@
-//! Everything that reads bytes from outside, each as a plain function of the bytes that must return, whatever they are.
+//! Decoders of untrusted bytes, each as a plain function of the bytes that must return for any input.
 //!
-//! `fuzz/` feeds them with libFuzzer; the test below feeds them what is kept in `fuzz/corpus`. A function may refuse its bytes
-//! as it likes. It must not panic, hang or allocate without bound, and what it accepts must hold what is checked here.
+//! `fuzz/` feeds them with libFuzzer; the test below feeds them the inputs in `fuzz/corpus`. A function may reject any
+//! input. It must not panic, hang or allocate without bound, and the input that it accepts must satisfy the assertions
+//! here.
 
 use crate::catalogue::catalogue;
 use std::collections::BTreeMap;
@@ -22,7 +23,7 @@ use toml::{Table, Value};
 use engine::run::checkpoint::Checkpoint;
 use engine::scenario::Scenario;
 
-/// Reads bytes that may be anything.
+/// Reads arbitrary bytes.
 pub type Decode = fn(&[u8]);
 
 /// The functions by name: the names of the targets and of the folders of the corpus.
@@ -45,7 +46,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// A scenario file, up to its plan. Programs are looked for, and started by nobody.
+/// A scenario file, up to its plan. Programs are looked up, but not started.
 pub fn scenario(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let file = root().join("scenarios/fuzzed.toml");
@@ -69,7 +70,7 @@ pub fn fmu(bytes: &[u8]) {
     for entry in archive.entries() {
         total += entry.size;
         assert!(!entry.name.starts_with('/') && !entry.name.split('/').any(|part| part == ".."));
-        // Sizes are those of a directory that may lie; what is unpacked is bounded by them.
+        // The sizes in the directory may be false; they bound what is unpacked.
         if entry.size < 1 << 22
             && let Some(Ok(contents)) = archive.file(&entry.name)
         {
@@ -91,8 +92,8 @@ pub fn description(bytes: &[u8]) {
     }
 }
 
-/// The files of a system structure beside an FMU, with a line of three dashes between them: description, parameters and their mapping,
-/// and a description that the first one may name.
+/// The files of a system structure with its FMU, separated by lines of three dashes: description, parameters and their
+/// mapping, and a description that the first one may refer to.
 pub fn ssp(bytes: &[u8]) {
     const NAMES: [&str; 4] = ["SystemStructure.ssd", "a.ssv", "a.ssm", "b.ssd"];
     let mut files = BTreeMap::from([(
@@ -111,7 +112,7 @@ pub fn ssp(bytes: &[u8]) {
     }
 }
 
-/// Files that stand in one input, with a line of three dashes between them.
+/// Files in one input, separated by lines of three dashes.
 fn parts(bytes: &[u8]) -> Vec<&[u8]> {
     const BETWEEN: &[u8] = b"\n---\n";
     let mut parts = Vec::new();
@@ -128,12 +129,12 @@ fn parts(bytes: &[u8]) -> Vec<&[u8]> {
 pub fn urdf(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Ok(description) = Description::from_urdf(text) {
-        // What is read is sound, or is refused here.
+        // The result is valid, or the input is rejected.
         let _ = description.validate();
     }
 }
 
-/// Control messages, addresses, and what a participant says of its ports.
+/// Control messages, addresses, and a participant's description of its ports.
 pub fn control(bytes: &[u8]) {
     if let Ok(request) = wire::decode::<Request>("a request", bytes) {
         assert_eq!(wire::encode("a request", &request).as_deref(), Ok(bytes));
@@ -148,7 +149,7 @@ pub fn control(bytes: &[u8]) {
     }
 }
 
-/// What a participant says of its ports, in JSON, as an index of a tape has it.
+/// A participant's description of its ports in JSON, as in the index of a tape.
 pub fn descriptor(bytes: &[u8]) {
     if let Ok(interface) = serde_json::from_slice::<Interface>(bytes) {
         check(&interface);
@@ -196,7 +197,7 @@ pub fn record(bytes: &[u8]) {
     }
 }
 
-/// A checkpoint's file, and what it holds behind the checksum that keeps most bytes away from there.
+/// A checkpoint file, and its content without the checksum, which rejects most inputs.
 pub fn checkpoint(bytes: &[u8]) {
     if let Ok(checkpoint) = Checkpoint::decode(Path::new("fuzzed.checkpoint"), bytes) {
         assert_eq!(checkpoint.encode().as_deref().ok(), Some(bytes));
@@ -204,7 +205,7 @@ pub fn checkpoint(bytes: &[u8]) {
     let _ = wire::decode::<Checkpoint>("a checkpoint", bytes);
 }
 
-/// A tape: index, a stream called `a.b`, and events, with a line of three dashes between them.
+/// A tape: index, a stream called `a.b`, and events, separated by lines of three dashes.
 pub fn tape(bytes: &[u8]) {
     let folder = std::env::temp_dir().join(format!("escapement-tape-{}", std::process::id()));
     let parts = parts(bytes);
@@ -239,7 +240,7 @@ pub fn tape(bytes: &[u8]) {
     let _ = std::fs::remove_dir_all(&folder);
 }
 
-/// A file with gains, in the place where the controller reads it.
+/// A file with gains, read in the controller's parameters.
 pub fn gains(bytes: &[u8]) {
     static STOCK: OnceLock<Table> = OnceLock::new();
     let stock = STOCK.get_or_init(|| {
@@ -270,7 +271,7 @@ pub fn gains(bytes: &[u8]) {
     }
 }
 
-/// Quantities and times as users write them, and faults of the command line.
+/// Quantities and times in the user's notation, and faults of the command line.
 pub fn units(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let (unit, value) = text.split_once('|').unwrap_or(("rad", text));
@@ -300,7 +301,7 @@ mod tests {
     use super::*;
     use lockstep::random::Stream;
 
-    /// `bytes` with a few changes that `round` decides: bits turned over, stretches left out, repeated or taken from `other`.
+    /// `bytes` with a few changes derived from `round`: flipped bits, and ranges removed, repeated or taken from `other`.
     fn mutated(bytes: &[u8], other: &[u8], draws: &Stream, round: u64) -> Vec<u8> {
         let mut bytes = bytes.to_vec();
         let draw = |number: u64, of: usize| (draws.bits(64 * round + number) % of.max(1) as u64) as usize;
@@ -325,7 +326,8 @@ mod tests {
         bytes
     }
 
-    /// Changed at random, the corpus is survived as well. `ESCAPEMENT_MUTATIONS` says how often each input is changed.
+    /// The decoders also survive random changes of the corpus. `ESCAPEMENT_MUTATIONS` is the number of changed versions of
+    /// each input.
     #[test]
     fn what_is_nearly_the_corpus_is_survived() {
         let rounds = std::env::var("ESCAPEMENT_MUTATIONS").ok();
@@ -355,7 +357,7 @@ mod tests {
         }
     }
 
-    /// Every input that has ever been of interest, crashes that were found included.
+    /// All inputs of the corpus, including crashes that were found.
     #[test]
     fn the_corpus_is_survived() {
         for (name, decode) in ALL {
@@ -367,7 +369,7 @@ mod tests {
                 let bytes = std::fs::read(&path).expect("the corpus can be read");
                 let survived = std::panic::catch_unwind(|| decode(&bytes));
                 assert!(survived.is_ok(), "{} is not survived", path.display());
-                // And everything that is nearly it.
+                // And truncated versions of them.
                 for at in (0..bytes.len()).step_by((bytes.len() / 16).max(1)) {
                     let survived = std::panic::catch_unwind(|| decode(&bytes[..at]));
                     assert!(

@@ -1,6 +1,6 @@
-//! The command line of a co-simulation: a [`Program`] runs, checks, sweeps, replays, compares, reports and exports scenarios, with
-//! participants of its own inside. With the feature `capture` (the default) also the stock program, and the commands that
-//! only the capture has: `tune`, `margins` and `model`.
+//! Command line of a co-simulation: a [`Program`] runs, checks, sweeps, replays, compares, reports and exports scenarios,
+//! with its own participants. The feature `capture` (the default) adds the stock program, and the commands that only the
+//! capture has: `tune`, `margins` and `model`.
 
 #[macro_use]
 mod output;

@@ -1,22 +1,21 @@
-//! What the system grants this process and those it starts.
+//! Resource limits of this process and its children.
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-/// A file that would get larger than `ulimit -f` allows is an error of the write, as on a full disk, and no reason to die of SIGXFSZ.
-/// Programs that are started inherit that.
+/// Makes exceeding `ulimit -f` a write error, as on a full disk, instead of a fatal SIGXFSZ. Children inherit this.
 pub fn refuse_large_files() {
-    // SAFETY: to ignore a signal installs no handler.
+    // SAFETY: ignoring a signal installs no handler.
     unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
 }
 
-/// Asks for as many open files as may be asked for. Each service in shared memory is a few of them, some forty for each participant,
-/// and the usual limit of 1024 would end a run of thirty.
+/// Raises the limit of open files to the maximum. Each service in shared memory needs a few of them, about forty for each
+/// participant, and the usual limit of 1024 would end a run of thirty participants.
 pub fn raise_open_files() {
     let Rlimit { maximum, .. } = getrlimit(Resource::Nofile);
     let all = Rlimit {
         current: maximum,
         maximum,
     };
-    // A wish: what does not fit is named when it is opened.
+    // Best effort: a limit that is too low is reported when a file is opened.
     let _ = setrlimit(Resource::Nofile, all);
 }

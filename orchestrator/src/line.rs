@@ -1,5 +1,5 @@
-//! A line about work that goes on, on standard error: in a terminal it moves; elsewhere one is written every ten seconds, so that a log
-//! says how far the work is.
+//! Progress line on standard error: in a terminal it is redrawn; elsewhere one is written every ten seconds, so that a log
+//! shows the progress.
 
 use std::io::{IsTerminal, Write, stderr};
 use std::path::Path;
@@ -7,12 +7,12 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// A moving line is drawn at most this often.
+/// Minimum interval between two redraws.
 const MOVES: Duration = Duration::from_millis(100);
-/// A line is written this often where nothing can move. Work that is over sooner says nothing.
+/// Interval of the lines where nothing can be redrawn. Work that ends sooner prints none.
 const WRITTEN: Duration = Duration::from_secs(10);
 
-/// How the line is shown.
+/// The display mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum How {
     Moving,
@@ -20,17 +20,17 @@ enum How {
     Never,
 }
 
-/// The line.
+/// A progress line.
 #[derive(Debug)]
 pub struct Line {
     how: How,
     last: Option<Instant>,
-    /// How many columns of it are drawn.
+    /// The number of columns on the screen.
     drawn: usize,
 }
 
 impl Line {
-    /// A line that nobody has seen yet; with `quiet`, nobody ever will.
+    /// A line that has not been drawn yet; with `quiet` it is never drawn.
     pub fn new(quiet: bool) -> Line {
         let how = match (quiet, stderr().is_terminal()) {
             (true, _) => How::Never,
@@ -45,7 +45,7 @@ impl Line {
         Line { how, last, drawn: 0 }
     }
 
-    /// Whether it is time to show something at `now`; then it has been shown.
+    /// Whether an update is due at `now`; if so, it counts as made.
     fn due(&mut self, now: Instant) -> bool {
         let every = match self.how {
             How::Moving => MOVES,
@@ -61,7 +61,7 @@ impl Line {
         due
     }
 
-    /// Shows what `text` says, if it is time.
+    /// Shows `text`, if an update is due.
     pub fn show(&mut self, text: impl FnOnce() -> String) {
         if !self.due(Instant::now()) {
             return;
@@ -73,13 +73,13 @@ impl Line {
         }
     }
 
-    /// Says `text` in lines of its own.
+    /// Prints `text` in lines of its own.
     pub fn notice(&mut self, text: &str) {
         self.clear();
         eprintln!("{text}");
     }
 
-    /// Takes a moving line away.
+    /// Erases the line.
     pub fn clear(&mut self) {
         if self.drawn > 0 {
             self.draw("");
@@ -94,9 +94,9 @@ impl Line {
         let _ = stderr().flush();
     }
 
-    /// What is written over the line that is drawn, where a terminal has `columns`, so that `text` stands in its place. What would not fit
-    /// into a row is left out: the terminal would go on in the next row, from which no carriage return comes back. The last column stays
-    /// free, behind which some terminals go on at once.
+    /// The characters that replace the line on the screen by `text`, in a terminal with `columns`. Text that does not fit
+    /// into a row is cut off: the terminal would wrap it into the next row, from which a carriage return does not come
+    /// back. The last column stays empty, because some terminals wrap as soon as it is filled.
     fn drawing(&mut self, text: &str, columns: Option<usize>) -> String {
         let room = columns.map_or(usize::MAX, |columns| columns.saturating_sub(1));
         let (mut drawing, mut count) = (String::with_capacity(text.len()), 0);
@@ -109,7 +109,7 @@ impl Line {
             drawing.push_str(&shown);
             count += width;
         }
-        // Since it was drawn the terminal may have become narrower.
+        // The terminal may have become narrower since the last redraw.
         let over = self.drawn.min(room).saturating_sub(count);
         drawing.extend(std::iter::repeat_n(' ', over));
         self.drawn = count;
@@ -117,13 +117,14 @@ impl Line {
     }
 }
 
-/// The columns of the terminal at standard error, which change when its window does. `None` where it has none that are known.
+/// The number of columns of the terminal at standard error, which changes with its window. `None` where it is not a
+/// terminal or unknown.
 fn columns() -> Option<usize> {
     let size = rustix::termios::tcgetwinsize(stderr()).ok()?;
     Some(usize::from(size.ws_col)).filter(|columns| *columns > 0)
 }
 
-/// What is shown of a character: control characters, which names of files may have, by their numbers.
+/// The displayed form of a character: control characters, which file names may contain, as their numbers.
 fn shown(one: char) -> String {
     match one.is_control() {
         true => one.escape_unicode().to_string(),
@@ -131,7 +132,7 @@ fn shown(one: char) -> String {
     }
 }
 
-/// Characters without a column of their own: marks that stand over others, joiners, variants.
+/// Zero-width characters: combining marks, joiners, variants.
 const NARROW: [(u32, u32); 7] = [
     (0x300, 0x36f),
     (0x483, 0x489),
@@ -141,7 +142,7 @@ const NARROW: [(u32, u32); 7] = [
     (0x20d0, 0x20f0),
     (0xfe00, 0xfe0f),
 ];
-/// Characters of two columns: the scripts of East Asia, and pictures.
+/// Double-width characters: East Asian scripts, and emoji.
 const WIDE: [(u32, u32); 11] = [
     (0x1100, 0x115f),
     (0x2e80, 0x303e),
@@ -156,7 +157,7 @@ const WIDE: [(u32, u32); 11] = [
     (0x1f300, 0x3fffd),
 ];
 
-/// How many columns of a terminal a character takes.
+/// The number of columns of a character.
 fn width(one: char) -> usize {
     let among = |ranges: &[(u32, u32)]| ranges.iter().any(|&(from, to)| (from..=to).contains(&u32::from(one)));
     match (among(&NARROW), among(&WIDE)) {
@@ -166,7 +167,7 @@ fn width(one: char) -> usize {
     }
 }
 
-/// How long work takes that still needs `seconds`, rounded as an estimate deserves.
+/// The remaining time of `seconds`, rounded as suits an estimate.
 pub fn left(seconds: f64) -> String {
     if !seconds.is_finite() {
         return String::new();
@@ -179,7 +180,7 @@ pub fn left(seconds: f64) -> String {
     }
 }
 
-/// `done` of `all` in percent, rounded down: it is 100 at the end only.
+/// `done` of `all` in percent, rounded down: 100 is shown at the end only.
 pub fn percent(done: f64, all: f64) -> f64 {
     if all > 0.0 {
         (100.0 * done / all).clamp(0.0, 100.0).floor()
@@ -188,14 +189,14 @@ pub fn percent(done: f64, all: f64) -> f64 {
     }
 }
 
-/// Work that reports nothing itself. As long as this lives, the line says what it is and for how long it has gone on.
+/// Work that reports no progress itself. As long as this value lives, the line shows its name and elapsed time.
 pub struct Busy {
     over: Arc<(Mutex<bool>, Condvar)>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Busy {
-    /// Work called `what`, which reads `bytes` from files, where that is known.
+    /// Work called `what`; `bytes` is the number of bytes it reads from files, where known.
     pub fn with(what: String, bytes: Option<u64>) -> Busy {
         let over = Arc::new((Mutex::new(false), Condvar::new()));
         let seen = over.clone();
@@ -220,7 +221,7 @@ impl Busy {
         let thread = std::thread::spawn(move || {
             let mut line = Line::new(false);
             let mut over = seen.0.lock().unwrap_or_else(PoisonError::into_inner);
-            // What is over in a moment is not worth a line.
+            // Short work shows no line.
             let mut wait = Duration::from_secs(1);
             while !*over {
                 over =
@@ -257,14 +258,14 @@ impl Drop for Busy {
     }
 }
 
-/// Bytes of the streams in `folder`.
+/// Total size of the streams in `folder`, bytes.
 fn size(folder: &Path) -> u64 {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let streams = entries.filter(|entry| entry.path().extension().is_some_and(|ending| ending == "bin"));
     streams.filter_map(|entry| Some(entry.metadata().ok()?.len())).sum()
 }
 
-/// Bytes that this process has read from files.
+/// Number of bytes that this process has read from files.
 fn read_so_far() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/io").ok()?;
     text.lines().find_map(|line| line.strip_prefix("rchar: "))?.parse().ok()
@@ -304,14 +305,14 @@ mod tests {
         assert_eq!(line.drawing(all, None), all);
         assert_eq!(line.drawing("t = 1", Some(80)), format!("t = 1{:22}", ""));
         assert_eq!(line.drawing(all, Some(20)), &all[..19]);
-        // The window has become narrower: what is written over the line fits into it.
+        // The window has become narrower: the new text fits into it.
         assert_eq!(line.drawing("t", Some(10)), format!("t{:8}", ""));
         assert_eq!(line.drawing("t", Some(1)), "");
-        // Two columns each, one that is not a whole one, and marks of no column.
+        // Double-width characters, an incomplete one, and zero-width marks.
         assert_eq!(line.drawing("試験/run", Some(6)), "試験/");
         assert_eq!(line.drawing("試験", Some(4)), "試 ");
         assert_eq!(line.drawing("e\u{301}e\u{301}e", Some(3)), "e\u{301}e\u{301}");
-        // A name of a file may have anything in it.
+        // A file name may contain any character.
         assert_eq!(line.drawing("a\nb", Some(80)), "a\\u{a}b");
     }
 

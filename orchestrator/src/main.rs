@@ -1,4 +1,4 @@
-//! Escapement's program. All of it stands in the library, so that other programs can have the same command line.
+//! Escapement's program. All code is in the library, so that other programs can have the same command line.
 
 use std::process::ExitCode;
 

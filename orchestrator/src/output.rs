@@ -1,22 +1,22 @@
-//! What the program says. A reader that has left (`| head -1`, a closed terminal) has heard enough: what would still be said is
-//! dropped, and the work goes on to its own end with its own exit code. The standard library's `println!` and its siblings panic
-//! there, in the middle of a run; the macros of the same names below take their places in this crate.
+//! Standard output and standard error of the program. When the reader is gone (`| head -1`, a closed terminal), further
+//! output is discarded, and the work continues to its own end with its own exit code. The standard library's `println!` and
+//! its siblings would panic there, in the middle of a run; the macros of the same names below replace them in this crate.
 //!
-//! What cannot be written to standard output for another reason (a full disk behind a redirection) is missing from what is read: the
-//! work goes on to its end all the same, and then the program says so and fails ([`unwritten`]).
+//! If standard output cannot be written for another reason (a full disk behind a redirection), the work continues to its
+//! end as well, and then the program reports the error and fails ([`unwritten`]).
 //!
-//! Messages contain text of other programs: reasons, last lines of logs, names. The engine makes it harmless where it enters a message,
-//! and [`Heard`] replaces the control characters in everything that leaves this program.
+//! Messages contain text from other programs: reasons, last lines of logs, names. The engine sanitises it where it enters a
+//! message, and [`Heard`] replaces the control characters in all output of this program.
 //!
-//! SIGPIPE stays ignored, as the standard library has it, so that a write to a participant that has died is an error to be
-//! handled; processes that are started get the default back, as every program expects.
+//! SIGPIPE stays ignored, as set by the standard library, so that a write to a dead participant is an error to be handled;
+//! child processes get the default back, as every program expects.
 
 use std::borrow::Cow;
 use std::fmt::Arguments;
 use std::io::{self, BufWriter, ErrorKind, StderrLock, StdoutLock, Write};
 use std::sync::OnceLock;
 
-/// What kept standard output from being written, the first time.
+/// The first error of writing to standard output.
 static UNWRITTEN: OnceLock<String> = OnceLock::new();
 
 macro_rules! println {
@@ -35,15 +35,16 @@ macro_rules! eprint {
     ($($text:tt)*) => { $crate::output::text(&mut $crate::output::stderr(), format_args!($($text)*)) };
 }
 
-/// A line of a page that is written at once: `println!` makes a system call for each.
+/// A line of a page that is written in one piece: `println!` makes a system call for each.
 macro_rules! say {
     ($out:expr, $($text:tt)*) => { $crate::output::line($out, format_args!($($text)*)) };
 }
 
-/// A stream whose reader may leave. Control characters are replaced by their numbers, except line feed, tab and carriage return.
+/// An output stream whose reader may be gone. Control characters are replaced by their numbers, except line feed, tab and
+/// carriage return.
 pub struct Heard<W> {
     to: W,
-    /// Where it is noted that something could not be written.
+    /// Records the first write error.
     unwritten: Option<&'static OnceLock<String>>,
 }
 
@@ -54,7 +55,7 @@ fn plain(bytes: &[u8]) -> Cow<'_, [u8]> {
         match bytes[at] {
             b'\n' | b'\t' | b'\r' => false,
             0..0x20 | 0x7f => true,
-            // The second set of control characters, in UTF-8.
+            // C1 control characters, in UTF-8.
             0x80..=0x9f => before == Some(0xc2),
             _ => false,
         }
@@ -111,14 +112,14 @@ pub fn stdout() -> Heard<StdoutLock<'static>> {
     }
 }
 
-/// What kept standard output from being written to its end, if anything did.
+/// The error that kept standard output from being written completely, if any.
 pub fn unwritten() -> Option<&'static str> {
-    // The end of it may still wait for the end of its line.
+    // Data may still be in the line buffer.
     let _ = stdout().flush();
     UNWRITTEN.get().map(String::as_str)
 }
 
-/// Standard output for a page of many lines, which are written when it is dropped or has become large.
+/// Buffered standard output for a page of many lines, which is written when it is dropped or the buffer is full.
 pub fn page() -> BufWriter<impl Write> {
     BufWriter::with_capacity(1 << 16, stdout())
 }
@@ -131,12 +132,12 @@ pub fn stderr() -> Heard<StderrLock<'static>> {
     }
 }
 
-/// Says `text` and ends the line. What cannot be said is no reason to stop what is done.
+/// Prints `text` and a newline. Write errors do not stop the program.
 pub fn line(out: &mut impl Write, text: Arguments<'_>) {
     let _ = out.write_fmt(text).and_then(|()| out.write_all(b"\n"));
 }
 
-/// Says `said` and stays in the line.
+/// Prints `said` without a newline.
 pub fn text(out: &mut impl Write, said: Arguments<'_>) {
     let _ = out.write_fmt(said);
 }
@@ -161,7 +162,7 @@ mod tests {
         );
     }
 
-    /// A stream that cannot be written, for one reason or the other.
+    /// A stream that cannot be written, with the given error.
     struct Refuses(ErrorKind);
 
     impl Write for Refuses {

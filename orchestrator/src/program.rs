@@ -1,4 +1,4 @@
-//! A program: the whole command line over a catalogue.
+//! Program: the whole command line over a catalogue.
 
 use std::io::{ErrorKind, Write, stdout};
 use std::process::ExitCode;
@@ -11,7 +11,7 @@ use crate::cli::{self, Cli, Command};
 use crate::templates::Template;
 use crate::{bench, catalogue, commands, limits, output, refusal, version};
 
-/// A program with the whole command line, and with participants and assessments of its own inside.
+/// A program with the whole command line, and with its own participants and assessments.
 ///
 /// ```no_run
 /// use std::process::ExitCode;
@@ -25,18 +25,18 @@ use crate::{bench, catalogue, commands, limits, output, refusal, version};
 /// }
 /// ```
 ///
-/// A scenario names such a participant as `run = { builtin = "lander" }`. It runs in a process of its own, which is this program
-/// started once more, or with `--in-process` and in campaigns in this one.
+/// A scenario names such a participant as `run = { builtin = "lander" }`. It runs in a separate process, which is another
+/// instance of this program, or with `--in-process` and in campaigns in this process.
 pub struct Program {
     name: String,
-    /// Its own; what it is built on says its own version besides.
+    /// The program's own version; the version of Escapement is reported in addition.
     version: Option<String>,
     catalogue: Catalogue,
     templates: &'static [Template],
 }
 
 impl Program {
-    /// A program without participants, called `name` on its help page.
+    /// A program without participants; `name` is shown on its help page.
     pub fn new(name: impl Into<String>) -> Program {
         Program {
             name: name.into(),
@@ -46,14 +46,15 @@ impl Program {
         }
     }
 
-    /// With a version of its own, as `--version` prints it and `run.json` keeps it: `env!("CARGO_PKG_VERSION")` mostly.
+    /// Sets the program's own version, which `--version` prints and `run.json` records: usually
+    /// `env!("CARGO_PKG_VERSION")`.
     #[must_use]
     pub fn version(mut self, version: impl Into<String>) -> Program {
         self.version = Some(version.into());
         self
     }
 
-    /// With projects to start from, of which `new` writes one.
+    /// Adds project templates for `new`.
     #[cfg(feature = "capture")]
     #[must_use]
     pub(crate) fn templates(mut self, templates: &'static [Template]) -> Program {
@@ -61,7 +62,7 @@ impl Program {
         self
     }
 
-    /// With a participant that scenarios name as `run = { builtin = "NAME" }`.
+    /// Adds a participant that scenarios name as `run = { builtin = "NAME" }`.
     #[must_use]
     pub fn participant(
         mut self,
@@ -72,7 +73,7 @@ impl Program {
         self
     }
 
-    /// With whatever else a catalogue holds: assessments, warnings, findings, a list of failures, figures for reports.
+    /// Adds other contents of a catalogue: assessments, warnings, findings, a list of failures, figures for reports.
     ///
     /// ```no_run
     /// use engine::Catalogue;
@@ -92,7 +93,7 @@ impl Program {
         self
     }
 
-    /// Reads the command line and does what it asks for.
+    /// Parses the command line and executes the command.
     pub fn main(self) -> ExitCode {
         if let Some(missing) = engine::processor::missing() {
             eprintln!(
@@ -101,7 +102,7 @@ impl Program {
             );
             return ExitCode::from(1);
         }
-        // The command line's texts live as long as the program.
+        // Clap requires texts with static lifetime, which the program leaks.
         let name: &'static str = self.name.leak();
         let version: &'static str = version::of_program(name, self.version.as_deref()).leak();
         let mut line = cli::command().name(name).bin_name(name).version(version);
@@ -121,12 +122,12 @@ impl Program {
 
 fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> ExitCode {
     limits::refuse_large_files();
-    // A participant is a program of its own that happens to live in this file: it reports as one.
+    // A participant is a separate program that happens to share this file, and reports like one.
     if let Command::Participant(args) = command {
         return commands::participant::run(args);
     }
     limits::raise_open_files();
-    // Shared memory that is full ends a run in order, not the program.
+    // Full shared memory ends the run in order, not the program.
     if let Err(error) = engine::run::guard_memory() {
         eprintln!("error: SIGBUS cannot be taken over: {error}");
         return ExitCode::from(1);
@@ -169,7 +170,7 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
         Ok(code) => code,
         Err(error) => {
             let words = refusal::words(&error);
-            // That of the output is told below.
+            // An error of the output is reported below.
             if unwritten != Some(words.as_str()) {
                 eprintln!("error: {words}");
             }
@@ -182,7 +183,7 @@ fn execute(command: &Command, line: clap::Command, templates: &[Template]) -> Ex
     }
 }
 
-/// Prints what the command line itself is answered with: help, the version, or what is wrong with it.
+/// Prints clap's answer: help, the version, or a mistake in the command line.
 fn answered(answer: &clap::Error) -> ExitCode {
     match answer.print().and_then(|()| stdout().flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe && !answer.use_stderr() => unheard(&error.to_string()),
@@ -190,7 +191,7 @@ fn answered(answer: &clap::Error) -> ExitCode {
     }
 }
 
-/// Whatever was done, not all of what the program says of it could be written.
+/// Reports that the output is incomplete, whatever the result.
 fn unheard(reason: &str) -> ExitCode {
     eprintln!("error: standard output cannot be written: {reason}");
     ExitCode::from(1)

@@ -1,16 +1,16 @@
-//! Errors of commands in words, and the exit codes that belong to them.
+//! Text and exit codes of the errors of commands.
 
 use std::fmt;
 
 use engine::run::RunFailure;
 use engine::scenario::ScenarioError;
 
-/// Something is wrong with the command line or with a file that it names, and nothing was done.
+/// A mistake in the command line or in a file that it names; the command did nothing.
 #[derive(Debug)]
 pub struct Refusal(String);
 
 impl Refusal {
-    /// A refusal for what `error` says.
+    /// A refusal with the text of `error`.
     pub fn of(error: impl Into<anyhow::Error>) -> Refusal {
         Refusal(words(&error.into()))
     }
@@ -24,7 +24,7 @@ impl fmt::Display for Refusal {
 
 impl std::error::Error for Refusal {}
 
-/// An error with its causes. One whose text has its cause's in it already is not followed by that once more.
+/// An error with its causes. A cause whose text is already part of the error's text is not repeated.
 pub fn words(error: &anyhow::Error) -> String {
     let mut words = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {

@@ -1,13 +1,13 @@
-//! Ctrl-C and its relatives: the first asks what goes on to end in order, a second one ends the program at once.
+//! Ctrl-C and similar signals: the first one requests an orderly end, a second one ends the program at once.
 
 use std::sync::{Mutex, PoisonError};
 
 use engine::Interrupt;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-/// Takes over SIGINT, SIGTERM and SIGHUP; the request that they make.
+/// Installs handlers of SIGINT, SIGTERM and SIGHUP; returns the request that they set.
 pub fn interrupt() -> Interrupt {
-    // One flag for the whole program: a signal between two that look for it is lost to neither.
+    // One flag for the whole program, so that a signal is seen by all parts of the program that check for it.
     static INSTALLED: Mutex<Option<Interrupt>> = Mutex::new(None);
     let mut installed = INSTALLED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(interrupt) = &*installed {

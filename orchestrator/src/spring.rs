@@ -1,13 +1,14 @@
-//! The participant `spring`: a mass on a spring that a second spring ties to its neighbour. A scenario with it needs no other program.
+//! The participant `spring`: a mass on a spring, coupled to its neighbour by a second spring. A scenario with it needs no
+//! other program.
 
 use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, ParameterError, Participant, Setup, Step};
 use lockstep::units::{self, Length, LinearDamping, LinearStiffness, Mass, Quantity};
 use serde::Deserialize;
 
 lockstep::message! {
-    /// Where a mass is and how fast it moves.
+    /// Position and velocity of a mass.
     struct Motion {
-        /// Distance from rest along x.
+        /// Displacement from rest along x.
         position: f64 = "m" in "N",
         /// Velocity along x.
         velocity: f64 = "m/s" in "N",
@@ -18,26 +19,26 @@ lockstep::message! {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Parameters {
-    /// At the start, from rest.
+    /// At the start, displacement from rest.
     position: Quantity<Length>,
     mass: Quantity<Mass>,
-    /// Of its own spring.
+    /// Stiffness of its own spring.
     stiffness: Quantity<LinearStiffness>,
-    /// Of the spring to the neighbour.
+    /// Stiffness of the spring to the neighbour.
     coupling: Quantity<LinearStiffness>,
     damping: Quantity<LinearDamping>,
 }
 
 struct Spring {
     motion: Motion,
-    /// By the mass, 1/s².
+    /// Divided by the mass, 1/s².
     stiffness: f64,
     coupling: f64,
-    /// By the mass, 1/s.
+    /// Divided by the mass, 1/s.
     damping: f64,
 }
 
-/// Makes one.
+/// Creates a spring.
 pub fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let read: Parameters = units::read(&setup.parameters)?;
     let mass = read.mass.si();

@@ -1,5 +1,5 @@
-//! The stock program: the participants of the capture, its assessment, its failures, and what is to be said of its gains; a
-//! spring for a first scenario; and the templates of `new`.
+//! The stock program: the participants of the capture, its assessment, its failures, and the checks of its gains; a spring
+//! for a first scenario; and the templates of `new`.
 
 use engine::Catalogue;
 
@@ -12,7 +12,7 @@ pub fn program() -> Program {
         .templates(&templates::STOCK)
 }
 
-/// What the program contains, for a process that has it as a library.
+/// The contents of the program, for a process that uses it as a library.
 pub fn catalogue() -> Catalogue {
     contents(Catalogue::new(version::ESCAPEMENT))
 }

@@ -1,4 +1,4 @@
-//! The terminal: a line about how far a run or a campaign is, notices, and Enter at a pause.
+//! Terminal: the progress line of a run or a campaign, notices, and Enter at a pause.
 
 use std::io::stdin;
 use std::sync::mpsc::{self, Receiver, TryRecvError};
@@ -9,20 +9,20 @@ use engine::{Answer, Event, Observer, Progress};
 
 use crate::line::{Line, left, percent};
 
-/// Reports on standard error: a line about the progress, and notices.
+/// Reports on standard error: a progress line, and notices.
 struct Terminal {
     line: Line,
     started: Instant,
-    /// Simulated time at which the progress is measured from, s; after a rest from where it goes on.
+    /// Simulated time from which the progress is measured, s; after a pause, the time at which the run continues.
     from_s: Option<f64>,
     duration_s: f64,
-    /// How many points of a campaign there were when they were first seen.
+    /// The number of completed points of a campaign, since the first observation.
     counted: Option<Counted>,
-    /// Whether a pause has asked for a line.
+    /// Whether a pause is waiting for a line of input.
     asks: bool,
 }
 
-/// Points of a campaign, from when they were first seen.
+/// Completed points of a campaign, since the first observation.
 #[derive(Debug, Clone, Copy)]
 struct Counted {
     since: Instant,
@@ -31,7 +31,8 @@ struct Counted {
 }
 
 impl Counted {
-    /// With `done` of them at `now`. Fewer than before are those of other work, such as runs that are kept: they are counted anew.
+    /// Updates the count to `done` at `now`. A count below the previous one belongs to other work, such as runs that are
+    /// kept: counting starts again.
     fn with(before: Option<Counted>, done: usize, now: Instant) -> Counted {
         let begun = Counted {
             since: now,
@@ -42,14 +43,14 @@ impl Counted {
         Counted { last: done, ..before }
     }
 
-    /// How many came since then, and in how many seconds up to `now`.
+    /// The number completed since then, and the number of seconds up to `now`.
     fn own(&self, now: Instant) -> (usize, f64) {
         let wall = now.saturating_duration_since(self.since);
         (self.last - self.first, wall.as_secs_f64())
     }
 }
 
-/// A terminal's observer. With `quiet`, notices alone.
+/// Progress output to the terminal. With `quiet`, only notices are shown.
 pub fn progress(quiet: bool) -> Progress {
     Progress::new(Terminal {
         line: Line::new(quiet),
@@ -80,8 +81,8 @@ fn run_line(t_s: f64, from_s: f64, duration_s: f64, wall_s: f64) -> String {
     )
 }
 
-/// `42 of 84 points (50 %), 3.1 a second, 14 s left`, of which `own` came in `wall_s`. The end of a campaign that grows with its
-/// results is not known: `42 of 84 points so far, 3.1 a second`.
+/// `42 of 84 points (50 %), 3.1 a second, 14 s left`, of which `own` were completed in `wall_s`. The end of a campaign that
+/// grows with its results is not known: `42 of 84 points so far, 3.1 a second`.
 fn campaign_line(done: usize, all: usize, grows: bool, (own, wall_s): (usize, f64)) -> String {
     let mut text = format!("{done} of {all} points");
     text += &match grows {
@@ -143,15 +144,15 @@ impl Observer for Terminal {
         match typed().lock().unwrap_or_else(PoisonError::into_inner).try_recv() {
             Ok(line) if line.trim() == "q" => Some(Answer::End),
             Ok(_) => Some(Answer::Continue),
-            // At the end of the input nothing more will be typed.
+            // After the end of the input no further line can come.
             Err(TryRecvError::Disconnected) => Some(Answer::Never),
             Err(TryRecvError::Empty) => None,
         }
     }
 }
 
-/// The lines of standard input. One thread reads them for all pauses: a pause that a failure ends leaves no reader behind that would
-/// take the line of the next one.
+/// The lines of standard input. One thread reads them for all pauses: a pause that a failure ends leaves no reader behind
+/// that would consume the line of the next pause.
 fn typed() -> &'static Mutex<Receiver<String>> {
     static LINES: OnceLock<Mutex<Receiver<String>>> = OnceLock::new();
     LINES.get_or_init(|| {
@@ -178,7 +179,7 @@ mod tests {
             run_line(12.25, 0.0, 35.0, 4.0),
             "t = 12.250 s of 35 s (35 %), 3.1 times real time, 7 s left"
         );
-        // Taken up at 10 s: what was done before took no time now.
+        // Continued from 10 s: the simulated time before that took no wall-clock time in this run.
         assert_eq!(
             run_line(12.0, 10.0, 1000.0, 1.0),
             "t = 12.000 s of 1000 s (1 %), 2.0 times real time, 8 min left"
@@ -210,7 +211,7 @@ mod tests {
     fn points_of_all_levels_are_counted_and_those_of_other_work_anew() {
         let start = Instant::now();
         let at = |s: u64| start + std::time::Duration::from_secs(s);
-        // Three were there; the work goes on level after level.
+        // Three points existed; the work continues level by level.
         let mut counted = None;
         for (s, done) in [(5, 3), (6, 13), (7, 23), (8, 23), (15, 43)] {
             counted = Some(Counted::with(counted, done, at(s)));

@@ -1,10 +1,10 @@
-//! What the program calls itself.
+//! Version text of the program.
 
-/// Escapement's version with the commit that it was built from: `0.1.0 (1a2b3c4d5e6f)`, `0.1.0 (1a2b3c4d5e6f-dirty)` with changed sources,
-/// `0.1.0` where nothing is known of a commit.
+/// Escapement's version with the commit that it was built from: `0.1.0 (1a2b3c4d5e6f)`, `0.1.0 (1a2b3c4d5e6f-dirty)` with
+/// changed sources, `0.1.0` where the commit is unknown.
 pub const ESCAPEMENT: &str = concat!(env!("CARGO_PKG_VERSION"), env!("ESCAPEMENT_COMMIT"));
 
-/// The version of the program `name` that says `own` of itself, or nothing.
+/// The version of the program `name`, which states its own version as `own`, or none.
 pub fn of_program(name: &str, own: Option<&str>) -> String {
     match own {
         Some(own) => format!("{own}, built on escapement {ESCAPEMENT}"),

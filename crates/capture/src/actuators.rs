@@ -1,4 +1,4 @@
-//! Every single failure of an actuator of the stock plant, as the cases of a campaign.
+//! Campaign cases with every single failure of an actuator of the stock plant.
 
 use std::path::Path;
 
@@ -11,12 +11,12 @@ use toml::{Table, Value};
 struct Failure {
     actuator: String,
     effect: &'static str,
-    /// What the law can be told of it.
+    /// The information about it that the controller can be given.
     informed: Vec<String>,
 }
 
-/// Every single failure of an actuator of the stock plant, from the start and from each of `at`; with `informed`, those from the
-/// start once more with a law that knows. The first point is the healthy one.
+/// Every single failure of an actuator of the stock plant, from the start and from each of `at`; with `informed`, those
+/// from the start once more with an informed controller. The first point is the healthy one.
 ///
 /// # Errors
 /// When the scenario has no stock plant.
@@ -41,7 +41,7 @@ pub fn every_actuator(scenario: &Scenario, file: &Path, at: &[Rational], informe
     let key = format!("participants.{plant}.parameters.faults");
     for from in std::iter::once(None).chain(at.iter().copied().map(Some)) {
         for failure in &failures {
-            // before anything was commanded, stuck is off
+            // before the first command, stuck is equivalent to off
             if from.is_none() && failure.actuator.starts_with("wheel") && failure.effect == "off" {
                 continue;
             }
@@ -136,7 +136,8 @@ fn failures(scenario: &Scenario, plant: &str, controller: Option<&str>) -> Vec<F
     all
 }
 
-/// The changes that make thruster couples take over what a wheel has lost, `left` of whose torque remains.
+/// The changes that make thruster couples replace the torque that a wheel has lost; the fraction `left` of the torque
+/// remains.
 fn wheels_shared(scenario: &Scenario, plant: &str, law: &str, axis: usize, left: f64) -> Vec<String> {
     let torques: Vec<String> = (0..3)
         .map(|other| if other == axis { 0.2 * left } else { 0.2 }.to_string())

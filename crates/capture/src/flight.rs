@@ -1,5 +1,5 @@
-//! Flights of tuned gains in the non-linear simulator: sloshing propellant, saturating actuators and delays, over configurations and
-//! delays. The linear claim about the same loop stands beside each.
+//! Closed-loop verification of tuned gains in the non-linear simulator: sloshing propellant, saturating actuators and
+//! delays, over configurations and delays. The result of the linear analysis of the same loop is reported with each run.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,11 +13,11 @@ use lockstep::time::Rational;
 use synthesis::robot::{FlightSpec, FlownEntry, GainTable, Gains, ModelSpec, Robot, Spec, spectral_radius};
 use toml::{Table, Value};
 
-/// Flies the gains through every configuration and delay that the specification asks for. `next` is told before each how many
-/// of how many are done, and says whether to stop.
+/// Simulates the gains in every configuration and with every delay of the specification. Before each run `next` is called
+/// with the number of completed runs and the total; it returns whether to stop.
 ///
 /// # Errors
-/// A scenario that is missing or wrong, a participant that fails for another reason than a diverging loop.
+/// A scenario that is missing or invalid, or a participant that fails for another reason than a diverging loop.
 pub fn fly(
     catalogue: &Arc<Catalogue>,
     specification: &Path,
@@ -35,7 +35,7 @@ pub fn fly(
             flight.scenario
         )
     })?;
-    // In a place that the next run or `doctor` clears if this program is killed.
+    // In a folder that the next run or `doctor` clears if this program is killed.
     let scope = Scope::create()?;
     let folder = scope.scratch()?.join("flight");
     let whole = ScenarioSpec::read(&scenario, &[])?;
@@ -57,14 +57,14 @@ pub fn fly(
                 ..Options::default()
             };
             let ended = run(&read, &options);
-            // Nothing is left behind, whatever became of the run.
+            // The folder is removed whatever the outcome of the run.
             let removed = std::fs::remove_dir_all(&folder);
             let outcome = ended?;
             removed.with_context(|| folder.display().to_string())?;
             let figures = outcome.figures.as_ref();
             let settled = match &outcome.ending {
                 Ending::Stopped { .. } => return Ok(flown),
-                // A loop that diverges ends in numbers that are not finite, which the participants refuse.
+                // A diverging loop ends in values that are not finite, which the participants reject.
                 Ending::Failed { .. } => false,
                 Ending::Complete => figures.is_some_and(engine::assessment::Figures::met),
             };
@@ -82,7 +82,7 @@ pub fn fly(
     Ok(flown)
 }
 
-/// What the linear analysis says of the loop that is flown: nominal masses, sloshing propellant, these delays.
+/// The result of the linear analysis of the simulated loop: nominal masses, sloshing propellant, these delays.
 fn claim(spec: &Spec, robot: &Robot, gains: &Gains, model: &ModelSpec, delay: f64) -> anyhow::Result<f64> {
     let mut delayed = spec.clone();
     delayed.sampling.sensor_delay_s = delay;
@@ -94,7 +94,7 @@ fn claim(spec: &Spec, robot: &Robot, gains: &Gains, model: &ModelSpec, delay: f6
     Ok(spectral_radius(&delayed, robot, &nominal, gains)?)
 }
 
-/// Makes the scenario one of these gains, this configuration and this delay.
+/// Sets these gains, this configuration and this delay in the scenario.
 fn change(
     spec: &mut ScenarioSpec,
     flight: &FlightSpec,
@@ -118,7 +118,8 @@ fn change(
     Ok(())
 }
 
-/// A file or folder that a specification names: from the working directory, from its own folder, or from the one above.
+/// Finds a file or folder that a specification names: relative to the working directory, to the specification's folder, or
+/// to its parent.
 pub fn find(specification: &Path, named: &str) -> Option<PathBuf> {
     let here = specification.parent().unwrap_or(Path::new("."));
     [PathBuf::from(named), here.join(named), here.join("..").join(named)]
@@ -126,10 +127,10 @@ pub fn find(specification: &Path, named: &str) -> Option<PathBuf> {
         .find(|path| path.exists())
 }
 
-/// Runs a scenario to this instant in this process, and lets `read` have the run's folder before it goes.
+/// Runs a scenario to this instant in this process, and calls `read` with the run's folder before it is removed.
 ///
 /// # Errors
-/// A scenario that is wrong or does not get there, and whatever `read` finds.
+/// A scenario that is invalid or does not reach the instant, and any error of `read`.
 pub fn record<T>(
     catalogue: &Arc<Catalogue>,
     scenario: &Path,

@@ -1,9 +1,9 @@
-//! The capture of a tumbling satellite: what only this application has.
+//! Application crate for the capture of a tumbling satellite.
 //!
 //! - [`assessment`]: its figures of merit and criteria, under the name `capture`;
-//! - [`actuators`]: the list of every single failure of an actuator of the stock plant;
-//! - [`provenance`]: whether gains fit the robot and the period that they are used with;
-//! - [`velocity_loop`]: whether gains are stable with the delays of a scenario, along the path that it flies;
+//! - [`actuators`]: campaign cases with every single failure of an actuator of the stock plant;
+//! - [`provenance`]: checks of gains against the robot and the period that they are used with;
+//! - [`velocity_loop`]: stability of gains with the delays of a scenario, along its path;
 //! - [`flight`]: closed-loop verification of tuned gains in the simulator;
 //! - [`pictures`]: its figures in the report.
 

@@ -1,4 +1,4 @@
-//! Robot descriptions against what the models make of them, and gains against the robot they were tuned for.
+//! Checks of robot descriptions against the models, and of gains against the robot they were tuned for.
 
 use multibody::{Description, UrdfOptions, UrdfReading};
 use toml::{Table, Value};
@@ -10,21 +10,21 @@ pub fn digest(text: &str) -> String {
     format!("fnv1a64:{:016x}", lockstep::fnv::fnv1a(text))
 }
 
-/// Digest of the physics of a robot description: masses, inertias, joints, frames and limits, not what it looks like. `None` when
-/// the text is no description.
+/// Digest of the physics of a robot description: masses, inertias, joints, frames and limits, not its appearance. `None`
+/// when the text is not a description.
 pub fn plant_digest(urdf: &str) -> Option<String> {
     let reading = read(urdf)?;
     Some(format!("physics:{:016x}", reading.description.digest()))
 }
 
-/// What a description says, possible or not.
+/// Reads a description, physical or not.
 fn read(urdf: &str) -> Option<UrdfReading> {
     Description::read_urdf(urdf, UrdfOptions { allow_unphysical: true }).ok()
 }
 
-/// What of a scenario's robot descriptions the models leave out, and what does not match between the gains of its controllers and their
-/// provenance. Nothing of it keeps a run from starting: a changed robot may well fly with its old gains, but what was proved of them was
-/// proved of another one.
+/// Remarks about a scenario: the parts of its robot descriptions that the models ignore, and mismatches between the gains
+/// of its controllers and their provenance. None of them prevents a run: a changed robot may well work with its old gains,
+/// but the properties of the gains were proved for another robot.
 pub fn remarks(scenario: &Scenario) -> Vec<String> {
     let mut out = Vec::new();
     let mut seen = Vec::new();

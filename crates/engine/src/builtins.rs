@@ -1,4 +1,4 @@
-//! What a scenario may name of the program that reads it: participants and assessments.
+//! Builtins: the participants and assessments of a program that scenarios may name.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::scenario::Program;
 pub type AssessmentFactory =
     Arc<dyn Fn(&Table, &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> + Send + Sync>;
 
-/// Makes in this process what a scenario names as a program of its own.
+/// Makes, in this process, a participant that a scenario names as an external program.
 pub(crate) type Within = Arc<dyn Fn(&Program) -> Option<Factory> + Send + Sync>;
 
 /// The participants and the assessments that a program contains, by name.
@@ -22,13 +22,13 @@ pub(crate) type Within = Arc<dyn Fn(&Program) -> Option<Factory> + Send + Sync>;
 pub struct Builtins {
     version: String,
     participants: BTreeMap<String, Factory>,
-    /// Participants that the program itself names in scenarios that it makes; an error message does not offer them.
+    /// Participants that the program itself names in scenarios that it makes; error messages do not list them.
     internal: BTreeMap<String, Factory>,
     assessments: BTreeMap<String, AssessmentFactory>,
     within: Option<Within>,
 }
 
-/// Whatever has builtins: a [`Catalogue`](crate::Catalogue), or the builtins themselves.
+/// A type with builtins: a [`Catalogue`](crate::Catalogue), or the builtins themselves.
 pub trait HasBuiltins {
     /// The builtins.
     fn builtins(&self) -> &Arc<Builtins>;
@@ -41,7 +41,7 @@ impl HasBuiltins for Arc<Builtins> {
 }
 
 impl Builtins {
-    /// None, of a program that calls itself `version`.
+    /// Empty builtins, for a program that calls itself `version`.
     pub(crate) fn new(version: String) -> Builtins {
         Builtins {
             version,
@@ -72,7 +72,7 @@ impl Builtins {
         self.within = Some(find);
     }
 
-    /// What the program calls itself.
+    /// The version as which the program identifies itself.
     pub fn version(&self) -> &str {
         &self.version
     }
@@ -82,13 +82,13 @@ impl Builtins {
         self.participants.keys().map(String::as_str)
     }
 
-    /// How the participant called `name` is made.
+    /// The factory of the participant called `name`.
     pub fn factory(&self, name: &str) -> Option<&Factory> {
         self.participants.get(name).or_else(|| self.internal.get(name))
     }
 
-    /// How the participant of `program` is made in this process where none of its code is loaded by that: nothing for libraries
-    /// and for programs of their own.
+    /// The factory of the participant of `program` in this process, if making it loads none of its code; `None` for libraries and
+    /// for external programs.
     pub fn factory_of(&self, program: &Program) -> Option<Factory> {
         match program {
             Program::Builtin(name) => self.factory(name).cloned(),
@@ -102,15 +102,15 @@ impl Builtins {
         }
     }
 
-    /// How the participant of a program of its own is made in this process, where that is possible.
+    /// The factory of the participant of an external program in this process, if there is one.
     pub fn factory_within(&self, program: &Program) -> Option<Factory> {
         self.within.as_ref().filter(|_| program.is_external())?(program)
     }
 
-    /// The assessment that the table `assessment` of a scenario describes.
+    /// Makes the assessment that the table `assessment` of a scenario describes.
     ///
     /// # Errors
-    /// Names the key that is refused, or the stream that is missing.
+    /// Reports the key that is refused, or the stream that is missing.
     pub fn assess(&self, table: &Table, streams: &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> {
         let known = || {
             let kinds: Vec<String> = self.assessments.keys().map(|kind| format!("`{kind}`")).collect();

@@ -16,19 +16,19 @@ use crate::campaign::{Cases, CasesError};
 use crate::replay::player;
 use crate::scenario::{Program, Scenario};
 
-/// What is to be said of a scenario before it runs, as warnings: nothing of it keeps the scenario from running.
+/// Warnings about a scenario before it runs; none of them keeps the scenario from running.
 type Remarks = Arc<dyn Fn(&Scenario) -> Vec<String> + Send + Sync>;
 
-/// Something that `check` reports of a scenario.
+/// A finding of `check` about a scenario.
 #[derive(Debug, Clone)]
 pub struct Finding {
     /// Its key in the JSON.
     pub name: String,
-    /// For people: one or more lines.
+    /// The finding for people: one or more lines.
     pub text: String,
-    /// For scripts.
+    /// The finding for scripts.
     pub value: serde_json::Value,
-    /// What of it is to be said before a run.
+    /// The warnings that follow from it, for a run.
     pub warnings: Vec<String>,
 }
 
@@ -37,7 +37,7 @@ type Findings = Arc<dyn Fn(&Scenario) -> Vec<Finding> + Send + Sync>;
 /// Makes the cases of a campaign of failures.
 type Failures = Arc<dyn Fn(&Scenario, &Path, &[Rational], bool) -> Result<Cases, CasesError> + Send + Sync>;
 
-/// What a scenario can name without a program of its own.
+/// The participants and assessments that a scenario can name without an external program.
 ///
 /// ```
 /// use engine::Catalogue;
@@ -77,7 +77,7 @@ impl HasBuiltins for Arc<Catalogue> {
 }
 
 impl Catalogue {
-    /// A catalogue without entries of a program that calls itself `version`, such as `lander 1.0`.
+    /// An empty catalogue, for a program that calls itself `version`, such as `lander 1.0`.
     pub fn new(version: impl Into<String>) -> Catalogue {
         let catalogue = Catalogue {
             builtins: Arc::new(Builtins::new(version.into())),
@@ -93,7 +93,7 @@ impl Catalogue {
         Arc::make_mut(&mut self.builtins)
     }
 
-    /// With a participant that scenarios name as `run = { builtin = "NAME" }`.
+    /// Adds a participant that scenarios name as `run = { builtin = "NAME" }`.
     #[must_use]
     pub fn participant(
         mut self,
@@ -104,7 +104,7 @@ impl Catalogue {
         self
     }
 
-    /// With a participant that only scenarios made by the program itself name.
+    /// Adds a participant that only scenarios made by the program itself name.
     #[must_use]
     pub fn internal(
         mut self,
@@ -115,7 +115,7 @@ impl Catalogue {
         self
     }
 
-    /// With an assessment that scenarios name as `kind = "KIND"` in the table `assessment`.
+    /// Adds an assessment that scenarios name as `kind = "KIND"` in the table `assessment`.
     #[must_use]
     pub fn assessment(
         mut self,
@@ -126,22 +126,22 @@ impl Catalogue {
         self
     }
 
-    /// With warnings about scenarios, which `run` and `check` print.
+    /// Adds warnings about scenarios, which `run` and `check` print.
     #[must_use]
     pub fn remark(mut self, remarks: impl Fn(&Scenario) -> Vec<String> + Send + Sync + 'static) -> Catalogue {
         self.remarks.push(Arc::new(remarks));
         self
     }
 
-    /// With something that `check` reports of a scenario.
+    /// Adds findings about a scenario, which `check` reports.
     #[must_use]
     pub fn finding(mut self, find: impl Fn(&Scenario) -> Vec<Finding> + Send + Sync + 'static) -> Catalogue {
         self.findings.push(Arc::new(find));
         self
     }
 
-    /// With the list of failures that a campaign of failures takes when it is given none: of the scenario, which was read from the
-    /// file, from the start and from each of the instants; and also with a control law that is informed.
+    /// Sets the list of failures for a campaign of failures that is given none: of the scenario, which was read from the file, from
+    /// the start and from each of the instants; and also with a control law that is informed of them.
     #[must_use]
     pub fn failures(
         mut self,
@@ -151,23 +151,23 @@ impl Catalogue {
         self
     }
 
-    /// With figures for the report of a run, made of its streams and its plan: what the application's users look at first. They
-    /// stand behind those that a scenario asks for itself.
+    /// Adds figures for the report of a run, made from its streams and its plan: what the application's users look at first. They
+    /// come after the figures that a scenario declares itself.
     #[must_use]
     pub fn view(mut self, view: impl Fn(&[StreamSpec], &Table) -> View + Send + Sync + 'static) -> Catalogue {
         self.views.push(Arc::new(view));
         self
     }
 
-    /// With a way to make in this process what scenarios name as a program of its own, where `find` knows the program: a run in one
-    /// loop then takes it. An interpreter with the engine as a module has one for the models in its language.
+    /// Sets a way to make in this process what scenarios name as an external program, if `find` knows the program: a run in one
+    /// loop then uses it. An interpreter with the engine as a module has one for the models in its language.
     #[must_use]
     pub fn within(mut self, find: impl Fn(&Program) -> Option<Factory> + Send + Sync + 'static) -> Catalogue {
         self.own().set_within(Arc::new(find));
         self
     }
 
-    /// With another version.
+    /// Replaces the version.
     #[must_use]
     pub fn with_version(mut self, version: &str) -> Catalogue {
         self.own().set_version(version);
@@ -179,14 +179,14 @@ impl Catalogue {
         self.warnings_with(scenario, &self.findings(scenario))
     }
 
-    /// The warnings about `scenario`, of which `findings` has been found.
+    /// The warnings about `scenario`, whose `findings` are given.
     pub fn warnings_with(&self, scenario: &Scenario, findings: &[Finding]) -> Vec<String> {
         let own = self.remarks.iter().flat_map(|remarks| remarks(scenario));
         let found = findings.iter().flat_map(|finding| finding.warnings.iter().cloned());
         scenario.remarks().into_iter().chain(own).chain(found).collect()
     }
 
-    /// What `check` reports of `scenario`.
+    /// The findings of `check` about `scenario`.
     pub fn findings(&self, scenario: &Scenario) -> Vec<Finding> {
         self.findings.iter().flat_map(|find| find(scenario)).collect()
     }

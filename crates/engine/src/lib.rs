@@ -1,16 +1,16 @@
-//! The engine: a scenario becomes runs, replays and campaigns.
+//! The engine: turns a scenario into runs, replays and campaigns.
 //!
 //! - [`scenario`]: the file that a user writes, read and resolved once;
-//! - [`run`]: one run, with its participants in one loop or each in a process of its own, to a tape and figures;
-//! - [`replay`]: one participant of a recorded run again, with the inputs that it had; [`shadow`]: a second program on a
+//! - [`run`]: one run, with its participants in one loop or each in its own process, recorded on a tape and reduced to figures;
+//! - [`replay`]: replay of one participant of a recorded run, with its recorded inputs; [`shadow`]: a second program on a
 //!   participant's inputs;
 //! - [`measures`]: figures and criteria that a scenario declares;
 //! - [`campaign`]: many runs of one scenario with changes, and one table;
-//! - [`live`]: a page that shows a run while it goes on, and steers it.
+//! - [`live`]: a page that shows a run while it is under way, and controls it.
 //!
 //! The engine is a library: it prints nothing, reads no keys, installs no signal handler and never ends the process. A
-//! [`Catalogue`] holds the participants and the assessments that the program contains; an [`Observer`] receives what happens,
-//! and an [`Interrupt`] asks for an end in order.
+//! [`Catalogue`] holds the participants and the assessments that the program contains; an [`Observer`] receives events, and an
+//! [`Interrupt`] requests an orderly end.
 
 pub mod assessment;
 mod builtins;

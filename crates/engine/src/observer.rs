@@ -1,9 +1,9 @@
-//! Observers: what a run or a campaign reports while it goes on, and what it asks.
+//! Observers: what a run or a campaign reports while it runs, and what it asks.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What happens.
+/// An event of a run or a campaign.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Event<'a> {
@@ -17,13 +17,13 @@ pub enum Event<'a> {
         /// Simulated time, s.
         t_s: f64,
     },
-    /// A campaign has `done` of `all` points, `resumed` of them from before.
+    /// A campaign has `done` of `all` points, `resumed` of them from an earlier start.
     Points {
         /// Points with a result.
         done: usize,
         /// Points of the campaign.
         all: usize,
-        /// Points whose results were there when it began.
+        /// Points whose results existed when it began.
         resumed: usize,
         /// Whether more points may follow, depending on the results of these.
         grows: bool,
@@ -33,14 +33,15 @@ pub enum Event<'a> {
         /// One or more lines.
         text: &'a str,
     },
-    /// A participant of a run in one process has said something; it is in its log too. A program of its own says it in its own log.
+    /// A participant of a run in one process has logged a line, which is in its log too. The lines of an external program are only
+    /// in its log.
     Said {
         /// The participant's name.
         participant: &'a str,
         /// The line, with its name and the simulated time.
         line: &'a str,
     },
-    /// The run rests at `t_s` until [`Observer::answer`] or the live page lets it go on.
+    /// The run rests at `t_s` until [`Observer::answer`] or the live page lets it continue.
     Paused {
         /// Simulated time, s.
         t_s: f64,
@@ -51,29 +52,29 @@ pub enum Event<'a> {
     Over,
 }
 
-/// What becomes of a paused run.
+/// What happens to a paused run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Answer {
-    /// It goes on.
+    /// It continues.
     Continue,
     /// It ends here.
     End,
-    /// There will be no answer: only the live page can let it go on, and without one it ends.
+    /// There will be no answer: only the live page can let the run continue, and without one it ends.
     Never,
 }
 
-/// Receives what happens in a run or a campaign. Called on the thread that runs it, so an implementation returns at once.
+/// Receives the events of a run or a campaign. It is called on the thread that runs it, so an implementation must return at once.
 pub trait Observer: Send {
-    /// Takes note of `event`.
+    /// Receives `event`.
     fn event(&mut self, event: Event<'_>);
 
-    /// What becomes of the paused run; asked again and again while it rests. `None` as long as nothing is decided.
+    /// What happens to the paused run; called repeatedly while it rests. `None` as long as nothing is decided.
     fn answer(&mut self) -> Option<Answer> {
         None
     }
 }
 
-/// An observer that reports nothing and lets every paused run wait.
+/// An observer that reports nothing and never answers a paused run.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
@@ -81,7 +82,7 @@ impl Observer for Silent {
     fn event(&mut self, _: Event<'_>) {}
 }
 
-/// The engine's way to the observer, if there is one.
+/// The engine's access to the observer, if there is one.
 #[derive(Clone, Default)]
 pub struct Progress(Option<Arc<Mutex<dyn Observer>>>);
 
@@ -108,23 +109,23 @@ impl Progress {
         self.report(Event::Notice { text });
     }
 
-    /// What becomes of the paused run, if that is decided.
+    /// What happens to the paused run, if that is decided.
     pub(crate) fn answer(&self) -> Option<Answer> {
         self.observer()?.answer()
     }
 }
 
-/// A request for an end in order, which any thread or signal handler can make.
+/// A request for an orderly end, which any thread or signal handler can make.
 #[derive(Debug, Clone, Default)]
 pub struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
-    /// Asks whatever holds a copy to end in order.
+    /// Requests an orderly end of everything that holds a copy of this.
     pub fn ask(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether an end was asked for.
+    /// Whether an end was requested.
     pub fn asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

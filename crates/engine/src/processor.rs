@@ -1,7 +1,7 @@
 //! The instruction set that this code is compiled for.
 
-/// What this processor lacks of what the compiled code takes for granted, in words; `None` when nothing is missing. Built elsewhere than
-/// in the project's folder, the code may be for any processor.
+/// The processor features that the compiled code requires and this processor lacks, in words; `None` when none is missing. If the
+/// code was built outside the project's folder, it may be for any processor.
 pub fn missing() -> Option<String> {
     #[cfg(target_arch = "x86_64")]
     {

@@ -1,12 +1,12 @@
-//! The part of the machine that belongs to one run, and what dead runs left behind.
+//! The scope of a run: its resources on the machine, and the remains of dead runs.
 //!
-//! A run owns a folder that only the user can enter, named by 80 random bits, and every object in shared memory whose name
-//! starts with the same bits. A lock on a file in the folder says that the run is alive; the kernel lifts it when the
-//! orchestrator dies, however that happens. So everything under the bits of an unlocked folder can be removed, and so can objects
-//! without a folder: a run creates its folder before all objects, and removes it after them.
+//! A run owns a folder that only the user can enter, named by 80 random bits, and every object in shared memory whose name starts
+//! with the same bits. A lock on a file in the folder shows that the run is alive; the kernel releases it when the orchestrator
+//! dies, however that happens. So everything under the bits of an unlocked folder can be removed, and so can objects without a
+//! folder: a run creates its folder before all objects, and removes it after them.
 //!
-//! All names are drawn at random for one run. So neither another user nor a container, in which the same number is another user, can
-//! hold one in advance.
+//! All names are drawn at random for one run. So no other user, and no container in which the same number is another user, can
+//! claim a name in advance.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, OpenOptions};
@@ -21,34 +21,34 @@ use tape::folder::private;
 
 const SHARED_MEMORY: &str = "/dev/shm";
 const MARK: &str = "esc_";
-/// Where the folders of runs are, up to what is drawn for each of them.
+/// The prefix of the paths of runs' folders; a random part follows.
 pub const FOLDERS: &str = "/dev/shm/esc-";
-/// What the names of runs' folders start with.
+/// The prefix of the names of runs' folders.
 const FOLDER: &str = "esc-";
 const LOCK: &str = "lock";
-/// In a run's folder, the way to what it has on disk.
+/// In a run's folder, the link to its folder on disk.
 const SCRATCH: &str = "scratch";
-/// Letters in the name of a run, five random bits each.
+/// The number of letters in the name of a run, five random bits each.
 const ID: usize = 16;
-/// The last two letters of a prefix are these: two others for each place in shared memory that a run uses one after the other.
+/// The last two letters of a prefix are from these: a new pair for each place in shared memory that a run uses in turn.
 const LETTERS: &[u8] = b"_0123456789abcdefghijklmnopqrstuvwxyz";
-/// The places of a run.
+/// The most places of a run.
 const PLACES: usize = LETTERS.len() * LETTERS.len();
 
-/// Why a run's place cannot be made.
+/// Why a run's scope cannot be created.
 #[derive(Debug, thiserror::Error)]
 pub enum ScopeError {
-    /// The operating system refused.
+    /// The operating system returned an error.
     #[error("`{}`: {what}: {source}", .path.display())]
     Io {
-        /// Where.
+        /// The path.
         path: PathBuf,
-        /// What was tried.
+        /// The operation.
         what: &'static str,
-        /// Why not.
+        /// The error.
         source: io::Error,
     },
-    /// Everybody was moved too often.
+    /// The participants were moved too often.
     #[error("the run was taken up {} times: it has no place left in shared memory; what fails again and again is not mended by a restart", PLACES - 1)]
     Exhausted,
 }
@@ -70,13 +70,13 @@ fn draw() -> Result<String, ScopeError> {
         .collect())
 }
 
-/// The folder of the run `id`. In memory: a run makes a file for each end of each link, which on a disk takes longer than all the
+/// The folder of the run `id`, in memory: a run creates a file for each end of each link, which on a disk takes longer than the
 /// rest of its start.
 fn folder_of(id: &str) -> PathBuf {
     Path::new(SHARED_MEMORY).join(format!("{FOLDER}{id}"))
 }
 
-/// A run's part of the machine. Everything in it is removed when this is dropped.
+/// A run's resources on the machine. All of them are removed when this is dropped.
 pub struct Scope {
     id: String,
     folder: PathBuf,
@@ -85,13 +85,13 @@ pub struct Scope {
 }
 
 impl Scope {
-    /// Makes a new one, with a name that nobody can guess and that is never used again.
+    /// Creates a scope with an unguessable name that is never used again.
     pub fn create() -> Result<Scope, ScopeError> {
         let id = draw()?;
         let folder = folder_of(&id);
         private().create(&folder).map_err(io_error(&folder, "cannot be made"))?;
         let lock = folder.join(LOCK);
-        // Locked under another name first: nobody ever sees the lock file of a living run unlocked.
+        // Locked under another name first, so that the lock file of a living run is never seen unlocked.
         let unborn = folder.join("lock.new");
         let file = OpenOptions::new()
             .create_new(true)
@@ -110,7 +110,7 @@ impl Scope {
         })
     }
 
-    /// Where participants find the run.
+    /// The address at which participants find the run.
     pub fn address(&self) -> Address {
         Address {
             prefix: format!(
@@ -123,14 +123,14 @@ impl Scope {
         }
     }
 
-    /// Makes a folder on disk that only the user can enter, for what is too large for memory. It goes with the run, also when
-    /// this process is killed; once for each scope.
+    /// Creates a folder on disk that only the user can enter, for data that is too large for memory. It is removed with the run,
+    /// also when this process is killed. Can be called once for each scope.
     pub fn scratch(&self) -> Result<PathBuf, ScopeError> {
         // Not the run's own name, which any user can list in shared memory.
         self.scratch_at(std::env::temp_dir().join(format!("escapement-{}", draw()?)))
     }
 
-    /// The same in the folder `parent`, under a name that begins with `mark`.
+    /// As [`Scope::scratch`], in the folder `parent`, under a name that begins with `mark`.
     pub fn scratch_in(&self, parent: &Path, mark: &str) -> Result<PathBuf, ScopeError> {
         let made = private().recursive(true).create(parent);
         made.map_err(io_error(parent, "cannot be made"))?;
@@ -140,14 +140,14 @@ impl Scope {
     fn scratch_at(&self, folder: PathBuf) -> Result<PathBuf, ScopeError> {
         let folder = std::path::absolute(&folder).map_err(io_error(&folder, "cannot be named in full"))?;
         let link = self.folder.join(SCRATCH);
-        // The link first: through it whoever clears up finds the folder.
+        // The link first: a clean-up finds the folder through it.
         symlink(&folder, &link).map_err(io_error(&link, "cannot be made"))?;
         let made = private().create(&folder);
         made.map_err(io_error(&folder, "cannot be made"))?;
         Ok(folder)
     }
 
-    /// Makes room for everybody to move to, so that nothing of a dead process can be met there.
+    /// Moves on to a fresh place for all participants, so that no object of a dead process can be found there.
     pub fn move_on(&mut self) -> Result<(), ScopeError> {
         if self.place + 1 == PLACES {
             return Err(ScopeError::Exhausted);
@@ -156,7 +156,7 @@ impl Scope {
         Ok(())
     }
 
-    /// Removes what is left of the place `address`, which everybody has left.
+    /// Removes the objects that are left in the place `address`, which all participants have left.
     pub fn clear(&self, address: &Address) {
         for object in objects(&address.prefix) {
             let _ = fs::remove_file(object);
@@ -174,7 +174,7 @@ impl Drop for Scope {
     }
 }
 
-/// What the names of all of a run's objects start with. Identifiers are all of one length, so that no other run's do.
+/// The prefix of the names of all of a run's objects. All run names have the same length, so no other run's objects have it.
 fn prefix(id: &str) -> String {
     format!("{MARK}{id}")
 }
@@ -197,13 +197,13 @@ fn objects(prefix: &str) -> Vec<PathBuf> {
     named.map(|entry| entry.path()).collect()
 }
 
-/// What a dead run left.
+/// The remains of a dead run.
 #[derive(Debug)]
 pub struct Leftover {
     prefix: String,
-    /// The run's folder; it may be gone already.
+    /// The run's folder; it may have been removed already.
     pub folder: PathBuf,
-    /// What it had on disk besides its run folder, if that is there.
+    /// Its folder on disk apart from its run folder, if that exists.
     pub scratch: Option<PathBuf>,
     /// Its objects in shared memory.
     pub objects: Vec<PathBuf>,
@@ -218,20 +218,21 @@ impl Leftover {
     }
 }
 
-/// Everything that dead runs of this user left behind.
+/// The remains of all dead runs of this user.
 pub fn leftovers() -> Vec<Leftover> {
     // Objects before folders: a folder precedes its objects, so an object without a folder belongs to a run that has ended.
     let orphans = ids(MARK, |about| about.is_file());
     let orphans = orphans.into_iter().filter(|id| !folder_of(id).exists());
-    // A folder that others may enter, or a symbolic link, is not one of a run.
+    // A folder that others may enter, or a symbolic link, is not a run's folder.
     let folders = ids(FOLDER, |about| about.is_dir() && about.mode() & 0o077 == 0);
-    // Only a folder with a lock that nobody holds proves that a run is dead. Its objects go first and the folder last.
+    // Only a folder with an unlocked lock file proves that a run is dead. Its objects are removed first and the folder last.
     let dead = folders.into_iter().filter(|id| dead(&folder_of(id)));
     let all: BTreeSet<String> = orphans.chain(dead).collect();
     all.iter().map(|id| leftover(id)).collect()
 }
 
-/// The names of runs of which this user owns an entry of shared memory: `mark`, then the name; entries that `kind` accepts.
+/// The names of runs of which this user owns an entry of shared memory that is named `mark` followed by the run's name, and that
+/// `kind` accepts.
 fn ids(mark: &str, kind: impl Fn(&fs::Metadata) -> bool) -> BTreeSet<String> {
     let user = rustix::process::getuid().as_raw();
     let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
@@ -265,11 +266,11 @@ fn leftover(id: &str) -> Leftover {
     }
 }
 
-/// Whether nobody holds the lock of a run's folder.
+/// Whether the lock of a run's folder is not held.
 fn dead(folder: &Path) -> bool {
     match File::open(folder.join(LOCK)) {
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok(),
-        // Without a lock file the run may be just about to make it.
+        // Without a lock file, the run may be about to create it.
         Err(_) => {
             let made = fs::metadata(folder).and_then(|about| about.modified());
             made.map_or(true, |made| {

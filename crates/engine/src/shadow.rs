@@ -1,8 +1,8 @@
-//! A second program on the inputs of a participant: what it would have said in its place.
+//! Shadows: a second program on the inputs of a participant, and the outputs that it would have published in its place.
 //!
-//! What a participant says follows from its inputs alone, and the tape has those. So a shadow need not run beside the run: it
-//! is replayed on the recorded inputs as soon as the run is over, with the bits that it would have seen. It costs the run
-//! nothing, and whatever happens to it, the run has happened already.
+//! A participant's outputs follow from its inputs alone, and the tape has those. So a shadow need not run alongside the run: it is
+//! replayed on the recorded inputs as soon as the run is over, with the same bits that it would have seen. It costs the run
+//! nothing, and no failure of the shadow can affect the run, which is over by then.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,37 +20,37 @@ use crate::scenario::{Program, RunSpec, Scenario, ScenarioSpec};
 pub struct Shadow {
     participant: String,
     program: String,
-    /// What stands in the participant's place.
+    /// The program that shadows the participant.
     run: RunSpec,
     /// Changes of its parameters.
     set: Vec<String>,
 }
 
-/// What a shadow said, against what was said in the run.
+/// The outputs of a shadow, compared with those in the run.
 #[derive(Debug, Serialize)]
 pub struct Account {
-    /// Whose place it shadowed.
+    /// The participant that it shadowed.
     pub participant: String,
     /// The program, as it was given.
     pub program: String,
-    /// Why there is nothing to compare, if so.
+    /// Why there is no comparison, if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
     /// How its own run ended.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ending: Option<Ending>,
-    /// Up to where it was fed, s.
+    /// Up to which instant it was fed, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub to_s: Option<f64>,
-    /// What else there is to say.
+    /// Further remarks.
     pub notes: Vec<String>,
     /// A is the run, B the shadow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub comparison: Option<Comparison>,
 }
 
-/// `NAME=PROGRAM` in two parts, with what PROGRAM stands for: `builtin:NAME`, or a file as the shell sees it: a library if its name ends
-/// with `.so`, an FMU if it ends with `.fmu`, else a program.
+/// Splits `NAME=PROGRAM`, and resolves PROGRAM: `builtin:NAME`, or a file as the shell sees it: a library if its name ends with
+/// `.so`, an FMU if it ends with `.fmu`, otherwise a program.
 ///
 /// # Errors
 /// What is wrong with the text.
@@ -65,7 +65,7 @@ pub fn in_place(text: &str, option: &str) -> Result<(String, RunSpec), String> {
     };
     let run = match program.strip_prefix("builtin:") {
         Some(builtin) => RunSpec::builtin(builtin),
-        // A file is relative to where the user is, not to the scenario; a bare name may be one of a program in PATH.
+        // A file is relative to the user's current directory, not to the scenario; a bare name may be that of a program in PATH.
         None if program.contains('/') || Program::key_of(program) != "exe" => {
             let absolute = std::path::absolute(program).map_err(|error| format!("{option}: `{program}`: {error}"))?;
             let text = absolute.into_os_string().into_string();
@@ -79,7 +79,7 @@ pub fn in_place(text: &str, option: &str) -> Result<(String, RunSpec), String> {
 }
 
 impl Shadow {
-    /// Reads what was given with `--shadow` and `--shadow-set`.
+    /// Reads the values of `--shadow` and `--shadow-set`.
     ///
     /// # Errors
     /// What is wrong with the text.
@@ -106,11 +106,11 @@ impl Shadow {
         })
     }
 
-    /// Whether it can stand in its place in a run of `scenario`, which was read from `file`: that is refused before anything runs. A
-    /// program of its own is started for a moment, to ask for its ports.
+    /// Checks, before anything runs, that it can replace its participant in a run of `scenario`, which was read from `file`. An
+    /// external program is started briefly to ask for its ports.
     ///
     /// # Errors
-    /// What is wrong with the program or its parameters, or the difference of its ports.
+    /// What is wrong with the program or its parameters, or how its ports differ.
     pub fn check(
         &self,
         catalogue: &Arc<Catalogue>,
@@ -120,7 +120,7 @@ impl Shadow {
     ) -> Result<(), RunFailure> {
         let ports = |spec: ScenarioSpec| -> Result<_, RunFailure> {
             let scenario = Scenario::of(catalogue, spec, file)?;
-            // Whatever else is wrong with it is told first.
+            // All other mistakes are reported first.
             scenario.make()?;
             let entry = scenario
                 .participants
@@ -136,7 +136,7 @@ impl Shadow {
         changed.change_as(&self.set, "given with --shadow-set")?;
         let (scenario, shadow) = ports(changed)?;
         let (Ok(Some((_, original))), shadow) = (original, shadow) else {
-            // What is wrong with the run itself is said when it starts.
+            // Mistakes in the run itself are reported when it starts.
             return Ok(());
         };
         match shadow {
@@ -156,7 +156,7 @@ impl Shadow {
         }
     }
 
-    /// The folder of its own run: `shadow/NAME`, and `shadow/NAME-2` of the second one of a participant.
+    /// The folder of its own run: `shadow/NAME`, or `shadow/NAME-2` for the second shadow of a participant.
     fn own_folder(&self, folder: &Path) -> PathBuf {
         let all = folder.join("shadow");
         let numbered = (2..).map(|number| all.join(format!("{}-{number}", self.participant)));
@@ -164,8 +164,8 @@ impl Shadow {
         places.find(|place| !place.exists()).expect("there is no last number")
     }
 
-    /// Feeds it what its participant was fed in the run in `folder`. Its own run is kept in `shadow/NAME` there, or `shadow/NAME-2` where
-    /// that is taken.
+    /// Replays it on its participant's inputs in the run in `folder`. Its own run is kept in `shadow/NAME` there, or
+    /// `shadow/NAME-2` if that is taken.
     pub fn run(&self, catalogue: &Arc<Catalogue>, folder: &Path, options: &Options) -> Account {
         let mut account = Account {
             participant: self.participant.clone(),

@@ -1,7 +1,7 @@
-//! Text of other programs in messages.
+//! Text from other programs in messages.
 
-/// Text of another program as a part of a message: control characters and marks of text direction are replaced by their numbers, and
-/// each line after the first begins with a bar, so that it cannot be taken for a line of this program.
+/// Text from another program as a part of a message: control characters and text-direction marks are replaced by their code points,
+/// and each line after the first begins with a bar, so that it cannot be mistaken for a line of this program.
 pub fn quoted(text: &str) -> String {
     let steers = |c: char| {
         let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}');

@@ -1,6 +1,6 @@
-//! Lockstep co-simulation from Rust: write participants, put them into a program of your own, or drive runs from code.
+//! Lockstep co-simulation from Rust: write participants, embed them in your own program, or control runs from code.
 //!
-//! A program with the whole command line and a participant inside:
+//! A complete command-line program with one participant:
 //!
 //! ```no_run
 //! use std::process::ExitCode;
@@ -39,7 +39,7 @@
 //! }
 //! ```
 //!
-//! The same participant in a run that is driven from code:
+//! The same participant in a run that is controlled from code:
 //!
 //! ```
 //! # use escapement::prelude::*;
@@ -119,10 +119,12 @@ pub use orchestrator::{Program, VERSION};
 pub use plugin;
 pub use tape;
 
-/// Makes a library of FMUs: what `fmu export` of a program packs into the FMUs of its own participants.
+/// Creates the entry points of an FMU library, which `fmu export` of a program packs into the FMUs of the program's own
+/// participants.
 ///
-/// It stands in a package with `crate-type = ["cdylib"]`, whose library lies beside the program `NAME` as `libNAME_fmu.so`, or is named with
-/// `--library`. The argument fills the catalogue, as [`Program::contents`] takes it; a library may be a plug-in too.
+/// Use it in a package with `crate-type = ["cdylib"]`. The library lies next to the program `NAME` as `libNAME_fmu.so`, or
+/// is named with `--library`. The argument fills the catalogue, as for [`Program::contents`]; the library may be a plug-in
+/// as well.
 ///
 /// ```
 /// use escapement::prelude::*;
@@ -141,7 +143,7 @@ macro_rules! fmu {
     };
 }
 
-/// Everything that a participant and a program mostly need.
+/// The items that most participants and programs need.
 pub mod prelude {
     pub use engine::Catalogue;
     pub use engine::run::{Checkpoint, Ending, Options, Outcome, Record, Run, RunFailure, Sample};

@@ -1,4 +1,4 @@
-//! Participants in unit tests: stepped by hand, and asked for what every run relies on.
+//! Unit tests of participants: stepping by hand, and checks of the properties that every run relies on.
 //!
 //! ```
 //! use escapement::prelude::*;
@@ -61,7 +61,7 @@
 //! assert_repeats(make, 100, wave);
 //! ```
 //!
-//! Whether a step takes nothing from the heap is seen where the test program has the allocator that counts:
+//! To check that a step does not allocate heap memory, install the counting allocator in the test program:
 //!
 //! ```
 //! # use escapement::prelude::*;
@@ -91,10 +91,10 @@ use lockstep::participant::{
 use lockstep::port::{Descriptor, Field, Message};
 use lockstep::time::Rational;
 
-/// A participant with its ports, and nothing around it: no process, no scenario, no clock.
+/// A participant with its ports, without process, scenario or clock.
 ///
-/// Inputs hold what was set last, zeros at first. Everything panics with a text that names the port, the field or the failure: it
-/// is for tests.
+/// Inputs keep the values set last, initially zeros. Every error panics with a message that names the port, the field or
+/// the failure, because the harness is for tests.
 pub struct Harness {
     participant: Box<dyn Participant>,
     interface: Interface,
@@ -105,7 +105,7 @@ pub struct Harness {
     said: Arc<Said>,
 }
 
-/// What the participant has said.
+/// The participant's log.
 #[derive(Default)]
 struct Said(Mutex<Vec<String>>);
 
@@ -119,10 +119,10 @@ impl Sink for Said {
 }
 
 impl Harness {
-    /// `participant`, initialised at 0 s, with a sample time such as `"10 ms"` or `"1 kHz"`.
+    /// Creates a harness of `participant`, initialised at 0 s, with a sample time such as `"10 ms"` or `"1 kHz"`.
     ///
     /// # Panics
-    /// When that is no sample time, when the ports cannot be used, or when the participant refuses to be initialised.
+    /// When the sample time is invalid, when the ports cannot be used, or when the participant's initialisation fails.
     #[track_caller]
     pub fn new(participant: impl Participant + 'static, period: &str) -> Harness {
         let mut participant: Box<dyn Participant> = Box::new(participant);
@@ -153,10 +153,11 @@ impl Harness {
         harness
     }
 
-    /// What `make` makes of the table `parameters`, which is written as in a scenario, with the seed 0.
+    /// Creates a harness of the participant that `make` returns for the table `parameters`, which is written as in a
+    /// scenario, with the seed 0.
     ///
     /// # Panics
-    /// When that is no table or `make` refuses it, and as [`Harness::new`].
+    /// When the table is invalid or `make` rejects it, and as [`Harness::new`].
     #[track_caller]
     pub fn made(
         make: impl Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError>,
@@ -184,10 +185,10 @@ impl Harness {
         self.instant(self.next)
     }
 
-    /// The input `port` holds `message` from now on.
+    /// Sets the input `port` to `message`.
     ///
     /// # Panics
-    /// When there is no such input, or it carries another message.
+    /// When the input does not exist, or carries another message.
     #[track_caller]
     pub fn set<M: Message>(&mut self, port: &str, message: M) {
         let number = self.input(port);
@@ -195,11 +196,11 @@ impl Harness {
         *self.inputs.get_mut(number) = message;
     }
 
-    /// A field of an input, or one element of it, holds `value` from now on: `"raw.value"`, `"command.torque[2]"`. All
-    /// elements of a field that is named whole.
+    /// Sets a field of an input, or one element of it, to `value`: `"raw.value"`, `"command.torque[2]"`. The name of a
+    /// field alone sets all of its elements.
     ///
     /// # Panics
-    /// When there is nothing of that name.
+    /// When the name does not exist.
     #[track_caller]
     pub fn set_value(&mut self, name: &str, value: f64) {
         let (port, field) = split(name);
@@ -212,10 +213,10 @@ impl Harness {
         }
     }
 
-    /// What the output `port` holds.
+    /// The message at the output `port`.
     ///
     /// # Panics
-    /// When there is no such output, or it carries another message.
+    /// When the output does not exist, or carries another message.
     #[track_caller]
     pub fn get<M: Message>(&self, port: &str) -> M {
         let number = self.output(port);
@@ -226,7 +227,7 @@ impl Harness {
     /// One element of an output: `"smooth.value"`, `"motion.position[2]"`.
     ///
     /// # Panics
-    /// When there is nothing of that name, or it has several elements.
+    /// When the name does not exist, or has several elements.
     #[track_caller]
     pub fn value(&self, name: &str) -> f64 {
         let (port, field) = split(name);
@@ -241,21 +242,21 @@ impl Harness {
         field.value(self.payload(number), elements.start)
     }
 
-    /// The lines of its log, such as `tested at t = 0.02 s: opens`.
+    /// The lines of the participant's log, such as `tested at t = 0.02 s: opens`.
     pub fn log(&self) -> Vec<String> {
         self.said.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Its part is over. Nothing keeps a test from stepping it afterwards; no run does.
+    /// Terminates the participant. The harness does not prevent further steps; a run never makes any.
     pub fn terminate(&mut self, why: Termination) {
         let log = self.outputs.log_of().clone().at(self.t());
         self.participant.terminate(why, &log);
     }
 
-    /// One step.
+    /// Performs one step.
     ///
     /// # Panics
-    /// When the participant fails, or an output is not finite afterwards: that ends a run.
+    /// When the participant fails, or an output is not finite afterwards, which would end a run.
     #[track_caller]
     pub fn step(&mut self) {
         let step = Step {
@@ -273,7 +274,7 @@ impl Harness {
         self.assert_finite(what);
     }
 
-    /// `count` steps with the inputs as they are.
+    /// Performs `count` steps with constant inputs.
     ///
     /// # Panics
     /// As [`Harness::step`].
@@ -284,10 +285,10 @@ impl Harness {
         }
     }
 
-    /// Asserts that `count` more steps take nothing from the heap. The first step, which may still prepare something, is made before.
+    /// Asserts that `count` further steps allocate no heap memory. One step, which may still allocate, is performed first.
     ///
     /// # Panics
-    /// When they do, when [`Counting`] is not the allocator of the test program, and as [`Harness::step`].
+    /// When a step allocates, when [`Counting`] is not the allocator of the test program, and as [`Harness::step`].
     #[track_caller]
     pub fn assert_allocates_nothing(&mut self, count: u64) {
         self.step();
@@ -351,7 +352,7 @@ impl Harness {
         }
     }
 
-    /// The bits of all outputs.
+    /// The raw bytes of all outputs.
     fn bits(&self) -> Vec<u8> {
         (0..self.interface.outputs.len())
             .flat_map(|number| self.payload(number).to_vec())
@@ -359,11 +360,11 @@ impl Harness {
     }
 }
 
-/// Asserts that the same inputs give the same outputs to the last bit: two participants that `make` has made, `steps` steps. `inputs` sets
-/// the inputs before each step. Hidden state, clocks and random numbers of the system are what it finds.
+/// Asserts that the same inputs give bit-identical outputs, with two participants from `make` and `steps` steps. `inputs`
+/// sets the inputs before each step. It detects hidden state, clocks and the system's random numbers.
 ///
 /// # Panics
-/// At the first step at which they differ, with its instant.
+/// At the first step at which the outputs differ, with its instant.
 #[track_caller]
 pub fn assert_repeats(make: impl Fn() -> Harness, steps: u64, mut inputs: impl FnMut(&mut Harness)) {
     let (mut one, mut other) = (make(), make());
@@ -372,11 +373,11 @@ pub fn assert_repeats(make: impl Fn() -> Harness, steps: u64, mut inputs: impl F
     }
 }
 
-/// Asserts that a participant which is restored from what another one saved goes on as that one does, to the last bit: at the start, in
-/// the middle and just before the end of `steps` steps.
+/// Asserts that a participant restored from the saved state of another one continues bit-identically: at the start, in the
+/// middle and just before the end of `steps` steps.
 ///
 /// # Panics
-/// When the participant cannot be saved or refuses what it saved, and at the first step at which the two differ.
+/// When the participant cannot be saved or rejects its saved state, and at the first step at which the two differ.
 #[track_caller]
 pub fn assert_resumes(make: impl Fn() -> Harness, steps: u64, mut inputs: impl FnMut(&mut Harness)) {
     for at in [0, 1, steps / 2, steps.saturating_sub(1)] {
@@ -392,7 +393,7 @@ pub fn assert_resumes(make: impl Fn() -> Harness, steps: u64, mut inputs: impl F
             panic!("at {} s: restore: {failure}", one.t());
         }
         other.next = one.next;
-        // A run gives back what was on the wires too.
+        // A run restores the samples in the connections as well.
         for number in 0..other.interface.outputs.len() {
             other
                 .outputs

@@ -1,4 +1,4 @@
-//! A scenario of FMUs that is written for its user: participants, connections from variable to variable, and what is left to decide.
+//! Generated scenario of FMUs: participants, connections between variables, and the decisions left to the user.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -9,9 +9,9 @@ use toml::Value;
 use crate::description::{Causality, Description, Variable};
 use crate::layout::{INPUTS, OUTPUTS, RECORDED, element};
 
-/// The most letters of a name in a scenario.
+/// Maximum length of a name in a scenario, letters.
 const NAME_MAX: usize = 64;
-/// So many outputs are suggested for an input.
+/// Maximum number of outputs suggested for an input.
 const SUGGESTED_MAX: usize = 3;
 
 /// A participant.
@@ -19,11 +19,11 @@ const SUGGESTED_MAX: usize = 3;
 pub struct Part<'a> {
     /// Its name; see [`Names`].
     pub name: String,
-    /// The FMU's file, from the scenario's folder.
+    /// The path of the FMU's file, relative to the scenario's folder.
     pub file: String,
-    /// What the FMU says of itself.
+    /// The FMU's description.
     pub about: &'a Description,
-    /// The period as a scenario writes it: `"10 ms"`.
+    /// The period as written in a scenario: `"10 ms"`.
     pub period: String,
     /// The first activation, where it is not 0.
     pub offset: Option<String>,
@@ -34,17 +34,17 @@ pub struct Part<'a> {
 /// A variable that feeds another one. Parts are numbered as in [`Draft::parts`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wire {
-    /// The part and variable that feeds.
+    /// The part and variable of the source.
     pub from: (usize, String),
-    /// The part and input that is fed.
+    /// The part and input of the destination.
     pub to: (usize, String),
-    /// What is multiplied with, as in a connection's map.
+    /// The factor, as in a connection's map.
     pub factor: Option<Value>,
-    /// What is added, in the unit of the input's field.
+    /// The offset, in the unit of the input's field.
     pub offset: Option<Value>,
 }
 
-/// A scenario that is not yet text.
+/// A scenario before it is written as text.
 #[derive(Debug, Clone, Default)]
 pub struct Draft<'a> {
     /// Its title.
@@ -53,20 +53,20 @@ pub struct Draft<'a> {
     pub duration: String,
     /// The participants.
     pub parts: Vec<Part<'a>>,
-    /// What feeds what.
+    /// The connections between variables.
     pub wires: Vec<Wire>,
-    /// Figures for the report: a title, and the part and variable that is drawn.
+    /// Figures for the report: a title, and the part and variable shown.
     pub figures: Vec<(String, (usize, String))>,
     /// Lines for the end, each of which becomes a comment.
     pub notes: Vec<String>,
 }
 
-/// Names of participants or connections, each given once.
+/// Unique names of participants or connections.
 #[derive(Debug, Default)]
 pub struct Names(BTreeSet<String>);
 
 impl Names {
-    /// A name for a scenario that is `wanted` as far as the rules for names allow, and not given before.
+    /// Returns a unique name for a scenario that is as close to `wanted` as the rules for names allow.
     pub fn pick(&mut self, wanted: &str) -> String {
         let plain = |letter: char| letter.is_ascii_alphanumeric() || letter == '_' || letter == '-';
         let mut name: String = wanted.chars().map(|one| if plain(one) { one } else { '-' }).collect();
@@ -123,7 +123,7 @@ fn list(names: &[&str]) -> String {
     format!("[{}]", names.join(", "))
 }
 
-/// The port of an output variable: what is no output is recorded besides.
+/// The port of an output variable; variables that are not outputs are in the port of recorded variables.
 fn port_of(about: &Description, variable: &str) -> &'static str {
     match about.variable(variable).map(|one| one.causality) {
         Some(Causality::Output) => OUTPUTS,
@@ -131,7 +131,7 @@ fn port_of(about: &Description, variable: &str) -> &'static str {
     }
 }
 
-/// Whether a variable is a text or bytes, which are signals where they are named.
+/// Whether a variable is a text or bytes, which are signals only where they are named.
 fn is_content(about: &Description, variable: &Variable) -> bool {
     element(about.version, variable).is_some_and(|one| one.room().is_some())
 }
@@ -275,7 +275,7 @@ impl Draft<'_> {
     }
 }
 
-/// Whether `output` can feed `input` as it is.
+/// Whether `output` can feed `input` without conversion.
 fn fits(sends: &Description, output: &Variable, takes: &Description, input: &Variable) -> bool {
     let types = element(sends.version, output).zip(element(takes.version, input));
     let unit = |about: &Description, one: &Variable| {
@@ -287,8 +287,8 @@ fn fits(sends: &Description, output: &Variable, takes: &Description, input: &Var
     units && output.extents == input.extents && types.is_some_and(|(from, to)| to.holds(from))
 }
 
-/// Connects FMUs that were not made for each other: an input and the only output of the other ones that has its name, and fits in type
-/// and unit. Of every other input a note says what would fit.
+/// Connects FMUs that were not designed for each other: an input with the only output of the other FMUs that has its name,
+/// and a matching type and unit. For every other input, a note lists the matching outputs.
 pub fn together(draft: &mut Draft<'_>) {
     let parts = &draft.parts;
     let outputs = |taker: usize| {

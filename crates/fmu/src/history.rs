@@ -1,41 +1,41 @@
-//! The inputs of all steps so far, for an FMU that cannot save its state: played again from the beginning, they bring another
+//! Input history of all steps so far, for an FMU that cannot save its state: replayed from the beginning, it brings another
 //! instance to the same state.
 
 use serde::{Deserialize, Serialize};
 
-/// The most bytes that are kept. Beyond them the participant cannot be saved.
+/// Maximum size of the history, bytes. Beyond it the participant cannot be saved.
 pub const BYTES_MAX: usize = 32 << 20;
 
 /// Consecutive steps with the same inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stretch {
-    /// How many steps.
+    /// Number of steps.
     pub steps: u64,
-    /// All input payloads, one after the other.
+    /// All input payloads, concatenated.
     pub inputs: Vec<u8>,
 }
 
-/// What was fed, and a checksum of what came out.
+/// The inputs, and a checksum of the outputs.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct History {
     /// The instant of the initialisation, s.
     pub start: f64,
     /// The inputs.
     pub stretches: Vec<Stretch>,
-    /// How far the instant of each step is from `first + k period`, in units in the last place.
+    /// The difference of the instant of each step from `first + k period`, in units in the last place.
     pub instants: Vec<i8>,
     /// The instant of the first step, s.
     pub first: f64,
     /// CRC-32 of all output payloads since then.
     pub checksum: u32,
-    /// Set when there was too much to keep.
+    /// Set when the maximum size was exceeded.
     pub full: bool,
     #[serde(skip)]
     bytes: usize,
 }
 
 impl History {
-    /// Nothing yet.
+    /// Creates an empty history.
     pub fn new(start: f64) -> History {
         History {
             start,
@@ -43,7 +43,7 @@ impl History {
         }
     }
 
-    /// Takes the inputs of the step at `t`.
+    /// Records the inputs of the step at `t`.
     pub fn push<'a>(&mut self, t: f64, period: f64, inputs: impl Iterator<Item = &'a [u8]> + Clone) {
         if self.full {
             return;
@@ -79,7 +79,7 @@ impl History {
         }
     }
 
-    /// Takes what a step gave out.
+    /// Records the outputs of a step.
     pub fn gave<'a>(&mut self, outputs: impl Iterator<Item = &'a [u8]>) {
         let mut hasher = crc32fast::Hasher::new_with_initial(self.checksum);
         outputs.for_each(|part| hasher.update(part));

@@ -1,4 +1,4 @@
-//! What there is to know of an FMU before it runs, and a scenario entry for it. Nothing of the FMU is run.
+//! Inspection of an FMU before it runs, and a scenario entry for it. No code of the FMU is executed.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -11,10 +11,10 @@ use crate::model::{FmuError, Model};
 use crate::options::Options;
 use crate::settings::Settings;
 
-/// What was found.
+/// The result of an inspection.
 #[derive(Debug, Clone)]
 pub struct Inspection {
-    /// For people.
+    /// The report as text.
     pub text: String,
     /// A scenario with the FMU as its only participant.
     pub scenario: String,
@@ -22,10 +22,10 @@ pub struct Inspection {
     pub usable: bool,
 }
 
-/// Looks at the FMU in `file`.
+/// Inspects the FMU in `file`.
 ///
 /// # Errors
-/// When it is none.
+/// When the file is not an FMU.
 pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
     let model = Model::open(file)?;
     let about = &model.description;
@@ -95,7 +95,7 @@ pub fn inspect(file: &Path) -> Result<Inspection, FmuError> {
     })
 }
 
-/// Plans the ports of an FMU of which nothing but the description is known; what it makes holds, or is refused.
+/// Plans the ports of an FMU from its description alone; the resulting interface is valid, or the FMU is rejected.
 pub fn look(description: &Description) {
     let planned = Settings::read(description, &toml::Table::new())
         .and_then(|settings| Layout::new(description, &Options::default(), &settings));
@@ -174,7 +174,8 @@ fn parameters(model: &Model, text: &mut String) {
     }
 }
 
-/// A period that suits the FMU, s: the step of its default experiment, else 10 ms, as a whole multiple of a step of its own that is fixed.
+/// A suitable period for the FMU, s: the step of its default experiment, else 10 ms, rounded to a multiple of its own step
+/// where that is fixed.
 pub fn period(about: &Description) -> f64 {
     let wanted = about.experiment.step.filter(|step| *step > 0.0).unwrap_or(0.01);
     match about.abilities.fixed_step {
@@ -236,7 +237,7 @@ fn scenario(model: &Model, file: &Path) -> String {
     text
 }
 
-/// The first parameters at their start values, as a scenario writes them.
+/// The first parameters with their start values, as written in a scenario.
 pub fn written(about: &Description) -> Vec<(String, Value)> {
     let own = about
         .variables
@@ -247,7 +248,7 @@ pub fn written(about: &Description) -> Vec<(String, Value)> {
         .collect()
 }
 
-/// The start value of a parameter that is no array.
+/// The start value of a scalar parameter.
 fn start(about: &Description, one: &Variable) -> Option<Value> {
     let start = one.start.first().filter(|_| one.extents.is_empty())?;
     Some(match one.kind {
@@ -260,7 +261,7 @@ fn start(about: &Description, one: &Variable) -> Option<Value> {
         }
         Type::Boolean => Value::Boolean(start == "true" || start == "1"),
         Type::String | Type::Binary => Value::String(start.clone()),
-        // TOML's integers end at 2^63.
+        // TOML's integers are limited to below 2^63.
         _ => start
             .parse()
             .map_or_else(|_| Value::String(start.clone()), Value::Integer),

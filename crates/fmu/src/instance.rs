@@ -1,4 +1,4 @@
-//! A running FMU: unpacked, loaded, initialised, stepped, ended.
+//! A running FMU: unpacked, loaded, initialised, stepped, terminated.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -11,14 +11,14 @@ use crate::scratch::Scratch;
 use crate::settings::{Content, Setting, Settings};
 use crate::transfer::Transfer;
 
-/// The FMUs of which a process may hold one instance only, as long as there is one.
+/// The FMUs with an instance in this process that permit one instance only.
 static SINGLE: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
 fn single() -> MutexGuard<'static, BTreeSet<String>> {
     SINGLE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The right to be the only instance.
+/// Exclusive permission for the single instance.
 struct Only(String);
 
 impl Drop for Only {
@@ -27,15 +27,15 @@ impl Drop for Only {
     }
 }
 
-/// An instance with everything that it stands on. Fields are dropped in this order: first the library, last the folder.
+/// An instance with its resources. Fields are dropped in this order: first the library, last the folder.
 pub struct Running {
     instance: Box<dyn Instance>,
     log: Log,
     _only: Option<Only>,
     _scratch: Scratch,
-    /// Between the end of the initialisation and a failure.
+    /// True after the initialisation, until a failure.
     stepping: bool,
-    /// Whether it may still be freed.
+    /// Whether it may be freed.
     fatal: bool,
 }
 
@@ -70,7 +70,7 @@ impl Running {
         let scratch = Scratch::create().map_err(|error| format!("it cannot be unpacked: {error}"))?;
         let folder = scratch.unpacked();
         model.archive.unpack(&folder)?;
-        // Some are exported without, and look into it all the same.
+        // Some FMUs are exported without resources, and read the folder nevertheless.
         let _ = std::fs::create_dir(folder.join("resources"));
         let log = Log::default();
         let instance = abi::instantiate(description, &folder.join(library), &folder, name, &log)?;
@@ -86,12 +86,12 @@ impl Running {
         Ok(running)
     }
 
-    /// Hands over what the FMU has written into its log since this was asked for last.
+    /// Returns the FMU's log messages since the last call.
     pub fn tell(&self, say: impl FnMut(&str)) {
         self.log.tell(say);
     }
 
-    /// The folder in which the FMU may litter.
+    /// The working directory of the FMU.
     pub fn work(&self) -> std::path::PathBuf {
         self._scratch.work()
     }
@@ -126,7 +126,7 @@ impl Running {
         Ok(())
     }
 
-    /// A failure where `status` is one. After an error the instance takes no further calls but the last one.
+    /// A failure if `status` is one. After an error the instance accepts no further calls but the last one.
     fn done(&mut self, what: &str, status: Status) -> Result<(), Failure> {
         if status.done() {
             return Ok(());
@@ -141,10 +141,10 @@ impl Running {
         Err(format!("{what} {}{consequence}{}", status.words(), self.log.take()).into())
     }
 
-    /// Sets what the transfers hold.
+    /// Sets the values of the transfers.
     ///
     /// # Errors
-    /// What the FMU says.
+    /// The FMU's error.
     pub fn set(&mut self, transfers: &mut [Transfer]) -> Result<(), Failure> {
         for transfer in transfers {
             let status = self.instance.set(&mut transfer.values);
@@ -155,10 +155,10 @@ impl Running {
         Ok(())
     }
 
-    /// Reads into the transfers.
+    /// Reads values into the transfers.
     ///
     /// # Errors
-    /// What the FMU says.
+    /// The FMU's error.
     pub fn get(&mut self, transfers: &mut [Transfer]) -> Result<(), Failure> {
         for transfer in transfers {
             let status = self.instance.get(&mut transfer.values);
@@ -172,7 +172,7 @@ impl Running {
     /// One communication step.
     ///
     /// # Errors
-    /// Tells discard, error and fatal apart, with how far it came and the FMU's own log.
+    /// Distinguishes discard, error and fatal, with the instant reached and the FMU's log.
     pub fn step(&mut self, t: f64, step: f64) -> Result<(), Failure> {
         let stepped = self.instance.step(t, step);
         if stepped.status.done() && !stepped.terminate && !stepped.early {
@@ -204,18 +204,18 @@ impl Running {
         self.done(&format!("doStep from t = {t} s by {step} s{reached}"), stepped.status)
     }
 
-    /// The state as bytes.
+    /// The serialised state.
     ///
     /// # Errors
-    /// What the FMU says.
+    /// The FMU's error.
     pub fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)> {
         self.instance.serialise()
     }
 
-    /// Puts a state back.
+    /// Restores a state.
     ///
     /// # Errors
-    /// What the FMU says.
+    /// The FMU's error.
     pub fn deserialise(&mut self, bytes: &[u8]) -> Result<(), Failure> {
         let put = self.instance.deserialise(bytes);
         put.or_else(|(function, status)| self.done(function, status))
@@ -228,7 +228,7 @@ impl Drop for Running {
             let status = self.instance.terminate();
             self.fatal |= status == Status::Fatal;
         }
-        // After Fatal nothing may be called; the memory is lost with the process.
+        // After Fatal no function may be called; the memory is released when the process ends.
         if !self.fatal {
             self.instance.free();
         }

@@ -1,4 +1,4 @@
-//! The items of an FMU's enumeration as the values of a field, which have one byte each.
+//! The items of an FMU's enumeration as the values of a field, one byte each.
 
 use std::collections::BTreeSet;
 
@@ -6,21 +6,22 @@ use lockstep::port::EnumValue;
 
 use crate::description::{Type, Variable};
 
-/// What 0 is called, which a field needs, where the FMU has no item for it.
+/// The name of 0, which a field needs, where the FMU has no item for it.
 const NONE: &str = "none";
 
-/// The values of a field, and what the FMU has for each of them.
+/// The values of a field, and the corresponding values of the FMU.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Items {
-    /// The field's; empty where the variable is a number.
+    /// The field's values; empty where the variable is a number.
     pub values: Vec<EnumValue>,
-    /// The FMU's, in the same order.
+    /// The FMU's values, in the same order.
     own: Vec<i64>,
 }
 
 impl Items {
-    /// Those of a variable. The byte is the item's value where all of them fit into one; a 0 that no item has is called [`NONE`]. Else it is
-    /// the item's place in the list, from 0. An enumeration that names nothing, or more than a byte holds, is a number.
+    /// The values of a variable. The byte is the item's value where all items fit into one byte; a 0 without item is called
+    /// [`NONE`]. Otherwise the byte is the item's index in the list, from 0. An enumeration without items, or with more
+    /// than a byte holds, is a number.
     pub fn of(variable: &Variable) -> Items {
         let items = &variable.items;
         if variable.kind != Type::Enumeration || items.is_empty() || items.len() > 256 {
@@ -34,7 +35,7 @@ impl Items {
         };
         let mut values: Vec<EnumValue> = items.iter().enumerate().map(value).collect();
         if values.iter().all(|one| one.value != 0) {
-            // Behind the items, so that what the FMU has stands in the same places.
+            // Appended after the items, so that the FMU's values keep their indices.
             values.push(EnumValue::new(NONE, 0));
         }
         let own: Vec<i64> = items.iter().map(|item| item.value).collect();
@@ -46,13 +47,13 @@ impl Items {
         Items { values, own }
     }
 
-    /// What the FMU has for the byte.
+    /// The FMU's value of the byte.
     pub fn own(&self, byte: u8) -> Option<i64> {
         let place = self.values.iter().position(|one| one.value == byte)?;
         self.own.get(place).copied()
     }
 
-    /// The byte of what the FMU has.
+    /// The byte of the FMU's value.
     pub fn byte(&self, own: i64) -> Option<u8> {
         let place = self.own.iter().position(|one| *one == own)?;
         self.values.get(place).map(|one| one.value)

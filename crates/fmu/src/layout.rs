@@ -15,9 +15,9 @@ use crate::transfer::{Slot, Transfer};
 pub const INPUTS: &str = "inputs";
 /// The port of all outputs.
 pub const OUTPUTS: &str = "outputs";
-/// What the message of a port is called unless the scenario says so: the same for all, so that FMUs fit together.
+/// The default name of the message of a port: the same for all, so that FMUs can be connected.
 pub const MESSAGE: &str = "Signals";
-/// The port of what is recorded besides.
+/// The port of additionally recorded variables.
 pub const RECORDED: &str = "recorded";
 
 /// Ports and transfers.
@@ -25,19 +25,19 @@ pub const RECORDED: &str = "recorded";
 pub struct Layout {
     /// The ports.
     pub interface: Interface,
-    /// What is set before a step.
+    /// The transfers that set values before a step.
     pub inputs: Vec<Transfer>,
-    /// What is read after it.
+    /// The transfers that read values after a step.
     pub outputs: Vec<Transfer>,
 }
 
-/// The most bytes of a text unless the scenario says so.
+/// Maximum size of a text, bytes, unless the scenario sets it.
 pub const TEXT_ROOM: u32 = 256;
-/// The most bytes of a Binary unless the scenario or its FMU (`maxSize`) says so.
+/// Maximum size of a Binary, bytes, unless the scenario or its FMU (`maxSize`) sets it.
 pub const BYTES_ROOM: u32 = 1024;
 
-/// The element of a field for a variable; nothing for what is no signal. A text or bytes are signals where they are named, because they take
-/// their room in each sample.
+/// The element of a field for a variable; none for variables that are not signals. Texts and bytes are signals only where
+/// they are named, because they take their maximum size in each sample.
 pub fn element(version: Version, variable: &Variable) -> Option<Element> {
     Some(match variable.kind {
         Type::Float64 => Element::F64,
@@ -64,14 +64,14 @@ pub fn element(version: Version, variable: &Variable) -> Option<Element> {
     })
 }
 
-/// Whether a variable has no value at times, and so is in no port unless `ports` names it: the figures of merit of a scenario that was exported
-/// from here are NaN until they are known.
+/// Whether a variable may be without a value, and so is in no port unless `ports` names it: the figures of merit of a
+/// scenario that was exported by this program are NaN until they are known.
 pub fn not_always(description: &Description, variable: &Variable) -> bool {
     let figure = variable.causality == Causality::Output && variable.name.starts_with("figures.");
     figure && description.tool.starts_with("Escapement")
 }
 
-/// The element as an entry says: with more room, or another type of whole numbers.
+/// The element according to an entry: with another maximum size, or another integer type.
 fn formed(variable: &Variable, element: Element, (size, other): Form) -> Result<Element, String> {
     if let Some(other) = other {
         let whole = |element: Element| element.is_number() && element.range().is_some();
@@ -97,7 +97,7 @@ fn formed(variable: &Variable, element: Element, (size, other): Form) -> Result<
     }
 }
 
-/// A field with the variables behind it.
+/// A field with its variables.
 struct Planned<'a> {
     field: Field,
     variables: Vec<&'a Variable>,
@@ -111,7 +111,7 @@ struct Planner<'a> {
 }
 
 impl Layout {
-    /// The ports of an FMU as the scenario wants them.
+    /// The ports of an FMU according to the scenario.
     ///
     /// # Errors
     /// Names the key below `run`.
@@ -177,18 +177,18 @@ impl Layout {
         Ok(planner.layout)
     }
 
-    /// Takes the payloads of the input ports as values.
+    /// Copies the payloads of the input ports into the values.
     ///
     /// # Errors
-    /// Names a value that the variable cannot have.
+    /// Names a value that the variable cannot represent.
     pub fn read(&mut self, inputs: &Inputs) -> Result<(), String> {
         self.inputs.iter_mut().try_for_each(|transfer| transfer.read(inputs))
     }
 
-    /// Writes the values into the payloads of the output ports.
+    /// Copies the values into the payloads of the output ports.
     ///
     /// # Errors
-    /// Names a value that is no item of its enumeration.
+    /// Names a value that is not an item of its enumeration.
     pub fn write(&self, outputs: &mut Outputs) -> Result<(), String> {
         self.outputs.iter().try_for_each(|transfer| transfer.write(outputs))
     }
@@ -226,7 +226,7 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// All variables of one causality that are signals without being named, in an order without gaps.
+    /// All variables of one causality that are signals by default, ordered so that the payload has no gaps.
     fn every(&self, causality: Causality) -> Result<Vec<Planned<'a>>, String> {
         let version = self.description.version;
         let own = self
@@ -296,7 +296,7 @@ impl<'a> Planner<'a> {
         let own = self.description.unit(first);
         let conversion = match (own, unit) {
             (None, None) => Conversion::none("1"),
-            // The FMU says nothing, so the user knows better.
+            // The FMU states no unit, so the user's applies.
             (None, Some(unit)) => Conversion::none(unit),
             (Some(own), None) => own.of_port(),
             (Some(own), Some(unit)) => own.to(unit).map_err(|reason| format!("`{}`: {reason}", first.name))?,
@@ -328,7 +328,7 @@ impl<'a> Planner<'a> {
         })
     }
 
-    /// Adds a port; none where there are no fields.
+    /// Adds a port; none if there are no fields.
     fn port(&mut self, name: &str, message: &str, input: bool, fields: Vec<Planned<'a>>) -> Result<(), String> {
         if fields.is_empty() {
             return Ok(());

@@ -1,8 +1,8 @@
 //! FMUs (FMI 2.0 and 3.0, co-simulation) as participants.
 //!
-//! A [`Model`] is an FMU as a file: archive and description, of which nothing runs. [`participant`] makes one that unpacks, loads and
-//! steps it. A ZIP archive and a model description come from anybody and are checked; the library in it is code that can do
-//! what it likes, so a run gives it a process of its own.
+//! A [`Model`] is an FMU file: archive and description; none of its code is executed. [`participant`] creates a participant
+//! that unpacks, loads and steps it. ZIP archives and model descriptions are untrusted input and are checked; the library
+//! in an FMU is native code with all rights of its process, so a run gives it a separate process.
 
 mod abi;
 mod description;

@@ -1,11 +1,11 @@
-//! An FMU as a file: its archive and its description. Nothing of it runs.
+//! FMU files: archive and description. None of the code is executed.
 
 use std::path::{Path, PathBuf};
 
 use crate::description::{Description, DescriptionError, Version};
 use crate::zip::{Archive, ZipError};
 
-/// The largest FMU that is read, bytes: 1 GiB.
+/// Maximum size of an FMU, bytes: 1 GiB.
 pub const FILE_MAX: u64 = 1 << 30;
 
 /// Why a file cannot be used as an FMU.
@@ -27,7 +27,7 @@ pub enum FmuError {
         /// Its size, bytes.
         size: u64,
     },
-    /// Its archive is refused.
+    /// Its archive is rejected.
     #[error("`{}`: {source}", .path.display())]
     Zip {
         /// The file.
@@ -35,7 +35,7 @@ pub enum FmuError {
         /// Why.
         source: ZipError,
     },
-    /// Its description is refused.
+    /// Its description is rejected.
     #[error("`{}`: {source}", .path.display())]
     Description {
         /// The file.
@@ -43,12 +43,12 @@ pub enum FmuError {
         /// Why.
         source: DescriptionError,
     },
-    /// Something is missing.
+    /// A part is missing.
     #[error("`{}`: {reason}", .path.display())]
     Missing {
         /// The file.
         path: PathBuf,
-        /// What is.
+        /// The missing part.
         reason: String,
     },
 }
@@ -60,7 +60,7 @@ pub struct Model {
     pub file: PathBuf,
     /// Its contents.
     pub archive: Archive,
-    /// What it says of itself.
+    /// Its description.
     pub description: Description,
 }
 
@@ -68,7 +68,7 @@ impl Model {
     /// Reads a file.
     ///
     /// # Errors
-    /// When it is no FMU, or one that cannot be used anywhere.
+    /// When it is not an FMU, or one that no machine can use.
     pub fn open(file: &Path) -> Result<Model, FmuError> {
         let path = || file.to_owned();
         let io = |source| FmuError::Io { path: path(), source };
@@ -87,7 +87,7 @@ impl Model {
     /// Reads the contents of a file; `file` is its name in messages.
     ///
     /// # Errors
-    /// As of [`Model::open`].
+    /// As for [`Model::open`].
     pub fn read(file: PathBuf, bytes: Vec<u8>) -> Result<Model, FmuError> {
         let path = || file.clone();
         let zip = |source| FmuError::Zip { path: path(), source };

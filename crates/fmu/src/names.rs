@@ -1,13 +1,13 @@
-//! Names that nearly are one.
+//! Suggestions for misspelt names.
 
-/// The name among `known` that `wanted` probably stands for.
+/// The name among `known` that `wanted` most probably means.
 pub fn nearest<'a>(wanted: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let scored = known.map(|name| (distance(&wanted.to_lowercase(), &name.to_lowercase()), name));
     let (distance, name) = scored.min_by_key(|(distance, _)| *distance)?;
     (distance <= 1 + wanted.chars().count() / 2).then_some(name)
 }
 
-/// How many letters must be changed, added or left out.
+/// The edit distance: number of letters to be changed, added or removed.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

@@ -1,4 +1,4 @@
-//! What a scenario says of an FMU below `run`, beside its file.
+//! Options of an FMU in a scenario: the keys of `run` besides its file.
 
 use std::collections::BTreeMap;
 
@@ -6,19 +6,19 @@ use lockstep::participant::ParameterError;
 use lockstep::port::Element;
 use serde::Deserialize;
 
-/// The keys beside `fmu`.
+/// The keys besides `fmu`.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Options {
-    /// The ports by name; inputs or outputs of which none is named have one port each, `inputs` and `outputs`.
+    /// The ports by name; inputs or outputs without a named port have one port each, `inputs` and `outputs`.
     pub ports: BTreeMap<String, Vec<FieldEntry>>,
-    /// The message types of ports, where what they are connected to calls them something.
+    /// The message types of ports, where the connected participants require other names.
     pub messages: BTreeMap<String, String>,
     /// Variables of any causality that are recorded in an output port `recorded`.
     pub record: Vec<FieldEntry>,
-    /// Whether the outputs at an instant follow from the inputs at the same instant.
+    /// Whether the outputs have direct feedthrough from the inputs.
     pub feedthrough: bool,
-    /// The relative tolerance of the FMU's solver, in place of that of its default experiment.
+    /// The relative tolerance of the FMU's solver; it replaces that of the default experiment.
     pub tolerance: Option<f64>,
 }
 
@@ -28,11 +28,11 @@ pub struct Options {
 pub enum FieldEntry {
     /// The variable of this name.
     Plain(String),
-    /// A field with a name of its own.
+    /// A field with its own name.
     Full(FullEntry),
 }
 
-/// A field with a name of its own: of one variable, or of several scalars as one array.
+/// A field with its own name: of one variable, or of several scalars as one array.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FullEntry {
@@ -40,18 +40,18 @@ pub struct FullEntry {
     pub name: Option<String>,
     /// The variable, or the scalars that become an array in this order.
     pub variable: Variables,
-    /// The unit of the field, where it is not the variable's.
+    /// The unit of the field, where it differs from the variable's.
     pub unit: Option<String>,
     /// The frame of its components.
     #[serde(default)]
     pub frame: String,
-    /// The most bytes of a text or of bytes.
+    /// The maximum size of a text or of bytes.
     pub size: Option<u32>,
-    /// Another type of whole numbers than the variable's.
+    /// Another integer type than the variable's.
     pub element: Option<Element>,
 }
 
-/// The most bytes, and the type of the field.
+/// The maximum size, and the type of the field.
 pub(crate) type Form = (Option<u32>, Option<Element>);
 
 /// One variable or several.
@@ -88,7 +88,7 @@ impl Options {
 }
 
 impl FieldEntry {
-    /// How many bytes a text or bytes may have, and the type of whole numbers, where they are said.
+    /// The maximum size of a text or bytes, and the integer type, where they are given.
     pub(crate) fn form(&self) -> Form {
         match self {
             FieldEntry::Plain(_) => (None, None),

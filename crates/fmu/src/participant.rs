@@ -1,4 +1,4 @@
-//! An FMU in a participant's place.
+//! Participants that are FMUs.
 
 use std::path::Path;
 
@@ -13,26 +13,26 @@ use crate::model::Model;
 use crate::options::Options;
 use crate::settings::Settings;
 
-/// How much a period may differ from a whole number of the FMU's own steps, of one of them.
+/// Tolerance of the ratio of a period to the FMU's fixed step from a whole number.
 const STEP_TOLERANCE: f64 = 1e-6;
 
 /// The saved state of an FMU.
 #[derive(Serialize, Deserialize)]
 struct Saved {
-    /// Whose it is.
+    /// The identity of the FMU.
     token: String,
     state: State,
 }
 
 #[derive(Serialize, Deserialize)]
 enum State {
-    /// In the FMU's own bytes.
+    /// In the FMU's own format.
     Own(Vec<u8>),
-    /// Everything that it was fed.
+    /// All inputs so far.
     Played(History),
 }
 
-/// An FMU as a participant. Until it is initialised nothing of it is loaded.
+/// An FMU as a participant. Before the initialisation no code of it is loaded.
 struct Fmu {
     model: Model,
     settings: Settings,
@@ -41,14 +41,14 @@ struct Fmu {
     period: f64,
     tolerance: Option<f64>,
     feedthrough: bool,
-    /// Whether the working directory may be changed: where the process is this participant's alone.
+    /// Whether the working directory may be changed: only where the process has no other participant.
     own_process: bool,
     running: Option<Running>,
-    /// Where the FMU cannot save its state.
+    /// The input history, where the FMU cannot save its state.
     history: Option<History>,
 }
 
-/// Whether `file` is an FMU that can run here, and the keys beside it fit it.
+/// Checks that `file` is an FMU that can run here, and that the other keys of `run` fit it.
 ///
 /// # Errors
 /// Names the key below `run`.
@@ -69,11 +69,12 @@ fn open(file: &Path) -> Result<Model, ParameterError> {
     open().map_err(|error: crate::model::FmuError| ParameterError::new("fmu", error))
 }
 
-/// Makes the participant of an FMU with the keys beside `fmu`, as TOML; `alone` where nobody else is in this process.
+/// Creates the participant of an FMU with the other keys of `run`, as TOML; `alone` where it is the only participant of
+/// this process.
 ///
 /// # Errors
-/// Names the parameter that is refused; `fmu`, `ports`, `record` and `tolerance` are keys of `run`, which [`check`] has looked at
-/// before.
+/// Names the parameter that is rejected; `fmu`, `ports`, `record` and `tolerance` are keys of `run`, which [`check`] has
+/// already validated.
 pub fn participant(
     file: &Path,
     options: &str,
@@ -121,7 +122,7 @@ impl Fmu {
     }
 
     fn start(&mut self, t: f64) -> Result<(), Failure> {
-        // The one before it first: some allow one instance only.
+        // The previous instance is dropped first: some FMUs permit one instance only.
         self.running = None;
         let running = Running::start(&self.model, &self.settings, &self.name, t, self.tolerance)?;
         if self.own_process {
@@ -159,14 +160,14 @@ impl Fmu {
         Ok(())
     }
 
-    /// Puts what the FMU has written into the participant's log.
+    /// Copies the FMU's log messages to the participant's log.
     fn tell(&self, outputs: &Outputs) {
         if let Some(running) = &self.running {
             running.tell(|line| outputs.log(line));
         }
     }
 
-    /// Feeds a fresh instance what another one was fed, and compares what comes out.
+    /// Replays the inputs of another instance on a fresh one, and compares the outputs.
     fn play(&mut self, played: &History) -> Result<(), Failure> {
         self.start(played.start)?;
         let interface = &self.layout.interface;
@@ -190,7 +191,7 @@ impl Fmu {
             self.advance(t, &inputs, &mut outputs)?;
             last = t;
         }
-        // It was told when the first one wrote it.
+        // The first instance has already reported these messages.
         self.running.iter().for_each(|running| running.tell(|_| {}));
         let checksum = self.history.as_ref().map(|history| history.checksum);
         if checksum != Some(played.checksum) {

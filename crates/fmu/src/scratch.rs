@@ -1,7 +1,7 @@
-//! The private folder on disk in which an FMU is unpacked, and what dead processes left behind.
+//! Scratch folders: the private folder on disk in which an FMU is unpacked, and the clean-up after dead processes.
 //!
-//! A lock on a file in the folder says that its process is alive; the kernel lifts it however the process ends. So each folder
-//! without a lock can be removed, which whoever makes the next one does, and `doctor --remove`.
+//! A lock on a file in the folder shows that its process is alive; the kernel releases it however the process ends. A
+//! folder without a lock can therefore be removed: creating a new folder does so, and `doctor --remove`.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
@@ -12,10 +12,10 @@ use std::time::{Duration, SystemTime};
 use rustix::fs::{FlockOperation, flock};
 use rustix::rand::{GetRandomFlags, getrandom};
 
-/// What the names of the folders start with.
+/// The prefix of the folders' names.
 pub const FOLDER: &str = "escapement-fmu-";
 const LOCK: &str = "lock";
-/// A folder without a lock file may be just about to get one.
+/// A folder without a lock file may be under construction.
 const YOUNG: Duration = Duration::from_secs(10);
 
 /// A private folder, removed when this is dropped.
@@ -26,10 +26,11 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// Makes one where the system keeps temporary files (`TMPDIR`, else `/tmp`), and removes those of dead processes.
+    /// Creates a folder where the system keeps temporary files (`TMPDIR`, else `/tmp`), and removes those of dead
+    /// processes.
     ///
     /// # Errors
-    /// What the operating system says, with the folder.
+    /// The operating system's error, with the folder.
     pub fn create() -> io::Result<Scratch> {
         remove_leftovers();
         let mut random = [0_u8; 12];
@@ -56,12 +57,12 @@ impl Scratch {
         Ok(scratch)
     }
 
-    /// Where the FMU is unpacked.
+    /// The path where the FMU is unpacked.
     pub fn unpacked(&self) -> PathBuf {
         self.folder.join("fmu")
     }
 
-    /// An empty folder to work in: an FMU that litters its working directory litters this one.
+    /// An empty working directory: an FMU that leaves files in its working directory leaves them here.
     pub fn work(&self) -> PathBuf {
         self.folder.join("work")
     }

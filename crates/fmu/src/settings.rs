@@ -11,7 +11,7 @@ use crate::abi::{Native, Values};
 use crate::description::{Causality, Description, Extent, Type, Variable};
 use crate::names::unknown;
 
-/// The most values that an array may have.
+/// Maximum number of values of an array.
 const VALUES_MAX: u64 = 1 << 20;
 
 /// A value for one variable.
@@ -21,11 +21,11 @@ pub struct Setting {
     pub reference: u32,
     /// Its name.
     pub name: String,
-    /// What it is set to.
+    /// The value.
     pub value: Content,
 }
 
-/// What a variable is set to.
+/// The value of a setting.
 #[derive(Debug, Clone)]
 pub enum Content {
     /// Numbers.
@@ -36,7 +36,7 @@ pub enum Content {
     Bytes(Vec<u8>),
 }
 
-/// Everything that is set before the first step, by the mode in which the standard allows it.
+/// All values that are set before the first step, by the mode in which the standard allows it.
 #[derive(Debug, Clone, Default)]
 pub struct Settings {
     /// In configuration mode.
@@ -49,7 +49,7 @@ pub struct Settings {
     pub extents: BTreeMap<u32, u64>,
 }
 
-/// A number in a scenario, before it is known how it is kept.
+/// A number in a scenario, before the type of its variable is known.
 #[derive(Debug, Clone, Copy)]
 enum Number {
     Float(f64),
@@ -57,10 +57,10 @@ enum Number {
 }
 
 impl Settings {
-    /// Reads `participants.NAME.parameters`: variables by name, those with dots also as tables in tables.
+    /// Reads `participants.NAME.parameters`: variables by name; names with dots may also be nested tables.
     ///
     /// # Errors
-    /// Names the key, the value, and what is allowed.
+    /// Names the key, the value, and the allowed values.
     pub fn read(description: &Description, table: &Table) -> Result<Settings, ParameterError> {
         let mut given = BTreeMap::new();
         flatten(description, "", table, &mut given);
@@ -72,7 +72,7 @@ impl Settings {
                 settings.extents.insert(variable.reference, start);
             }
         }
-        // Structural parameters first: extents of arrays follow from them.
+        // Structural parameters first, because extents of arrays depend on them.
         for structural in [true, false] {
             for (name, value) in &given {
                 let found = description.variable(name);
@@ -177,7 +177,7 @@ impl Settings {
     }
 }
 
-/// Variables by their full names: a table is one of several variables unless a variable has its name.
+/// Variables by their full names: a table is a group of variables unless a variable has its name.
 fn flatten<'a>(description: &Description, above: &str, table: &'a Table, given: &mut BTreeMap<String, &'a Value>) {
     for (key, value) in table {
         let name = if above.is_empty() {
@@ -204,7 +204,7 @@ fn hexadecimal(text: &str) -> Option<Vec<u8>> {
         .collect()
 }
 
-/// The numbers that a value stands for, in the unit of the FMU.
+/// The numbers that a value represents, in the unit of the FMU.
 fn numbers(description: &Description, variable: &Variable, value: &Value) -> Result<Vec<Number>, String> {
     let one = |value: &Value| number(variable, value);
     match (variable.kind.is_float(), value) {
@@ -253,7 +253,7 @@ fn number(variable: &Variable, value: &Value) -> Result<Number, String> {
             }
         }
         (_, Value::Integer(value)) => Ok(Number::Integer((*value).into())),
-        // TOML's integers end at 2^63.
+        // TOML's integers are limited to below 2^63.
         (Type::UInt64, Value::String(text)) => {
             let value = text.trim().parse::<u64>();
             value
@@ -280,7 +280,7 @@ fn quantity(description: &Description, variable: &Variable, text: &str) -> Resul
             .map_err(|_| format!("\"{text}\": the variable has no unit; write a number without quotes"))?;
         return Ok(read.0.into_iter().map(Number::Float).collect());
     };
-    // As the FMU calls it: no conversion.
+    // The FMU's own unit: no conversion.
     let own = text
         .trim()
         .strip_suffix(unit.name.as_str())

@@ -1,4 +1,4 @@
-//! Values of variables in payloads.
+//! Transfer of values between variables and payloads.
 
 use std::ops::Range;
 
@@ -8,15 +8,15 @@ use lockstep::port::Element;
 use crate::abi::{Native, Values};
 use crate::items::Items;
 
-/// Where the values of one variable are in a payload.
+/// The position of the values of one variable in a payload.
 #[derive(Debug, Clone)]
 pub(crate) struct Slot {
     /// The port's number.
     pub(crate) port: usize,
-    /// Where the first element is, bytes.
+    /// The offset of the first element, bytes.
     pub(crate) offset: usize,
     pub(crate) element: Element,
-    /// The first value's number among those of its function, and how many there are.
+    /// The index of the first value among those of its function, and the number of values.
     pub(crate) first: usize,
     pub(crate) len: usize,
     pub(crate) conversion: Option<(f64, f64)>,
@@ -24,29 +24,30 @@ pub(crate) struct Slot {
     pub(crate) name: String,
 }
 
-/// Values that stand in a payload as the FMU has them, side by side in both. All in bytes.
+/// Values that have the same representation and are contiguous in the payload and in the FMU's values. All numbers are
+/// bytes.
 #[derive(Debug, Clone, PartialEq)]
 struct Stretch {
     port: usize,
-    /// Where it begins in the payload.
+    /// The offset in the payload.
     offset: usize,
-    /// Where it begins among the values.
+    /// The offset in the values.
     first: usize,
     len: usize,
 }
 
-/// The variables that one function takes.
+/// The variables of one function of the library.
 #[derive(Debug, Clone)]
 pub struct Transfer {
     /// The values.
     pub values: Values,
-    /// The variables, one by one; once they are [gathered](Transfer::gather), those that are converted.
+    /// The variables, one by one; after [gathering](Transfer::gather), only those that are converted.
     pub(crate) slots: Vec<Slot>,
     stretches: Vec<Stretch>,
 }
 
 impl Transfer {
-    /// No variables yet.
+    /// Creates a transfer without variables.
     pub(crate) fn new(native: Native) -> Transfer {
         Transfer {
             values: Values::new(native, Vec::new(), 0),
@@ -55,7 +56,7 @@ impl Transfer {
         }
     }
 
-    /// Puts variables together that are only copied: neighbours in the payload are mostly neighbours among the values.
+    /// Merges variables that are copied unchanged: neighbours in the payload are mostly neighbours among the values.
     pub(crate) fn gather(&mut self) {
         let native = self.values.native;
         let (copied, converted) = std::mem::take(&mut self.slots)
@@ -77,7 +78,7 @@ impl Transfer {
         }
     }
 
-    /// Takes the values from the payloads of the inputs.
+    /// Copies the payloads of the inputs into the values.
     pub(crate) fn read(&mut self, inputs: &Inputs) -> Result<(), String> {
         let values = self.values.as_bytes_mut();
         for stretch in &self.stretches {
@@ -88,7 +89,7 @@ impl Transfer {
         slots.try_for_each(|slot| slot.read(inputs.bytes(slot.port), &mut self.values))
     }
 
-    /// Puts the values into the payloads of the outputs.
+    /// Copies the values into the payloads of the outputs.
     pub(crate) fn write(&self, outputs: &mut Outputs) -> Result<(), String> {
         let values = self.values.as_bytes();
         for stretch in &self.stretches {
@@ -109,19 +110,19 @@ impl Stretch {
         self.first..self.first + self.len
     }
 
-    /// Whether `next` goes on where it ends, here and there.
+    /// Whether `next` continues this range, in the payload and in the values.
     fn is_before(&self, next: &Stretch) -> bool {
         (self.port, self.offset + self.len, self.first + self.len) == (next.port, next.offset, next.first)
     }
 }
 
 impl Slot {
-    /// Whether its bytes are those of the values.
+    /// Whether payload and values have the same bytes.
     fn is_copied(&self, native: Native) -> bool {
         self.conversion.is_none() && self.element.is_number() && native.element() == Some(self.element)
     }
 
-    /// Takes the variable's part of a payload as values.
+    /// Copies the variable's part of a payload into the values.
     fn read(&self, payload: &[u8], values: &mut Values) -> Result<(), String> {
         let size = self.element.size();
         for index in 0..self.len {
@@ -143,7 +144,7 @@ impl Slot {
                     let value = f64::from(f32::from_le_bytes(own.try_into().unwrap_or_default()));
                     bytes[..4].copy_from_slice(&(((value - shift) / factor) as f32).to_ne_bytes());
                 }
-                // Bytes that have been looked at as they came in; a truth value of FMI 2.0 has four.
+                // These bytes were validated when they arrived; a truth value of FMI 2.0 has four.
                 _ if self.element == Element::Enum => {
                     let value = self.items.own(own[0]).ok_or_else(|| {
                         let name = &self.name;
@@ -161,7 +162,7 @@ impl Slot {
         Ok(())
     }
 
-    /// Puts the values into their part of a payload.
+    /// Copies the values into their part of a payload.
     fn write(&self, values: &Values, payload: &mut [u8]) -> Result<(), String> {
         let size = self.element.size();
         for index in 0..self.len {
@@ -192,7 +193,7 @@ impl Slot {
                         format!("its output `{name}` is {value}, which is no item of its enumeration")
                     })?;
                 }
-                // Whatever is not false is true.
+                // Any value but false is true.
                 (Native::Bool32, _) => own[0] = u8::from(i32::from_ne_bytes(four) != 0),
                 (Native::Bool8, _) => own[0] = u8::from(bytes[0] != 0),
                 (native, _) => {
@@ -205,7 +206,7 @@ impl Slot {
         Ok(())
     }
 
-    /// A whole number of the type `from` as one of the type `to`.
+    /// Converts an integer of the type `from` to the type `to`.
     fn whole(&self, from: Element, bytes: &[u8], to: Element) -> Result<[u8; 8], String> {
         let value = from.whole(bytes);
         if to.range().is_some_and(|(least, most)| (least..=most).contains(&value)) {
@@ -214,7 +215,7 @@ impl Slot {
         Err(format!("`{}` is {value}, which is no {}", self.name, to.name()))
     }
 
-    /// A text or bytes as the FMU gives them: all of them, or none.
+    /// A text or bytes from the FMU: never truncated, but rejected if too long.
     fn write_content(&self, content: &[u8], own: &mut [u8]) -> Result<(), String> {
         let name = &self.name;
         if let (Element::Text(_), Err(error)) = (self.element, std::str::from_utf8(content)) {

@@ -1,7 +1,7 @@
-//! ZIP archives that may come from anybody.
+//! Reader of untrusted ZIP archives.
 //!
-//! The central directory alone is believed, and only as far as it can be checked: names that stay inside the folder, no symbolic
-//! links, no encryption, sizes within a stated bound, and contents that have the size and the checksum that it says.
+//! Only the central directory is used, and only as far as it can be checked: names that stay inside the folder, no symbolic
+//! links, no encryption, sizes within a stated bound, and contents with the size and the checksum that it states.
 
 use std::collections::HashSet;
 use std::fs;
@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 use miniz_oxide::inflate::decompress_to_vec_with_limit;
 
-/// The most bytes that an archive may have once unpacked: 2 GiB.
+/// Maximum unpacked size of an archive, bytes: 2 GiB.
 pub const UNPACKED_MAX: u64 = 2 << 30;
-/// The most files and folders in an archive.
+/// Maximum number of files and folders in an archive.
 pub const ENTRIES_MAX: usize = 65_535;
 
 const END: u32 = 0x0605_4b50;
@@ -23,32 +23,32 @@ const CENTRAL_SIZE: usize = 46;
 const LOCAL: u32 = 0x0403_4b50;
 const LOCAL_SIZE: usize = 30;
 
-/// Why an archive is refused.
+/// Why an archive is rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum ZipError {
-    /// The bytes are no ZIP archive, or one that is cut off.
+    /// The bytes are not a ZIP archive, or are truncated.
     #[error("it is not a ZIP archive: {0}")]
     NoArchive(&'static str),
-    /// A file in the archive that is not taken.
+    /// A file in the archive that is rejected.
     #[error("`{name}` in the archive: {reason}")]
     Entry {
         /// The file.
         name: String,
-        /// What is wrong with it.
+        /// The mistake.
         reason: String,
     },
-    /// More than may be unpacked.
+    /// The unpacked size exceeds the maximum.
     #[error("it has {size} bytes when unpacked; at most {UNPACKED_MAX} are unpacked")]
     Size {
         /// The size, bytes.
         size: u64,
     },
-    /// The operating system refused.
+    /// An error of the operating system.
     #[error("`{}`: {source}", .path.display())]
     Io {
         /// The file or folder that cannot be written.
         path: PathBuf,
-        /// Why not.
+        /// The error.
         source: io::Error,
     },
 }
@@ -56,7 +56,7 @@ pub enum ZipError {
 /// A file or folder in an archive.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
-    /// Its path inside the archive, with `/` between folders; folders end with one.
+    /// Its path inside the archive, with `/` between folders; the path of a folder ends with `/`.
     pub name: String,
     /// Its size when unpacked, bytes.
     pub size: u64,
@@ -90,7 +90,7 @@ impl Archive {
     /// Reads and checks the directory of an archive.
     ///
     /// # Errors
-    /// Names the first file that is refused, or says that this is no archive.
+    /// Names the first file that is rejected, or states that this is not an archive.
     pub fn read(bytes: Vec<u8>) -> Result<Archive, ZipError> {
         const CUT: ZipError = ZipError::NoArchive("its directory is cut off");
         let latest = bytes.len().checked_sub(END_SIZE);
@@ -128,7 +128,7 @@ impl Archive {
         Ok(archive)
     }
 
-    /// The entry of the directory that starts at `at`, and where the next one does.
+    /// The entry of the directory that starts at `at`, and the position of the next one.
     fn entry(&self, at: usize) -> Result<(Entry, usize), ZipError> {
         const CUT: ZipError = ZipError::NoArchive("its directory is cut off");
         let bytes = &self.bytes;
@@ -155,7 +155,7 @@ impl Archive {
             let reason = format!("it is packed by method {method}; only deflate and no packing at all are read");
             return Err(refuse(&name, reason));
         }
-        // The upper half of the attributes is a Unix mode where a Unix system made the entry.
+        // The upper half of the attributes is a Unix mode where the entry was created on a Unix system.
         let unix = field(4)? >> 8 == 3;
         let mode = if unix {
             word(bytes, at + 38).ok_or(CUT)? >> 16
@@ -180,7 +180,7 @@ impl Archive {
         Ok((entry, comment_at + usize::from(comment_len)))
     }
 
-    /// What is in the archive.
+    /// The entries of the archive.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
@@ -193,7 +193,7 @@ impl Archive {
     /// The contents of the file called `name`, if there is one.
     ///
     /// # Errors
-    /// When the contents are not what the directory says.
+    /// When the contents differ from the size or checksum in the directory.
     pub fn file(&self, name: &str) -> Option<Result<Vec<u8>, ZipError>> {
         let entry = self.entries.iter().find(|entry| entry.name == name)?;
         Some(self.contents(entry))
@@ -227,10 +227,10 @@ impl Archive {
         Ok(contents)
     }
 
-    /// Unpacks everything into the empty folder `into`, for this user alone.
+    /// Unpacks all entries into the empty folder `into`, with access for this user only.
     ///
     /// # Errors
-    /// The first file that is not what the directory says, or cannot be written.
+    /// The first file that differs from the directory, or cannot be written.
     pub fn unpack(&self, into: &Path) -> Result<(), ZipError> {
         let io = |path: &Path| {
             let path = path.to_owned();
@@ -267,7 +267,8 @@ fn refuse(name: &str, reason: impl Into<String>) -> ZipError {
     }
 }
 
-/// Packed size, size and place; the extra field has those that do not fit into 32 bits, in the order size, packed size, place.
+/// Packed size, size and position; the extra field has those that do not fit into 32 bits, in the order size, packed size,
+/// position.
 fn wide(extra: &[u8], packed: u32, unpacked: u32, local: u32) -> Option<(u64, u64, u64)> {
     let mut at = 0;
     let mut long_sizes: &[u8] = &[];

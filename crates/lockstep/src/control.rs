@@ -1,4 +1,4 @@
-//! What the orchestrator and a participant say to each other outside the data path.
+//! The control protocol: messages between the orchestrator and a participant outside the data path.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,12 +12,12 @@ pub const PROTOCOL: u32 = 7;
 /// From the orchestrator to a participant; each is answered by one [`Reply`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Request {
-    /// Who are you?
+    /// Asks the participant for its protocol version and its program.
     Hello {
         /// The orchestrator's [`PROTOCOL`].
         protocol: u32,
     },
-    /// These are your parameters; tell your ports.
+    /// Passes the parameters; the participant replies with its ports.
     Configure {
         /// The participant's name in the scenario.
         name: String,
@@ -30,23 +30,23 @@ pub enum Request {
         /// The first activation, s.
         offset: f64,
     },
-    /// This is your part of the plan; open your links and get ready. Nothing is published before the horizon moves.
+    /// Passes the part of the plan; the participant opens its links and prepares. Nothing is published before the horizon moves.
     Connect {
         /// The part of the plan.
         assignment: Assignment,
-        /// The cores to run on; empty to leave it to the operating system.
+        /// The cores to run on; empty leaves the choice to the operating system.
         cores: Vec<u32>,
-        /// How to wait.
+        /// The waiting strategy.
         waiting: Waiting,
         /// The size of the record's ring, bytes: a multiple of 64.
         record: u32,
-        /// Where to take up the work; nothing at the start of a run.
+        /// The position to resume at; `None` at the start of a run.
         position: Option<Box<Position>>,
     },
-    /// Give your state. Only at rest.
+    /// Asks for the state. Only at rest.
     Save,
     /// Leave all links and enter the run again at this address, with the model as it is. Only at rest. Without an address: another
-    /// one takes this place, and the clock will say leave; a participant that refuses this leaves as well.
+    /// participant replaces this one, and the clock will order to leave; a participant that refuses this request leaves as well.
     Move {
         /// The new address, in the form of the environment variable, or empty.
         address: String,
@@ -62,7 +62,7 @@ pub enum Reply {
     Hello {
         /// The participant's [`PROTOCOL`].
         protocol: u32,
-        /// Its program and version, for the run's record.
+        /// Its program and version, for `run.json`.
         program: String,
     },
     /// To [`Request::Configure`].
@@ -70,26 +70,26 @@ pub enum Reply {
         /// The ports.
         interface: Interface,
     },
-    /// To requests that only need to be done.
+    /// To requests that only need to be carried out.
     Done,
     /// To [`Request::Save`]; `None` when the participant cannot be saved.
     State(Option<Vec<u8>>),
     /// The request cannot be fulfilled.
     Refused {
-        /// The parameter that is to blame, dotted, or empty.
+        /// The parameter at fault, dotted, or empty.
         key: String,
         /// Why, with the remedy.
         reason: String,
     },
 }
 
-/// How a participant waits: it looks again at once `spins` times, then lets others run `yields` times, then sleeps until it
-/// is woken. The result of a run does not depend on it.
+/// How a participant waits: it polls `spins` times, then yields between `yields` polls, then sleeps until it is woken. The result of a
+/// run does not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Waiting {
-    /// Looks before the first yield.
+    /// Polls before the first yield.
     pub spins: u32,
-    /// Looks with a yield each before sleeping.
+    /// Polls with a yield each before sleeping.
     pub yields: u32,
 }
 
@@ -99,23 +99,23 @@ impl Waiting {
         spins: 20_000,
         yields: 2_000,
     };
-    /// For a few participants that share a core: the one waited for needs it, so nobody spins.
+    /// For a few participants that share a core: the one waited for needs it, so none of them spins.
     pub const YIELD: Waiting = Waiting {
         spins: 0,
         yields: 2_000,
     };
-    /// For many participants that share a core. Every yield passes through all who yield, so a hand-off among N of them
-    /// costs up to N yields; those who wait for long must sleep for the cost to stay linear. Two yields are what a hand-off
-    /// to the next one takes.
+    /// For many participants that share a core. Every yield passes through all participants that yield, so a hand-off among N of them
+    /// costs up to N yields; those with a long wait must sleep for the cost to stay linear. A hand-off to the next participant takes two
+    /// yields.
     pub const CROWD: Waiting = Waiting { spins: 0, yields: 2 };
-    /// For long pauses and machines that have better things to do.
+    /// For long pauses and machines with other work to do.
     pub const SLEEP: Waiting = Waiting { spins: 0, yields: 0 };
 }
 
-/// What a participant tells the recorder between its samples.
+/// A participant's message to the recorder between its samples.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Note {
-    /// All activations are complete, and every sample before this note is all there is.
+    /// All activations are complete, and there are no samples after those before this note.
     Finished(Timing),
     /// At rest: the next activation lies at or past this horizon, ticks.
     AtRest {
@@ -124,7 +124,7 @@ pub enum Note {
         /// The next activation.
         next: u64,
     },
-    /// The participant cannot go on.
+    /// The participant has failed.
     Failed {
         /// The activation.
         activation: u64,
@@ -133,21 +133,21 @@ pub enum Note {
         /// Why.
         reason: String,
     },
-    /// At rest because the clock said so, wherever that was; every sample before this note is all there is.
+    /// At rest at the current activation by order of the clock; there are no samples after those before this note.
     Recalled {
         /// The next activation.
         next: u64,
     },
-    /// What was done when, in order; only where it was asked for.
+    /// The spans of wall-clock time, in order; only on request.
     Spans {
-        /// How many spans are missing behind these, because there was no room for them.
+        /// The number of spans missing after these, because there was no room for them.
         lost: u64,
-        /// What was done.
+        /// The spans.
         spans: Vec<Span>,
     },
 }
 
-/// Where the wall time of a participant went.
+/// How a participant spent its wall-clock time.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Timing {
     /// From the first activation to the last, ns.
@@ -160,6 +160,6 @@ pub struct Timing {
     pub recorder_ns: u64,
     /// Waiting for the horizon, ns.
     pub horizon_ns: u64,
-    /// Times it had to sleep.
+    /// The number of sleeps.
     pub sleeps: u64,
 }

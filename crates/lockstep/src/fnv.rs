@@ -1,4 +1,4 @@
-//! FNV-1a, a hash that any language has in three lines.
+//! FNV-1a, a hash that takes three lines in any language.
 
 /// The 64-bit FNV-1a hash of a text or of bytes.
 pub fn fnv1a(text: impl AsRef<[u8]>) -> u64 {
@@ -9,7 +9,7 @@ pub fn fnv1a(text: impl AsRef<[u8]>) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    /// Values of the authors' page.
+    /// Values published by the authors of FNV.
     #[test]
     fn published_values_hold() {
         assert_eq!(super::fnv1a(""), 0xcbf2_9ce4_8422_2325);

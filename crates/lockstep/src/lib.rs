@@ -1,6 +1,6 @@
 //! Lockstep co-simulation over shared memory.
 
-// Tests in here use what tests beside the crate use.
+// Tests in this crate use the same paths as tests outside of it.
 #[cfg(test)]
 extern crate self as lockstep;
 

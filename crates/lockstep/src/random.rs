@@ -1,7 +1,7 @@
 //! Random numbers that do not depend on order: a draw is a function of (run seed, name, index).
 //!
-//! The generator is SplitMix64's output function (Steele, Lea, Flood 2014) over a counter, which any language reproduces in
-//! ten lines. A process that is started late, restarted or replaced sees the same draws.
+//! The generator is SplitMix64's output function (Steele, Lea, Flood 2014) over a counter, which any language reproduces in ten lines. A
+//! process that is started late, restarted or replaced obtains the same draws.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,9 +23,9 @@ const fn mix(mut z: u64) -> u64 {
 }
 
 impl Stream {
-    /// The stream called `name` in a run with seed `seed`. Names that differ give unrelated streams.
+    /// The stream called `name` in a run with seed `seed`. Different names give unrelated streams.
     pub fn new(seed: u64, name: &str) -> Stream {
-        // FNV-1a over the name; then two rounds of mixing, so that neighbouring seeds share nothing.
+        // FNV-1a over the name; then two rounds of mixing, so that neighbouring seeds give unrelated streams.
         Stream {
             key: mix(mix(seed.wrapping_add(GOLDEN)) ^ fnv1a(name)),
         }
@@ -45,7 +45,7 @@ impl Stream {
     /// `2 index + 1`.
     pub fn normal(&self, index: u64) -> f64 {
         let first = index.wrapping_mul(2);
-        // The first uniform number is taken away from one, so that its logarithm is finite.
+        // The first uniform number is subtracted from one, so that its logarithm is finite.
         let radius = (-2.0 * libm::log(1.0 - self.uniform(first))).sqrt();
         radius * libm::cos(std::f64::consts::TAU * self.uniform(first.wrapping_add(1)))
     }

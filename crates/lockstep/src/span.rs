@@ -1,18 +1,18 @@
-//! Spans: what a participant did in a stretch of wall time, for whoever asks where the time goes.
+//! Spans: a participant's activity in an interval of wall-clock time, for performance analysis.
 //!
-//! Nothing of a run depends on them, and nothing of them is on the tape. They are made only where somebody asked.
+//! The run does not depend on them, and they are not on the tape. They are recorded only on request.
 
 use serde::{Deserialize, Serialize};
 
-/// The environment variable that asks a participant's process for spans: `steps`, or `waits` for waits too.
+/// The environment variable that requests spans from a participant's process: `steps`, or `waits` for waits too.
 pub const SPANS: &str = "ESCAPEMENT_SPANS";
 
-/// How much is wanted.
+/// The requested detail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Detail {
     /// Steps alone.
     Steps,
-    /// Steps, and what was waited for between them.
+    /// Steps, and the waits between them.
     Waits,
 }
 
@@ -25,7 +25,7 @@ impl Detail {
         }
     }
 
-    /// What a word in [`SPANS`] asks for; a word that is not known asks for nothing.
+    /// The detail that a word in [`SPANS`] requests; an unknown word requests nothing.
     pub fn of(word: &str) -> Option<Detail> {
         [Detail::Steps, Detail::Waits]
             .into_iter()
@@ -33,7 +33,7 @@ impl Detail {
     }
 }
 
-/// What a participant does.
+/// The activity of a participant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Doing {
     /// It reads inputs, steps, records and sends. A step that has to wait for room has several such spans, and is complete at the end of
@@ -42,14 +42,14 @@ pub enum Doing {
         /// Whether the step is complete.
         done: bool,
     },
-    /// It waits for sample `index` of the link number `link` of those into it.
+    /// It waits for sample `index` of link number `link` of its incoming links.
     Sample {
         /// The link.
         link: u32,
         /// The sample.
         index: u64,
     },
-    /// It waits for room on the way to consumer `consumer` of output `output`.
+    /// It waits for room on the link to consumer `consumer` of output `output`.
     Room {
         /// The output.
         output: u32,
@@ -62,16 +62,16 @@ pub enum Doing {
     Horizon,
 }
 
-/// A stretch of wall time of one participant.
+/// An interval of wall-clock time of one participant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Span {
     /// The activation that it belongs to, or that comes next.
     pub activation: u64,
-    /// What it did.
+    /// Its activity.
     pub doing: Doing,
-    /// The core at the end.
+    /// The core at the end of the interval.
     pub core: u32,
-    /// How often it slept, and was woken or woke up by itself.
+    /// The number of sleeps, whether the participant was woken or woke by itself.
     pub sleeps: u32,
     /// The beginning, ns of `CLOCK_MONOTONIC`.
     pub begin_ns: u64,
@@ -79,7 +79,7 @@ pub struct Span {
     pub end_ns: u64,
 }
 
-/// Now, ns of `CLOCK_MONOTONIC`, which all processes of a machine share.
+/// The current time, ns of `CLOCK_MONOTONIC`, which all processes of a machine share.
 pub fn now_ns() -> u64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
     now.tv_sec.unsigned_abs() * 1_000_000_000 + now.tv_nsec.unsigned_abs()

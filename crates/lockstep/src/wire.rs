@@ -1,5 +1,5 @@
-//! The one place that names bincode: fixed-width little-endian integers, lengths as 64-bit integers, enum variants as 32-bit
-//! integers, strings and byte sequences as length and bytes. `docs/protocol.md` writes the format down for other languages.
+//! The wire format, and the only module that names bincode: fixed-width little-endian integers, lengths as 64-bit integers, enum variants
+//! as 32-bit integers, strings and byte sequences as length and bytes. `docs/protocol.md` specifies the format for other languages.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -14,7 +14,7 @@ fn configuration() -> impl bincode::config::Config {
         .with_limit::<SIZE_MAX>()
 }
 
-/// Why bytes are not a message.
+/// Why bytes are not a valid message.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{what} cannot be decoded: {reason}")]
 pub struct WireError {
@@ -33,7 +33,7 @@ pub fn encode<T: Serialize>(what: &'static str, value: &T) -> Result<Vec<u8>, Wi
     })
 }
 
-/// Decodes `bytes`, which may come from anybody: it never panics and never allocates more than [`SIZE_MAX`].
+/// Decodes `bytes`, which may come from any source: it never panics and never allocates more than [`SIZE_MAX`].
 ///
 /// # Errors
 /// When they are not exactly one `T`.

@@ -1,4 +1,4 @@
-//! A first look at a library's file, without loading it: loading runs code.
+//! A check of a library's ELF header before loading, because loading runs code.
 
 use std::fs::File;
 use std::io::Read;
@@ -6,11 +6,11 @@ use std::path::Path;
 
 use crate::LoadError;
 
-/// The start of an ELF file, as far as it is looked at.
+/// The size of the part of an ELF header that is checked.
 const HEADER: usize = 20;
 const SHARED: u16 = 3;
 
-/// The machine that this program is for, as ELF numbers them, and its name.
+/// The machine type of this program, as an ELF number, and its name.
 const OWN: (u16, &str) = if cfg!(target_arch = "x86_64") {
     (62, "x86-64")
 } else if cfg!(target_arch = "aarch64") {
@@ -21,10 +21,10 @@ const OWN: (u16, &str) = if cfg!(target_arch = "x86_64") {
     (0, "this machine")
 };
 
-/// Looks whether `file` can be a library for this machine.
+/// Checks that `file` can be a library for this machine.
 ///
 /// # Errors
-/// It cannot be read, is no shared library, or is one for another machine.
+/// When it cannot be read, is not a shared library, or is one for another machine.
 pub fn look(file: &Path) -> Result<(), LoadError> {
     let wrong = |reason: String| LoadError::NoLibrary {
         file: file.to_owned(),

@@ -1,4 +1,5 @@
-//! Whoever calls `exit` in a call of the host ends the process as if all were well. It is told, and the process fails.
+//! Detection of `exit` in foreign code: a participant that calls `exit` would end the process with success. This is reported, and the
+//! process fails.
 
 use std::cell::Cell;
 use std::io::Write;
@@ -7,22 +8,22 @@ use std::sync::Once;
 /// The longest name of a participant.
 const NAME_MAX: usize = 64;
 
-// Both are plain values: what has a destructor is gone when the handler runs.
+// Both are plain values: a value with a destructor no longer exists when the handler runs.
 thread_local! {
-    /// The function of a participant that this thread is in.
+    /// The participant's function that this thread is executing.
     static INSIDE: Cell<Option<&'static str>> = const { Cell::new(None) };
-    /// The participant's name, and how long it is.
+    /// The participant's name, and its length.
     static WHO: Cell<([u8; NAME_MAX], usize)> = const { Cell::new(([0; NAME_MAX], 0)) };
 }
 
-/// As long as this lives, the thread is in a function of a participant.
+/// A guard: while it exists, the thread is executing a function of a participant.
 pub(crate) struct Inside(Option<&'static str>);
 
 /// Enters the function `function` of the participant `name`.
 pub(crate) fn enter(name: &str, function: &'static str) -> Inside {
     static WATCH: Once = Once::new();
     WATCH.call_once(|| {
-        // SAFETY: the handler is a function of the program. That it cannot be registered only costs the message.
+        // SAFETY: the handler is a function of the program. If it cannot be registered, only the message is lost.
         unsafe { libc::atexit(ended) };
     });
     let mut who = [0; NAME_MAX];
@@ -48,6 +49,6 @@ extern "C" fn ended() {
         std::io::stderr(),
         "{who}: its function `{function}` called exit(): a participant ends with its run; to give up, return escapement_fail(…)"
     );
-    // SAFETY: ends the process at once, with a failure in place of the success that was asked for.
+    // SAFETY: ends the process at once, with a failure in place of the requested success.
     unsafe { libc::_exit(1) };
 }

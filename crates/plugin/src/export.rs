@@ -1,4 +1,4 @@
-//! Participants in Rust as a plug-in: the same table, from the other side.
+//! Exporting participants written in Rust as a plug-in: the participant's side of the ABI.
 
 use std::cell::Cell;
 use std::ffi::{CString, c_void};
@@ -13,7 +13,7 @@ use lockstep::port::{Descriptor, Element};
 
 use crate::table::{self, Field, Host, Message, OK, RANK_MAX, Status};
 
-/// Makes a plug-in of participants: each has a name and the function that makes it from its setup.
+/// Makes a plug-in of participants: each has a name and a function that creates it from its setup.
 ///
 /// ```no_run
 /// use lockstep::participant::{ParameterError, Participant, Setup};
@@ -24,11 +24,11 @@ use crate::table::{self, Field, Host, Message, OK, RANK_MAX, Status};
 /// }
 /// ```
 ///
-/// The library's `Cargo.toml` says `crate-type = ["cdylib"]`, and a scenario `run = { library = "…/libmine.so" }`.
+/// The library's `Cargo.toml` needs `crate-type = ["cdylib"]`, and a scenario `run = { library = "…/libmine.so" }`.
 #[macro_export]
 macro_rules! export {
     ($($name:literal => $make:expr),+ $(,)?) => {
-        /// The participants of this library, for whoever loads it.
+        /// The tables of this library's participants, for the host that loads it.
         #[unsafe(no_mangle)]
         pub extern "C" fn escapement_plugin(index: u32) -> *const $crate::table::Table {
             static TABLES: &[$crate::table::Table] = &[$({
@@ -58,14 +58,14 @@ pub mod __private {
 
     /// A participant of a plug-in.
     pub trait Export {
-        /// Makes it.
+        /// Creates the participant.
         ///
         /// # Errors
-        /// What it refuses.
+        /// A parameter that it rejects.
         fn make(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError>;
     }
 
-    /// Its table. Both texts end with a zero byte.
+    /// The participant's table. Both texts must end with a zero byte.
     pub const fn table<E: Export>(name: &'static str, version: &'static str) -> Table {
         Table {
             size: size_of::<Table>() as u32,
@@ -90,37 +90,37 @@ struct Own {
     interface: Interface,
     inputs: Inputs,
     outputs: Outputs,
-    /// Whether it has panicked: its state may be torn, so it is not called again.
+    /// Whether the participant has panicked: its state may be inconsistent, so it is not called again.
     torn: Cell<bool>,
 }
 
 /// The log of the host, which adds the name and the time.
 struct Across(*const Host);
 
-// SAFETY: the host is there to the end of `terminate`, at the same address, and only the participant's own calls write, which come one
-// after the other.
+// SAFETY: the host exists until the end of `terminate`, at the same address, and only the participant's own calls write to it, which are
+// sequential.
 unsafe impl Send for Across {}
 // SAFETY: as above.
 unsafe impl Sync for Across {}
 
 impl Sink for Across {
     fn say(&self, line: &Line<'_>) {
-        // SAFETY: the host is there, and copies the text.
+        // SAFETY: the host exists, and copies the text.
         unsafe { ((*self.0).log)(self.0, text(&line.text.to_string()).as_ptr()) }
     }
 }
 
-/// Why the participant's part is over; nothing for one that has not begun. A host from before this says `STOPPED`.
+/// Why the participant's part is over; `None` for one that has not begun. An older host without this function counts as `STOPPED`.
 ///
 /// # Safety
-/// The host is the one of the call.
+/// The host must be the one of the call.
 unsafe fn termination(host: *const Host) -> Option<Termination> {
-    // SAFETY: every host has its size.
+    // SAFETY: every host has a `size`.
     let size = unsafe { (*host).size } as usize;
     if size <= offset_of!(Host, termination) {
         return Some(Termination::Stopped);
     }
-    // SAFETY: it is large enough to have the function.
+    // SAFETY: the host is large enough to have the function.
     match unsafe { ((*host).termination)(host) } {
         0 => None,
         table::FINISHED => Some(Termination::Finished),
@@ -129,12 +129,12 @@ unsafe fn termination(host: *const Host) -> Option<Termination> {
     }
 }
 
-/// Text for C; a zero byte, which C cannot take, is left out.
+/// Text for C; zero bytes, which a C string cannot contain, are removed.
 fn text(text: &str) -> CString {
     CString::new(text.replace('\0', "")).unwrap_or_default()
 }
 
-/// Does `work` and says to the host what fails. No panic crosses.
+/// Does `work` and reports a failure to the host. Panics do not propagate.
 fn guarded(host: *const Host, work: impl FnOnce() -> Result<(), String>) -> Status {
     let failure = match catch_unwind(AssertUnwindSafe(work)) {
         Ok(Ok(())) => return OK,
@@ -150,9 +150,9 @@ fn guarded(host: *const Host, work: impl FnOnce() -> Result<(), String>) -> Stat
 }
 
 /// # Safety
-/// `own` is what `describe` made.
+/// `own` must be the pointer that `describe` returned.
 unsafe fn own<'a>(own: *mut c_void) -> &'a mut Own {
-    // SAFETY: as the caller says; the host makes one call after the other.
+    // SAFETY: guaranteed by the caller; the host's calls are sequential.
     unsafe { &mut *own.cast::<Own>() }
 }
 
@@ -169,9 +169,9 @@ impl Own {
 
 unsafe extern "C-unwind" fn describe<E: __private::Export>(host: *const Host, place: *mut *mut c_void) -> Status {
     let work = || {
-        // SAFETY: the host is there during the call and longer.
+        // SAFETY: the host exists during the call and longer.
         let offered = unsafe { &*host };
-        // SAFETY: the host gives texts.
+        // SAFETY: the host provides texts.
         let (name, document) = unsafe { (table::text(offered.name), table::text((offered.parameters)(host))) };
         let parameters = document.unwrap_or_default().parse::<toml::Table>();
         let setup = Setup {
@@ -201,17 +201,17 @@ unsafe extern "C-unwind" fn describe<E: __private::Export>(host: *const Host, pl
             outputs,
             torn: Cell::new(false),
         });
-        // SAFETY: the host gives the place.
+        // SAFETY: the host provides the place.
         unsafe { place.write(Box::into_raw(own).cast()) };
         Ok(())
     };
     guarded(host, work)
 }
 
-/// Tells the host the ports.
+/// Reports the ports to the host.
 ///
 /// # Safety
-/// The host is the one of the call.
+/// The host must be the one of the call.
 unsafe fn tell(host: *const Host, offered: &Host, interface: &Interface) -> Result<(), String> {
     let kind = match interface.kind {
         Kind::Sampled => table::SAMPLED,
@@ -243,7 +243,7 @@ unsafe fn tell(host: *const Host, offered: &Host, interface: &Interface) -> Resu
 fn with_message(descriptor: &Descriptor, give: impl FnOnce(*const Message) -> Status) -> Result<Status, String> {
     let words: Vec<[CString; 3]> = (descriptor.fields.iter())
         .map(|field| {
-            // An enumeration has its values where others have a unit.
+            // The values of an enumeration are in the place of the unit.
             let unit = match &field.values[..] {
                 [] => text(&field.unit),
                 values => {
@@ -295,10 +295,10 @@ fn with_message(descriptor: &Descriptor, give: impl FnOnce(*const Message) -> St
     Ok(give(&raw const message))
 }
 
-/// Copies the outputs between the host's places and the participant's: first there, then, after `work`, back.
+/// Copies the outputs from the host's buffers to the participant's, does `work`, and copies them back.
 ///
 /// # Safety
-/// `places` are those of the call.
+/// `places` must be those of the call.
 unsafe fn through(
     own: &mut Own,
     places: *const *mut c_void,
@@ -306,7 +306,7 @@ unsafe fn through(
 ) -> Result<(), String> {
     let size = |own: &Own, port: usize| own.interface.outputs[port].descriptor.size as usize;
     for port in 0..own.interface.outputs.len() {
-        // SAFETY: the host gives a place of the size of each output.
+        // SAFETY: the host provides a buffer of the size of each output.
         let place = unsafe { std::slice::from_raw_parts((*places.add(port)).cast::<u8>(), size(own, port)) };
         own.outputs.bytes_mut(port).copy_from_slice(place);
     }
@@ -346,7 +346,7 @@ unsafe extern "C-unwind" fn step(
         let step = unsafe { &*step };
         for (port, about) in own.interface.inputs.iter().enumerate() {
             let size = about.descriptor.size as usize;
-            // SAFETY: the host gives the bytes of each input.
+            // SAFETY: the host provides the bytes of each input.
             let place = unsafe { std::slice::from_raw_parts((*inputs.add(port)).cast::<u8>(), size) };
             own.inputs.bytes_mut(port).copy_from_slice(place);
         }
@@ -387,7 +387,7 @@ unsafe extern "C-unwind" fn restore(host: *const Host, at: *mut c_void, bytes: *
 
 unsafe extern "C-unwind" fn terminate(host: *const Host, at: *mut c_void) {
     guarded(host, || {
-        // SAFETY: `describe` made it from a box, and it is not used again.
+        // SAFETY: `describe` created it from a box, and it is not used again.
         let mut own = unsafe { Box::from_raw(at.cast::<Own>()) };
         // SAFETY: the host is the one of the call.
         let why = unsafe { termination(host) };

@@ -1,4 +1,4 @@
-//! A participant that is a table of functions.
+//! A participant that is implemented by a table of C functions.
 
 use std::ffi::c_void;
 use std::ptr::NonNull;
@@ -12,31 +12,31 @@ use crate::guarded::Guarded;
 use crate::seat::Seat;
 use crate::table::{self, Host, OK, SEEN_EVER, SEEN_NOW, Status, Table};
 
-/// A participant that is a table of functions: of a library, or of the program itself.
+/// A participant that is implemented by a table of functions, of a library or of the program itself.
 ///
-/// Outputs are written in memory of its own with guards around each, and are copied from there: who writes past an end fails, and
-/// has spoilt nothing of anybody else.
+/// The participant writes outputs to separate memory with guards around each, and they are copied from there: a participant that writes
+/// out of bounds fails, and has not corrupted other memory.
 pub struct Foreign {
     table: &'static Table,
     seat: NonNull<Seat>,
-    /// What the participant keeps of itself.
+    /// The participant's own data.
     own: *mut c_void,
     interface: Interface,
-    /// `own`, where the host gives it.
+    /// The memory of `own`, if the host allocates it.
     memory: Option<Guarded>,
     outputs: Guarded,
-    /// Where the inputs of the present step are.
+    /// The addresses of the inputs of the current step.
     inputs_at: Vec<*const c_void>,
     outputs_at: Vec<*mut c_void>,
-    /// It knows where its lines go.
+    /// Whether the participant's log has been set.
     has_log: bool,
     terminated: bool,
 }
 
-// SAFETY: the functions of a table may be called from any thread, one after the other; nothing in here is shared with another one.
+// SAFETY: the functions of a table may be called from any thread, sequentially; nothing in here is shared with another thread.
 unsafe impl Send for Foreign {}
 
-/// A seat until its participant is there.
+/// Owns a seat until its participant has been created.
 struct Made(NonNull<Seat>);
 
 impl Made {
@@ -49,16 +49,16 @@ impl Made {
 
 impl Drop for Made {
     fn drop(&mut self) {
-        // SAFETY: it comes from a box, and nobody else drops it.
+        // SAFETY: it comes from a box, and is dropped only here.
         drop(unsafe { Box::from_raw(self.0.as_ptr()) });
     }
 }
 
 impl Foreign {
-    /// Makes the participant of `table`.
+    /// Creates the participant of `table`.
     ///
     /// # Errors
-    /// What it refuses, a parameter that it does not know, or ports that cannot be.
+    /// A parameter that it rejects or does not know, or invalid ports.
     pub fn make(table: &'static Table, setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
         let made = Made(NonNull::from(Box::leak(Box::new(Seat::new(setup)))));
         let unusable = |reason: String| ParameterError::new(crate::NO_PARTICIPANT, reason);
@@ -66,13 +66,13 @@ impl Foreign {
         let given = memory.as_mut().and_then(|memory| memory.addresses().next());
         let given: *mut c_void = given.map_or(std::ptr::null_mut(), <*mut u8>::cast);
         let mut own = given;
-        // SAFETY: the seat lives; the table was looked at.
+        // SAFETY: the seat lives; the table has been checked.
         let said = unsafe { &made.0.as_ref().said };
         let describe = table.describe.ok_or_else(|| unusable("it has no `describe`".into()))?;
         said.describing.set(true);
         let status = {
             let _inside = exit::enter(&said.name, "describe");
-            // SAFETY: the arguments are as the ABI says.
+            // SAFETY: the arguments satisfy the ABI.
             unsafe { describe(made.0.as_ptr().cast_const().cast(), &raw mut own) }
         };
         said.describing.set(false);
@@ -85,7 +85,7 @@ impl Foreign {
             };
             return Err(refusal.unwrap_or_else(|| ParameterError::new("", failure())));
         }
-        // From here on it is terminated, whatever is wrong with it.
+        // From here on the participant is terminated, whatever fails afterwards.
         let mut foreign = Foreign {
             table,
             seat: made.keep(),
@@ -121,7 +121,7 @@ impl Foreign {
         unsafe { &self.seat.as_ref().said }
     }
 
-    /// Calls one of the functions, at the instant `t`.
+    /// Calls one of the participant's functions, at the instant `t`.
     fn call(
         &self,
         function: &'static str,
@@ -143,7 +143,7 @@ impl Foreign {
         }
     }
 
-    /// Whether the guards are whole.
+    /// Checks that the guards are intact.
     fn look(&self, function: &str) -> Result<(), Failure> {
         let past = |overrun| if overrun { "past the end" } else { "before the start" };
         if let Some((_, overrun)) = self.memory.as_ref().and_then(Guarded::broken) {
@@ -168,7 +168,7 @@ impl Foreign {
         .into())
     }
 
-    /// Takes over what the outputs hold, whether they are seen, and the way to its log.
+    /// Copies in the current outputs, whether they are seen, and the log.
     fn take(&mut self, outputs: &mut Outputs) {
         if !std::mem::replace(&mut self.has_log, true) {
             *self.said().log.borrow_mut() = Some(outputs.log_of().clone());
@@ -205,7 +205,7 @@ impl Participant for Foreign {
         };
         self.take(outputs);
         let places = self.outputs_at.as_ptr();
-        // SAFETY: the arguments are as the ABI says.
+        // SAFETY: the arguments satisfy the ABI.
         self.call("initialise", Some(t), |host, own| unsafe {
             initialise(host, own, t, places)
         })?;
@@ -220,7 +220,8 @@ impl Participant for Foreign {
         for (port, place) in self.inputs_at.iter_mut().enumerate() {
             *place = inputs.bytes(port).as_ptr().cast();
         }
-        // What a step does not write keeps its last value, which another one may have written: a participant takes over in mid-run.
+        // An output that a step does not write keeps its last value, which an earlier participant may have written: replacements occur
+        // during the run.
         self.take(outputs);
         let (from, to) = (self.inputs_at.as_ptr(), self.outputs_at.as_ptr());
         let now = table::Step {
@@ -231,7 +232,7 @@ impl Participant for Foreign {
             t_next: step.t_next,
             period: step.period,
         };
-        // SAFETY: the arguments are as the ABI says.
+        // SAFETY: the arguments satisfy the ABI.
         self.call("step", Some(step.t), |host, own| unsafe {
             function(host, own, &raw const now, from, to)
         })?;
@@ -259,10 +260,10 @@ impl Participant for Foreign {
         };
         let said = self.said();
         *said.state.borrow_mut() = None;
-        // SAFETY: the arguments are as the ABI says.
+        // SAFETY: the arguments satisfy the ABI.
         let saved = self.call("save", said.now.get(), |host, own| unsafe { save(host, own) });
         if let Err(failure) = saved {
-            // Whoever asked only learns that there is no state.
+            // The caller only learns that there is no state.
             said.say(&failure.to_string());
             return None;
         }
@@ -272,7 +273,7 @@ impl Participant for Foreign {
     fn restore(&mut self, state: &[u8]) -> Result<(), Failure> {
         if let Some(restore) = self.table.restore {
             let (bytes, size) = (state.as_ptr().cast(), state.len() as u64);
-            // SAFETY: the arguments are as the ABI says.
+            // SAFETY: the arguments satisfy the ABI.
             return self.call("restore", None, |host, own| unsafe { restore(host, own, bytes, size) });
         }
         let own = self.memory.as_mut().map(|memory| memory.piece_mut(0));
@@ -297,12 +298,12 @@ impl Foreign {
         if let Some(terminate) = self.table.terminate
             && !std::mem::replace(&mut self.terminated, true)
         {
-            // SAFETY: the arguments are as the ABI says, and nothing is called afterwards.
+            // SAFETY: the arguments satisfy the ABI, and nothing is called afterwards.
             let told = self.call("terminate", t, |host, own| unsafe {
                 terminate(host, own);
                 OK
             });
-            // Nothing depends on it any more.
+            // Nothing depends on the participant any more.
             if let Err(failure) = told {
                 self.said().say(&format!("its function `terminate` failed: {failure}"));
             }
@@ -313,7 +314,7 @@ impl Foreign {
 impl Drop for Foreign {
     fn drop(&mut self) {
         self.end(None);
-        // SAFETY: it comes from a box, and nobody else drops it.
+        // SAFETY: it comes from a box, and is dropped only here.
         drop(unsafe { Box::from_raw(self.seat.as_ptr()) });
     }
 }

@@ -1,13 +1,13 @@
-//! Memory that is given to foreign code, with guards around each piece: who writes past an end is found out.
+//! Memory for foreign code, with guards around each piece that detect out-of-bounds writes.
 
 /// The guard between two pieces, bytes.
 const GUARD: usize = 64;
-/// What a guard is filled with: no address, no small number, no text.
+/// The fill byte of a guard: not part of an address, a small number or a text.
 const PATTERN: u8 = 0xa5;
 /// The alignment of pieces, bytes.
 const ALIGNMENT: usize = 16;
 
-/// Zeroed pieces, each aligned to 16 bytes, with a guard before and behind it.
+/// Zeroed pieces, each aligned to 16 bytes, with a guard before and after it.
 #[derive(Debug)]
 pub(crate) struct Guarded {
     memory: Vec<u128>,
@@ -21,7 +21,7 @@ impl Guarded {
         let mut end = GUARD;
         for size in sizes {
             pieces.push((end, size));
-            // The guard begins right behind the last byte.
+            // The guard begins directly after the last byte.
             end = (end + size + GUARD).next_multiple_of(ALIGNMENT);
         }
         let mut guarded = Guarded {
@@ -36,7 +36,7 @@ impl Guarded {
 
     fn bytes(&self) -> &[u8] {
         let length = self.memory.len() * 16;
-        // SAFETY: any bytes of a list of numbers are bytes.
+        // SAFETY: the bytes of a list of numbers are valid bytes.
         unsafe { std::slice::from_raw_parts(self.memory.as_ptr().cast(), length) }
     }
 
@@ -48,25 +48,26 @@ impl Guarded {
     pub(crate) fn piece_mut(&mut self, piece: usize) -> &mut [u8] {
         let (start, size) = self.pieces[piece];
         let length = self.memory.len() * 16;
-        // SAFETY: any bytes are numbers.
+        // SAFETY: any bytes are valid numbers.
         let bytes = unsafe { std::slice::from_raw_parts_mut(self.memory.as_mut_ptr().cast::<u8>(), length) };
         &mut bytes[start..start + size]
     }
 
-    /// Where each piece starts. The addresses hold as long as this does.
+    /// The address of each piece. The addresses are valid as long as this exists.
     pub(crate) fn addresses(&mut self) -> impl Iterator<Item = *mut u8> + '_ {
         let base = self.memory.as_mut_ptr().cast::<u8>();
         // SAFETY: each piece lies in the memory.
         self.pieces.iter().map(move |(start, _)| unsafe { base.add(*start) })
     }
 
-    /// Whether all guards are whole; else the piece whose guard is not, and whether that was overrun (or written before).
+    /// `None` if all guards are intact; otherwise the piece whose guard is not, and whether it was written past its end (or before its
+    /// start).
     pub(crate) fn broken(&self) -> Option<(usize, bool)> {
         let bytes = self.bytes();
         let mut from = 0;
         for (piece, &(start, size)) in self.pieces.iter().enumerate() {
             if !whole(&bytes[from..start]) {
-                // The guard between two pieces: what is nearer to its own piece broke it.
+                // A guard between two pieces: the nearer piece is the one that broke it.
                 let first = from + bytes[from..start].iter().position(|byte| *byte != PATTERN).unwrap_or(0);
                 return Some(if piece > 0 && first - from < start - first {
                     (piece - 1, true)
@@ -80,7 +81,7 @@ impl Guarded {
     }
 }
 
-/// Whether a guard is as it was made. Looks at all of it at once: it is on the path of every step.
+/// Whether a guard is intact. Checks all bytes without branching: it is on the path of every step.
 fn whole(guard: &[u8]) -> bool {
     guard.iter().fold(0, |found, byte| found | (byte ^ PATTERN)) == 0
 }
@@ -99,7 +100,7 @@ mod tests {
                 let size = guarded.pieces[piece].1;
                 let at = guarded.addresses().nth(piece).unwrap();
                 assert_eq!(at as usize % ALIGNMENT, 0);
-                // SAFETY: a guard lies on both sides.
+                // SAFETY: there is a guard on both sides.
                 unsafe { if past { at.add(size) } else { at.sub(1) }.write(1) };
                 assert_eq!(guarded.broken(), Some((piece, overrun)), "piece {piece}");
             }

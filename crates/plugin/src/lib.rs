@@ -1,14 +1,14 @@
-//! Participants in any language: a table of C functions makes one, and a library that gives such a table is a plug-in.
+//! Participants in any language: a table of C functions implements one, and a library that provides such tables is a plug-in.
 //!
 //! - [`table`]: the types of the C ABI, as `escapement.h` has them;
-//! - [`Foreign`]: a participant that is such a table, so that whoever runs participants runs it as well;
-//! - [`Library`]: a plug-in: a shared library that gives tables;
-//! - [`export!`]: makes a plug-in of participants in Rust;
-//! - [`host`] and [`host_library`]: the `main` of a program whose participant is a table, or stands in a library.
+//! - [`Foreign`]: a participant implemented by such a table, which runs like any other participant;
+//! - [`Library`]: a plug-in: a shared library that provides tables;
+//! - [`export!`]: makes a plug-in of participants written in Rust;
+//! - [`host`] and [`host_library`]: the `main` of a program whose participant is a table, or is in a library.
 //!
-//! A participant that breaks the rules of the ABI where that can be seen (a table of another version, a function that is missing, an
-//! output written past its end, a call of `exit`) is named, with the remedy. What cannot be seen, such as a stray pointer, ends the
-//! process: that is why a participant has one of its own unless its user says otherwise.
+//! A participant that detectably violates the rules of the ABI (a table of another version, a missing function, an output written past
+//! its end, a call of `exit`) is named, with the remedy. An undetectable violation, such as a stray pointer, ends the process: that is
+//! why a participant has a process of its own unless its user configures otherwise.
 
 mod elf;
 mod exit;
@@ -33,14 +33,14 @@ pub use library::Library;
 pub use load_error::LoadError;
 pub use parameters::{Found, NO_PARTICIPANT, Parameters};
 
-/// The `main` of a program whose participant is `table`: takes its place in the run that the environment names, and returns when it
-/// is done. A table that cannot be used is refused with the participant's name by whoever started the program.
+/// The `main` of a program whose participant is `table`: joins the run that the environment names, and returns when the run is done. A
+/// table that cannot be used is rejected, and the orchestrator that started the program names the participant.
 ///
 /// # Safety
-/// `table` is null, or points to a table whose first two fields can be read, and all of it if they are right; it is there as long as
-/// the program.
+/// `table` must be null, or point to a table whose first two fields can be read, and all of it if they are right; it must exist as long
+/// as the program.
 pub unsafe fn host(table: *const table::Table) -> ExitCode {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     let checked = unsafe { table::check(table) };
     let program = checked
         .as_ref()
@@ -54,7 +54,7 @@ pub unsafe fn host(table: *const table::Table) -> ExitCode {
     )
 }
 
-/// The same with the participant called `name` of the library in `file`, or its only one.
+/// The same with the participant called `name` of the library in `file`, or with its only one.
 pub fn host_library(file: &Path, name: Option<&str>) -> ExitCode {
     let found = Library::open(file).and_then(|library| library.participant(name));
     let program = found

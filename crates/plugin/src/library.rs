@@ -1,4 +1,4 @@
-//! Plug-ins: shared libraries that give tables.
+//! Plug-ins: shared libraries that provide tables.
 
 use std::ffi::{CStr, CString, c_void};
 use std::os::unix::ffi::OsStrExt;
@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use crate::LoadError;
 use crate::table::{self, Plugin, Table};
 
-/// The function that a plug-in has.
+/// The function that a plug-in exports.
 const SYMBOL: &CStr = c"escapement_plugin";
 /// The most participants of one library.
 const PARTICIPANTS_MAX: u32 = 256;
 
-/// A library that has been loaded. It stays so to the end of the process: somebody may have kept the address of a function.
+/// A library that has been loaded. It stays loaded until the process ends, because addresses of its functions may have been kept.
 #[derive(Debug, Clone)]
 pub struct Library {
     file: PathBuf,
@@ -20,13 +20,13 @@ pub struct Library {
 }
 
 impl Library {
-    /// Loads the library in `file` and looks at its tables. Loading runs code of the library.
+    /// Loads the library in `file` and checks its tables. Loading runs code of the library.
     ///
     /// # Errors
-    /// It is no library, not for this machine, no plug-in, or one of another version.
+    /// When it is not a library, not for this machine, not a plug-in, or one of another version.
     pub fn open(file: &Path) -> Result<Library, LoadError> {
         crate::look(file)?;
-        // A name without a slash would be looked for where the system's libraries lie.
+        // A name without a slash would be searched for in the system's library folders.
         let full = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
         let refused = |reason: String| LoadError::Refused {
             remedy: if reason.contains("escapement_participant_main") {
@@ -38,32 +38,32 @@ impl Library {
             reason,
         };
         let name = CString::new(full.as_os_str().as_bytes()).map_err(|error| refused(error.to_string()))?;
-        // SAFETY: the name is a text with a zero byte. That the library's own code keeps the rules is what its user answers for.
+        // SAFETY: the name ends with a zero byte. The user is responsible for the library's own code.
         let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
         if handle.is_null() {
-            // SAFETY: the loader's message is there until the next call of it by this thread.
+            // SAFETY: the loader's message is valid until the next call of the loader by this thread.
             let reason = unsafe { table::text(libc::dlerror()) }.map_or_else(|| "for no reason".into(), str::to_owned);
-            // The loader begins with the name, which the message has already.
+            // The loader's message begins with the name, which our message already has.
             let reason = reason
                 .strip_prefix(&*format!("{}: ", full.display()))
                 .unwrap_or(&reason);
             return Err(refused(reason.to_owned()));
         }
-        // SAFETY: the handle is a library's.
+        // SAFETY: the handle is that of a library.
         let symbol = unsafe { libc::dlsym(handle, SYMBOL.as_ptr()) };
         if symbol.is_null() {
             return Err(LoadError::NoPlugin { file: file.to_owned() });
         }
-        // SAFETY: whoever calls a function so means this one.
+        // SAFETY: a function of this name has this type.
         let plugin = unsafe { std::mem::transmute::<*mut c_void, Plugin>(symbol) };
         let mut tables = Vec::new();
         for number in 0..=PARTICIPANTS_MAX {
-            // SAFETY: it takes any number.
+            // SAFETY: the function accepts any number.
             let given = unsafe { plugin(number) };
             if given.is_null() {
                 break;
             }
-            // SAFETY: it gives the address of a table, which is there as long as the library: to the end.
+            // SAFETY: it returns the address of a table, which exists as long as the library: to the end.
             let checked = unsafe { table::check(given) };
             tables.push(checked.map_err(|reason| LoadError::Table {
                 file: file.to_owned(),
@@ -87,7 +87,7 @@ impl Library {
     /// The participant called `name`; without a name the only one.
     ///
     /// # Errors
-    /// There is none, or several where one was not chosen; the message names them all.
+    /// When there is none, or several without a choice; the message names them all.
     pub fn participant(&self, name: Option<&str>) -> Result<&'static Table, LoadError> {
         let names = || {
             let names: Vec<String> = self.tables.iter().map(|table| format!("`{}`", table.name())).collect();

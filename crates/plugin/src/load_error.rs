@@ -1,13 +1,13 @@
-//! Why there is no participant of a library.
+//! Why a library provides no participant.
 
 use std::path::PathBuf;
 
 use crate::table::TableError;
 
-/// Why a library gives no participant.
+/// Why a library provides no participant.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LoadError {
-    /// It is no shared library.
+    /// It is not a shared library.
     #[error("`{}` is not a shared library: {reason}", file.display())]
     NoLibrary {
         /// The file.
@@ -25,17 +25,17 @@ pub enum LoadError {
         /// This machine.
         own: &'static str,
     },
-    /// The system's loader refuses it.
+    /// The system's loader rejects it.
     #[error("the library `{}` cannot be loaded: {reason}; {remedy}", file.display())]
     Refused {
         /// The file.
         file: PathBuf,
-        /// In the loader's words.
+        /// The loader's message.
         reason: String,
         /// What can be done.
         remedy: &'static str,
     },
-    /// It is a library of something else.
+    /// It is a library for another purpose.
     #[error(
         "the library `{}` is no plug-in: it has no function `escapement_plugin`; end its source with ESCAPEMENT_PLUGIN(&table) of \
          escapement.h, or with plugin::export! in Rust, and keep the symbol visible",
@@ -45,7 +45,7 @@ pub enum LoadError {
         /// The file.
         file: PathBuf,
     },
-    /// One of its tables cannot be used.
+    /// One of its tables is invalid.
     #[error("the library `{}`, participant number {}: {reason}", file.display(), .number + 1)]
     Table {
         /// The file.
@@ -55,12 +55,12 @@ pub enum LoadError {
         /// What is wrong with it.
         reason: TableError,
     },
-    /// It has no such participant, or which one is meant is not clear.
+    /// It has no such participant, or several without a choice.
     #[error("the library `{}` {reason}", file.display())]
     Which {
         /// The file.
         file: PathBuf,
-        /// What it has.
+        /// What it provides.
         reason: String,
     },
 }

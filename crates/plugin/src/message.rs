@@ -4,7 +4,7 @@ use lockstep::port::{Descriptor, Element, EnumValue, Field};
 
 use crate::table::{self, Message};
 
-/// The element type that a number stands for, and the extents of the field: those of texts and bytes end with their room.
+/// The element type of a number, and the extents of the field: those of texts and bytes end with their room.
 fn element(number: u32, extents: &[u32]) -> Result<(Element, &[u32]), String> {
     let content = match number {
         table::TEXT => Element::Text,
@@ -22,22 +22,22 @@ fn element(number: u32, extents: &[u32]) -> Result<(Element, &[u32]), String> {
     }
 }
 
-/// The descriptor that a message of foreign code stands for.
+/// The descriptor for a message of foreign code.
 ///
 /// # Safety
-/// The message is null or as the ABI says.
+/// The message must be null or satisfy the ABI.
 pub(crate) unsafe fn descriptor(message: *const Message) -> Result<Descriptor, String> {
     if message.is_null() {
         return Err("its message is NULL".into());
     }
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     let message = unsafe { &*message };
     // SAFETY: as above.
     let name = unsafe { table::text(message.name) }.ok_or("its message has no name (it is NULL, or not UTF-8)")?;
     if message.fields.is_null() || message.field_count > Descriptor::MAX_SIZE {
         return Err(format!("message `{name}` has no fields"));
     }
-    // SAFETY: the list is as long as the message says.
+    // SAFETY: the list is as long as the message states.
     let list = unsafe { std::slice::from_raw_parts(message.fields, message.field_count as usize) };
     let mut fields = Vec::new();
     for (number, field) in list.iter().enumerate() {

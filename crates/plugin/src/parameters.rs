@@ -1,4 +1,4 @@
-//! Parameters as foreign code asks for them: one by one, by dotted key.
+//! Parameters as foreign code reads them: one by one, by dotted key.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
@@ -7,23 +7,23 @@ use lockstep::participant::ParameterError;
 use lockstep::units;
 use toml::{Table, Value};
 
-/// In place of a parameter's key in a refusal: it is the table or the library itself that cannot be used.
+/// Takes the place of a parameter's key in a rejection: the table or the library itself cannot be used.
 pub const NO_PARTICIPANT: &str = "(participant)";
 
-/// The parameters of a participant, and which of them were asked for.
+/// The parameters of a participant, and which of them have been read.
 #[derive(Debug)]
 pub struct Parameters {
     table: Table,
     asked: RefCell<BTreeSet<String>>,
-    /// The participant reads the whole text itself.
+    /// Whether the participant reads the whole text itself.
     whole: Cell<bool>,
 }
 
-/// A value that was looked for: refused, absent where it may be, or there.
+/// The result of a lookup: an error, `None` where the value is optional, or the value.
 pub type Found<T> = Result<Option<T>, ParameterError>;
 
 impl Parameters {
-    /// None of `table` has been asked for.
+    /// None of `table` has been read yet.
     pub fn new(table: Table) -> Parameters {
         Parameters {
             table,
@@ -32,12 +32,12 @@ impl Parameters {
         }
     }
 
-    /// All of them as text. Whoever reads that answers for misspelt keys.
+    /// All parameters as text. A participant that reads it must check for misspelt keys itself.
     pub fn text(&self) -> String {
         self.table.to_string()
     }
 
-    /// From now on no key is unknown.
+    /// From now on no key is reported as unknown.
     pub fn all_are_read(&self) {
         self.whole.set(true);
     }
@@ -45,7 +45,7 @@ impl Parameters {
     /// A value as the scenario has it, by its dotted key.
     ///
     /// # Errors
-    /// A required one that is missing.
+    /// When a required one is missing.
     pub fn get(&self, key: &str, required: bool) -> Found<&Value> {
         self.asked.borrow_mut().insert(key.to_owned());
         let mut parts = key.split('.');
@@ -57,10 +57,10 @@ impl Parameters {
         }
     }
 
-    /// `count` numbers in `unit`; 0 stands for one that is not in brackets.
+    /// Reads `count` numbers in `unit`; 0 stands for one number without brackets.
     ///
     /// # Errors
-    /// A required one that is missing, one of another dimension or number, or one that is not finite.
+    /// When a required one is missing, has the wrong dimension or count, or is not finite.
     pub fn numbers(&self, key: &str, unit: &str, required: bool, count: usize) -> Found<Vec<f64>> {
         let Some(value) = self.get(key, required)? else {
             return Ok(None);
@@ -104,10 +104,10 @@ impl Parameters {
         Ok(Some(found))
     }
 
-    /// A whole number.
+    /// Reads an integer.
     ///
     /// # Errors
-    /// A required one that is missing, or something else.
+    /// When a required one is missing, or the value is of another type.
     pub fn integer(&self, key: &str, required: bool) -> Found<i64> {
         let Some(value) = self.get(key, required)? else {
             return Ok(None);
@@ -116,10 +116,10 @@ impl Parameters {
         value.as_integer().ok_or_else(refused).map(Some)
     }
 
-    /// True or false.
+    /// Reads a Boolean.
     ///
     /// # Errors
-    /// As of [`Parameters::integer`].
+    /// As for [`Parameters::integer`].
     pub fn flag(&self, key: &str, required: bool) -> Found<bool> {
         let Some(value) = self.get(key, required)? else {
             return Ok(None);
@@ -128,10 +128,10 @@ impl Parameters {
         value.as_bool().ok_or_else(refused).map(Some)
     }
 
-    /// A text.
+    /// Reads a text.
     ///
     /// # Errors
-    /// As of [`Parameters::integer`].
+    /// As for [`Parameters::integer`].
     pub fn string(&self, key: &str, required: bool) -> Found<&str> {
         let Some(value) = self.get(key, required)? else {
             return Ok(None);
@@ -140,7 +140,7 @@ impl Parameters {
         value.as_str().ok_or_else(refused).map(Some)
     }
 
-    /// A parameter that nobody has asked for: a misspelt one, most likely.
+    /// A parameter that has not been read: most likely a misspelt one.
     pub fn unknown(&self) -> Option<ParameterError> {
         if self.whole.get() {
             return None;
@@ -159,7 +159,7 @@ impl Parameters {
     }
 }
 
-/// Looks for a key of `table` below `key` that was not asked for, and leaves it in `key`.
+/// Searches for a key of `table` below `key` that has not been read, and leaves it in `key`.
 fn stray(table: &Table, asked: &BTreeSet<String>, key: &mut String) -> bool {
     for (name, value) in table {
         let before = key.len();

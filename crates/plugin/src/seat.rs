@@ -1,4 +1,4 @@
-//! The host's side of the ABI: what a participant is offered, and what it has said.
+//! The host's side of the ABI: the functions offered to a participant, and what the participant has reported.
 
 use std::cell::{Cell, RefCell};
 use std::ffi::{CString, c_char, c_void};
@@ -12,40 +12,40 @@ use crate::message::descriptor;
 use crate::parameters::{Found, Parameters};
 use crate::table::{self, CONTINUOUS, FAILED, Host, Message, OK, SAMPLED, SEEN_EVER, SEEN_NOW, Status};
 
-/// What a participant is offered, with everything behind it. Foreign code sees the first field.
+/// The host structure of a participant, with the data behind it. Foreign code sees only the first field.
 #[repr(C)]
 pub(crate) struct Seat {
     pub(crate) host: Host,
     pub(crate) said: Said,
 }
 
-/// What a participant has said, and what it may ask for.
+/// What a participant has reported, and the data that it may read.
 pub(crate) struct Said {
     pub(crate) name: String,
-    /// Where the host's `name` points.
+    /// The text that the host's `name` points to.
     _c_name: CString,
     seed: u64,
     parameters: Parameters,
     document: CString,
     texts: RefCell<Vec<CString>>,
-    /// Whether `describe` is under way.
+    /// Whether `describe` is running.
     pub(crate) describing: Cell<bool>,
     pub(crate) kind: Cell<Option<Kind>>,
     pub(crate) inputs: RefCell<Vec<Input>>,
     pub(crate) outputs: RefCell<Vec<Output>>,
-    /// The first thing that was refused.
+    /// The first rejection.
     pub(crate) refusal: RefCell<Option<ParameterError>>,
-    /// Why the present call fails.
+    /// Why the current call fails.
     pub(crate) failure: RefCell<Option<String>>,
-    /// What `save` gave.
+    /// The state that `save` returned.
     pub(crate) state: RefCell<Option<Vec<u8>>>,
-    /// The instant of the present call, s.
+    /// The instant of the current call, s.
     pub(crate) now: Cell<Option<f64>>,
-    /// Whether each output that is written is seen, as bits.
+    /// For each output, whether the sample being written is seen, and whether any is, as bits.
     pub(crate) seen: RefCell<Vec<u32>>,
-    /// Where lines of the present call go; nothing outside of a run.
+    /// The destination of log lines of the current call; `None` outside of a run.
     pub(crate) log: RefCell<Option<Log>>,
-    /// Why its part is over.
+    /// Why the participant's part is over.
     pub(crate) termination: Cell<u32>,
 }
 
@@ -103,13 +103,13 @@ impl Seat {
 }
 
 impl Said {
-    /// Keeps the first refusal: those behind it may follow from it.
+    /// Keeps the first rejection: later ones may follow from it.
     fn refuse(&self, error: ParameterError) -> Status {
         self.refusal.borrow_mut().get_or_insert(error);
         FAILED
     }
 
-    /// Writes a line into the log, at the instant of the present call.
+    /// Writes a line to the log, at the instant of the current call.
     pub(crate) fn say(&self, text: &str) {
         let log = self.log.borrow().clone();
         let log = log.unwrap_or_else(|| Log::new(&self.name, None));
@@ -119,7 +119,7 @@ impl Said {
         }
     }
 
-    /// What the participant has described, or why that cannot be used.
+    /// The interface that the participant has described, or why it cannot be used.
     pub(crate) fn interface(&self) -> Result<Interface, ParameterError> {
         if let Some(refusal) = self.refusal.take() {
             return Err(refusal);
@@ -150,7 +150,7 @@ impl Said {
         self.refuse(ParameterError::new(crate::NO_PARTICIPANT, reason.into()))
     }
 
-    /// A value that foreign code asked for: `put` gives it, where there is one.
+    /// Answers a request of foreign code for a value: `put` delivers it, if there is one.
     fn answer<T>(&self, found: impl FnOnce() -> Found<T>, put: impl FnOnce(T)) -> Status {
         if !self.describing.get() {
             return self.fail("parameters can be read in `describe` only");
@@ -172,25 +172,25 @@ impl Said {
     }
 }
 
-/// Does `work` for the participant behind `host`. No panic crosses into foreign code.
+/// Does `work` for the participant behind `host`. Panics do not propagate into foreign code.
 ///
 /// # Safety
-/// `host` is what the participant was given.
+/// `host` must be the one that the participant was given.
 unsafe fn with(host: *const Host, work: impl FnOnce(&Said) -> Status) -> Status {
     if host.is_null() {
         return FAILED;
     }
-    // SAFETY: every host that foreign code has is the first field of a seat, which lives to the end of `terminate`.
+    // SAFETY: every host that foreign code has is the first field of a seat, which lives until the end of `terminate`.
     let said = unsafe { &(*host.cast::<Seat>()).said };
     catch_unwind(AssertUnwindSafe(|| work(said))).unwrap_or(FAILED)
 }
 
-/// A text of foreign code.
+/// Reads a text of foreign code.
 ///
 /// # Safety
 /// As for [`table::text`].
 unsafe fn word<'a>(at: *const c_char) -> Option<&'a str> {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe { table::text(at) }
 }
 
@@ -203,14 +203,14 @@ unsafe extern "C" fn kind(host: *const Host, kind: u32) -> Status {
         });
         OK
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) }
 }
 
-/// Adds a port, which `put` does with its name and descriptor.
+/// Adds a port by calling `put` with its name and descriptor.
 ///
 /// # Safety
-/// All are as the ABI says.
+/// All arguments must satisfy the ABI.
 unsafe fn port(
     host: *const Host,
     name: *const c_char,
@@ -222,7 +222,7 @@ unsafe fn port(
         if !said.describing.get() {
             return said.fail("ports can be added in `describe` only");
         }
-        // SAFETY: as the caller says.
+        // SAFETY: guaranteed by the caller.
         let (name, descriptor) = unsafe { (word(name), descriptor(message)) };
         let Some(name) = name else {
             return said.about_ports(format!("an {what} has no name (it is NULL, or not UTF-8)"));
@@ -233,7 +233,7 @@ unsafe fn port(
         }
         OK
     };
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe { with(host, work) }
 }
 
@@ -255,12 +255,12 @@ unsafe extern "C" fn output(host: *const Host, name: *const c_char, message: *co
     unsafe { port(host, name, message, "output", put) }
 }
 
-/// The key of a parameter.
+/// Reads the key of a parameter.
 ///
 /// # Safety
 /// As for [`table::text`].
 unsafe fn key<'a>(key: *const c_char) -> Result<&'a str, ParameterError> {
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe { word(key) }.ok_or_else(|| {
         ParameterError::new(
             crate::NO_PARTICIPANT,
@@ -278,46 +278,46 @@ unsafe extern "C" fn numbers(
     count: u32,
 ) -> Status {
     let work = |said: &Said| {
-        // SAFETY: texts are as the ABI says.
+        // SAFETY: texts satisfy the ABI.
         let found = || unsafe {
             let unit = word(unit).unwrap_or_default();
             said.parameters.numbers(key(name)?, unit, required != 0, count as usize)
         };
         let put = |found: Vec<f64>| {
-            // SAFETY: there is room for as many as were asked for, and so many were found.
+            // SAFETY: there is room for as many as were requested, and exactly that many were found.
             unsafe { std::ptr::copy_nonoverlapping(found.as_ptr(), values, found.len()) };
         };
         said.answer(found, put)
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) }
 }
 
 unsafe extern "C" fn integer(host: *const Host, name: *const c_char, required: u32, value: *mut i64) -> Status {
     let work = |said: &Said| {
-        // SAFETY: texts and places are as the ABI says.
+        // SAFETY: texts and places satisfy the ABI.
         let found = || unsafe { said.parameters.integer(key(name)?, required != 0) };
         // SAFETY: as above.
         said.answer(found, |found| unsafe { value.write(found) })
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) }
 }
 
 unsafe extern "C" fn flag(host: *const Host, name: *const c_char, required: u32, value: *mut u8) -> Status {
     let work = |said: &Said| {
-        // SAFETY: texts and places are as the ABI says.
+        // SAFETY: texts and places satisfy the ABI.
         let found = || unsafe { said.parameters.flag(key(name)?, required != 0) };
         // SAFETY: as above.
         said.answer(found, |found| unsafe { value.write(found.into()) })
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) }
 }
 
 unsafe extern "C" fn text(host: *const Host, name: *const c_char, required: u32, value: *mut *const c_char) -> Status {
     let work = |said: &Said| {
-        // SAFETY: texts and places are as the ABI says.
+        // SAFETY: texts and places satisfy the ABI.
         let key = unsafe { key(name) };
         let found = || {
             let key = key?;
@@ -326,12 +326,12 @@ unsafe extern "C" fn text(host: *const Host, name: *const c_char, required: u32,
             own.map_err(|_| ParameterError::new(key, "the text has a zero byte in it"))
         };
         said.answer(found, |found| {
-            // SAFETY: the place is one for an address; the text stays where it is when the list grows.
+            // SAFETY: the place is one for an address; the text does not move when the list grows.
             unsafe { value.write(found.as_ptr()) };
             said.texts.borrow_mut().push(found);
         })
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) }
 }
 
@@ -342,45 +342,45 @@ unsafe extern "C" fn whole(host: *const Host) -> *const c_char {
         document = said.document.as_ptr();
         OK
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) };
     document
 }
 
 unsafe extern "C" fn refuse(host: *const Host, name: *const c_char, reason: *const c_char) -> Status {
     let work = |said: &Said| {
-        // SAFETY: texts are as the ABI says.
+        // SAFETY: texts satisfy the ABI.
         let (key, reason) = unsafe { (word(name).unwrap_or_default(), word(reason)) };
         said.refuse(ParameterError::new(key, reason.unwrap_or("refused without a reason")))
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) }
 }
 
 unsafe extern "C" fn fail(host: *const Host, reason: *const c_char) -> Status {
-    // SAFETY: texts are as the ABI says; foreign code gives what it was given.
+    // SAFETY: texts satisfy the ABI; foreign code passes the host that it was given.
     unsafe { with(host, |said| said.fail(word(reason).unwrap_or("without a reason"))) }
 }
 
 unsafe extern "C" fn log(host: *const Host, text: *const c_char) {
     let work = |said: &Said| {
-        // SAFETY: texts are as the ABI says.
+        // SAFETY: texts satisfy the ABI.
         let text = unsafe { word(text) }.unwrap_or("(not UTF-8)");
         said.say(text);
         OK
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) };
 }
 
 unsafe extern "C" fn seen(host: *const Host, output: u32) -> u32 {
-    // What is not known is seen.
+    // An unknown output counts as seen.
     let mut seen = SEEN_NOW | SEEN_EVER;
     let work = |said: &Said| {
         seen = said.seen.borrow().get(output as usize).copied().unwrap_or(seen);
         OK
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) };
     seen
 }
@@ -391,7 +391,7 @@ unsafe extern "C" fn termination(host: *const Host) -> u32 {
         why = said.termination.get();
         OK
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) };
     why
 }
@@ -400,42 +400,42 @@ unsafe extern "C" fn state(host: *const Host, bytes: *const c_void, size: u64) -
     let work = |said: &Said| {
         let bytes = match (bytes.is_null(), usize::try_from(size)) {
             (true, Ok(0)) => Vec::new(),
-            // SAFETY: there are as many bytes as foreign code says.
+            // SAFETY: there are as many bytes as foreign code states.
             (false, Ok(size)) => unsafe { std::slice::from_raw_parts(bytes.cast::<u8>(), size) }.to_vec(),
             _ => return said.fail("its `save` gave a state at NULL"),
         };
         *said.state.borrow_mut() = Some(bytes);
         OK
     };
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { with(host, work) }
 }
 
-/// A draw of a stream of the run's seed.
+/// A draw from a random stream of the run's seed.
 ///
 /// # Safety
 /// As for [`with`].
 unsafe fn draw(host: *const Host, stream: *const c_char, number: impl FnOnce(&Stream) -> f64) -> f64 {
     let mut drawn = f64::NAN;
     let work = |said: &Said| {
-        // SAFETY: texts are as the ABI says.
+        // SAFETY: texts satisfy the ABI.
         let Some(name) = (unsafe { word(stream) }) else {
             return said.fail("it draws from a stream whose name is NULL or not UTF-8");
         };
         drawn = number(&Stream::new(said.seed, name));
         OK
     };
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe { with(host, work) };
     drawn
 }
 
 unsafe extern "C" fn uniform(host: *const Host, stream: *const c_char, index: u64) -> f64 {
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { draw(host, stream, |stream| stream.uniform(index)) }
 }
 
 unsafe extern "C" fn normal(host: *const Host, stream: *const c_char, index: u64) -> f64 {
-    // SAFETY: foreign code gives what it was given.
+    // SAFETY: foreign code passes the host that it was given.
     unsafe { draw(host, stream, |stream| stream.normal(index)) }
 }

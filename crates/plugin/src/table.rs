@@ -1,18 +1,18 @@
-//! The types of the C ABI. `escapement.h` has the same with the same names in C; a test compares sizes and offsets.
+//! The types of the C ABI. `escapement.h` has the same types with the same names in C; a test compares sizes and offsets.
 //!
-//! A struct that may grow begins with its size: whoever reads it uses no field that lies behind that size. [`Field`] and [`Message`]
-//! stand in lists and never change within one version. Texts are UTF-8 and end with a zero byte.
+//! A struct that may grow begins with its size: its reader must not use a field that lies beyond that size. [`Field`] and [`Message`] are
+//! elements of lists and never change within one version. Texts are UTF-8 and end with a zero byte.
 
 use std::ffi::{CStr, c_char, c_void};
 
-/// The version of the ABI. A table of another version is refused.
+/// The version of the ABI. A table of another version is rejected.
 pub const ABI: u32 = 1;
 
 /// What a function returns: [`OK`] or [`FAILED`].
 pub type Status = i32;
-/// It is done.
+/// The call succeeded.
 pub const OK: Status = 0;
-/// It is not; [`Host::fail`] or [`Host::refuse`] says why. Any other value means the same.
+/// The call failed; [`Host::fail`] or [`Host::refuse`] gives the reason. Any other value means the same.
 pub const FAILED: Status = 1;
 
 /// Computes at t from the inputs at t: [`lockstep::participant::Kind::Sampled`].
@@ -40,9 +40,9 @@ pub const ELEMENTS: [lockstep::port::Element; 12] = {
     ]
 };
 
-/// The element type of texts. The last extent of a field is their room, bytes.
+/// The element type of texts. The last extent of a field is the room of each text, bytes.
 pub const TEXT: u32 = 13;
-/// The element type of bytes, which have their number (32 bits) in front of their room.
+/// The element type of bytes, whose number (32 bits) precedes their room.
 pub const BYTES: u32 = 14;
 
 /// The most extents that a field may have.
@@ -54,16 +54,16 @@ pub const RANK_MAX: usize = 4;
 pub struct Field {
     /// Its name, unique in the message.
     pub name: *const c_char,
-    /// The unit of every element; `1` for a pure number and for a truth value. Of an enumeration its values with their names:
+    /// The unit of every element; `1` for a dimensionless number and for a truth value. For an enumeration, its values with their names:
     /// `closed = 0, open = 1`.
     pub unit: *const c_char,
-    /// The frame in which a vector's components are given; empty or null where that means nothing.
+    /// The frame in which a vector's components are given; empty or null where a frame has no meaning.
     pub frame: *const c_char,
-    /// The type of each element: one more than its place in [`ELEMENTS`], [`TEXT`] or [`BYTES`].
+    /// The type of each element: its position in [`ELEMENTS`] plus one, or [`TEXT`] or [`BYTES`].
     pub element: u32,
-    /// Where the field starts in the payload, bytes.
+    /// The offset of the field in the payload, bytes.
     pub offset: u32,
-    /// How many extents it has; 0 for a scalar.
+    /// The number of extents; 0 for a scalar.
     pub rank: u32,
     /// The extents, outermost first.
     pub extents: [u32; RANK_MAX],
@@ -77,7 +77,7 @@ pub struct Message {
     pub name: *const c_char,
     /// The fields in the order of their offsets, without gaps between them.
     pub fields: *const Field,
-    /// How many there are.
+    /// The number of fields.
     pub field_count: u32,
     /// The size of a payload, bytes.
     pub size: u32,
@@ -87,7 +87,7 @@ pub struct Message {
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct Step {
-    /// Of this struct, bytes.
+    /// The size of this struct, bytes.
     pub size: u32,
     /// Zero.
     pub reserved: u32,
@@ -101,12 +101,12 @@ pub struct Step {
     pub period: f64,
 }
 
-/// What whoever runs a participant offers to it. It is there from the call of `describe` to the end of `terminate`, at the same
-/// address, and for this participant alone.
+/// The host's services for a participant. It exists from the call of `describe` to the end of `terminate`, at the same address, and for
+/// this participant alone.
 #[repr(C)]
 #[derive(Debug)]
 pub struct Host {
-    /// Of this struct, bytes.
+    /// The size of this struct, bytes.
     pub size: u32,
     /// The host's [`ABI`].
     pub abi: u32,
@@ -116,17 +116,17 @@ pub struct Host {
     pub seed: u64,
     /// The sample period, s.
     pub period: f64,
-    /// The first activation, s.
+    /// The instant of the first activation, s.
     pub offset: f64,
-    /// In `describe`: how outputs depend on inputs, [`SAMPLED`] or [`CONTINUOUS`]. Must be said.
+    /// In `describe`: sets how outputs depend on inputs, [`SAMPLED`] or [`CONTINUOUS`]. This call is required.
     pub kind: unsafe extern "C" fn(host: *const Host, kind: u32) -> Status,
     /// In `describe`: adds an input, which the scenario must connect if `required` is not 0. The message is copied.
     pub input:
         unsafe extern "C" fn(host: *const Host, name: *const c_char, message: *const Message, required: u32) -> Status,
     /// In `describe`: adds an output. The message is copied.
     pub output: unsafe extern "C" fn(host: *const Host, name: *const c_char, message: *const Message) -> Status,
-    /// In `describe`: `count` numbers below the dotted `key`. With a `unit`, the scenario says them as text with any unit of its
-    /// dimension; without one (null, empty, `1`) as plain numbers. A `count` of 0 means one number that does not stand in brackets.
+    /// In `describe`: reads `count` numbers below the dotted `key`. With a `unit`, the scenario gives them as text with any unit of its
+    /// dimension; without one (null, empty, `1`) as plain numbers. A `count` of 0 means one number without brackets.
     pub numbers: unsafe extern "C" fn(
         host: *const Host,
         key: *const c_char,
@@ -135,40 +135,41 @@ pub struct Host {
         values: *mut f64,
         count: u32,
     ) -> Status,
-    /// In `describe`: a whole number.
+    /// In `describe`: reads an integer.
     pub integer: unsafe extern "C" fn(host: *const Host, key: *const c_char, required: u32, value: *mut i64) -> Status,
-    /// In `describe`: true (1) or false (0).
+    /// In `describe`: reads true (1) or false (0).
     pub flag: unsafe extern "C" fn(host: *const Host, key: *const c_char, required: u32, value: *mut u8) -> Status,
-    /// In `describe`: a text, which the host owns and keeps to the end of `terminate`.
+    /// In `describe`: reads a text, which the host owns and keeps until the end of `terminate`.
     pub text:
         unsafe extern "C" fn(host: *const Host, key: *const c_char, required: u32, value: *mut *const c_char) -> Status,
     /// All parameters as a TOML document, for a participant that reads them itself. The host owns the text and keeps it.
     pub parameters: unsafe extern "C" fn(host: *const Host) -> *const c_char,
-    /// In `describe`: refuses the parameter `key`; null or empty when it is about all of them. Both texts are copied. Returns [`FAILED`].
+    /// In `describe`: rejects the parameter `key`; null or empty when the rejection concerns all of them. Both texts are copied. Returns
+    /// [`FAILED`].
     pub refuse: unsafe extern "C" fn(host: *const Host, key: *const c_char, reason: *const c_char) -> Status,
-    /// Says why the present call fails. The text is copied. Returns [`FAILED`].
+    /// Reports why the current call fails. The text is copied. Returns [`FAILED`].
     pub fail: unsafe extern "C" fn(host: *const Host, reason: *const c_char) -> Status,
-    /// Writes a line into the participant's log, with the simulated time; in `initialise`, `step` and `terminate` above all.
+    /// Writes a line to the participant's log, with the simulated time; mainly for `initialise`, `step` and `terminate`.
     pub log: unsafe extern "C" fn(host: *const Host, text: *const c_char),
-    /// In `save`: the state. The bytes are copied.
+    /// In `save`: passes the state. The bytes are copied.
     pub state: unsafe extern "C" fn(host: *const Host, bytes: *const c_void, size: u64) -> Status,
     /// Draw number `index` of the random stream `stream` of the run's seed, uniform in [0, 1).
     pub uniform: unsafe extern "C" fn(host: *const Host, stream: *const c_char, index: u64) -> f64,
     /// The same with the standard normal distribution.
     pub normal: unsafe extern "C" fn(host: *const Host, stream: *const c_char, index: u64) -> f64,
-    /// In `initialise` and `step`: whether the sample of output number `output` that is written is seen (bit [`SEEN_NOW`]), and any
-    /// sample of it in the run (bit [`SEEN_EVER`]). Older hosts do not have it: `size` tells.
+    /// In `initialise` and `step`: whether the sample of output number `output` that is being written is seen (bit [`SEEN_NOW`]), and
+    /// whether any sample of it in the run is (bit [`SEEN_EVER`]). Older hosts do not have this function: check `size`.
     pub seen: unsafe extern "C" fn(host: *const Host, output: u32) -> u32,
     /// In `terminate`: why the participant's part in the run is over, [`FINISHED`], [`STOPPED`] or [`REPLACED`]; 0 for one that has never
-    /// begun, and everywhere else. Older hosts do not have it: `size` tells.
+    /// begun, and in every other function. Older hosts do not have this function: check `size`.
     pub termination: unsafe extern "C" fn(host: *const Host) -> u32,
 }
 
-/// It has done all of its activations.
+/// The participant has done all of its activations.
 pub const FINISHED: u32 = 1;
-/// The run ends before that.
+/// The run ends earlier.
 pub const STOPPED: u32 = 2;
-/// Another one takes its place.
+/// Another participant replaces it.
 pub const REPLACED: u32 = 3;
 
 /// See [`Host::seen`].
@@ -176,28 +177,28 @@ pub const SEEN_NOW: u32 = 1;
 /// See [`Host::seen`].
 pub const SEEN_EVER: u32 = 2;
 
-/// A participant: what it is called and its functions. `own` is whatever the participant keeps of itself.
+/// A participant: its name and its functions. `own` is the participant's own data.
 ///
-/// The calls of one participant come one after the other, not always from the same thread; those of different ones may come at the
-/// same time. So everything that is kept belongs into `own`, not into globals.
+/// The calls for one participant are sequential, but not always from the same thread; those for different participants may be concurrent.
+/// So all data belongs into `own`, not into globals.
 #[repr(C)]
 #[derive(Debug, Clone, Copy)]
 pub struct Table {
-    /// Of this struct, bytes.
+    /// The size of this struct, bytes.
     pub size: u32,
-    /// The [`ABI`] that the table is made for.
+    /// The [`ABI`] for which the table was compiled.
     pub abi: u32,
-    /// What the participant is called.
+    /// The name of the participant.
     pub name: *const c_char,
     /// Its version.
     pub version: *const c_char,
-    /// How many bytes the host gives as `own`: zeros, aligned to 16, freed by the host after `terminate`. With 0 the participant makes
-    /// `own` itself in `describe`.
+    /// The number of bytes that the host allocates as `own`: zeroed, aligned to 16, freed by the host after `terminate`. With 0 the
+    /// participant creates `own` itself in `describe`.
     pub own_size: u64,
-    /// How many of them, from the first on, are the whole state: saved and restored as they are, so without pointers. With
+    /// The number of leading bytes of `own` that are the whole state: saved and restored unchanged, so without pointers. With
     /// [`STATELESS`] there is nothing to save; with 0, unless there is a `save`, the participant cannot be saved.
     pub state_size: u64,
-    /// Makes the participant: says its ports and reads its parameters. Must not be null. When it fails, it frees what it has made.
+    /// Creates the participant: describes its ports and reads its parameters. Must not be null. On failure it frees what it has created.
     pub describe: Option<unsafe extern "C-unwind" fn(host: *const Host, own: *mut *mut c_void) -> Status>,
     /// Called once before the first step; a continuous participant writes its outputs at t. May be null.
     pub initialise: Option<
@@ -213,29 +214,29 @@ pub struct Table {
             outputs: *const *mut c_void,
         ) -> Status,
     >,
-    /// Gives the whole state with [`Host::state`]. May be null.
+    /// Passes the whole state to [`Host::state`]. May be null.
     pub save: Option<unsafe extern "C-unwind" fn(host: *const Host, own: *mut c_void) -> Status>,
-    /// Takes a state that `save` gave, maybe in another process, and checks it: it may come from a file. Null exactly if `save` is.
+    /// Restores a state from `save`, possibly in another process, and checks it: it may come from a file. Null exactly if `save` is.
     pub restore: Option<
         unsafe extern "C-unwind" fn(host: *const Host, own: *mut c_void, bytes: *const c_void, size: u64) -> Status,
     >,
-    /// The participant's part is over, for the reason of [`Host::termination`]. Frees what `describe` has made, and is called once for each
-    /// that it has made. May be null.
+    /// The participant's part is over, for the reason of [`Host::termination`]. Frees what `describe` has created, and is called once for
+    /// each participant that `describe` has created. May be null.
     pub terminate: Option<unsafe extern "C-unwind" fn(host: *const Host, own: *mut c_void)>,
 }
 
-// SAFETY: a table is read only, and its functions may be called from any thread: that is part of its contract.
+// SAFETY: a table is read-only, and its functions may be called from any thread: that is part of its contract.
 unsafe impl Sync for Table {}
 // SAFETY: as above.
 unsafe impl Send for Table {}
 
-/// The function by which a library gives its tables: number `index`, null behind the last one. Called `escapement_plugin`.
+/// The function by which a library provides its tables: number `index`, null after the last one. Called `escapement_plugin`.
 pub type Plugin = unsafe extern "C" fn(index: u32) -> *const Table;
 
 /// Why a table cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TableError {
-    /// There is none.
+    /// There is no table.
     #[error("the table of its functions is NULL")]
     Missing,
     /// It was compiled for another version.
@@ -248,24 +249,24 @@ pub enum TableError {
         size = size_of::<Table>()
     )]
     Size(u32),
-    /// A name that is missing or no text.
+    /// A name that is missing or not valid text.
     #[error("its table has no {0} (it is NULL, or not UTF-8)")]
     Text(&'static str),
-    /// A function that is needed.
+    /// A required function is missing.
     #[error("its function `{0}` is NULL: every participant needs `describe` and `step`")]
     Function(&'static str),
-    /// One of two that belong together.
+    /// One of two functions that belong together is missing.
     #[error("its function `{missing}` is NULL, but `{there}` is not: give both or none")]
     Half {
-        /// What is there.
+        /// The function that is present.
         there: &'static str,
-        /// What is not.
+        /// The function that is missing.
         missing: &'static str,
     },
-    /// A size that cannot be meant.
+    /// An implausible size.
     #[error("its own_size is {0} bytes; at most {OWN_MAX} are allowed: make `own` in `describe`, with own_size 0")]
     Own(u64),
-    /// A state that is not there.
+    /// A state that is larger than `own`.
     #[error("its state_size is {state} bytes, and its own_size {own}: the state is the beginning of `own`")]
     State {
         /// `state_size`, bytes.
@@ -281,18 +282,19 @@ pub const OWN_MAX: u64 = 1 << 30;
 /// A `state_size`: the participant has no state.
 pub const STATELESS: u64 = u64::MAX;
 
-/// Looks whether a table can be used.
+/// Checks whether a table can be used.
 ///
 /// # Errors
 /// The first thing that is wrong with it.
 ///
 /// # Safety
-/// `table` is null, or points to a table whose first two fields can be read, and all of it if they are right; it stays there to the end.
+/// `table` must be null, or point to a table whose first two fields can be read, and all of it if they are right; it must exist to the
+/// end.
 pub unsafe fn check(table: *const Table) -> Result<&'static Table, TableError> {
     if table.is_null() {
         return Err(TableError::Missing);
     }
-    // SAFETY: the caller says that the first two fields can be read.
+    // SAFETY: the caller guarantees that the first two fields can be read.
     let (size, abi) = unsafe { ((*table).size, (*table).abi) };
     if abi != ABI {
         return Err(TableError::Version(abi));
@@ -302,7 +304,7 @@ pub unsafe fn check(table: *const Table) -> Result<&'static Table, TableError> {
     }
     // SAFETY: they are right, so all of it can be read.
     let table = unsafe { &*table };
-    // SAFETY: texts of a table end with a zero byte and stay.
+    // SAFETY: texts of a table end with a zero byte and stay valid.
     unsafe {
         text(table.name).ok_or(TableError::Text("name"))?;
         text(table.version).ok_or(TableError::Text("version"))?;
@@ -325,28 +327,28 @@ pub unsafe fn check(table: *const Table) -> Result<&'static Table, TableError> {
 }
 
 impl Table {
-    /// What the participant is called.
+    /// The name of the participant.
     pub fn name(&self) -> &str {
-        // SAFETY: looked at in `check`.
+        // SAFETY: checked in `check`.
         unsafe { text(self.name) }.unwrap_or_default()
     }
 
     /// Name and version.
     pub fn program(&self) -> String {
-        // SAFETY: looked at in `check`.
+        // SAFETY: checked in `check`.
         let version = unsafe { text(self.version) }.unwrap_or_default();
         format!("{} {version}", self.name())
     }
 }
 
-/// The text at `at`; nothing when it is null or not UTF-8.
+/// The text at `at`; `None` when it is null or not UTF-8.
 ///
 /// # Safety
-/// `at` is null or points to bytes with a zero at their end, which are not changed as long as `'a`.
+/// `at` must be null or point to bytes with a zero at their end, which do not change for the lifetime `'a`.
 pub(crate) unsafe fn text<'a>(at: *const c_char) -> Option<&'a str> {
     if at.is_null() {
         return None;
     }
-    // SAFETY: as the caller says.
+    // SAFETY: guaranteed by the caller.
     unsafe { CStr::from_ptr(at) }.to_str().ok()
 }

@@ -1,14 +1,14 @@
 //! Exports of a tape, figures, and the report page.
 //!
 //! - [`campaign`]: the page of a campaign;
-//! - [`export`]: CSV, Parquet and MCAP;
+//! - [`export`]: CSV, Parquet, MCAP and MAT;
 //! - [`figures`]: charts and maps as SVG and PNG;
 //! - [`page`]: figures and 3-D playback in one HTML page;
-//! - [`scene`]: what a playback shows;
-//! - [`view`]: which figures a page draws.
+//! - [`scene`]: the contents of a playback;
+//! - [`view`]: the figures of a page.
 //!
-//! The crate knows ports only by their [`lockstep::port::Descriptor`]: every field has a name, a shape, a unit and a
-//! frame, and nothing here needs the type that produced it.
+//! The crate knows ports only by their [`lockstep::port::Descriptor`]: every field has a name, a shape, a unit and a frame;
+//! the crate never needs the type that produced it.
 
 pub mod campaign;
 pub mod export;

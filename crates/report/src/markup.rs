@@ -1,6 +1,6 @@
-//! Text for HTML and SVG.
+//! Escaping for HTML and SVG.
 
-/// `text` with what has a meaning in HTML written as itself.
+/// `text` with the special characters of HTML escaped.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

@@ -1,4 +1,4 @@
-//! Whether two tapes are the same bits, and if not, where they part and by how much.
+//! Comparison of two tapes: whether they are bit-identical, and if not, where they first differ and by how much.
 
 use std::cmp::Ordering;
 use std::fmt;
@@ -7,12 +7,12 @@ use serde::Serialize;
 
 use crate::{ReadError, Source, StreamSpec, split_record};
 
-/// What two tapes have in common and what not.
+/// The result of a comparison of two tapes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
     /// True when names, descriptions, sample times, lengths and all bytes are equal.
     pub identical: bool,
-    /// Streams that cannot be compared, or not to their end.
+    /// Streams that could not be compared, or not to their end.
     pub streams: Vec<StreamDifference>,
     /// The difference with the earliest stamp; among those, of the first stream by name; of that, the first element.
     pub first: Option<FirstDifference>,
@@ -22,7 +22,7 @@ pub struct Comparison {
     pub samples: u64,
 }
 
-/// A stream of which one tape has something the other has not.
+/// A difference between the streams of two tapes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "difference", rename_all = "kebab-case")]
 pub enum StreamDifference {
@@ -33,21 +33,21 @@ pub enum StreamDifference {
         /// Which tape lacks it: `A` or `B`.
         missing_in: char,
     },
-    /// The payloads are described differently, so the samples were not compared.
+    /// The descriptors differ, so the samples were not compared.
     Description {
         /// The stream.
         stream: String,
         /// The first difference.
         detail: String,
     },
-    /// Another sample time or first index, so the samples were not compared.
+    /// The sample time or the first index differs, so the samples were not compared.
     SampleTime {
         /// The stream.
         stream: String,
-        /// Both.
+        /// The values of both tapes.
         detail: String,
     },
-    /// One tape goes on where the other ends; what both have was compared.
+    /// One tape is longer; the samples that both have were compared.
     Length {
         /// The stream.
         stream: String,
@@ -96,7 +96,7 @@ pub struct FirstDifference {
     pub b: Value,
 }
 
-/// A number with its bits, because two numbers may differ and look the same.
+/// A number with its bits, because two different numbers may have the same text.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Value {
     /// The number as the shortest text that reads back to it (text, because JSON has no NaN).
@@ -110,13 +110,13 @@ pub struct Value {
 pub struct FieldDifference {
     /// The field, `participant.port.field`.
     pub field: String,
-    /// The largest absolute difference of an element; NaN (null in JSON) when one side has a NaN and the other has not.
+    /// The largest absolute difference of an element; NaN (null in JSON) when one side is NaN and the other is not.
     pub largest: f64,
     /// The unit of the difference.
     pub unit: String,
     /// The element of the largest difference.
     pub element: String,
-    /// When it is, s.
+    /// The stamp of the largest difference, s.
     pub stamp_s: f64,
     /// How many samples differ in this field.
     pub samples: u64,
@@ -197,7 +197,7 @@ fn described_differently(a: &StreamSpec, b: &StreamSpec) -> Option<StreamDiffere
     })
 }
 
-/// Bytes of a stream that are compared at once.
+/// The number of bytes of a stream that are compared at once.
 const CHUNK_BYTES: usize = 1 << 18;
 
 fn compare_stream(
@@ -218,7 +218,7 @@ fn compare_stream(
         let (side_a, side_b) = (&mut chunk_a[..bytes], &mut chunk_b[..bytes]);
         a.read(at_a, next, side_a)?;
         b.read(at_b, next, side_b)?;
-        // Equal tapes are the usual case: a chunk is looked into only when it differs.
+        // Equal tapes are the usual case: single records are compared only when a chunk differs.
         if side_a != side_b {
             for (k, (x, y)) in side_a.chunks_exact(stride).zip(side_b.chunks_exact(stride)).enumerate() {
                 if x != y {
@@ -244,7 +244,7 @@ fn compare_stream(
     Ok(())
 }
 
-/// Takes one pair of different records into `fields`; gives the first element that differs.
+/// Adds one pair of different records to `fields`; returns the first element that differs.
 fn compare_record(
     spec: &StreamSpec,
     index: u64,
@@ -303,7 +303,7 @@ fn compare_record(
                     (y, y_bytes),
                 ));
             }
-            // Between texts there is no distance: they are the same, or not.
+            // Texts have no distance: they are equal or not.
             let distance = field.element.room().map_or_else(|| distance(x, y), |_| 1.0);
             if exceeds(distance, slot.largest) {
                 slot.largest = distance;
@@ -324,7 +324,7 @@ fn distance(x: f64, y: f64) -> f64 {
     }
 }
 
-/// A NaN is the worst difference there is.
+/// NaN counts as the largest difference.
 fn exceeds(distance: f64, largest: f64) -> bool {
     !largest.is_nan() && (distance.is_nan() || distance > largest)
 }

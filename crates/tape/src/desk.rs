@@ -1,4 +1,4 @@
-//! Where full blocks wait until they are in their files: written by who brings them, or by a thread of the tape's own.
+//! The queue of full blocks before they are written to their files, by the calling thread or by a thread of the tape.
 
 use std::collections::VecDeque;
 use std::mem::replace;
@@ -8,13 +8,13 @@ use std::thread::JoinHandle;
 use super::AppendError;
 use super::stream_file::{Block, StreamFile};
 
-/// Blocks of one size that may wait, beside the one that each stream fills. Large blocks have one for all: it is their memory that counts.
+/// The number of spare blocks of one size, besides the one that each stream fills. Large blocks share one spare, because of their memory.
 const SPARES: usize = 8;
 
-/// So many blocks have to wait before the thread is woken. To wake it costs the thread that steps more than to copy some samples does.
+/// The number of queued blocks at which the thread is woken. Waking it costs the stepping thread more than copying some samples.
 const ENOUGH: usize = 4;
 
-/// The files of a tape, and the blocks on their way to them. All memory is taken at the beginning.
+/// The files of a tape, and the blocks that are to be written to them. All memory is allocated at the beginning.
 #[derive(Debug)]
 pub(crate) struct Desk {
     shared: Arc<Shared>,
@@ -25,7 +25,7 @@ pub(crate) struct Desk {
 struct Shared {
     files: Vec<Mutex<StreamFile>>,
     blocks: Mutex<Blocks>,
-    /// There is something to do for the thread.
+    /// There is work for the thread.
     filled: Condvar,
     /// No block is being written.
     emptied: Condvar,
@@ -33,12 +33,12 @@ struct Shared {
 
 #[derive(Debug)]
 struct Blocks {
-    /// Full ones with the number of their stream, in the order in which they came.
+    /// Full blocks with the number of their stream, in the order of arrival.
     queue: VecDeque<(usize, Block)>,
     spare: Vec<Block>,
-    /// The streams whose files did not take a block. Their blocks wait until [`Desk::settle`] tries again.
+    /// The streams whose files rejected a block. Their blocks wait until [`Desk::settle`] tries again.
     failed: Vec<bool>,
-    /// What the first of them said, until it is told.
+    /// The first error, until it is reported.
     error: Option<AppendError>,
     /// A block is being written.
     busy: bool,
@@ -46,7 +46,7 @@ struct Blocks {
 }
 
 impl Desk {
-    /// `rooms` has the size of the blocks of each stream; more than `usual` is large.
+    /// `rooms` has the block size of each stream; a size above `usual` counts as large.
     pub(crate) fn new(files: Vec<StreamFile>, mut rooms: Vec<usize>, usual: usize) -> Desk {
         let failed = vec![false; files.len()];
         rooms.sort_unstable();
@@ -74,22 +74,22 @@ impl Desk {
         }
     }
 
-    /// From now on a thread writes, if one can be had.
+    /// From now on a thread writes, if one can be created.
     pub(crate) fn start_thread(&mut self) {
         let shared = self.shared.clone();
         let thread = std::thread::Builder::new().name("tape".into());
         self.thread = thread.spawn(move || shared.serve()).ok();
     }
 
-    /// The file of stream number `stream`; in order once [`Desk::settle`] has come back.
+    /// The file of stream number `stream`; it is up to date once [`Desk::settle`] has returned.
     pub(crate) fn file(&self, stream: usize) -> MutexGuard<'_, StreamFile> {
         self.shared.file(stream)
     }
 
-    /// Takes a full block of stream number `stream` and leaves an empty one in its place. Does not allocate.
+    /// Takes a full block of stream number `stream` and replaces it by an empty one. Does not allocate.
     ///
     /// # Errors
-    /// What went wrong with this block or any before it. None is lost: they are tried again by the next call.
+    /// The error of this block or of an earlier one. No block is lost: they are written again by the next call.
     pub(crate) fn hand_over(&self, stream: usize, block: &mut Block) -> Result<(), AppendError> {
         let mut blocks = self.shared.lock();
         while blocks.failed.contains(&true) || !blocks.has_spare(block.room) {
@@ -109,8 +109,8 @@ impl Desk {
         Ok(())
     }
 
-    /// Sees to it that every block is in its file: who waits for the thread does what the thread has not begun. A block that was refused is
-    /// tried once more, and others are not held up by it.
+    /// Writes all blocks to their files: the calling thread does what the tape's thread has not begun. A block that was rejected is tried
+    /// once more, and does not hold up others.
     pub(crate) fn settle(&self) -> Result<(), AppendError> {
         let mut blocks = self.shared.lock();
         while blocks.busy {
@@ -130,7 +130,7 @@ impl Desk {
 
 #[cfg(test)]
 impl Desk {
-    /// Counts who still has the files, also after this is gone.
+    /// Counts the owners of the files, even after this is dropped.
     pub(crate) fn rest(&self) -> impl Fn() -> usize + use<> {
         let shared = Arc::downgrade(&self.shared);
         move || shared.strong_count()
@@ -152,7 +152,7 @@ impl Blocks {
         self.spare.iter().any(|spare| spare.room == room)
     }
 
-    /// Puts `block` into the queue, and the spare one that was used last in its place.
+    /// Moves `block` into the queue, and replaces it by the spare block that was used last.
     fn exchange(&mut self, stream: usize, block: &mut Block) {
         if let Some(at) = self.spare.iter().rposition(|spare| spare.room == block.room) {
             let spare = self.spare.swap_remove(at);
@@ -160,7 +160,7 @@ impl Blocks {
         }
     }
 
-    /// The place in the queue of the next block to write. There is none while one is being written: blocks of a stream keep their order.
+    /// The position in the queue of the next block to write. `None` while one is being written: blocks of a stream keep their order.
     fn next(&self) -> Option<usize> {
         let waits = |(stream, _): &(usize, Block)| !self.failed[*stream];
         self.queue.iter().position(waits).filter(|_| !self.busy)
@@ -180,7 +180,7 @@ impl Shared {
         on.wait(blocks).unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The thread, to its end.
+    /// The thread's main function.
     fn serve(&self) {
         let mut blocks = self.lock();
         while !blocks.over {
@@ -191,7 +191,7 @@ impl Shared {
         }
     }
 
-    /// Writes block by block until none is left that could be written.
+    /// Writes block by block until no writable block is left.
     fn work_off<'a>(&'a self, mut blocks: MutexGuard<'a, Blocks>) -> MutexGuard<'a, Blocks> {
         while let Some(at) = blocks.next() {
             let Some((stream, mut block)) = blocks.queue.remove(at) else {
@@ -207,7 +207,7 @@ impl Shared {
                 Err(error) => {
                     blocks.failed[stream] = true;
                     blocks.error.get_or_insert(error);
-                    // Meanwhile others came behind it at most.
+                    // In the meantime other blocks can only have been added after it.
                     blocks.queue.insert(at, (stream, block));
                 }
             }

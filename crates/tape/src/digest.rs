@@ -1,4 +1,4 @@
-//! Whether two tapes are the same, in 32 bytes.
+//! Digests: the identity of a tape in 32 bytes.
 
 use std::fmt;
 use std::str::FromStr;

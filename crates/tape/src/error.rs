@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use lockstep::port::DescriptorError;
 use lockstep::time::{Rational, TickError};
 
-/// Why a set of streams cannot be put on a tape.
+/// Why a set of streams cannot be recorded on a tape.
 #[derive(Debug, thiserror::Error)]
 pub enum SpecError {
     /// A name that is not safe as part of a file name.
@@ -17,7 +17,7 @@ pub enum SpecError {
         /// The name.
         name: String,
     },
-    /// Two streams of the same name.
+    /// Two streams with the same name.
     #[error("stream `{stream}` is declared twice: give one of the two ports another name")]
     Repeated {
         /// The stream.
@@ -47,7 +47,7 @@ pub enum SpecError {
         /// What is wrong.
         source: TickError,
     },
-    /// The payload's description is unsound.
+    /// The payload's descriptor is invalid.
     #[error("stream `{stream}`: {source}")]
     Descriptor {
         /// The stream.
@@ -55,7 +55,7 @@ pub enum SpecError {
         /// What is wrong.
         source: DescriptorError,
     },
-    /// A name, unit or frame with a character that the descriptor's canonical text separates by.
+    /// A name, unit or frame with a character that is a separator in the descriptor's canonical text.
     #[error("stream `{stream}`: `{}` contains `|` or a control character: choose another name, unit or frame", text.escape_debug())]
     Text {
         /// The stream.
@@ -63,10 +63,10 @@ pub enum SpecError {
         /// The text.
         text: String,
     },
-    /// More streams than any run has.
+    /// More streams than allowed.
     #[error("{count} streams; at most {max} are allowed")]
     TooMany {
-        /// How many.
+        /// The number of streams.
         count: usize,
         /// The limit.
         max: usize,
@@ -76,28 +76,28 @@ pub enum SpecError {
 /// Why a tape could not be created.
 #[derive(Debug, thiserror::Error)]
 pub enum CreateError {
-    /// The streams are not fit for a tape.
+    /// The streams are invalid.
     #[error(transparent)]
     Spec(#[from] SpecError),
-    /// There is a tape already.
+    /// A tape already exists.
     #[error("{} already holds a tape: choose another folder or remove it", path.display())]
     Exists {
         /// The folder.
         path: PathBuf,
     },
-    /// The file system refused.
+    /// The file system returned an error.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was tried.
+        /// The operation.
         action: &'static str,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
 
-/// Why a sample or an event was not recorded. Nothing of it is on the tape then, and what was there before is intact.
+/// Why a sample or an event was not recorded. No part of it is on the tape then, and what was there before is intact.
 #[derive(Debug, thiserror::Error)]
 pub enum AppendError {
     /// No such stream.
@@ -105,17 +105,17 @@ pub enum AppendError {
     Stream {
         /// The number.
         stream: usize,
-        /// How many there are.
+        /// How many streams there are.
         count: usize,
     },
-    /// A gap or a repetition.
+    /// A gap or a repetition in the indices.
     #[error("stream `{stream}`: sample {index} came where sample {expected} was due")]
     Index {
         /// The stream.
         stream: String,
-        /// The index that came.
+        /// The received index.
         index: u64,
-        /// The index that was due.
+        /// The expected index.
         expected: u64,
     },
     /// The stamp is not the instant that belongs to the index.
@@ -125,7 +125,7 @@ pub enum AppendError {
         stream: String,
         /// The index.
         index: u64,
-        /// The stamp that came, s.
+        /// The received stamp, s.
         stamp_s: f64,
         /// The instant of the index, s.
         expected_s: f64,
@@ -137,9 +137,9 @@ pub enum AppendError {
         stream: String,
         /// The index.
         index: u64,
-        /// The size that came, bytes.
+        /// The received size, bytes.
         size: usize,
-        /// The size of the descriptor, bytes.
+        /// The size according to the descriptor, bytes.
         expected: usize,
     },
     /// No space on the device or in the quota. The tape stays readable up to the last complete record on the disk.
@@ -153,17 +153,17 @@ pub enum AppendError {
         path: PathBuf,
         /// How many bytes of the file are on the disk.
         written: u64,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file system refused for another reason.
+    /// The file system returned another error.
     #[error("{}: writing failed after {written} bytes: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// How many bytes of the file are on the disk.
         written: u64,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
@@ -171,21 +171,21 @@ pub enum AppendError {
 /// Why a tape, or a part of it, cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// There is no index, so there is no tape.
+    /// There is no index, and so no tape.
     #[error("{} holds no tape (there is no index.json in it): name a run folder or its `tape` folder", path.display())]
     NoTape {
         /// The folder.
         path: PathBuf,
     },
-    /// The file system refused.
+    /// The file system returned an error.
     #[error("{}: cannot read: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// Another program's file, or another version's.
+    /// A file of another program or of another version.
     #[error("{}: format `{format}` version {version}; this program reads `{expected}` version {expected_version}: use the program that recorded it",
         path.display(), expected = super::format::FORMAT_NAME, expected_version = super::FORMAT_VERSION)]
     Format {
@@ -204,19 +204,19 @@ pub enum ReadError {
         /// What is wrong with it.
         reason: String,
     },
-    /// A stream is not what was sealed when the run ended.
+    /// A stream differs from what was sealed when the run ended.
     #[error("{}: stream `{stream}` is damaged: it has {found}, and seal.json says {sealed}; take the tape from another copy, or run again", path.display())]
     Altered {
         /// The file.
         path: PathBuf,
         /// The stream.
         stream: String,
-        /// What it has now.
+        /// The current content.
         found: String,
-        /// What it had.
+        /// The sealed content.
         sealed: String,
     },
-    /// The index describes streams that cannot be.
+    /// The index describes invalid streams.
     #[error("{} is damaged: {source}", path.display())]
     Spec {
         /// The file.
@@ -229,25 +229,25 @@ pub enum ReadError {
     Range {
         /// The stream.
         stream: String,
-        /// The first record that is not there.
+        /// The first record that does not exist.
         record: u64,
-        /// How many there are.
+        /// How many records there are.
         count: u64,
     },
-    /// A window of time that has no instant.
+    /// A time window that contains no instant.
     #[error("the last instant, {to}, is before the first one, {from}: the window is empty")]
     Window {
-        /// The first instant that was asked for.
+        /// The first requested instant.
         from: Rational,
-        /// The last one.
+        /// The last requested instant.
         to: Rational,
     },
     /// No stream of that name or number.
     #[error("there is no stream `{name}`; the tape has {available}")]
     NoStream {
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// What there is.
+        /// The names that exist.
         available: String,
     },
     /// No field of that name.
@@ -255,9 +255,9 @@ pub enum ReadError {
     NoField {
         /// The stream.
         stream: String,
-        /// What was asked for.
+        /// The requested field.
         field: String,
-        /// What there is.
+        /// The names that exist.
         available: String,
     },
 }

@@ -1,15 +1,15 @@
-//! What happened besides the samples: faults, substitutions, failures.
+//! Events on a tape, besides the samples: faults, substitutions, failures.
 
 use lockstep::time::Rational;
 use serde::{Deserialize, Serialize};
 
-/// What kind of thing happened.
+/// The kind of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EventKind {
     /// A declared fault began or ended.
     Fault,
-    /// Another program took a participant's place.
+    /// Another program replaced a participant.
     Substitution,
     /// A participant died, hung, or broke the protocol.
     Failure,
@@ -17,11 +17,11 @@ pub enum EventKind {
     Restart,
     /// The state of the run was saved.
     Checkpoint,
-    /// The run went on from a saved state.
+    /// The run was resumed from a saved state.
     Resume,
-    /// An input that nobody feeds was given a value from outside: `text` is `INPUT = { field = value, … }`, as TOML.
+    /// An input without a link was given a value from outside: `text` is `INPUT = { field = value, … }`, as TOML.
     Input,
-    /// Anything else worth telling.
+    /// Any other event worth reporting.
     Note,
 }
 
@@ -29,14 +29,14 @@ pub enum EventKind {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Event {
-    /// When it happened in simulated time, exactly.
+    /// The exact simulated time of the event.
     pub time: Rational,
-    /// What kind of thing.
+    /// The kind of the event.
     pub kind: EventKind,
-    /// Whom it concerns; absent for the run as a whole.
+    /// The participant concerned; absent for the run as a whole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub participant: Option<String>,
-    /// In words, one line.
+    /// A description, one line.
     pub text: String,
 }
 
@@ -48,8 +48,7 @@ impl Event {
         line
     }
 
-    /// All complete lines of `text`; what follows the last line feed is torn and left out. The error names the line,
-    /// counted from 1.
+    /// All complete lines of `text`; an incomplete last line is left out. The error names the line, counted from 1.
     pub(crate) fn parse_lines(text: &[u8]) -> Result<Vec<Event>, (usize, serde_json::Error)> {
         let complete = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
         text[..complete]

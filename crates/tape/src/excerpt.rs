@@ -1,4 +1,4 @@
-//! Streams, fields and times of a tape, as a tape.
+//! Excerpts: selected streams, fields and times of a tape, as a tape.
 
 use lockstep::port::Descriptor;
 use lockstep::time::Rational;
@@ -6,39 +6,39 @@ use lockstep::time::Rational;
 use super::spec::STAMP_BYTES;
 use super::{ReadError, Source, StreamSpec, split_record};
 
-/// What is chosen of a source: `participant.port` for a whole stream, `participant.port.field` for a field of it.
+/// A selection from a source: `participant.port` for a whole stream, `participant.port.field` for a field of it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Choice {
-    /// Streams and fields; everything when there is none.
+    /// Streams and fields; an empty list selects everything.
     pub names: Vec<String>,
-    /// No sample that is stamped before.
+    /// The earliest stamp.
     pub from: Option<Rational>,
-    /// No sample that is stamped after.
+    /// The latest stamp.
     pub to: Option<Rational>,
 }
 
-/// What was chosen of another source, which has it in the same order. Fields keep their names, units and bytes.
+/// The selected part of another source, in the same order. Fields keep their names, units and bytes.
 pub struct Excerpt<'a, S: Source + ?Sized> {
     source: &'a S,
     streams: Vec<StreamSpec>,
     picked: Vec<Picked>,
 }
 
-/// A stream that was chosen.
+/// A selected stream.
 struct Picked {
     stream: usize,
-    /// The first record, and how many.
+    /// The first record, and the number of records.
     first: u64,
     count: u64,
-    /// Where in a record of the source what was chosen lies, in order; nothing when that is all of it.
+    /// The byte ranges of the selected fields in a record of the source, in order; `None` when the whole record is selected.
     parts: Option<Vec<std::ops::Range<usize>>>,
 }
 
 impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
-    /// Looks `choice` up in `source`.
+    /// Resolves `choice` in `source`.
     ///
     /// # Errors
-    /// A stream or field that is not there, with those that are; an end before the beginning; a tape that cannot be read.
+    /// A stream or field that does not exist, with those that do; an end before the beginning; a tape that cannot be read.
     pub fn new(source: &'a S, choice: &Choice) -> Result<Excerpt<'a, S>, ReadError> {
         if let (Some(from), Some(to)) = (choice.from, choice.to)
             && to < from
@@ -95,7 +95,7 @@ impl<'a, S: Source + ?Sized> Excerpt<'a, S> {
     }
 }
 
-/// Leaves `fields` in `descriptor`; where in a record they were, if some go.
+/// Keeps only `fields` in `descriptor`; returns their byte ranges in a record, if any field is removed.
 fn narrow(descriptor: &mut Descriptor, fields: &[usize]) -> Option<Vec<std::ops::Range<usize>>> {
     if (0..descriptor.fields.len()).all(|field| fields.contains(&field)) {
         return None;
@@ -113,7 +113,7 @@ fn narrow(descriptor: &mut Descriptor, fields: &[usize]) -> Option<Vec<std::ops:
     Some(parts)
 }
 
-/// How many records of a stream come before the first one whose stamp is not `before`.
+/// The number of records of a stream before the first one whose stamp is not `before`.
 fn records_before<S: Source + ?Sized>(
     source: &S,
     stream: usize,

@@ -1,4 +1,4 @@
-//! The run folder: everything one run leaves behind, in one place.
+//! The run folder, which contains everything that one run produces.
 //!
 //! ```text
 //! plan.toml                  the scenario with every default filled in

@@ -1,4 +1,4 @@
-//! The digest of a tape, made of those of its streams.
+//! The digest of a tape, computed from those of its streams.
 
 use super::{Digest, StreamSpec};
 
@@ -7,7 +7,7 @@ pub(crate) fn combine<'a>(streams: impl Iterator<Item = (&'a StreamSpec, u64, Di
     let mut streams: Vec<_> = streams.collect();
     streams.sort_by(|a, b| a.0.key().cmp(&b.0.key()));
     let mut hasher = blake3::Hasher::new_derive_key("escapement tape 1");
-    // Every part is preceded by its length, so that no two lists of parts are the same bytes.
+    // Every part is preceded by its length, so that different lists of parts have different bytes.
     let mut part = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(bytes);

@@ -10,13 +10,13 @@
 //! | `seal.json` | counts and hashes; there only when the writer finished |
 //!
 //! Record k of a stream is sample `first_index + k`, and its stamp is the double nearest to `offset + index * period`.
-//! Each stream file is a prefix of what an undisturbed run would have written, whatever killed the writer: a torn last
-//! record is left out by the reader and reported. In Python,
-//! `numpy.fromfile(path, dtype=[("t", "<f8"), ("payload", [("p_NB_N", "<f8", 3), …])])` reads a stream.
+//! Each stream file is a prefix of what an undisturbed run would have written, whatever killed the writer: the reader leaves out and
+//! reports an incomplete last record. In Python, `numpy.fromfile(path, dtype=[("t", "<f8"), ("payload", [("p_NB_N", "<f8", 3), …])])`
+//! reads a stream.
 //!
-//! The [`Digest`] says whether two tapes are the same: it covers names, descriptors, sample times, counts and every
-//! byte of every stream, in an order that does not depend on which stream arrived first. Events are not part of it, so
-//! a run that was interrupted and resumed can be shown to have the tape of the undisturbed one.
+//! The [`Digest`] identifies the content of a tape: it covers names, descriptors, sample times, counts and every byte of every stream, in
+//! an order that does not depend on which stream arrived first. Events are not part of it, so a run that was interrupted and resumed can
+//! be shown to have the tape of the undisturbed one.
 
 pub mod compare;
 mod desk;

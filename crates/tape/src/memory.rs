@@ -10,7 +10,7 @@ fn tracks(streams: Vec<StreamSpec>) -> Result<Vec<Track>, SpecError> {
     streams.into_iter().map(Track::new).collect()
 }
 
-/// A tape in memory. Grows as samples come: the one sink that allocates. The default one has no streams.
+/// A tape in memory. It grows with its samples: the only sink that allocates. The default one has no streams.
 #[derive(Debug, Default)]
 pub struct MemoryTape {
     streams: Vec<StreamSpec>,
@@ -27,7 +27,7 @@ impl MemoryTape {
         })
     }
 
-    /// Keeps the first `counts` samples of each stream, in the order of their numbers, and forgets the rest.
+    /// Keeps the first `counts` samples of each stream, in the order of their numbers, and discards the rest.
     pub fn cut_back(&mut self, counts: &[u64]) {
         for ((track, bytes), &count) in self.lanes.iter_mut().zip(counts) {
             track.cut_back(count);
@@ -68,7 +68,7 @@ impl Source for MemoryTape {
     }
 }
 
-/// Keeps nothing but the hash: says whether a run gives the same tape as another at no cost in memory or disk.
+/// Keeps only the hash: shows whether a run has the same tape as another, without a copy of the tape in memory or on disk.
 #[derive(Debug)]
 pub struct DigestSink {
     lanes: Vec<HashLane>,
@@ -78,11 +78,11 @@ pub struct DigestSink {
 struct HashLane {
     track: Track,
     hasher: blake3::Hasher,
-    /// Records are hashed many at a time, which is several times faster than one by one.
+    /// Records are hashed in batches, which is several times faster than one by one.
     pending: Vec<u8>,
 }
 
-/// Bytes that are hashed at once.
+/// The size of a batch, bytes.
 const PENDING_BYTES: usize = 1 << 14;
 
 impl DigestSink {

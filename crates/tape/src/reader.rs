@@ -1,4 +1,4 @@
-//! Reading a tape, also a damaged one, also while it is being written.
+//! Reading a tape, which may be damaged or still being written.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -11,13 +11,13 @@ use super::source::hash_stream;
 use super::spec::{Index, Seal, validate_all};
 use super::{Digest, Event, FORMAT_VERSION, ReadError, Source, StreamSpec};
 
-/// A larger index or event file is not one of ours.
+/// A larger index or event file is not part of a tape.
 const MAX_TEXT_BYTES: u64 = 1 << 28;
 
-/// A tape in a folder. Nothing in the folder is trusted: a file that does not fit the rest is an error, never a panic.
+/// A tape in a folder. Nothing in the folder is trusted: an inconsistent file is an error, never a panic.
 ///
-/// Records are read where they lie (`pread`), so a tape of any length takes no memory, several threads may read one
-/// `Reader`, and a file that shrinks meanwhile is an error instead of a signal.
+/// Records are read in place (`pread`), so memory use does not depend on the length of the tape, several threads may read one `Reader`,
+/// and a file that shrinks in the meantime is an error instead of a signal.
 #[derive(Debug)]
 pub struct Reader {
     dir: PathBuf,
@@ -34,19 +34,19 @@ struct Lane {
     torn_bytes: u64,
 }
 
-/// A last record of which only a part reached the disk.
+/// An incomplete last record on the disk.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Torn {
     /// The stream, `participant.port`.
     pub stream: String,
     /// How many complete records come before it.
     pub complete: u64,
-    /// How many bytes of it there are.
+    /// How many bytes of the incomplete record there are.
     pub bytes: u64,
 }
 
 impl Reader {
-    /// Opens the tape in `dir`, which is a `tape` folder or a run folder that has one.
+    /// Opens the tape in `dir`, which is a `tape` folder or a run folder that contains one.
     pub fn open(dir: &Path) -> Result<Reader, ReadError> {
         let dir = [dir.join("tape"), dir.to_owned()]
             .into_iter()
@@ -87,7 +87,7 @@ impl Reader {
         &self.dir
     }
 
-    /// Looks how long the streams are now: on a tape that is being written, they grow.
+    /// Updates the lengths of the streams, which grow on a tape that is being written.
     pub fn refresh(&mut self) -> Result<(), ReadError> {
         for (spec, lane) in self.streams.iter().zip(&mut self.lanes) {
             let metadata = lane.file.metadata().map_err(|source| ReadError::Io {
@@ -101,7 +101,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Streams that end in a part of a record.
+    /// Streams that end with an incomplete record.
     pub fn torn(&self) -> Vec<Torn> {
         let lanes = self.streams.iter().zip(&self.lanes);
         lanes
@@ -114,17 +114,16 @@ impl Reader {
             .collect()
     }
 
-    /// The digest that the writer stated when it finished; `None` when it never did. [`Source::digest`] computes it from
-    /// the samples.
+    /// The digest that the writer recorded when it finished; `None` when it never did. [`Source::digest`] computes it from the samples.
     pub fn sealed_digest(&self) -> Option<Digest> {
         self.seal.as_ref().map(|seal| seal.digest)
     }
 
-    /// Compares every byte with what the writer stated when it finished, in one pass that takes no memory. A tape without a seal,
-    /// that of a run which was killed, has nothing to compare with.
+    /// Compares every byte with the digest that the writer recorded when it finished, in one pass and in constant memory. A tape without
+    /// a seal, that of a run that was killed, has nothing to compare with.
     ///
     /// # Errors
-    /// [`ReadError::Altered`] with the first stream that is not what was sealed.
+    /// [`ReadError::Altered`] with the first stream that differs from what was sealed.
     pub fn verify(&self) -> Result<(), ReadError> {
         let Some(seal) = &self.seal else { return Ok(()) };
         if seal.streams.len() != self.streams.len() {
@@ -168,7 +167,7 @@ impl Reader {
         Ok(())
     }
 
-    /// What happened besides the samples, in the order of writing. A torn last line is left out.
+    /// The events, in the order of writing. An incomplete last line is left out.
     pub fn events(&self) -> Result<Vec<Event>, ReadError> {
         let path = self.dir.join("events.jsonl");
         let text = match read_text(&path) {
@@ -214,7 +213,7 @@ fn read_text(path: &Path) -> Result<Vec<u8>, ReadError> {
     };
     let file = File::open(path).map_err(io)?;
     let mut text = Vec::new();
-    // A limit while reading rather than a look at the length: the path may be a pipe or a device.
+    // The read is limited, instead of checking the length first: the path may be a pipe or a device.
     file.take(MAX_TEXT_BYTES + 1).read_to_end(&mut text).map_err(io)?;
     if text.len() as u64 > MAX_TEXT_BYTES {
         return Err(damaged(path, format!("it is longer than {MAX_TEXT_BYTES} bytes")));
@@ -223,7 +222,7 @@ fn read_text(path: &Path) -> Result<Vec<u8>, ReadError> {
 }
 
 fn read_index(path: &Path) -> Result<Vec<StreamSpec>, ReadError> {
-    /// What every version of the format has.
+    /// The fields of every version of the format.
     #[derive(serde::Deserialize)]
     struct Head {
         format: String,
@@ -242,8 +241,8 @@ fn read_index(path: &Path) -> Result<Vec<StreamSpec>, ReadError> {
     let index: Index = serde_json::from_slice(&text).map_err(not_json)?;
     let mut streams = Vec::with_capacity(index.streams.len());
     for entry in index.streams {
-        // The names are checked below, before any of them becomes part of a path; these two are for other readers, and
-        // a contradiction means that somebody edited the file.
+        // The names are checked below, before any of them becomes part of a path; these two are for other readers, and a contradiction
+        // means that the file was edited.
         if entry.file != entry.spec.file_name() || entry.record_bytes != entry.spec.stride() as u64 {
             return Err(damaged(
                 path,
@@ -273,7 +272,7 @@ fn read_seal(dir: &Path) -> Result<Option<Seal>, ReadError> {
         .map_err(|error| damaged(&path, error.to_string()))
 }
 
-/// The digest of the tape in the folder `dir`, from its bytes; what the writer stated when it finished is not consulted.
+/// The digest of the tape in the folder `dir`, from its bytes; the digest that the writer recorded when it finished is not used.
 pub fn digest_of(dir: &Path) -> Result<Digest, ReadError> {
     let reader = Reader::open(dir)?;
     reader.digest()

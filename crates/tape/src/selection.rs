@@ -1,4 +1,4 @@
-//! Some streams of a tape, up to some length, as a tape.
+//! A selection of streams of a tape, up to given lengths, as a tape.
 
 use super::{ReadError, Source, StreamSpec};
 
@@ -6,12 +6,12 @@ use super::{ReadError, Source, StreamSpec};
 pub struct Selection<'a, S: Source + ?Sized> {
     source: &'a S,
     streams: Vec<StreamSpec>,
-    /// Their numbers in the source, and how many records of each are shown.
+    /// Their numbers in the source, and the number of records shown of each.
     picked: Vec<(usize, u64)>,
 }
 
 impl<'a, S: Source + ?Sized> Selection<'a, S> {
-    /// The streams with these numbers, each up to a number of records.
+    /// The streams with these numbers, each with its number of records.
     ///
     /// # Panics
     /// When there is no such stream.

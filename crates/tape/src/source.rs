@@ -1,4 +1,4 @@
-//! Reading samples, wherever they lie.
+//! Sources of recorded samples.
 
 use lockstep::port::Field;
 
@@ -6,9 +6,9 @@ use super::hash::combine;
 use super::spec::STAMP_BYTES;
 use super::{Digest, ReadError, StreamSpec};
 
-/// Something that holds samples: a [`Reader`](super::Reader) over files or a [`MemoryTape`](super::MemoryTape).
+/// A source of samples: a [`Reader`](super::Reader) over files or a [`MemoryTape`](super::MemoryTape).
 pub trait Source {
-    /// The streams, each known by its position in this list.
+    /// The streams, each identified by its position in this list.
     fn streams(&self) -> &[StreamSpec];
 
     /// How many complete records stream number `stream` has.
@@ -17,7 +17,7 @@ pub trait Source {
     /// When there is no such stream.
     fn count(&self, stream: usize) -> u64;
 
-    /// Fills `records`, a whole number of records long, with the records from number `first` on, counted from 0.
+    /// Fills `records`, whose length is a whole number of records, with the records from number `first` on, counted from 0.
     fn read(&self, stream: usize, first: u64, records: &mut [u8]) -> Result<(), ReadError>;
 
     /// The number of the stream `participant.port`.
@@ -49,7 +49,7 @@ pub trait Source {
         })
     }
 
-    /// The digest of everything this source holds.
+    /// The digest of the whole content of this source.
     fn digest(&self) -> Result<Digest, ReadError> {
         let mut parts = Vec::with_capacity(self.streams().len());
         for (stream, spec) in self.streams().iter().enumerate() {
@@ -58,7 +58,7 @@ pub trait Source {
         Ok(combine(parts.into_iter()))
     }
 
-    /// Checks that a read of `bytes` bytes from record `first` on stays inside the stream; gives the size of a record.
+    /// Checks that a read of `bytes` bytes from record `first` on stays inside the stream; returns the size of a record.
     ///
     /// # Panics
     /// When `bytes` is not a whole number of records: a mistake of the caller, not of the tape.
@@ -123,13 +123,13 @@ pub struct FieldRef {
 pub struct Record<'a> {
     /// The index of the sample in its run.
     pub index: u64,
-    /// When it was published, s.
+    /// The stamp, s.
     pub stamp_s: f64,
     /// The payload as it was published.
     pub payload: &'a [u8],
 }
 
-/// The records of one stream in order, some hundred kilobytes at a time.
+/// The records of one stream in order, read in chunks of some hundred kilobytes.
 pub struct Records<'a, S: Source + ?Sized> {
     source: &'a S,
     stream: usize,
@@ -143,11 +143,11 @@ pub struct Records<'a, S: Source + ?Sized> {
     buffer: Vec<u8>,
 }
 
-/// Bytes that [`Records`] reads at once.
+/// The number of bytes that [`Records`] reads at once.
 const CHUNK_BYTES: usize = 1 << 18;
 
 impl<'a, S: Source + ?Sized> Records<'a, S> {
-    /// All records that stream number `stream` has now.
+    /// All current records of stream number `stream`.
     ///
     /// # Panics
     /// When there is no such stream.
@@ -167,7 +167,7 @@ impl<'a, S: Source + ?Sized> Records<'a, S> {
         }
     }
 
-    /// The next record; `None` behind the last one.
+    /// The next record; `None` after the last one.
     #[allow(
         clippy::should_implement_trait,
         reason = "the record borrows from the buffer; no iterator can give it"
@@ -188,13 +188,13 @@ impl<'a, S: Source + ?Sized> Records<'a, S> {
         Ok(Some(record))
     }
 
-    /// How many records are still to come.
+    /// The number of remaining records.
     pub fn remaining(&self) -> u64 {
         self.count - self.next
     }
 }
 
-/// A record from its bytes.
+/// Splits a record into its parts.
 pub fn split(bytes: &[u8], index: u64) -> Record<'_> {
     let (stamp, payload) = bytes.split_at(STAMP_BYTES);
     let mut raw = [0; STAMP_BYTES];

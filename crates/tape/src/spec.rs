@@ -1,4 +1,4 @@
-//! What a stream is, and the file that says it.
+//! The description of a stream, and the index file.
 
 use std::collections::HashSet;
 
@@ -10,19 +10,19 @@ use serde::{Deserialize, Serialize};
 use super::SpecError;
 use super::format::{FORMAT_NAME, FORMAT_VERSION};
 
-/// The stamp in front of every payload, bytes.
+/// The size of the stamp before every payload, bytes.
 pub(crate) const STAMP_BYTES: usize = 8;
 
-/// What stands before the name of an input in the name of the stream that has what the participant saw there.
+/// The prefix of an input's name in the name of the stream that records what the participant saw there.
 const SEEN: &str = "seen.";
 
 /// The longest name of a participant or port on a tape, bytes.
 const NAME_MAX: usize = 96;
 
-/// No run has more output ports than this; an index that claims so is damaged.
+/// The most streams of a tape: no run has more output ports, and an index with more is damaged.
 const MAX_STREAMS: usize = 1 << 16;
 
-/// No run takes more steps than this; an index beyond it could overflow when records are counted on top of it.
+/// The largest first index: no run takes more steps, and a larger one could overflow when a count of records is added.
 const MAX_INDEX: u64 = 1 << 62;
 
 /// One stream of a tape: an output port of a participant and the instants at which it publishes.
@@ -31,11 +31,11 @@ const MAX_INDEX: u64 = 1 << 62;
 pub struct StreamSpec {
     /// The participant that owns the port: letters, digits, `_` and `-`.
     pub participant: String,
-    /// The port: letters, digits, `_` and `-`; `seen.` before an input of which the stream has what the participant saw.
+    /// The port: letters, digits, `_` and `-`; with the prefix `seen.`, an input whose values are recorded as the participant saw them.
     pub port: String,
     /// The stamp of sample 0.
     pub offset: Rational,
-    /// The distance of two samples, positive.
+    /// The distance between two samples, positive.
     pub period: Rational,
     /// The index of the first sample on the tape; above zero when a run starts from a checkpoint.
     pub first_index: u64,
@@ -62,7 +62,7 @@ impl StreamSpec {
         }
     }
 
-    /// The stream of what `participant` sees at its input `port`, a sample for each activation, stamped with its instant.
+    /// The stream of the values that `participant` sees at its input `port`, a sample for each activation, stamped with its instant.
     pub fn seen(
         participant: impl Into<String>,
         port: &str,
@@ -73,7 +73,7 @@ impl StreamSpec {
         StreamSpec::new(participant, format!("{SEEN}{port}"), descriptor, offset, period)
     }
 
-    /// True when this is what somebody saw at an input, not what somebody gave out.
+    /// True when this stream records what a participant saw at an input, not what one sent from an output.
     pub fn is_seen(&self) -> bool {
         self.port.starts_with(SEEN)
     }
@@ -93,12 +93,12 @@ impl StreamSpec {
         STAMP_BYTES + self.descriptor.size as usize
     }
 
-    /// What orders streams wherever an order is needed.
+    /// The sort key for streams wherever an order is needed.
     pub(crate) fn key(&self) -> (&str, &str) {
         (&self.participant, &self.port)
     }
 
-    /// Checks what everything later relies on: names that are safe as file names, a sound descriptor, a positive period.
+    /// Checks the properties that later code relies on: names that are safe as file names, a valid descriptor, a positive period.
     pub fn validate(&self) -> Result<(), SpecError> {
         let port = self.port.strip_prefix(SEEN).unwrap_or(&self.port);
         for (what, text) in [("participant", self.participant.as_str()), ("port", port)] {
@@ -129,7 +129,7 @@ impl StreamSpec {
         let fields = &self.descriptor.fields;
         let texts = fields.iter().flat_map(|f| [&f.name, &f.unit, &f.frame]);
         for text in texts.chain([&self.descriptor.name]) {
-            // The canonical text of a descriptor separates by these, and two descriptors must never share one text.
+            // These are separators in the canonical text of a descriptor, and two descriptors must never have the same text.
             if text.contains(|c: char| c == '|' || c.is_control()) {
                 return Err(SpecError::Text {
                     stream: stream(),
@@ -168,7 +168,7 @@ pub(crate) struct Index {
     pub(crate) streams: Vec<IndexEntry>,
 }
 
-/// A stream in `index.json`: the specification, and for other readers what follows from it.
+/// A stream in `index.json`: the specification, and values derived from it for other readers.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct IndexEntry {
     pub(crate) file: String,
@@ -197,7 +197,7 @@ impl Index {
     }
 }
 
-/// `seal.json`: what the writer knew when it finished.
+/// `seal.json`: the writer's final counts and hashes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Seal {

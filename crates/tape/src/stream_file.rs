@@ -1,4 +1,4 @@
-//! The file of one stream, while it is written.
+//! The file of one stream during writing.
 
 use std::fs::File;
 use std::io::{self, Seek, Write};
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use super::{AppendError, Digest};
 
-/// A file that grows, and the hash of exactly what is in it.
+/// A growing file, and the hash of exactly its content.
 #[derive(Debug)]
 pub(crate) struct StreamFile {
     path: PathBuf,
@@ -15,17 +15,17 @@ pub(crate) struct StreamFile {
     hasher: blake3::Hasher,
 }
 
-/// Whole records of one stream, the first `done` bytes of which are in the file already (after a write that failed halfway).
+/// Whole records of one stream, the first `done` bytes of which are in the file already (after a partial write).
 #[derive(Debug)]
 pub(crate) struct Block {
     bytes: Vec<u8>,
     done: usize,
-    /// Bytes that it has room for.
+    /// The capacity, bytes.
     pub(crate) room: usize,
 }
 
 impl Block {
-    /// An empty one. A block never grows.
+    /// An empty block. A block never grows.
     pub(crate) fn new(room: usize) -> Block {
         Block {
             bytes: Vec::with_capacity(room),
@@ -46,7 +46,7 @@ impl Block {
 }
 
 impl StreamFile {
-    /// `file` is empty, and is the one at `path`.
+    /// `file` must be empty, and be the one at `path`.
     pub(crate) fn new(path: PathBuf, file: File) -> StreamFile {
         StreamFile {
             path,
@@ -56,7 +56,7 @@ impl StreamFile {
         }
     }
 
-    /// Hands `block` to the operating system and hashes it; it is empty then. After an error it has what is not in the file.
+    /// Passes `block` to the operating system and hashes it; it is empty afterwards. After an error it contains what is not in the file.
     pub(crate) fn put(&mut self, block: &mut Block) -> Result<(), AppendError> {
         while block.done < block.bytes.len() {
             let rest = &block.bytes[block.done..];
@@ -75,13 +75,13 @@ impl StreamFile {
         Ok(())
     }
 
-    /// Keeps the first `kept` bytes, which are read for their hash.
+    /// Keeps the first `kept` bytes, which are read to compute their hash.
     pub(crate) fn cut_back(&mut self, kept: u64) -> Result<(), AppendError> {
         let mut hasher = blake3::Hasher::new();
         let mut cut = || {
             self.file.set_len(kept)?;
             self.file.rewind()?;
-            // The file is read to its end, which is where writing goes on.
+            // The file is read to its end, where writing continues.
             hasher.update_reader(&self.file).map(drop)
         };
         cut().map_err(|source| failed(self.path.clone(), self.written, source))?;
@@ -89,13 +89,13 @@ impl StreamFile {
         Ok(())
     }
 
-    /// The hash of what is in the file.
+    /// The hash of the content of the file.
     pub(crate) fn hash(&self) -> Digest {
         self.hasher.finalize().into()
     }
 }
 
-/// Writing to the file at `path` failed behind its first `written` bytes.
+/// The error for a write to the file at `path` that failed after its first `written` bytes.
 pub(crate) fn failed(path: PathBuf, written: u64, source: io::Error) -> AppendError {
     use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
     if matches!(source.kind(), StorageFull | QuotaExceeded | FileTooLarge) {

@@ -32,7 +32,7 @@ pub(crate) fn sample(index: u64, n: u64) -> (f64, Vec<u8>) {
     (index as f64 / 1000.0, payload.collect())
 }
 
-/// A path under the temporary folder where nothing is yet.
+/// An unused path under the temporary folder.
 pub(crate) fn scratch(name: &str) -> PathBuf {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     let unique = NEXT.fetch_add(1, Ordering::Relaxed);

@@ -1,10 +1,10 @@
-//! What the next sample of a stream must be.
+//! Checking the sequence of samples of a stream.
 
 use lockstep::time::{SampleTime, Timebase};
 
 use super::{AppendError, SpecError, StreamSpec};
 
-/// Follows one stream sample by sample and refuses whatever does not fit.
+/// Follows one stream sample by sample and rejects every sample that does not fit.
 #[derive(Debug)]
 pub(crate) struct Track {
     spec: StreamSpec,
@@ -19,7 +19,7 @@ impl Track {
             stream: spec.name(),
             source,
         };
-        // The stream's own tick: the double nearest to an instant is the same whichever tick it is counted in.
+        // The stream's own tick: the double nearest to an instant does not depend on the tick.
         let timebase = Timebase::measuring([spec.offset, spec.period]).map_err(refuse)?;
         let sample_time = SampleTime {
             offset: timebase.ceil(spec.offset).map_err(refuse)?,
@@ -76,7 +76,7 @@ impl Track {
         self.next += 1;
     }
 
-    /// Goes back to where `count` samples were accepted, or stays where fewer were.
+    /// Goes back to `count` accepted samples, or does nothing if there are fewer.
     pub(crate) fn cut_back(&mut self, count: u64) {
         self.next = self.next.min(self.spec.first_index + count);
     }

@@ -1,10 +1,10 @@
-//! Files that are there whole or not at all.
+//! Atomic writing of files.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Writes `content` to `path`, so that a reader sees all of it or what was there before. A program that is killed meanwhile leaves a draft,
-/// `path` with `.part` behind it.
+/// Writes `content` to `path` atomically: a reader sees all of it or the previous content. A program that is killed in the meantime
+/// leaves a draft with the suffix `.part` after `path`.
 pub fn write_whole(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
     let mut draft = path.as_os_str().to_owned();
     draft.push(".part");

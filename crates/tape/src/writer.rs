@@ -1,4 +1,4 @@
-//! Writing a tape while the run goes on.
+//! Writing a tape during a run.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Seek, Write};
@@ -12,15 +12,14 @@ use super::track::Track;
 use super::whole::write_whole;
 use super::{AppendError, CreateError, Digest, Event, Sink, StreamSpec};
 
-/// Bytes that one stream collects before they go to its file. Large enough that hashing and the system call are cheap
-/// per byte, small enough that a hundred streams stay in the cache.
+/// The number of bytes that one stream collects before they are written to its file. Large enough that hashing and the system call are
+/// cheap per byte, small enough that a hundred streams stay in the cache.
 const BLOCK_BYTES: usize = 1 << 16;
 
 /// Writes a tape into a folder.
 ///
-/// A sample that [`Writer::append`] took is in the process's memory until some blocks are full, or
-/// [`Writer::flush`] is called; from then on it survives a `kill -9` of the process. It survives the loss of power once
-/// the operating system has written it back.
+/// A sample that [`Writer::append`] accepted is in the process's memory until some blocks are full, or [`Writer::flush`] is called; from
+/// then on it survives a `kill -9` of the process. It survives a loss of power once the operating system has written it back.
 #[derive(Debug)]
 pub struct Writer {
     dir: PathBuf,
@@ -33,13 +32,13 @@ pub struct Writer {
 #[derive(Debug)]
 struct Lane {
     track: Track,
-    /// What is not at the desk yet.
+    /// The samples that have not been passed to the desk yet.
     block: Block,
 }
 
 impl Writer {
-    /// Creates the folder `dir` (its parent must exist) and an empty tape of `streams` in it. The number of a stream is
-    /// its position in `streams`, whose order is free: it has no influence on the tape.
+    /// Creates the folder `dir` (its parent must exist) and an empty tape of `streams` in it. The number of a stream is its position in
+    /// `streams`. Their order is free: it does not affect the tape.
     pub fn create(dir: &Path, streams: Vec<StreamSpec>) -> Result<Writer, CreateError> {
         validate_all(&streams)?;
         let index = Index::of(&streams);
@@ -87,8 +86,8 @@ impl Writer {
         })
     }
 
-    /// From now on a thread of the writer's own hashes and writes, if this process may use another core for it: who appends only copies.
-    /// What goes wrong is told by a later call then, at the latest by the next [`Writer::flush`].
+    /// From now on a thread of the writer hashes and writes, if this process may use another core for it: the appending thread only
+    /// copies. An error is then reported by a later call, at the latest by the next [`Writer::flush`].
     pub fn beside(mut self) -> Writer {
         if std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1) {
             self.desk.start_thread();
@@ -115,11 +114,11 @@ impl Writer {
         Ok(())
     }
 
-    /// Appends an event; it is in the file when this returns.
+    /// Appends an event; it is in the file when this call returns.
     pub fn event(&mut self, event: &Event) -> Result<(), AppendError> {
         let line = event.line();
         let path = || self.dir.join("events.jsonl");
-        // One call for the whole line, so that a crash leaves it out or in.
+        // One call for the whole line, so that a crash leaves all of it or nothing.
         self.events
             .write_all(&line)
             .map_err(|source| failed(path(), self.events_bytes, source))?;
@@ -127,8 +126,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Hands every complete sample to the operating system: from here on a crash of this process does not lose it.
-    /// Every stream is tried; the first error is given.
+    /// Passes every complete sample to the operating system: from here on a crash of this process does not lose it. Every stream is
+    /// tried; the first error is returned.
     pub fn flush(&mut self) -> Result<(), AppendError> {
         let mut first = self.desk.settle();
         for (stream, lane) in self.lanes.iter_mut().enumerate() {
@@ -139,8 +138,8 @@ impl Writer {
         first
     }
 
-    /// Keeps the first `counts` samples of each stream, in the order of their numbers, and no event: the tape is again that of a
-    /// run that has come so far. What is kept is read once, for its hash.
+    /// Keeps the first `counts` samples of each stream, in the order of their numbers, and no event: the tape is again that of a run that
+    /// has reached this point. The data that is kept is read once, for its hash.
     pub fn cut_back(&mut self, counts: &[u64]) -> Result<(), AppendError> {
         self.flush()?;
         for (stream, (lane, &count)) in self.lanes.iter_mut().zip(counts).enumerate() {
@@ -165,7 +164,7 @@ impl Writer {
         self.lanes.get(stream).map(|lane| lane.track.count())
     }
 
-    /// Flushes everything, writes `seal.json` and gives the digest of the tape.
+    /// Flushes everything, writes `seal.json` and returns the digest of the tape.
     pub fn finish(mut self) -> Result<Digest, AppendError> {
         self.flush()?;
         let hashes = (0..self.lanes.len()).map(|stream| self.desk.file(stream).hash());
@@ -193,7 +192,7 @@ impl Sink for Writer {
 }
 
 impl Drop for Writer {
-    /// A run that ends early keeps what it has; whoever needs to know that it got there calls [`Writer::finish`].
+    /// A run that ends early keeps its samples; a caller that needs to know whether they were written calls [`Writer::finish`].
     fn drop(&mut self) {
         let _ = self.flush();
     }
@@ -225,7 +224,7 @@ mod tests {
         };
         (0..5000).for_each(|index| put(&mut writer, 0, index));
         (0..3000).for_each(|index| put(&mut writer, 1, index));
-        // More than there is leaves the stream as it is.
+        // A count beyond the end leaves the stream unchanged.
         writer.cut_back(&[1234, 4000]).unwrap();
         assert_eq!((writer.count(0), writer.count(1)), (Some(1234), Some(3000)));
         (1234..2000).for_each(|index| put(&mut writer, 0, index));
@@ -241,7 +240,7 @@ mod tests {
         writer.append(stream, index, stamp, &payload)
     }
 
-    /// Streams at different rates, one of them with payloads that are larger than a block usually is.
+    /// Streams at different rates, one of them with payloads that are larger than the usual block.
     #[test]
     fn a_thread_writes_what_is_written_without_and_a_flush_waits_for_it() {
         const DOUBLES: [u64; 3] = [2, 30, 9000];
@@ -293,14 +292,15 @@ mod tests {
         assert_eq!(Reader::open(&dir).unwrap().count(0), 5000);
     }
 
-    /// A device that is always full, behind a thread: it is told, holds up nobody else, and nothing is lost when there is space again.
+    /// A device that is always full, behind a thread: the error is reported, no other stream is held up, and nothing is lost once there
+    /// is space again.
     #[test]
     fn a_full_disk_behind_a_thread_is_told_and_holds_up_no_other_stream() {
         let dir = scratch("full-beside");
         let mut writer = Writer::create(&dir, vec![spec("a", "x", 2), spec("b", "y", 30)]).unwrap();
         let disk = std::mem::replace(&mut writer.desk.file(1).file, File::create("/dev/full").unwrap());
         writer.desk.start_thread();
-        // Without a flush it is told as well, before all memory for blocks is used up.
+        // Without a flush the error is reported as well, before all memory for blocks is used up.
         let told = (0..100_000)
             .find_map(|index| put(&mut writer, 1, index, 30).err())
             .unwrap();
@@ -342,7 +342,7 @@ mod tests {
         assert!(writer.flush().is_err());
         let reader = Reader::open(&dir).unwrap();
         assert_eq!((reader.count(0), reader.count(1)), (index, 0));
-        // Space again: the refused sample can be appended, and the tape is the one of a run without the accident.
+        // With space again, the rejected sample can be appended, and the tape is that of an undisturbed run.
         writer.desk.file(1).file = disk;
         let (stamp, payload) = sample(index, 3);
         writer.append(1, index, stamp, &payload).unwrap();

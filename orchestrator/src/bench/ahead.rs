@@ -1,4 +1,4 @@
-//! What a delay buys: two participants that compute as much as each other, in one loop and in two processes.
+//! Benefit of a delay: two participants with the same computing load, in one loop and in two processes.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -8,9 +8,9 @@ use engine::scenario::ScenarioSpec;
 use super::Figures;
 use super::participants::{compute, workers};
 
-/// The work of a step.
+/// The computing time of a step.
 const WORK: Duration = Duration::from_micros(20);
-/// Steps between what one gives and the other reads.
+/// The delay of the connections, steps.
 const DELAY_STEPS: u64 = 10;
 /// Steps of a round.
 pub const STEPS: u64 = 20_000;
@@ -23,7 +23,8 @@ pub struct Ahead {
     pub processes: Figures,
 }
 
-/// Measures `rounds` rounds of each, in turn. `run` runs a scenario, in one loop or in processes, and gives seconds per step.
+/// Measures `rounds` rounds of each, alternating. `run` runs a scenario, in one loop or in processes, and returns seconds
+/// per step.
 pub fn ahead(rounds: usize, mut run: impl FnMut(&ScenarioSpec, bool) -> anyhow::Result<f64>) -> anyhow::Result<Ahead> {
     let scenario = workers(turns_of(WORK), DELAY_STEPS, STEPS);
     let mut all = Ahead {
@@ -37,7 +38,7 @@ pub fn ahead(rounds: usize, mut run: impl FnMut(&ScenarioSpec, bool) -> anyhow::
     Ok(all)
 }
 
-/// How many turns take `time` here: of several tries the shortest.
+/// The number of loop turns that take `time` on this machine: the shortest of several trials.
 fn turns_of(time: Duration) -> u64 {
     const TURNS: u64 = 100_000;
     let tries = (0..5).map(|_| {

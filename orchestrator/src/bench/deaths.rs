@@ -1,4 +1,4 @@
-//! How long it takes until the death of a participant is known.
+//! Detection latency of the death of a participant.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -9,23 +9,23 @@ use rustix::process::{Pid, Signal, kill_process};
 use super::Figures;
 use engine::run::{Ending, Outcome};
 
-/// Milliseconds from `kill -9` of a participant to the moment when the orchestrator knows, `count` times. Each time `run` makes
-/// a run of some participants into `out` that is far from its end, and one of them is killed at a random time.
+/// Milliseconds from `kill -9` of a participant to its detection by the orchestrator, `count` times. Each time `run` starts
+/// a run of some participants in `out` that is far from its end, and one of them is killed at a random time.
 ///
 /// # Errors
-/// What `run` says, or a run that ends in another way.
+/// An error of `run`, or a run that ends in another way.
 pub fn deaths(count: usize, out: &Path, mut run: impl FnMut() -> anyhow::Result<Outcome>) -> anyhow::Result<Figures> {
     let draws = Stream::new(1, "deaths");
     let mut figures = Figures::default();
     for number in 0..count as u64 {
         let draw = |which: u64| draws.uniform(4 * number + which);
-        // Up to 20 ms: several looks of the orchestrator, whatever it waits for between them.
+        // Up to 20 ms: several polling periods of the orchestrator, whatever it waits for between them.
         let pause = Duration::from_secs_f64(0.02 * draw(0));
         let killer = {
             let (out, victim) = (out.to_owned(), draw(1));
             std::thread::spawn(move || kill_one(&out, pause, victim))
         };
-        // Here, because the kernel ends participants with the thread that starts them.
+        // In this thread, because the kernel kills participants when the thread that started them ends.
         let outcome = run()?;
         let killed = killer.join().unwrap_or(None);
         match (killed, &outcome.ending) {
@@ -39,7 +39,8 @@ pub fn deaths(count: usize, out: &Path, mut run: impl FnMut() -> anyhow::Result<
     Ok(figures)
 }
 
-/// Kills one of this process's children when the run in `out` has been under way for `pause`; when that was.
+/// Kills one of this process's children when the run in `out` has been in progress for `pause`; returns the time of the
+/// kill.
 fn kill_one(out: &Path, pause: Duration, victim: f64) -> Option<Instant> {
     let samples = || std::fs::read_dir(out.join("tape")).into_iter().flatten().flatten();
     let under_way = || {

@@ -1,4 +1,4 @@
-//! One exchange between two processes against the shortest that the transport, and the machine, can do.
+//! Duration of one exchange between two processes, compared with the minimum of the transport, and of the machine.
 
 use std::io::Read;
 use std::process::{Child, Stdio};
@@ -15,7 +15,7 @@ use engine::scope::Scope;
 
 /// Round trips per round.
 const ROUND: u64 = 50_000;
-/// The environment variable that tells a child where to play.
+/// The environment variable with the address of the run for a child.
 const TABLE: &str = "ESCAPEMENT_BENCH";
 
 /// Nanoseconds per exchange: in lockstep, over bare iceoryx2, over bare atomics.
@@ -24,11 +24,12 @@ pub struct Exchange {
     pub lockstep: Figures,
     /// The same payload over two bare publish-subscribe services, polled.
     pub bare: Figures,
-    /// The same payload over two atomic counters in memory that two cores share.
+    /// The same payload over two atomic counters in memory shared by two cores.
     pub atomics: Figures,
 }
 
-/// Measures `rounds` rounds of each, in turn. The last argument runs one lockstep round and gives seconds per exchange.
+/// Measures `rounds` rounds of each, alternating. The last argument runs one lockstep round and returns seconds per
+/// exchange.
 pub fn exchange(rounds: usize, mut lockstep: impl FnMut(u64, Wait) -> anyhow::Result<f64>) -> anyhow::Result<Exchange> {
     let mut all = Exchange {
         lockstep: Figures::default(),
@@ -51,7 +52,7 @@ fn cores() -> Vec<usize> {
         .unwrap_or_default()
 }
 
-/// Ties this thread to the core number `which` of those that it may use.
+/// Pins this thread to the core number `which` of those that it may use.
 fn tie_to(which: usize) {
     let cores = cores();
     if cores.len() > 1 {
@@ -74,7 +75,7 @@ fn bare_round() -> anyhow::Result<f64> {
         Ok(End(command.spawn()?))
     };
     let (mut far, mut near) = (seat("bench-pong")?, seat("bench-ping")?);
-    // The near end waits for the far one without a limit.
+    // The near end waits for the far one without a time limit.
     while near.0.try_wait()?.is_none() {
         if let Some(status) = far.0.try_wait()? {
             anyhow::bail!("the bare ping-pong failed: its far end {}", ending_of_process(status));
@@ -90,7 +91,7 @@ fn bare_round() -> anyhow::Result<f64> {
         .map_err(|_| anyhow::anyhow!("the bare ping-pong failed: `{text}`"))
 }
 
-/// The process of one end; it ends with its round.
+/// The process of one end; it is killed when dropped.
 struct End(Child);
 
 impl Drop for End {
@@ -100,7 +101,7 @@ impl Drop for End {
     }
 }
 
-/// The children of [`exchange`]: one end of the bare ping-pong. `None` when `name` is not one.
+/// Runs a child of [`exchange`]: one end of the bare ping-pong. `None` when `name` is not one.
 pub fn be_an_end(name: &str) -> Option<anyhow::Result<()>> {
     match name {
         "bench-ping" => Some(play(true)),
@@ -112,7 +113,7 @@ pub fn be_an_end(name: &str) -> Option<anyhow::Result<()>> {
 fn play(first: bool) -> anyhow::Result<()> {
     let table: Address = std::env::var(TABLE)?.parse()?;
     rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))?;
-    // Asked before this process keeps to one of them.
+    // Queried before this process is pinned to one core.
     let yielding = cores().len() < 2;
     tie_to(usize::from(first));
     let domain = Domain::enter(table, if first { "ping" } else { "pong" })?;
@@ -154,7 +155,7 @@ fn play(first: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Two threads on two cores, the payload in shared cells behind two counters: the price of moving cache lines.
+/// Two threads on two cores, the payload in shared cells guarded by two counters: the cost of moving cache lines.
 fn atomic_round() -> f64 {
     struct Cell {
         count: AtomicU64,

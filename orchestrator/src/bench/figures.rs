@@ -1,16 +1,16 @@
-//! What repeated measurements came to.
+//! Statistics of repeated measurements.
 
-/// Figures of repeated measurements, in the order in which they were taken.
+/// Results of repeated measurements, in the order of measurement.
 #[derive(Debug, Clone, Default)]
 pub struct Figures(Vec<f64>);
 
 impl Figures {
-    /// Adds one.
+    /// Adds a result.
     pub fn add(&mut self, figure: f64) {
         self.0.push(figure);
     }
 
-    /// The figure below which `percent` of all lie.
+    /// The percentile: the value below which `percent` of all results lie.
     pub fn percentile(&self, percent: usize) -> f64 {
         let mut sorted = self.0.clone();
         sorted.sort_by(f64::total_cmp);
@@ -18,8 +18,7 @@ impl Figures {
         sorted.get(last * percent / 100).copied().unwrap_or(f64::NAN)
     }
 
-    /// Each measurement in parts of the one of `other` that was taken right beside it: what the machine did meanwhile concerns
-    /// both.
+    /// The ratio of each measurement to the one of `other` taken next to it: varying load of the machine affects both.
     pub fn beside(&self, other: &Figures) -> Figures {
         Figures(self.0.iter().zip(&other.0).map(|(one, other)| one / other).collect())
     }

@@ -1,4 +1,4 @@
-//! What lockstep costs on this machine, as ratios measured side by side in one run.
+//! Cost of lockstep on this machine, as ratios of measurements taken side by side.
 
 mod ahead;
 mod deaths;

@@ -1,4 +1,4 @@
-//! Participants that exchange 27 doubles: relays, which do nothing else, and workers.
+//! Benchmark participants that exchange 27 doubles: relays, which only copy, and workers.
 
 use std::hint::black_box;
 
@@ -9,12 +9,12 @@ use lockstep::participant::{Failure, Inputs, Interface, Kind, Outputs, Parameter
 lockstep::message! {
     /// As large as a measured state of the stock plant.
     pub struct Parcel {
-        /// Anything.
+        /// Arbitrary values.
         pub values: [f64; 27] = "1",
     }
 }
 
-/// Passes on what it gets, continuous or sampled.
+/// Copies its input to its output, continuous or sampled.
 struct Relay(Kind);
 
 impl Participant for Relay {
@@ -32,17 +32,17 @@ impl Participant for Relay {
     }
 }
 
-/// Computes for a while: a number that depends on every turn.
+/// Computes for a number of turns; the result depends on every turn.
 pub fn compute(turns: u64, seed: f64) -> f64 {
     (0..turns).fold(seed, |sum, _| black_box(sum.mul_add(0.999, 0.001)))
 }
 
-/// Computes for so many turns, and passes the result on.
+/// Computes for this number of turns, and passes the result on.
 struct Worker {
     turns: u64,
 }
 
-/// Makes one.
+/// Creates a worker.
 fn worker(setup: &Setup) -> Result<Box<dyn Participant>, ParameterError> {
     let turns = setup.parameters.get("turns").and_then(|value| value.as_integer());
     let turns = turns.and_then(|turns| u64::try_from(turns).ok());
@@ -66,7 +66,7 @@ impl Participant for Worker {
     }
 }
 
-/// Adds the workers, and the two relays under the names by which scenarios ask for them.
+/// Registers the workers, and the two relays under the names that scenarios use.
 pub fn register(catalogue: Catalogue) -> Catalogue {
     catalogue
         .internal("bench-continuous", |_| Ok(Box::new(Relay(Kind::Continuous))))
@@ -90,7 +90,7 @@ pub fn ring(count: usize, steps: u64) -> ScenarioSpec {
     })
 }
 
-/// Two workers that do `turns` turns a step and read each other `late` steps late, for `steps` steps.
+/// Two workers that compute `turns` turns per step and read each other with a delay of `late` steps, for `steps` steps.
 pub fn workers(turns: u64, late: u64, steps: u64) -> ScenarioSpec {
     let scenario = ScenarioSpec::new(format!("{steps} ms")).title("two that work");
     let turns = i64::try_from(turns).unwrap_or(i64::MAX);

@@ -1,9 +1,9 @@
-//! The cost of one more participant.
+//! Scaling with the number of participants.
 
 use super::Figures;
 
 /// Nanoseconds per activation in a ring of 2, 4, 8, … participants: constant when the cost of a step is linear in their
-/// number. `run` runs a ring for a number of steps and gives seconds per step.
+/// number. `run` runs a ring for a number of steps and returns seconds per step.
 pub fn scaling(
     rounds: usize,
     largest: usize,
@@ -16,7 +16,7 @@ pub fn scaling(
     let mut all: Vec<(usize, Figures)> = sizes.iter().map(|&size| (size, Figures::default())).collect();
     for _ in 0..rounds {
         for (size, figures) in &mut all {
-            // About the same number of hand-offs for every size.
+            // About the same number of exchanges for every size.
             let steps = (40_000 / *size as u64).max(200);
             figures.add(1e9 * run(*size, steps)? / *size as f64);
         }

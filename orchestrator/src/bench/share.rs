@@ -1,4 +1,4 @@
-//! What lockstep and recording add to a scenario's own computing.
+//! Overhead of lockstep and recording relative to a scenario's own computing.
 
 use engine::run::{Options, Outcome, Record, Run, RunFailure, run};
 use engine::scenario::Scenario;
@@ -6,21 +6,22 @@ use rustix::time::{ClockId, clock_gettime};
 
 use super::Figures;
 
-/// Wall time of a scenario, and where it says so processor time of the thread that steps, s.
+/// Wall-clock time of a scenario, s; for the fields that state it, CPU time of the stepping thread.
 pub struct Share {
     /// One process, nothing recorded.
     pub alone: Figures,
     /// One process, recorded.
     pub recorded: Figures,
-    /// A process each, recorded.
+    /// One process per participant, recorded.
     pub processes: Figures,
-    /// Processor time in one process: everything is computed and its newest sample kept, for a program that asks, and nothing else.
+    /// CPU time in one process: all outputs are computed and their newest samples kept, as for a program that reads them,
+    /// and nothing else.
     pub own_computed: Figures,
-    /// Processor time in one process, recorded.
+    /// CPU time in one process, recorded.
     pub own_recorded: Figures,
 }
 
-/// Measures `rounds` rounds of each, in turn. Run folders go to `out` and are removed.
+/// Measures `rounds` rounds of each, alternating. Run folders go to `out` and are removed.
 pub fn share(scenario: &Scenario, rounds: usize, out: &std::path::Path) -> anyhow::Result<Share> {
     let mut all = Share {
         alone: Figures::default(),
@@ -59,7 +60,7 @@ pub fn share(scenario: &Scenario, rounds: usize, out: &std::path::Path) -> anyho
     Ok(all)
 }
 
-/// The processor time that this thread takes for `one` run.
+/// The CPU time of this thread for `one` run.
 fn timed(one: impl FnOnce() -> Result<Outcome, RunFailure>) -> anyhow::Result<(f64, Outcome)> {
     let now = || {
         let now = clock_gettime(ClockId::ThreadCPUTime);

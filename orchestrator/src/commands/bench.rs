@@ -1,4 +1,4 @@
-//! `escapement bench`: what lockstep costs on this machine.
+//! `escapement bench`: the cost of lockstep on this machine.
 
 use crate::catalogue::catalogue;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ pub struct BenchArgs {
     pub deaths: usize,
 }
 
-/// Measures and prints ratios.
+/// Measures ratios and prints them.
 pub fn run(args: &BenchArgs) -> anyhow::Result<i32> {
     let scope = Scope::create()?;
     measure(args, &scope.scratch()?)?;
@@ -120,7 +120,7 @@ fn row(name: &str, figures: &Figures) {
     println!("  {name:<42} {} {} {}", cell(5), cell(50), cell(95));
 }
 
-/// Runs the two workers for [`bench::STEPS`] steps; microseconds per step.
+/// Runs the two workers for [`bench::STEPS`] steps; returns microseconds per step.
 fn worked(folder: &Path, spec: &ScenarioSpec, in_process: bool) -> anyhow::Result<f64> {
     let scenario = Scenario::of(catalogue(), spec.clone(), &folder.join("ahead.toml"))?;
     let options = Options {
@@ -137,10 +137,10 @@ fn worked(folder: &Path, spec: &ScenarioSpec, in_process: bool) -> anyhow::Resul
     Ok(1e6 * outcome.wall_s / bench::STEPS as f64)
 }
 
-/// More steps than anybody waits for.
+/// More steps than a run ever reaches here.
 const FAR: u64 = 1_000_000_000;
 
-/// Runs a ring of relays; seconds per step.
+/// Runs a ring of relays; returns seconds per step.
 fn ring(folder: &Path, count: usize, steps: u64, wait: Wait) -> anyhow::Result<f64> {
     let outcome = ring_run(folder, count, steps, wait, None)?;
     outcome.folder.iter().try_for_each(std::fs::remove_dir_all)?;
@@ -157,7 +157,7 @@ fn ring_run(folder: &Path, count: usize, steps: u64, wait: Wait, pace: Option<f6
         out: Some(out),
         pace,
         wait,
-        // Of two that spin, the system moves one away when the recorder needs its core.
+        // If two participants spin, the scheduler migrates one of them when the recorder needs its core.
         no_placement: wait == Wait::Spin,
         patience_s: 60.0,
         ..Options::default()

@@ -27,7 +27,7 @@ pub struct CheckArgs {
     pub json: bool,
 }
 
-/// Plans and says what would run.
+/// Plans the run and prints the plan.
 pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
     let read = Scenario::changed(catalogue(), &args.scenario.scenario, &args.scenario.changes());
     let checked = read.map_err(RunFailure::from);
@@ -66,7 +66,7 @@ pub fn run(args: &CheckArgs) -> anyhow::Result<i32> {
     Ok(0)
 }
 
-/// The plan, without what is only assumed of participants that were not asked.
+/// The plan, without assumptions about participants that were not queried.
 fn json_of(known: &Known) -> serde_json::Result<Value> {
     let mut plan = serde_json::to_value(&known.plan)?;
     if known.unknown().is_empty() {

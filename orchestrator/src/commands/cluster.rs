@@ -1,4 +1,4 @@
-//! A campaign for other machines: given to an engine, or written with everything that it needs.
+//! Campaigns on other machines: submitted to an engine, or written as a bundle.
 
 use std::path::PathBuf;
 
@@ -32,10 +32,10 @@ pub struct ClusterArgs {
 }
 
 impl ClusterArgs {
-    /// Does what was asked for; `None` when the campaign is to be run here.
+    /// Executes the options; `None` when the campaign is to run on this machine.
     ///
     /// # Errors
-    /// What the engine or the file system refuses.
+    /// An error of the engine or the file system.
     pub fn act(
         &self,
         campaign: &Campaign,
@@ -75,7 +75,7 @@ impl ClusterArgs {
     }
 }
 
-/// What was given to an engine.
+/// Reports a submission to an engine.
 fn given(engine: Engine, underway: &Underway, how: &CampaignArgs) -> Result<(), CampaignError> {
     let Underway {
         root,
@@ -105,7 +105,7 @@ fn warn(left: &[String]) {
     left.iter().for_each(|what| eprintln!("warning: {what}"));
 }
 
-/// The words of `text`; quotes hold together what has blanks.
+/// Splits `text` into words; quotes group words with blanks.
 fn words(text: &str) -> Vec<String> {
     let (mut words, mut word, mut quote) = (Vec::new(), None::<String>, None);
     for letter in text.chars() {

@@ -1,4 +1,4 @@
-//! `escapement compare A B`: are two tapes the same bits?
+//! `escapement compare A B`: bitwise comparison of two tapes.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -32,7 +32,7 @@ pub struct CompareArgs {
     pub trust: Trust,
 }
 
-/// Compares and prints; gives the exit code.
+/// Compares and prints; returns the exit code.
 pub fn run(args: &CompareArgs) -> anyhow::Result<i32> {
     let tapes = open(&args.a, args.trust).and_then(|a| Ok((a, open(&args.b, args.trust)?)));
     let comparison = match tapes.and_then(|(a, b)| compare(&a, &b)) {
@@ -66,7 +66,7 @@ fn open(path: &Path, trust: Trust) -> Result<Reader, tape::ReadError> {
     Ok(reader)
 }
 
-/// The result in words.
+/// The result as text.
 pub(crate) fn print(out: &mut impl Write, comparison: &Comparison) -> io::Result<()> {
     if comparison.identical {
         return writeln!(out, "identical: {} samples", comparison.samples);

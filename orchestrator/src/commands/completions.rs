@@ -27,12 +27,12 @@ pub enum Shell {
 /// Prints the script for `whole`, the whole command line.
 pub fn run(args: &CompletionsArgs, whole: &Command) -> i32 {
     use clap_complete::{generate, shells};
-    // The command line's texts live as long as the program.
+    // Clap requires texts with static lifetime, which the program leaks.
     let name: &'static str = whole.get_name().to_owned().leak();
-    // The generators would offer hidden commands too.
+    // The generators would also offer hidden commands.
     let shown = whole.get_subcommands().filter(|own| !own.is_hide_set());
     let mut command = Command::new(name).version("").subcommands(shown.cloned());
-    // Written at once: the generators give up at the first reader that leaves.
+    // Written in one piece: the generators panic when the reader closes the pipe.
     let mut script = Vec::new();
     match args.shell {
         Shell::Bash => generate(shells::Bash, &mut command, name, &mut script),

@@ -1,4 +1,4 @@
-//! What a campaign leaves: table, pictures and page in its folder, and words.
+//! Conclusion of a campaign: table, pictures and page in its folder, and the printed report.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,8 @@ use engine::campaign::{self, Campaign, CampaignError, Finished, Number, Picture,
 
 use super::points::CampaignArgs;
 
-/// Writes table, pictures and page of a campaign and reports; a part of it gets none, because its table would have gaps.
+/// Writes table, pictures and page of a campaign and reports; for a shard none are written, because its table would have
+/// gaps.
 pub fn conclude(
     campaign: &Campaign,
     finished: &Finished,
@@ -52,14 +53,14 @@ pub fn conclude(
     Ok(code(finished))
 }
 
-/// The figures of merit that the points have.
+/// The figures of merit of the points.
 pub fn figures(finished: &Finished) -> Vec<Number> {
     let mut all = finished.results.iter().flatten();
     let first = all.find_map(|result| result.figures.as_ref());
     first.map_or(Vec::new(), |figures| figures.ordered())
 }
 
-/// The same for a campaign for a rare event. Pictures and statistics are of its first level, which is a plain random sample.
+/// The same for a rare-event campaign. Pictures and statistics are of its first level, which is a plain random sample.
 pub fn conclude_rare(ended: &Rarely, figure: Option<&Number>, how: &CampaignArgs) -> Result<i32, CampaignError> {
     let Rarely { campaign, finished, .. } = ended;
     let identity = &finished.identity;
@@ -104,12 +105,12 @@ pub fn code(finished: &Finished) -> i32 {
     i32::from(!finished.all_ran())
 }
 
-/// What is shown unless the user says: the first thing that the run is judged by.
+/// The default figure: the first one that the run is judged by.
 pub fn default_figure(figures: &[Number]) -> Option<Number> {
     figures.first().cloned()
 }
 
-/// Writes table and picture; gives the files.
+/// Writes table and picture; returns the files.
 pub fn write(
     campaign: &Campaign,
     finished: &Finished,
@@ -126,7 +127,7 @@ pub fn write(
             files.push(finished.folder.write("figure.png", png)?);
         }
     } else {
-        // One of fewer points would look like the picture of all.
+        // A picture of fewer points would look like that of all.
         for name in ["figure.svg", "figure.png"] {
             let _ = std::fs::remove_file(root.join(name));
         }
@@ -154,7 +155,7 @@ pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serd
         })
     });
     let count = |outcome| finished.count(outcome);
-    // JSON is text; a path need not be.
+    // JSON is text; a path may not be.
     let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
     serde_json::json!({
         "folder": finished.folder.root().display().to_string(),
@@ -171,9 +172,9 @@ pub fn json(campaign: &Campaign, finished: &Finished, files: &[PathBuf]) -> serd
     })
 }
 
-/// The points that did not run to their ends, with their reasons.
+/// The points whose runs did not reach their ends, with their reasons.
 fn print_wrong(campaign: &Campaign, finished: &Finished) {
-    // More are not read.
+    // Only the first few are printed.
     const LISTED: usize = 50;
     let wrong = |result: &Option<_>| {
         result
@@ -264,7 +265,7 @@ fn print(title: &str, campaign: &Campaign, finished: &Finished, figure: Option<&
     told(finished, files);
 }
 
-/// What became of a part of a campaign.
+/// Reports the result of a shard.
 fn print_part(title: &str, shard: Shard, campaign: &Campaign, finished: &Finished, how: &CampaignArgs) {
     if how.json {
         println!("{}", json(campaign, finished, &[]));

@@ -1,4 +1,4 @@
-//! `escapement doctor`: this machine, and what dead runs left behind.
+//! `escapement doctor`: checks of this machine, and remains of dead runs.
 
 use clap::Args;
 use serde_json::json;
@@ -16,7 +16,7 @@ pub struct DoctorArgs {
     pub json: bool,
 }
 
-/// Looks, says, and removes if asked to.
+/// Inspects, reports, and removes if requested.
 pub fn run(args: &DoctorArgs) -> anyhow::Result<i32> {
     let leftovers = scope::leftovers();
     let unpacked = fmu::leftovers();

@@ -1,4 +1,4 @@
-//! `escapement export RUN --to FORMAT`: a tape as files that other tools open.
+//! `escapement export RUN --to FORMAT`: conversion of a tape to files for other tools.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -79,7 +79,7 @@ pub struct ExportArgs {
 }
 
 impl ExportArgs {
-    /// What of the tape is exported.
+    /// The selected part of the tape.
     fn choice(&self) -> Choice {
         Choice {
             names: self.of.clone(),
@@ -90,14 +90,14 @@ impl ExportArgs {
 
     fn compression(&self) -> Compression {
         match (self.to, self.compression) {
-            // A step on the way to another format.
+            // An intermediate file for another format.
             (Format::Rrd, _) | (_, Pressed::None) => Compression::None,
             (_, Pressed::Lz4) => Compression::Lz4,
         }
     }
 }
 
-/// Exports and says which files there are; gives the exit code.
+/// Exports and lists the files; returns the exit code.
 pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
     let rerun = (args.to == Format::Rrd).then(|| in_path("rerun"));
@@ -171,7 +171,7 @@ pub fn run(args: &ExportArgs) -> anyhow::Result<i32> {
     }
 }
 
-/// Says why the tape, or what was asked for of it, cannot be read; gives the exit code.
+/// Reports why the tape, or the requested part of it, cannot be read; returns the exit code.
 fn refused(error: &ReadError) -> i32 {
     let option = match error {
         ReadError::Window { .. } => "--until: ",
@@ -181,13 +181,13 @@ fn refused(error: &ReadError) -> i32 {
     UNREADABLE
 }
 
-/// The plan among what is known of a run; empty where it is not there.
+/// The plan in the information about a run; empty where it is missing.
 fn plan_in(about: &[(&'static str, String)]) -> toml::Table {
     let plan = about.iter().find(|(key, _)| *key == "plan");
     plan.and_then(|(_, text)| text.parse().ok()).unwrap_or_default()
 }
 
-/// What the run's folder says of it, as far as it is there: the plan, what ran it, and the digest of its tape.
+/// The available information in the run's folder: the plan, the program, and the digest of its tape.
 fn about(run: &Path) -> Vec<(&'static str, String)> {
     let folder = if run.join("index.json").is_file() {
         run.join("..")
@@ -229,7 +229,7 @@ fn about(run: &Path) -> Vec<(&'static str, String)> {
         .collect()
 }
 
-/// Lets Rerun write its own format, which is that of the very version that will open it.
+/// Converts with the installed Rerun, because its format depends on the version that opens it.
 fn recording(rerun: &Path, mcap: &Path) -> Result<PathBuf, String> {
     let path = mcap.with_extension("rrd");
     let mut command = Command::new(rerun);

@@ -111,7 +111,7 @@ fn faults(args: &FaultsArgs) -> Result<i32, CampaignError> {
     Ok(code(&finished))
 }
 
-/// A line per case: what it is, what became of it, and what it was judged by.
+/// A line per case: its description, its outcome, and the criteria that decided it.
 fn table(campaign: &Campaign, finished: &Finished, markdown: bool) -> String {
     let judged = finished
         .results

@@ -1,4 +1,4 @@
-//! `escapement fmu`: FMUs before they take part, the process of one that does, and FMUs of what this program contains.
+//! `escapement fmu`: inspection of FMUs, the process of an FMU in a run, and export of this program's contents as FMUs.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -28,7 +28,7 @@ pub enum FmuAction {
     Export(FmuExportArgs),
 }
 
-/// Looks at an FMU, or makes one.
+/// Inspects an FMU, or exports one.
 pub fn run(args: &FmuArgs) -> anyhow::Result<i32> {
     match &args.action {
         FmuAction::Inspect { file } => {
@@ -41,8 +41,8 @@ pub fn run(args: &FmuArgs) -> anyhow::Result<i32> {
     }
 }
 
-/// An FMU as a participant in this process, which is its own: what it writes into its log is kept with the run, and it works in a
-/// folder that goes when it ends.
+/// An FMU as the only participant of this process: its log is kept with the run, and its working directory is removed when
+/// the process ends.
 pub fn host(file: &Path, options: &str) -> ExitCode {
     fmu::to_standard_error();
     let (file, options) = (file.to_owned(), options.to_owned());

@@ -1,4 +1,4 @@
-//! `escapement fmu export`: asks the library of FMUs, which makes them of itself.
+//! `escapement fmu export`: calls the library of FMUs, which packs itself.
 
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
@@ -77,7 +77,7 @@ fn texts(all: &[String]) -> Value {
     Value::Array(all.iter().cloned().map(Value::String).collect())
 }
 
-/// Where the library of this program is: beside it, or in `lib` beside its `bin`.
+/// The path of this program's library: next to it, or in `lib` next to its `bin`.
 fn beside() -> anyhow::Result<PathBuf> {
     let own = std::env::current_exe().context("this program's own file")?;
     let (folder, stem) = (
@@ -97,7 +97,7 @@ fn beside() -> anyhow::Result<PathBuf> {
 }
 
 unsafe extern "C" fn print(_: *mut c_void, error: c_int, text: *const c_char) {
-    // SAFETY: the library gives a text.
+    // SAFETY: the library returns a text.
     let text = unsafe { CStr::from_ptr(text) }.to_string_lossy();
     if error == 0 {
         println!("{text}");
@@ -112,13 +112,13 @@ fn export(library: &Path, request: &str) -> anyhow::Result<i32> {
     // SAFETY: the name is a text. The library is this program's own, or one that the user names.
     let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
     if handle.is_null() {
-        // SAFETY: after a failure there is a message.
+        // SAFETY: after a failure dlerror returns a message.
         let reason = unsafe { CStr::from_ptr(libc::dlerror()) }
             .to_string_lossy()
             .into_owned();
         bail!("`{}` cannot be loaded: {reason}", library.display());
     }
-    // SAFETY: the handle is a library's.
+    // SAFETY: the handle is that of a loaded library.
     let symbol = unsafe { libc::dlsym(handle, c"escapement_fmu_export".as_ptr()) };
     if symbol.is_null() {
         bail!(

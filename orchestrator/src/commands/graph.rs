@@ -1,4 +1,4 @@
-//! `escapement graph SCENARIO`: a drawing of who tells whom what, how often and how late.
+//! `escapement graph SCENARIO`: a drawing of the connections between participants, with rates and delays.
 
 use std::collections::HashMap;
 
@@ -65,7 +65,7 @@ fn draw(known: &Known, format: GraphFormat) -> String {
     }
 }
 
-/// What stands below a participant's name: its order only where that of all is known.
+/// The text below a participant's name: its order only where that of all is known.
 fn about(known: &Known, all_known: bool, number: usize) -> String {
     let own = &known.plan.participants[number];
     let order = match (all_known, &known.interfaces[number]) {
@@ -96,11 +96,11 @@ fn label(link: &Link, plan: &Plan) -> String {
     label
 }
 
-/// A line for each fault of a plan, by what suffers from it.
+/// A line for each fault of a plan, and the outputs and inputs that the faults affect.
 struct Faults<'a> {
-    /// Of an output or an input.
+    /// By output or input.
     signals: HashMap<Place, Vec<&'a str>>,
-    /// By name, in the order of their begin.
+    /// By name, in the order of their start.
     lines: Vec<(String, String)>,
 }
 
@@ -121,7 +121,7 @@ impl Faults<'_> {
         }
     }
 
-    /// Those that `link` or what its reader sees suffers from.
+    /// The faults that affect `link` or the samples that its reader receives.
     fn on(&self, link: &Link) -> Vec<&str> {
         let places = [
             Place::Output {
@@ -154,7 +154,7 @@ fn mermaid(known: &Known) -> String {
     let (all, all_known) = (Faults::of(plan), known.unknown().is_empty());
     let mut text = String::from("flowchart LR\n");
     for (number, own) in plan.participants.iter().enumerate() {
-        // A continuous participant has no feedthrough: it breaks every circle, and looks different.
+        // A continuous participant has no feedthrough: it breaks every loop, and is drawn differently.
         let (open, close) = match known.interfaces[number].as_ref().map(|interface| interface.kind) {
             Some(Kind::Continuous) => ("([", "])"),
             Some(Kind::Sampled) => ("[", "]"),
@@ -170,7 +170,7 @@ fn mermaid(known: &Known) -> String {
         let mut label = label(link, plan);
         let faults = all.on(link);
         faults.iter().for_each(|fault| label += &format!("<br/>{fault}"));
-        // A faulty link is drawn thick.
+        // A faulty link is drawn with a thick line.
         let arrow = if faults.is_empty() { "-->" } else { "==>" };
         text += &format!("    p{} {arrow}|\"{label}\"| p{}\n", link.from.0, link.to.0);
     }

@@ -1,4 +1,4 @@
-//! `escapement import FILE.ssp`: a scenario out of a system structure.
+//! `escapement import FILE.ssp`: a scenario from a system structure.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use lockstep::time::Rational;
 use super::project::{File, check_empty, write};
 use crate::arguments::span;
 
-/// Exit code: the package or the folder is not what it should be.
+/// Exit code: the package or the folder is invalid.
 const REFUSED: i32 = 2;
 
 /// Make a scenario of a system structure (SSP 1.0 or 2.0): a folder with the scenario and its FMUs.

@@ -26,7 +26,7 @@ pub fn run(args: &ManArgs, command: Command) -> anyhow::Result<i32> {
     let name = command.get_name().to_owned();
     let mut pages = vec![(name.clone(), command.clone())];
     for own in command.get_subcommands().filter(|own| !own.is_hide_set()) {
-        // The command line's texts live as long as the program.
+        // Clap requires texts with static lifetime, which the program leaks.
         let whole: &'static str = format!("{name}-{}", own.get_name()).leak();
         let version: &'static str = command.get_version().unwrap_or_default().to_owned().leak();
         let called = format!("{name} {}", own.get_name());

@@ -1,4 +1,4 @@
-//! `escapement margins GAINS`: what gains tolerate, recomputed from their file and the specification it names.
+//! `escapement margins GAINS`: margins of gains, recomputed from their file and the specification it names.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ use capture::provenance::{digest, plant_digest};
 const REFUSED: i32 = 2;
 /// Exit code: the file claims a gamma that is not reproduced, or a sampled loop is unstable.
 const NOT_MET: i32 = 3;
-/// Relative difference in gamma that is put down to rounding.
+/// Relative difference in gamma that is attributed to rounding.
 const SAME: f64 = 1e-6;
 
 /// Recompute norms, margins and the sampled loop of tuned gains.
@@ -64,18 +64,18 @@ pub struct MarginsArgs {
     pub json: bool,
 }
 
-/// Gains with what they were tuned for.
+/// Gains with their specification and robot.
 struct Loaded {
-    /// The file of gains, with what is known now of specification and robot.
+    /// The file of gains, updated with the present specification and robot.
     file: GainsFile,
-    /// Where the specification is.
+    /// The path of the specification.
     path: PathBuf,
     spec: Spec,
     robot: Robot,
     gains: Gains,
 }
 
-/// Recomputes and prints; gives the exit code.
+/// Recomputes and prints; returns the exit code.
 pub fn run(args: &MarginsArgs) -> anyhow::Result<i32> {
     let mut loaded = match read(args) {
         Ok(loaded) => loaded,
@@ -176,7 +176,7 @@ fn read(args: &MarginsArgs) -> anyhow::Result<Loaded> {
     })
 }
 
-/// Puts everything that a file of gains claims into the file anew.
+/// Recomputes all claims of a file of gains.
 fn recompute(args: &MarginsArgs, loaded: &mut Loaded) -> anyhow::Result<(Problem, Evaluation)> {
     let Loaded {
         file,
@@ -210,7 +210,7 @@ fn recompute(args: &MarginsArgs, loaded: &mut Loaded) -> anyhow::Result<(Problem
     Ok((problem, evaluation))
 }
 
-/// Prints the file as the user asked for it; it claimed this gamma.
+/// Prints the file in the requested form; `claimed` is its previous gamma.
 fn print(args: &MarginsArgs, spec: &Spec, file: &GainsFile, claimed: f64) -> anyhow::Result<()> {
     let mut out = crate::output::stdout();
     if args.json {

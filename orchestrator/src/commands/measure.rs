@@ -86,7 +86,7 @@ pub struct MeasureArgs {
     pub trust: Trust,
 }
 
-/// Measures and prints; gives the exit code.
+/// Measures and prints; returns the exit code.
 pub fn run(args: &MeasureArgs) -> anyhow::Result<i32> {
     let measured = args
         .trust

@@ -1,5 +1,6 @@
-//! `escapement model MODEL.urdf [STATES.json]`: what a model is, or every quantity of its dynamics at given states, for a comparison
-//! with another engine. What the file says and the dynamics leave out is warned of, with its line.
+//! `escapement model MODEL.urdf [STATES.json]`: the tree of a model, or every quantity of its dynamics at given states, for
+//! a comparison with another engine. Elements of the file that the dynamics ignore are reported as warnings, with their
+//! line.
 //!
 //! STATES.json is one state, a list of states, or an object with a list `states` (then each entry may hold its state
 //! under `state`, beside results that are ignored: a file of reference values is a valid input). A state is
@@ -32,13 +33,13 @@ pub struct ModelArgs {
 
 /// Prints the tree of a URDF file or, with states, evaluates it at those states and prints JSON.
 pub fn run(args: &ModelArgs) -> Result<()> {
-    // Nothing can go wrong but what the files say.
+    // All possible errors are mistakes in the files.
     let found = told(args).map_err(Refusal::of)?;
     print!("{found}");
     Ok(())
 }
 
-/// What is to be printed.
+/// The output to be printed.
 fn told(args: &ModelArgs) -> Result<String> {
     let description = read(&args.model, args.allow_unphysical)?;
     let Some(path) = args.states.as_deref() else {
@@ -50,7 +51,7 @@ fn told(args: &ModelArgs) -> Result<String> {
     Ok(serde_json::to_string_pretty(&out)? + "\n")
 }
 
-/// Reads a file; warnings go to the standard error.
+/// Reads a file; warnings go to standard error.
 pub(super) fn read(file: &Path, allow_unphysical: bool) -> Result<Description> {
     let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
     let at = |line: Option<u32>| {
@@ -82,7 +83,7 @@ pub(super) fn read(file: &Path, allow_unphysical: bool) -> Result<Description> {
     }
 }
 
-/// The tree, one body a line, with what was merged into it.
+/// The tree, one body per line, with the links that were merged into it.
 fn listing(description: &Description) -> Result<String> {
     // a root without inertia (often called `world`) can only be a fixed base
     let floating = DynTree::new(description, true);

@@ -1,4 +1,4 @@
-//! `escapement new FOLDER`: a project to start from.
+//! `escapement new FOLDER`: a new project from a template.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use clap::Args;
 use super::project;
 use crate::templates::{Project, Template};
 
-/// Exit code: the folder or the template is not what it should be.
+/// Exit code: the folder or the template is invalid.
 const REFUSED: i32 = 2;
 
 /// Write a project to start from into a folder: scenarios, models, or a program of your own.
@@ -33,7 +33,7 @@ pub struct NewArgs {
     pub escapement: Option<String>,
 }
 
-/// Writes the project out of one of `templates` of the program `name`.
+/// Writes the project from one of `templates` of the program `name`.
 pub fn run(args: &NewArgs, name: &str, templates: &[Template]) -> i32 {
     if templates.is_empty() {
         eprintln!("error: {name} has no templates");

@@ -1,4 +1,4 @@
-//! `escapement participant NAME`: a participant that this program contains, or one of a library, in a process of its own.
+//! `escapement participant NAME`: a participant that this program or a library contains, in its own process.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -24,7 +24,7 @@ pub struct ParticipantArgs {
     pub options: String,
 }
 
-/// Takes its place in the run that the environment names.
+/// Runs the participant in the run that the environment names.
 pub fn run(args: &ParticipantArgs) -> ExitCode {
     if let Some(library) = &args.library {
         return plugin::host_library(library, args.name.as_deref());

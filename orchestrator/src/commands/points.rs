@@ -1,4 +1,4 @@
-//! How the points of a campaign are run, which all campaigns are asked, and what their figures are.
+//! Options for running the points of a campaign, common to all campaigns, and the figures of the points.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,8 @@ pub struct DigestArgs {
 }
 
 impl DigestArgs {
-    /// Whether the table has digests: because that is asked for, or because that of the folder has them, which is gone on with.
+    /// Whether the table has digests: because the user asks for them, or because the existing folder, which is continued,
+    /// has them.
     pub fn wanted(&self, campaign: &CampaignArgs) -> bool {
         let there = || Identity::read(campaign.out.as_ref()?).ok();
         self.digest || there().is_some_and(|known| known.digests)
@@ -50,7 +51,7 @@ pub struct CampaignArgs {
 }
 
 impl CampaignArgs {
-    /// For the campaign.
+    /// The options of the campaign.
     pub fn options(&self) -> Options {
         Options {
             out: self.out.clone(),
@@ -75,7 +76,7 @@ pub struct PartArgs {
     pub audit: Option<f64>,
 }
 
-/// A share of the points, for an option.
+/// Parser of a share of the points.
 fn share(text: &str) -> Result<f64, String> {
     let wrong = || format!("`{text}` is no share: write one above 0 % and up to 100 %, such as 1%");
     let percent: f64 = text
@@ -89,10 +90,10 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 impl PartArgs {
-    /// `options` for that part.
+    /// `options` for the shard.
     ///
     /// # Errors
-    /// When something is wanted that only the whole campaign knows.
+    /// When an option requires the whole campaign.
     pub fn options(&self, options: Options) -> Result<Options, CampaignError> {
         if self.shard.is_some() && options.keep.iter().any(|keep| matches!(keep, Keep::Worst(_))) {
             return Err(CampaignError::Merge(
@@ -107,11 +108,11 @@ impl PartArgs {
     }
 }
 
-/// Checks the first point with everything but launch, and says which figures of merit there are. Where it is refused, up to `tries`
-/// points are tried for one that is not.
+/// Checks the first point without starting programs, and returns its figures of merit. If it is rejected, up to `tries`
+/// points are tried until one is accepted.
 ///
 /// # Errors
-/// What is wrong with the first one.
+/// The mistake in the first point.
 pub fn known_figures(campaign: &Campaign, tries: usize) -> Result<Figures, CampaignError> {
     let mut first = None;
     for point in 0..tries.min(campaign.points.len()) {

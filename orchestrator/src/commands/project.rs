@@ -1,16 +1,16 @@
-//! What `new` and `import` have in common: a folder that is empty, files in it, and what to do next.
+//! Common parts of `new` and `import`: an empty folder, its files, and the next commands.
 
 use std::path::Path;
 
 /// A file of a project.
 pub struct File {
-    /// Where, from the folder of the project.
+    /// Its path, relative to the folder of the project.
     pub path: String,
     /// Its content.
     pub contents: Vec<u8>,
 }
 
-/// Refuses a folder in which something would be mixed with what is there.
+/// Rejects a folder that is not empty.
 pub fn check_empty(folder: &Path) -> Result<(), String> {
     use std::io::ErrorKind::{NotADirectory, NotFound};
     match std::fs::read_dir(folder) {
@@ -30,7 +30,7 @@ pub fn check_empty(folder: &Path) -> Result<(), String> {
     }
 }
 
-/// Writes the files, lists them, and prints the commands that come next.
+/// Writes the files, lists them, and prints the next commands.
 pub fn write(folder: &Path, title: &str, files: &[File], next: &[&str]) -> Result<(), String> {
     for file in files {
         let path = folder.join(&file.path);
@@ -55,7 +55,7 @@ pub fn write(folder: &Path, title: &str, files: &[File], next: &[&str]) -> Resul
     Ok(())
 }
 
-/// A path as a shell reads it.
+/// A path, quoted for a shell.
 fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
     let plain = |c: char| c.is_alphanumeric() || "/._-+,:@%".contains(c);

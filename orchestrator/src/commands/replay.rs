@@ -1,4 +1,4 @@
-//! `escapement replay RUN --participant NAME`: one participant again, with the inputs it had.
+//! `escapement replay RUN --participant NAME`: repeats one participant with its recorded inputs.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -54,7 +54,7 @@ pub struct ReplayArgs {
     pub args: Vec<String>,
 }
 
-/// Replays and prints; gives the exit code.
+/// Replays and prints; returns the exit code.
 pub fn run(args: &ReplayArgs) -> anyhow::Result<i32> {
     match replay(args) {
         Ok(found) => report(args, &found),
@@ -97,7 +97,7 @@ fn replay(args: &ReplayArgs) -> Result<Found, ReplayError> {
         interrupt: signals::interrupt(),
         pause_at: args.wait_for_debugger.into_iter().collect(),
         wait: Wait::Auto,
-        // Whoever stands in a debugger does not move, and should not be given up for it.
+        // A participant that is stopped in a debugger must not run into a timeout.
         patience_s: match args.wait_for_debugger {
             Some(_) => f64::INFINITY,
             None => args.common.patience.seconds(),

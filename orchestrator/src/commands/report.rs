@@ -42,7 +42,7 @@ pub struct ReportArgs {
     pub trust: Trust,
 }
 
-/// Reads the runs, writes the page and says where it is; gives the exit code.
+/// Reads the runs, writes the page and prints its path; returns the exit code.
 pub fn run(args: &ReportArgs) -> anyhow::Result<i32> {
     let start = Instant::now();
     for run in &args.runs {

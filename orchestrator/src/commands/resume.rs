@@ -34,7 +34,7 @@ pub struct ResumeArgs {
     pub how: HowArgs,
 }
 
-/// Goes on with a run in a folder of its own; the other one stays as it is.
+/// Continues a run in a new folder; the original one is not changed.
 pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     let folder = RunFolder::open(&args.run);
     if !folder.plan().is_file() {
@@ -68,7 +68,8 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
             return Ok(2);
         }
     };
-    // What is on the tape is copied and sealed anew. A run that was killed has no seal; a tape that cannot be read is told later.
+    // The content of the tape is copied and sealed again. A run that was killed has no seal; a tape that cannot be read is
+    // reported later.
     if let Ok(tape) = Reader::open(&folder.tape())
         && let Err(error) = tape.verify()
     {
@@ -78,7 +79,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     if let Some(name) = folder.scenario_name() {
         scenario.name = name;
     }
-    // Without changes the run is the same from any checkpoint on.
+    // Without changes the result is the same from any checkpoint.
     let at = args.from.filter(|at| !args.set.is_empty() && *at > checkpoint.time);
     if !args.how.common.quiet {
         let and = at
@@ -91,7 +92,7 @@ pub fn run(args: &ResumeArgs) -> anyhow::Result<i32> {
     let Some(at) = at else {
         return execute(&scenario, &args.how, Some(origin), &[]);
     };
-    // What would be refused there is refused now.
+    // Errors at the time of the changes are reported before the run.
     let checked = check(&scenario).map_err(RunFailure::from);
     let checked = checked.and_then(|_| check_branch(&scenario, &unchanged, at));
     match checked.and_then(|()| branch(&unchanged, &options(&args.how), origin, at)) {

@@ -61,7 +61,7 @@ pub fn run(args: &RunArgs) -> anyhow::Result<i32> {
     }
 }
 
-/// Runs a point of a campaign by itself, and compares its tape with what the campaign had.
+/// Runs a point of a campaign alone, and compares its tape with that of the campaign.
 fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
     let refused = |error: &dyn std::fmt::Display| {
         eprintln!("error: {error}");
@@ -79,7 +79,7 @@ fn again(place: &Path, args: &RunArgs) -> anyhow::Result<i32> {
     };
     let (code, outcome) = executed(&scenario, &args.how, None, &[], false)?;
     let common = || Scenario::changed(catalogue(), &point.file, point.common()).ok();
-    // With changes of its own it is another run.
+    // With changes on the command line it is another run.
     let compared = outcome.filter(|_| more == Changes::default()).zip(common());
     if let Some(difference) = compared.and_then(|(outcome, common)| point.difference(&common, &outcome)) {
         eprintln!("error: {difference}");
@@ -93,8 +93,8 @@ pub fn execute(scenario: &Scenario, how: &HowArgs, origin: Option<Origin>, shado
     executed(scenario, how, origin, shadows, false).map(|(code, _)| code)
 }
 
-/// Runs `scenario`. With `warned`, what the catalogue warns of is said while the programs start: to find it takes as long as their
-/// start.
+/// Runs `scenario`. With `warned`, the catalogue's warnings are reported while the programs start, because finding them
+/// takes as long as the start.
 fn begun(scenario: &Scenario, options: &Options, warned: bool) -> Result<Outcome, RunFailure> {
     let warn = |progress: Progress| {
         let warnings = catalogue().warnings(scenario);
@@ -111,7 +111,7 @@ fn begun(scenario: &Scenario, options: &Options, warned: bool) -> Result<Outcome
     })
 }
 
-/// The same, with what became of it, and with the warnings about the scenario if it is to be `warned` of.
+/// The same, with the outcome, and with the warnings about the scenario if `warned`.
 fn executed(
     scenario: &Scenario,
     how: &HowArgs,
@@ -141,7 +141,7 @@ fn executed(
     let mut summary = outcome.summary();
     let root = outcome.folder.clone().unwrap_or_default();
     let accounts: Vec<Account> = match &outcome.ending {
-        // Who does not want to wait for the run does not want to wait for its shadows.
+        // If the user stops the run, the shadows are not run either.
         Ending::Stopped { .. } => Vec::new(),
         _ => shadows
             .iter()
@@ -181,7 +181,7 @@ fn executed(
     Ok((outcome.exit_code(), Some(outcome)))
 }
 
-/// What the command line says of a run, apart from its scenario and its page.
+/// The options of a run from the command line, except its scenario and its page.
 pub fn options(how: &HowArgs) -> Options {
     Options {
         in_process: how.in_process,
@@ -204,7 +204,7 @@ pub fn options(how: &HowArgs) -> Options {
     }
 }
 
-/// The server of the page, where one is asked for.
+/// The server of the page, if requested.
 fn live(how: &HowArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
     let Some(port) = how.live.or(how.live_stay.then_some(0)) else {
         return Ok(None);
@@ -216,7 +216,7 @@ fn live(how: &HowArgs) -> Result<Option<(Server, Arc<Steering>)>, String> {
     Ok(Some((server, steering)))
 }
 
-/// The run is over and its folder complete: pages that are open get the whole of it.
+/// The run is over and its folder complete: open pages get the complete data.
 fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result<()> {
     server.finish(outcome.ending.words().unwrap_or_else(|| "complete".to_owned()));
     if !how.live_stay || matches!(outcome.ending, Ending::Stopped { .. }) {
@@ -230,10 +230,10 @@ fn farewell(how: &HowArgs, server: &Server, outcome: &Outcome) -> anyhow::Result
     Ok(())
 }
 
-/// The shadows that were asked for, as far as they can be looked at before anything runs.
+/// The requested shadows, checked as far as possible before the run.
 ///
 /// # Errors
-/// What is wrong with one of them, and the exit code.
+/// The mistake in one of them, and the exit code.
 fn shadows(args: &RunArgs, scenario: &Scenario) -> Result<Vec<Shadow>, (String, i32)> {
     let options = Options {
         interrupt: signals::interrupt(),
@@ -282,7 +282,7 @@ fn print(scenario: &Scenario, outcome: &Outcome) {
     }
 }
 
-/// How the pace of the wall clock was kept.
+/// Reports how the run kept pace with the wall clock.
 fn print_pace(pace: &Punctuality) {
     let held = pace.held.map_or_else(|| "not known".to_owned(), factor);
     println!("pace: {held} times real time held of {}", factor(pace.asked));
@@ -307,7 +307,7 @@ fn print_pace(pace: &Punctuality) {
     }
 }
 
-/// How a run ended, where there is anything to report.
+/// Reports how a run ended, where this needs a message.
 pub fn tell(ending: &Ending) {
     let error = if matches!(ending, Ending::Failed { .. }) {
         "error: "
@@ -319,7 +319,7 @@ pub fn tell(ending: &Ending) {
     }
 }
 
-/// What a shadow said, for people.
+/// The result of a shadow as text.
 fn print_account(account: &Account, out: &mut impl Write) -> std::io::Result<()> {
     writeln!(
         out,

@@ -1,4 +1,4 @@
-//! `escapement sweep SCENARIO`, and what is done with the folders of campaigns: `run`, `merge`, `status`
+//! `escapement sweep SCENARIO`, and the commands for folders of campaigns: `run`, `merge`, `status`
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -110,7 +110,7 @@ pub struct StatusArgs {
     pub json: bool,
 }
 
-/// Does it and reports.
+/// Executes the command and reports.
 pub fn run(command: &SweepCommand) -> anyhow::Result<i32> {
     let done = match command {
         SweepCommand::Campaign(args) => return sweep::run(args),
@@ -124,7 +124,7 @@ pub fn run(command: &SweepCommand) -> anyhow::Result<i32> {
     }))
 }
 
-/// What goes on with a campaign for a rare event: its file says which points come next.
+/// The command that continues a rare-event campaign: its file determines the next points.
 fn rare_command(source: &Source, folder: &Path) -> String {
     format!("{} --out {}", source.file.0.display(), folder.display())
 }
@@ -180,14 +180,14 @@ fn status(args: &StatusArgs) -> Result<i32, CampaignError> {
     let alive = match engine.as_ref().map(|engine| &engine.alive) {
         Some(Ok(alive)) => alive.clone(),
         Some(Err(error)) => {
-            // The folders say how far all is without it.
+            // Optional: the folders alone show the overall progress.
             eprintln!("warning: {error}");
             BTreeSet::new()
         }
         None => BTreeSet::new(),
     };
     let waits = |shard: Option<usize>| shard.is_some_and(|shard| alive.contains(&shard));
-    // Shards that have no folder yet.
+    // Shards without a folder so far.
     let of = engine.as_ref().map_or(0, |engine| engine.of);
     let unseen: Vec<usize> = (1..=of).filter(|shard| !known.contains(shard)).collect();
     let shards = parts.iter().any(|part| part.identity.shard.is_some());

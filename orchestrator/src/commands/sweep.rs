@@ -85,7 +85,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         digests: args.part.audit.is_some() || args.digest.wanted(&args.campaign),
         ..campaign
     };
-    // Where values are drawn, the first of them may be one that cannot be; of a grid somebody wrote every value.
+    // Where values are drawn, the first point may be an impossible one; the values of a grid were all given by the user.
     let tries = if file.is_some() { TRIES } else { 1 };
     let known = known_figures(&campaign, tries).map_err(|error| match &file {
         Some(file) => file.blame(&plan, error, tries.min(campaign.points.len())),
@@ -97,7 +97,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
         None => None,
     };
     let options = Options {
-        // Seeds alone, and draws: those that come after 200 are the same whether they come now or later.
+        // For seeds alone, and for draws, the points after the first 200 are the same whether they are added now or later.
         grows: match &campaign.source {
             Some(source) => source.grows,
             None => args.vary.is_empty(),
@@ -124,7 +124,7 @@ fn sweep(args: &SweepArgs) -> Result<i32, CampaignError> {
     conclude(&campaign, &finished, &figures, figure.as_ref(), &args.campaign)
 }
 
-/// A rare event is looked for by one machine: points of a level depend on those of the level before it.
+/// A rare-event campaign runs on one machine: points of a level depend on those of the level before it.
 fn alone(args: &SweepArgs) -> Result<(), CampaignError> {
     let given = [
         ("--until", args.until.is_some()),
@@ -141,10 +141,10 @@ fn alone(args: &SweepArgs) -> Result<(), CampaignError> {
     }
 }
 
-/// So many points are tried before all of them are taken to be wrong.
+/// Number of points that are tried before all are assumed to be invalid.
 const TRIES: usize = 20;
 
-/// The campaign that the file declares, unless the command line says itself what varies.
+/// The campaign that the file declares, unless the command line gives the variations.
 fn declared(args: &SweepArgs) -> Result<Option<CampaignFile>, CampaignError> {
     let file = CampaignFile::open(&args.scenario.scenario)?;
     if let Some(points) = args.points {

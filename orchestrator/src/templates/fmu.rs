@@ -7,7 +7,7 @@ use fmu::{Draft, Model, Names, Part};
 
 use super::{File, Project};
 
-/// How long a model without a stop time of its own is simulated, s.
+/// The simulated duration of a model without a stop time, s.
 const DURATION: f64 = 10.0;
 
 pub(super) fn files(project: &Project<'_>) -> Result<Vec<File>, String> {
@@ -23,7 +23,7 @@ pub(super) fn files(project: &Project<'_>) -> Result<Vec<File>, String> {
         let model = Model::open(path).map_err(|error| error.to_string())?;
         model.library().map_err(|error| error.to_string())?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        // A file that is named twice makes two participants.
+        // A file that is named twice becomes two participants.
         let real = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
         let place = places
             .entry(real)

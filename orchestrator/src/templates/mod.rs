@@ -1,4 +1,4 @@
-//! Templates of `escapement new`. Their files are part of the program: nothing is read from the sources that it was built from.
+//! Templates of `escapement new`. Their files are embedded in the program: the sources that it was built from are not read.
 
 #[cfg(feature = "capture")]
 mod fmu;
@@ -11,13 +11,13 @@ use project::File;
 pub use project::{Project, Template};
 
 #[cfg(feature = "capture")]
-/// Files of the project's own tree, under the same paths.
+/// Files of the project's own tree, with the same paths.
 macro_rules! stock_files {
     ($($path:literal)*) => { vec![$(File::new($path, include_str!(concat!("../../../", $path)))),*] };
 }
 
 #[cfg(feature = "capture")]
-/// The templates of the stock program; the first is written where none is named.
+/// The templates of the stock program; the first is the default.
 pub const STOCK: [Template; 4] = [
     Template {
         name: "capture",

@@ -1,26 +1,26 @@
-//! A template, and the files that it makes of a project.
+//! Templates, and the files that they create in a project.
 
 use std::path::PathBuf;
 
 pub use crate::commands::project::File;
 
-/// A project that can be written.
+/// A template of a project.
 pub struct Template {
     /// Its name.
     pub name: &'static str,
-    /// What it is, in a line.
+    /// Its description, in a line.
     pub about: &'static str,
-    /// Whether it has to be built, against Escapement's own sources.
+    /// Whether it has to be compiled, with Escapement's own sources.
     pub builds: bool,
-    /// Whether it takes files that the user names.
+    /// Whether it takes files from the user.
     pub takes_files: bool,
     /// The files.
     pub files: fn(&Project<'_>) -> Result<Vec<File>, String>,
-    /// What to do in its folder, each a line for a shell.
+    /// The next commands in its folder, each a shell command line.
     pub next: &'static [&'static str],
 }
 
-/// What is known of a project before it is written.
+/// The data of a project before it is written.
 #[cfg_attr(
     not(feature = "capture"),
     expect(dead_code, reason = "only templates of the stock program look at it")
@@ -28,9 +28,9 @@ pub struct Template {
 pub struct Project<'a> {
     /// The name of its folder.
     pub name: String,
-    /// Where Escapement's sources are, where the user says so.
+    /// The path of Escapement's sources, where the user gives it.
     pub escapement: Option<&'a str>,
-    /// The files that the user names.
+    /// The user's files.
     pub files: &'a [PathBuf],
 }
 

@@ -1,4 +1,4 @@
-//! A program of the user's own, in Rust: the sources of `examples/lander` with a manifest that finds Escapement.
+//! Template of a user's program in Rust: the sources of `examples/lander` with a manifest that refers to Escapement.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use super::{File, Project};
 /// The root of the sources that this program was built from.
 const BUILT_FROM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
-/// Names that a package cannot have here: those of the crates that it links, and of Rust itself.
+/// Names that a package cannot have here: those of the crates that it links, and of Rust's own crates.
 const TAKEN: [&str; 17] = [
     "alloc",
     "core",
@@ -57,12 +57,12 @@ pub(super) fn files(project: &Project<'_>) -> Result<Vec<File>, String> {
     if cfg!(all(target_arch = "x86_64", target_feature = "avx2")) {
         files.push(File::new(".cargo/config.toml", include_str!("rust.config.toml")));
     }
-    // The versions that Escapement was tested with. Cargo takes out what is not needed.
+    // The versions that Escapement was tested with. Cargo removes unused entries.
     files.extend(lock.map(|lock| File::new("Cargo.lock", lock)));
     Ok(files)
 }
 
-/// What stands behind `escapement =` in the manifest, and Escapement's own lock file where it can be read.
+/// The value of `escapement =` in the manifest, and Escapement's own lock file where it can be read.
 fn escapement(said: Option<&str>, built_from: &Path) -> Result<(String, Option<String>), String> {
     if let Some(url) = said.filter(|said| said.contains("://") || said.starts_with("git@")) {
         return Ok((format!("{{ git = {} }}", toml::Value::from(url)), None));
@@ -99,13 +99,13 @@ fn escapement(said: Option<&str>, built_from: &Path) -> Result<(String, Option<S
     }
 }
 
-/// The path without the step up at its end.
+/// The path with a trailing parent step resolved.
 fn shown(path: &Path) -> String {
     let real = path.parent().filter(|_| path.ends_with("..")).and_then(Path::parent);
     real.unwrap_or(path).display().to_string()
 }
 
-/// The name of a package that comes closest to `name`.
+/// A valid package name that is as close as possible to `name`.
 fn package_name(name: &str) -> String {
     let plain = |c: char| {
         if c.is_ascii_alphanumeric() || c == '_' {

@@ -1,7 +1,7 @@
-//! The figures of a capture.
+//! Figures of a capture.
 //!
-//! Peaks and saturation are those of the command before any limit, at the controller's samples, the largest absolute
-//! component of the group. Everything else is the truth's.
+//! Peaks and saturation are those of the unlimited command, at the controller's samples: the largest absolute component of
+//! the group. All other figures are computed from the truth.
 
 use engine::assessment::{Assessment, Figures, Measured, Numbers, stream};
 use lockstep::participant::ParameterError;
@@ -15,10 +15,10 @@ use super::parameters::{Criteria, Limits, Parameters};
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Two stamps closer than this are the same instant: they are the doubles nearest to exact times.
+/// Maximum distance of two stamps of the same instant: stamps are the doubles nearest to exact times.
 const SAME_INSTANT_S: f64 = 1e-9;
 
-/// A capture under assessment.
+/// An assessment of a capture.
 #[derive(Debug)]
 pub struct Capture {
     truth: TruthFields,
@@ -29,7 +29,7 @@ pub struct Capture {
     seen: Seen,
 }
 
-/// Where the truth stands.
+/// The fields of the truth.
 #[derive(Debug)]
 struct TruthFields {
     stream: usize,
@@ -49,7 +49,7 @@ struct TruthFields {
     impact_loss: Numbers<1>,
 }
 
-/// Where the command stands.
+/// The fields of the command.
 #[derive(Debug)]
 struct CommandFields {
     stream: usize,
@@ -59,15 +59,15 @@ struct CommandFields {
     joints: Numbers<7>,
 }
 
-/// What has been seen so far.
+/// The state accumulated so far.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Seen {
     peaks: [f64; 13],
     integrals: [f64; 3],
     commands: u64,
-    /// Commands with a wheel, a thruster axis, a joint, or any of them over its limit.
+    /// Number of commands with a wheel, a thruster axis, a joint, or any of them over its limit.
     over: [u64; 4],
-    /// Of all thrusters, and of their sum.
+    /// The impulse of all thrusters, and of their resultant.
     impulses: [f64; 2],
     swing: f64,
     slosh: f64,
@@ -88,8 +88,8 @@ struct Last {
     impact_loss: f64,
 }
 
-/// The integral of the squared jerk, from second differences of the velocity at the controller's samples: between them the
-/// command is held, so a jerk taken at the plant's own rate would be that of the steps.
+/// The integral of the squared jerk, from second differences of the velocity at the controller's samples. The command is
+/// held between them, so the jerk at the plant's own rate would be that of the command steps.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Jerk {
     samples: u64,
@@ -109,8 +109,8 @@ impl Jerk {
     }
 }
 
-/// The larger of two numbers. Compiled for size, `f64::max` is a call of the C library, dozens at every step of the plant; nothing that is
-/// no number gets here.
+/// The larger of two numbers. In a build optimised for size, `f64::max` is a call of the C library, dozens at every step of
+/// the plant; NaN does not occur here.
 #[inline(always)]
 fn larger(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
@@ -131,7 +131,7 @@ fn length(vector: [f64; 3]) -> f64 {
 }
 
 impl Capture {
-    /// An assessment that has seen nothing yet.
+    /// Creates an assessment without samples.
     ///
     /// # Errors
     /// Names the stream or field that is missing.
@@ -299,7 +299,7 @@ impl Assessment for Capture {
 }
 
 impl Capture {
-    /// The figures of what has been seen.
+    /// The figures of the samples so far.
     pub fn summary(&self) -> Summary {
         let figures = &self.seen;
         let last = figures.last;

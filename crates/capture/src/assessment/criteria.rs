@@ -1,4 +1,4 @@
-//! The criteria that no measure of a scenario can say.
+//! Criteria that a scenario's measures cannot express.
 
 use engine::assessment::Criterion;
 
@@ -7,7 +7,7 @@ use super::summary::Summary;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// What becomes of `criteria` with the figures of `summary`.
+/// Evaluates `criteria` on the figures of `summary`.
 pub fn judged(criteria: &Criteria, summary: &Summary) -> Vec<Criterion> {
     let saturated = criteria.saturated_fraction.map(|limit| {
         let value = summary.saturated_fraction;

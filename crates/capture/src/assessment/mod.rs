@@ -14,10 +14,10 @@ use tape::StreamSpec;
 
 pub use summary::Summary;
 
-/// The assessment that the table `assessment` of a scenario describes.
+/// Creates the assessment that the table `assessment` of a scenario describes.
 ///
 /// # Errors
-/// Names the key that is refused, or the stream that is missing.
+/// Names the key that is rejected, or the stream that is missing.
 pub fn from_table(table: &toml::Table, streams: &[StreamSpec]) -> Result<Box<dyn Assessment>, ParameterError> {
     Ok(Box::new(read(table, streams)?))
 }

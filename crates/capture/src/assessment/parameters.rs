@@ -7,24 +7,24 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Parameters {
-    /// What kind of run it is; there is one kind so far.
+    /// The kind of run; there is one kind so far.
     #[allow(dead_code)] // its only value is checked by reading it
     pub kind: Kind,
-    /// When the end effector shall be on the grasp frame.
+    /// The time at which the end effector is to reach the grasp frame.
     pub grasp_at: Quantity<Time>,
-    /// The stream with the truth, `participant.port`; the one with the message `Truth` unless given.
+    /// The stream with the truth, `participant.port`; unless given, the one with the message `Truth`.
     pub truth: Option<String>,
-    /// The stream with the commands, `participant.port`; the one with the message `Command` unless given.
+    /// The stream with the commands, `participant.port`; unless given, the one with the message `Command`.
     pub command: Option<String>,
-    /// What the actuators have: commands beyond count as saturated.
+    /// The limits of the actuators: commands beyond them count as saturated.
     #[serde(default)]
     pub limits: Limits,
-    /// What the run must achieve.
+    /// The criteria of the run.
     #[serde(default)]
     pub criteria: Criteria,
 }
 
-/// What kind of run it is.
+/// The kind of run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -32,7 +32,7 @@ pub enum Kind {
     Capture,
 }
 
-/// What the actuators have; the stock ones' unless given.
+/// The limits of the actuators; unless given, those of the stock ones.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
@@ -54,12 +54,12 @@ impl Default for Limits {
     }
 }
 
-/// Largest value of each figure that is a success, of what the measures of a scenario cannot say. No criterion unless given.
+/// Upper limits of figures that a scenario's measures cannot express. No criterion unless given.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Criteria {
-    /// Part of the controller's samples with an actuator asked for more than it has.
+    /// Fraction of the controller's samples with an actuator command beyond its limit.
     pub saturated_fraction: Option<f64>,
-    /// Range of each joint, either way from zero: the part of it that is used must not exceed one.
+    /// Range of each joint, symmetric about zero: the fraction of it that is used must not exceed one.
     pub joint_ranges: Option<Each<Angle, 7>>,
 }

@@ -1,46 +1,46 @@
-//! The figures of a run.
+//! Figures of a run.
 
 use engine::assessment::{Criterion, Figures, Measured, short};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// The figures of a run. What could not be measured because the run ended before is absent.
+/// The figures of a run. Figures that could not be measured because the run ended too early are absent.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Why there is no verdict, when the run ended too early.
     pub incomplete: Option<String>,
-    /// Largest torque asked of a wheel, before any limit, N m.
+    /// Largest torque commanded of a wheel, before any limit, N m.
     pub peak_base_torque_n_m: f64,
-    /// Largest force asked along an axis of the base, before any limit, N.
+    /// Largest force commanded along an axis of the base, before any limit, N.
     pub peak_base_force_n: f64,
-    /// Largest torque asked of a joint, before any limit, N m.
+    /// Largest torque commanded of a joint, before any limit, N m.
     pub peak_joint_torque_n_m: f64,
-    /// Largest torque asked of each joint, N m.
+    /// Largest torque commanded of each joint, N m.
     pub peak_torque_of_joints_n_m: [f64; 7],
-    /// Part of the controller's samples with an actuator asked for more than it has.
+    /// Fraction of the controller's samples with an actuator command beyond its limit.
     pub saturated_fraction: f64,
-    /// The same of the wheels alone.
+    /// The same for the wheels alone.
     pub wheels_saturated_fraction: f64,
-    /// The same of the thrusters alone.
+    /// The same for the thrusters alone.
     pub thrusters_saturated_fraction: f64,
-    /// The same of the joints alone.
+    /// The same for the joints alone.
     pub joints_saturated_fraction: f64,
-    /// Integral of the torque asked of the wheels, absolute values of all axes together, N m s.
+    /// Integral of the commanded wheel torque, absolute values of all axes summed, N m s.
     pub base_torque_integral_n_m_s: f64,
-    /// Integral of the force asked of the thrusters, absolute values of all axes together, N s.
+    /// Integral of the commanded thruster force, absolute values of all axes summed, N s.
     pub base_force_integral_n_s: f64,
-    /// Integral of the torques asked of the joints, absolute values of all together, N m s.
+    /// Integral of the commanded joint torques, absolute values of all joints summed, N m s.
     pub joint_torque_integral_n_m_s: f64,
-    /// Impulse of all thrusters together, N s, whether they push or turn: what propellant is used for.
+    /// Impulse of all thrusters summed, N s, for forces and torques alike: a measure of propellant consumption.
     pub thruster_impulse_n_s: f64,
-    /// Impulse of the resulting force, absolute values of all axes together, N s: without what couples use.
+    /// Impulse of the resultant force, absolute values of all axes summed, N s: without the contribution of couples.
     pub net_force_impulse_n_s: f64,
     /// Integral of the squared jerk of the end effector, from its velocity at the controller's samples, m²/s⁵.
     pub jerk_squared_integral_m2_s5: f64,
-    /// Largest swing of the pendulum: the angle between its bob's direction and the hanging one, at most 180 deg.
+    /// Largest swing angle of the pendulum: between the direction of its bob and the hanging one, at most 180 deg.
     pub slosh_max_deg: f64,
-    /// Largest of its two joint angles, unwrapped, deg: smaller than the swing where both are away from zero, larger where a hinge has
-    /// gone round.
+    /// Largest of its two joint angles, unwrapped, deg: smaller than the swing angle where both are non-zero, larger where
+    /// a hinge has made a full turn.
     pub slosh_joint_max_deg: f64,
     /// Largest momentum in a wheel, N m s.
     pub wheel_momentum_max_n_m_s: f64,
@@ -67,7 +67,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// As the figures of a run with the criteria `own` beside `measures`. With criteria, and all of them met, the target is captured.
+    /// As the figures of a run, with the criteria `own` next to `measures`. If there are criteria and all are met, the
+    /// target is captured.
     pub fn figures(self, own: Vec<Criterion>, measures: Vec<Measured>) -> Figures {
         let values = match serde_json::to_value(&self) {
             Ok(Value::Object(values)) => values,
@@ -93,7 +94,7 @@ impl Summary {
         figures
     }
 
-    /// What people look for first, a line each.
+    /// The most important figures, a line each.
     fn lines(&self) -> Vec<String> {
         let lines = [
             ("peak base torque", self.peak_base_torque_n_m, "N m"),

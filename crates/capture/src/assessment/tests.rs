@@ -1,4 +1,4 @@
-//! Figures of runs whose figures are known beforehand.
+//! Tests of figures against runs with known figures.
 
 use interfaces::{Command, Truth};
 use lockstep::port::Message;
@@ -33,7 +33,7 @@ fn assessment(extra: &str) -> Capture {
     read(&toml::from_str(&text).unwrap(), &streams()).unwrap()
 }
 
-/// Feeds 0.1 s, the truth first and then the commands, or both as they come.
+/// Feeds 0.1 s of samples: the truth first and then the commands, or both in time order.
 fn fed(extra: &str, interleaved: bool, truth: impl Fn(f64) -> Truth, command: impl Fn(f64) -> Command) -> Capture {
     let mut assessment = assessment(extra);
     let commands: Vec<f64> = (0..10).map(|k| f64::from(k) * 0.01).collect();
@@ -65,7 +65,7 @@ fn approach(t: f64) -> Truth {
         // a constant jerk of 6 m/s^3 along x
         v_NE_N: [3.0 * t * t, 0.5, 0.0],
         thruster_force_B: [1.0, -2.0, 0.0],
-        // a couple of 0.25 N each beside the force
+        // a couple of 0.25 N each in addition to the force
         thrust: [0.75, 0.25, 0.0, 0.0, 0.0, 0.0, 1.25, 0.75, 0.25, 0.0, 0.0, 0.25],
         slosh_swing: 0.4 * t,
         p_NB_N: [t, 0.0, 0.0],

@@ -1,4 +1,4 @@
-//! The capture's figures and scene for the report: which fields they show, the limits of the actuators, the momentum of each body.
+//! Figures and scene of a capture for the report: fields shown, actuator limits, momentum of each body.
 
 mod momenta;
 mod parameters;
@@ -18,7 +18,7 @@ use momenta::Momenta;
 use parameters::parameters;
 use table::{FIGURES, FigureSpec, Share};
 
-/// What people look for first in the summary of a capture.
+/// The keys of a capture's summary that are shown first.
 const HEADLINE: [&str; 9] = [
     "captured",
     "measures.position_error_at_grasp",
@@ -31,7 +31,7 @@ const HEADLINE: [&str; 9] = [
     "slosh_max_deg",
 ];
 
-/// The view of a run: the figures whose ports and fields it has, whichever participant publishes them, and the instants of the schedule.
+/// The view of a run: the figures whose ports and fields it has, from any participant, and the instants of the schedule.
 pub fn view(streams: &[StreamSpec], plan: &Table) -> View {
     let limits = limits_of(plan);
     let momenta = streams
@@ -109,7 +109,7 @@ impl Computed for Of {
     }
 }
 
-/// The instants that guidance is given.
+/// The instants of the guidance schedule.
 fn schedule(plan: &Table) -> Vec<(String, Rational)> {
     let tables = parameters(plan).filter_map(|parameters| parameters.get("schedule")?.as_table());
     let instants = tables
@@ -118,9 +118,9 @@ fn schedule(plan: &Table) -> Vec<(String, Rational)> {
     instants.collect()
 }
 
-/// The limits of the actuators, from the tables `actuators` of the participants in the plan, else from
-/// `assessment.limits`. The plan is the scenario as the user wrote it with its defaults, so quantities are texts with
-/// units; a plan of another program has other tables, and no limits are drawn then.
+/// The limits of the actuators, from the tables `actuators` of the participants in the plan, else from `assessment.limits`.
+/// The plan is the user's scenario with its defaults, so quantities are texts with units; a plan of another program has
+/// other tables, and no limits are drawn then.
 fn limits_of(plan: &Table) -> BTreeMap<&'static str, Vec<f64>> {
     let mut limits = BTreeMap::new();
     let lookup = |table: &Table, path: &[&str]| {
@@ -155,7 +155,7 @@ fn limits_of(plan: &Table) -> BTreeMap<&'static str, Vec<f64>> {
     limits
 }
 
-/// The numbers of `"0.2 N m"`, `"[320, 40] N m"`, `9.0`; nothing for a unit with a prefix, rather than a wrong line.
+/// Parses `"0.2 N m"`, `"[320, 40] N m"`, `9.0`; returns nothing for a unit with a prefix, rather than a wrong line.
 fn base_units(value: &Value) -> Vec<f64> {
     let text = match value {
         Value::Float(x) => return vec![*x],

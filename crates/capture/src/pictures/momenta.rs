@@ -1,4 +1,4 @@
-//! Momentum of every body by itself, from the recorded motion and the plant's own model in the plan.
+//! Momentum of every single body, from the recorded motion and the plant's model in the plan.
 
 use lockstep::port::Field;
 use lockstep::units::{Each, Inertia, Mass, Quantity, read};
@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::table::{ARM_ANGLES, Names, SLOSH_ANGLES, Share};
 use tape::StreamSpec;
 
-/// What is needed of the target's parameters.
+/// The required parameters of the target.
 #[derive(Deserialize)]
 struct Target {
     mass: Quantity<Mass>,
@@ -33,17 +33,17 @@ struct Fields {
     omega_nt: Field,
 }
 
-/// A bob on a ball joint in the place of the last joints of the tree.
+/// A bob on a ball joint, which replaces the last joints of the tree.
 struct Bob {
     direction: Field,
     /// From the base's origin, base axes, m.
     hinge: Vector3<f64>,
     length: f64,
-    /// About its centre of mass across the rod, kg m².
+    /// About its centre of mass, perpendicular to the rod, kg m².
     inertia: f64,
 }
 
-/// A body at an instant, world axes.
+/// The state of a body at an instant, world axes.
 struct Body {
     mass: f64,
     /// Of its centre of mass.
@@ -65,16 +65,17 @@ pub(super) struct Momenta {
     fields: Fields,
     bob: Option<Bob>,
     target: (f64, Vector3<f64>),
-    /// Names of the bodies that have mass, in the order in which their curves are drawn: those that move most come first.
+    /// Names of the bodies that have mass, in the order in which their curves are drawn: the fastest-moving bodies first.
     names: Vec<String>,
-    /// Their places among the bodies with mass of the tree, the target behind them.
+    /// Their indices among the bodies with mass of the tree, followed by the target.
     order: Vec<usize>,
-    /// How many of them stand before the wheels and the sum.
+    /// The number of them that precede the wheels and the sum.
     leading: usize,
 }
 
 impl Momenta {
-    /// For the stream `spec`, if it tells the whole motion and the plan has the model of the participant that publishes it.
+    /// Creates it for the stream `spec`, if that contains the whole motion and the plan has the model of the participant
+    /// that publishes it.
     pub(super) fn of(spec: &StreamSpec, plan: &toml::Table) -> Option<Momenta> {
         let vector = |names: Names| find(spec, names, 3).cloned();
         let quaternion = |names: Names| find(spec, names, 4).cloned();
@@ -140,7 +141,7 @@ impl Momenta {
         })
     }
 
-    /// The labels of the curves of a figure, in the order in which [`Momenta::values`] gives them.
+    /// The labels of the curves of a figure, in the order of [`Momenta::values`].
     pub(super) fn labels(&self, share: Share) -> Vec<String> {
         let (leading, arm) = self.names.split_at(self.leading);
         let with = |others: &[&str]| {
@@ -240,8 +241,8 @@ impl Momenta {
         bodies
     }
 
-    /// The bob on its ball joint, base axes. Of its angular velocity w the tape has x and y; the rest follows from w ⟂ d,
-    /// where the bob does not lie across base z.
+    /// The bob on its ball joint, base axes. The tape has the x and y components of its angular velocity w; the rest
+    /// follows from w ⟂ d, except where the bob is perpendicular to base z.
     fn bob_at(&self, bob: &Bob, mass: f64, payload: &[u8], omega: Vector3<f64>, v: Vector3<f64>) -> Body {
         let d = vector(&bob.direction, payload);
         let [y, x] = [0, 1].map(|i| self.fields.slosh_rate.value(payload, i));
@@ -256,7 +257,7 @@ impl Momenta {
     }
 }
 
-/// The bob of the tree's last body, which hangs along base -z at zero.
+/// The bob of the tree's last body, which hangs along base -z at zero angles.
 fn bob(tree: &DynTree, description: &Description, direction: Field) -> Option<Bob> {
     let rest = DynState {
         p_nb: Vector3::zeros(),

@@ -1,4 +1,4 @@
-//! What participants are given, as a plan has it.
+//! Parameters of participants, from a plan.
 
 use toml::{Table, Value};
 

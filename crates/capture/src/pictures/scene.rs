@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use super::table::{ARM_ANGLES, FORCE, Names, SLOSH_ANGLES, TORQUE};
 use super::target;
 
-/// The port that tells how everything is.
+/// The port with the complete state of motion.
 const TRUTH: &str = "truth";
 
 const TOOL_PATH: [f64; 3] = [0.16, 0.62, 0.98];
@@ -19,7 +19,7 @@ const BASE_PATH: [f64; 3] = [0.55, 0.60, 0.68];
 const FORCE_COLOUR: [f64; 3] = [0.98, 0.62, 0.16];
 const TORQUE_COLOUR: [f64; 3] = [0.74, 0.42, 0.96];
 
-/// The scene of a run that tells where the base is, and what of the models in its plan cannot be drawn.
+/// The scene of a run that has the position of the base, and the errors of those models in its plan that cannot be drawn.
 pub(super) fn scene(streams: &[StreamSpec], plan: &Table) -> (Option<Scene>, Vec<String>) {
     let mut notes = Vec::new();
     let has = |port: &str, name: &str| {
@@ -84,7 +84,7 @@ pub(super) fn scene(streams: &[StreamSpec], plan: &Table) -> (Option<Scene>, Vec
     }
     let scene = Scene {
         frame: "N".into(),
-        // The approach of the stock scenarios runs along z, from left to right; x is upwards.
+        // The approach of the stock scenarios is along z, from left to right; x is upwards.
         up: [1.0, 0.0, 0.0],
         camera: None,
         cameras: cameras(),
@@ -148,7 +148,7 @@ fn fixed(name: &str, axes: f64) -> Body {
     }
 }
 
-/// A body whose pose is told under these names, with its axes.
+/// A body whose pose has these field names, with its axes.
 fn posed(name: &str, label: &str, port: &str, position: &str, attitude: Option<&str>, axes: f64) -> Body {
     Body {
         name: name.into(),
@@ -158,7 +158,7 @@ fn posed(name: &str, label: &str, port: &str, position: &str, attitude: Option<&
             of: Signal::at(port, &[attitude]),
             scalar_last: false,
         }),
-        // Axes without an attitude would be those of the world.
+        // Without an attitude, the axes would be those of the world.
         shapes: attitude.map(|_| Shape::Frame(axes)).into_iter().collect(),
         colour: None,
         once: false,
@@ -176,7 +176,7 @@ fn path(label: &str, colour: [f64; 3], width: f64) -> Shape {
     })
 }
 
-/// The servicer: its model where the plan has one, what acts on its base, where that goes.
+/// The servicer: its model where the plan has one, the loads on its base, its path.
 fn base(model: Option<Model>, streams: &[StreamSpec]) -> Body {
     let attitude = streams
         .iter()
@@ -200,7 +200,7 @@ fn base(model: Option<Model>, streams: &[StreamSpec]) -> Body {
         unreachable!("a path is one")
     };
     body.shapes.push(Shape::Path(Path { opacity: 0.55, ..path }));
-    // What acts is drawn; the command only where no stream has what acted.
+    // Applied loads are drawn; the command only where no stream has the applied loads.
     for (names, label, heads, colour) in [
         (FORCE, "base force", 1, FORCE_COLOUR),
         (TORQUE, "base torque", 2, TORQUE_COLOUR),
@@ -228,7 +228,7 @@ fn base(model: Option<Model>, streams: &[StreamSpec]) -> Body {
     body
 }
 
-/// The angles of the arm and of the pendulum, as many as the model has joints for; none where there are fewer.
+/// The angles of the arm and of the pendulum, as many as the model has joints; none where there are fewer.
 fn joints(model: &Model, streams: &[StreamSpec]) -> Vec<Signal> {
     let length = |names: Names| {
         let truth = streams.iter().filter(|spec| spec.port == TRUTH);

@@ -1,8 +1,8 @@
-//! The table of figures: what the report draws, from which fields, in one place.
+//! Table of figures: what the report draws, from which fields, in one place.
 //!
-//! A row names ports and fields, never types. A field may go by several names (the first that a stream has is taken); a
-//! curve whose fields nobody publishes is left out, and a figure without curves too. So the table serves the stock
-//! participants, their variants, and anybody's own participant that uses the same names.
+//! A row names ports and fields, never types. A field may have several names (the first that a stream has is used); a curve
+//! whose fields no stream has is left out, and a figure without curves too. So the table serves the stock participants,
+//! their variants, and every user's participant that uses the same names.
 
 /// The names of the field with the arm's joint angles, rad.
 pub(super) const ARM_ANGLES: Names = &["q"];
@@ -11,23 +11,23 @@ pub(super) const SLOSH_ANGLES: Names = &["slosh", "q_slosh"];
 
 /// A figure.
 pub(super) struct FigureSpec {
-    /// Short and stable: names files and anchors.
+    /// Identifier, short and stable: used in file names and anchors.
     pub(super) id: &'static str,
-    /// The heading under which the figure stands.
+    /// The heading of the figure's section on the page.
     pub(super) group: &'static str,
     pub(super) title: &'static str,
     /// The unit drawn.
     pub(super) unit: &'static str,
-    /// From the unit of the fields to the unit drawn.
+    /// The factor from the unit of the fields to the unit drawn.
     pub(super) scale: f64,
     pub(super) curves: &'static [Curve],
-    /// The key of the limits, in the fields' unit, among [`super::limits_of`]'s.
+    /// The key of the limits, in the fields' unit, in the result of [`super::limits_of`].
     pub(super) limits: Option<&'static str>,
 }
 
-/// Curves that follow from one stream.
+/// Curves computed from one stream.
 pub(super) struct Curve {
-    /// The name of the port, whoever owns it.
+    /// The name of the port, of any participant.
     pub(super) port: &'static str,
     pub(super) formula: Formula,
     /// One label per curve; empty: `x y z`, or numbers.
@@ -37,7 +37,7 @@ pub(super) struct Curve {
 /// The names a field may have.
 pub(super) type Names = &'static [&'static str];
 
-/// What is drawn of the fields.
+/// The quantity that is drawn of the fields.
 #[derive(Clone, Copy)]
 pub(super) enum Formula {
     /// Every element.
@@ -50,24 +50,24 @@ pub(super) enum Formula {
     Distance(Names, Names),
     /// The angle between two attitudes (quaternions, scalar first), rad.
     Angle(Names, Names),
-    /// A position from an origin, both in world axes, in the axes of an attitude.
+    /// A position relative to an origin, both in world axes, transformed to the axes of an attitude.
     PositionIn(Names, Names, Names),
-    /// The vector part of the quaternion of an attitude in the axes of another, of the shorter turn.
+    /// The vector part of the relative quaternion from one attitude to another, for the shorter rotation.
     AttitudeIn(Names, Names),
     /// The rotation vector of an attitude, rad.
     RotationVector(Names),
-    /// Of each body, of the wheels and of all together.
+    /// The momentum of each body, of the wheels and of all together.
     Bodies(Share),
 }
 
-/// Which figure of the bodies' momenta.
+/// The quantity of a figure of the bodies' momenta.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Share {
     /// Linear momentum along a world axis, kg m/s.
     Linear(usize),
     /// Angular momentum along a world axis about the common centre of mass, of the motion relative to it, N m s.
     Angular(usize),
-    /// Where the common centre of mass is, world axes, m.
+    /// The position of the common centre of mass, world axes, m.
     Centre,
 }
 

@@ -1,4 +1,4 @@
-//! The target as it is drawn where no model of it is given: a satellite whose grapple fixture lies at the grasp point.
+//! Default model of the target: a satellite with a grapple fixture at the grasp point.
 
 use lockstep::units;
 use multibody::nalgebra::{Rotation3, Vector3};
@@ -7,7 +7,7 @@ use toml::Table;
 
 use super::parameters::parameters;
 
-/// Its solids in the target's axes; none where the plan does not say where the grasp point is.
+/// Its solids in the target's axes; none where the plan does not give the grasp point.
 pub(super) fn solids(plan: &Table) -> Vec<Solid> {
     let grasp = parameters(plan).find_map(|table| table.get("target")?.get("grasp")?.get("position")?.as_str());
     let Some(g) = grasp.and_then(|text| <[f64; 3]>::try_from(units::convert(text, "m").ok()?.0).ok()) else {
@@ -27,11 +27,11 @@ struct Satellite {
     solids: Vec<Solid>,
     /// The distance of the grasp point from the origin, m: the unit of every length.
     d: f64,
-    /// The axis that the face with the grasp point is across.
+    /// The axis normal to the face with the grasp point.
     axis: usize,
     /// The edges of the bus, m.
     size: [f64; 3],
-    /// Turns a frame whose z points out of that face into the target's axes.
+    /// The rotation from a frame whose z axis is the outward normal of that face to the target's axes.
     out: Rotation3<f64>,
     rpy: [f64; 3],
 }
@@ -62,7 +62,7 @@ impl Satellite {
         });
     }
 
-    /// A solid that stands on the face with the grasp point, lengths and place in terms of its distance.
+    /// A solid on the face with the grasp point; sizes and position are multiples of the point's distance.
     fn on(&mut self, kind: Kind, size: [f64; 3], place: [f64; 3], role: &'static str) {
         let at = self.out * (Vector3::from(place) * self.d);
         self.add(kind, size.map(|length| length * self.d), at.into(), role);
@@ -71,7 +71,7 @@ impl Satellite {
         }
     }
 
-    /// The bus with rails along all edges, cells on its sides, and wings along the longer axis of the face.
+    /// The bus with rails along all edges, solar cells on its sides, and wings along the longer axis of the face.
     fn bus(&mut self) {
         let (d, size, axis) = (self.d, self.size, self.axis);
         self.add(Kind::Box, size, [0.0; 3], "silver");
@@ -107,8 +107,8 @@ impl Satellite {
         }
     }
 
-    /// A launch ring behind, and in front the grapple fixture: a ring to hold, a post in its middle, a plate with marks for the camera;
-    /// beside it a nozzle and an aerial.
+    /// A launch ring at the back; at the front the grapple fixture: a ring to hold, a post in its middle, a plate with
+    /// marks for the camera; next to it a nozzle and an antenna.
     fn fixture(&mut self) {
         use Kind::{Box, Cylinder, Sphere};
         self.on(Cylinder, [0.42, 0.42, 0.06], [0.0, 0.0, -1.0], "metal");

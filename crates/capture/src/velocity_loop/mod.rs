@@ -1,8 +1,8 @@
-//! Stability of the stock controller's sampled velocity loop with the robot and the delays of a scenario, at the configurations
-//! through which it goes: start, pointing, grasp.
+//! Stability of the stock controller's sampled velocity loop with the robot and the delays of a scenario, at the
+//! configurations on its path: start, pointing, grasp.
 //!
-//! Only where the stock controller reads the stock plant and commands it. The outer loop, the bound of the feedback and the
-//! actuators' limits are not in it.
+//! The analysis applies only where the stock controller reads the stock plant and commands it. It does not include the
+//! outer loop, the bound of the feedback and the actuators' limits.
 
 mod path;
 
@@ -21,9 +21,9 @@ use engine::scenario::{Entry, Program, Scenario};
 pub use path::Configuration;
 use path::time;
 
-/// The stated margin: the loop stays stable with all gains this much larger …
+/// The stated margin: the loop stays stable with all gains multiplied by this factor …
 pub const GAIN_MARGIN: f64 = 1.25;
-/// … and, at its own gains, with commands later by this part of the controller's period.
+/// … and, at its own gains, with commands delayed by this fraction of the controller's period.
 pub const DELAY_MARGIN_PERIODS: f64 = 0.5;
 
 /// The loop of one controller.
@@ -31,18 +31,18 @@ pub const DELAY_MARGIN_PERIODS: f64 = 0.5;
 pub struct VelocityLoop {
     /// The controller's name.
     pub controller: String,
-    /// Age of what it reads, s.
+    /// Age of the measurement it reads, s.
     pub measured_delay_s: f64,
-    /// Time until its command acts, s.
+    /// Delay until its command takes effect, s.
     pub command_delay_s: f64,
-    /// What the analysis says, along the path.
+    /// The results of the analysis, along the path.
     pub configurations: Vec<Assessed>,
 }
 
 /// One configuration.
 #[derive(Debug, Clone, Serialize)]
 pub struct Assessed {
-    /// Where on the path.
+    /// Its name on the path.
     pub name: &'static str,
     /// Joint angles, deg.
     pub joints_deg: Vec<f64>,
@@ -67,14 +67,15 @@ impl Assessed {
     }
 }
 
-/// The loops of a scenario's stock controllers. One whose parameters are refused is left out: the run says so.
+/// The loops of a scenario's stock controllers. A loop whose parameters are rejected is left out: the run reports the
+/// error.
 pub fn loops(scenario: &Scenario) -> Vec<VelocityLoop> {
     let controllers = scenario.participants.iter().filter(|entry| is(entry, "controller"));
     controllers.filter_map(|entry| assess(scenario, entry)).collect()
 }
 
-/// The loops as findings of `check`: where the spectral radii lie, and whether the margin is there. Those that are unstable, or stable
-/// without the stated margin, are warned of: one line for each, about its worst configuration. Nothing of it keeps a run from starting.
+/// The loops as findings of `check`: the spectral radii, and whether the margin is met. There is one warning for each loop
+/// that is unstable, or stable without the stated margin, about its worst configuration. No finding prevents a run.
 pub fn findings(scenario: &Scenario) -> Vec<Finding> {
     let loops = loops(scenario);
     if loops.is_empty() {
@@ -217,7 +218,7 @@ fn assess_at(
     })
 }
 
-/// Whether `entry` is this participant of our own.
+/// Whether `entry` is this stock participant.
 fn is(entry: &Entry, name: &str) -> bool {
     matches!(&entry.program, Program::Builtin(builtin) if builtin == name)
 }
@@ -281,7 +282,7 @@ fn lags(plant: &Entry) -> Vec<f64> {
     lags.flatten().collect()
 }
 
-/// How old a rate can be that a sensor samples and holds, s: nothing where the controller reads it at the instants of the sensor.
+/// The age of a rate that a sensor samples and holds, s: zero where the controller reads it at the instants of the sensor.
 fn sampling_delay(plant: &Entry, link: &Timing, period: f64) -> f64 {
     let sensors = table(&plant.setup.parameters, "sensors");
     let every = |sensor: &str| {

@@ -1,7 +1,7 @@
-//! The joint angles that the stock laws ask for on their way to the grasp.
+//! The joint angles that the stock guidance and controller command on their way to the grasp.
 //!
-//! Guidance and controller of the scenario are stepped against a servicer that follows every virtual velocity exactly. That needs
-//! neither gains nor forces, so a loop that is unstable has a path all the same, and it takes milliseconds.
+//! Guidance and controller of the scenario are stepped with a servicer that follows every virtual velocity exactly. This
+//! needs neither gains nor forces, so an unstable loop has a path as well, and it takes milliseconds.
 
 use guidance_laws::TargetState as TargetMotion;
 use guidance_laws::target::TargetModel;
@@ -11,19 +11,20 @@ use lockstep::participant::{Inputs, Outputs, ParameterError, Participant, Setup,
 use multibody::nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use toml::{Table, Value};
 
-/// Time between two looks of both laws, s: the outer loop answers within a second, and joints turn by less than 0.2 deg in it.
+/// Time between two evaluations of both laws, s: the outer loop responds within a second, and joints turn by less than 0.2
+/// deg in this time.
 const STEP_S: f64 = 0.05;
 
 /// A configuration on the path.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Configuration {
-    /// Where on the path.
+    /// Its name on the path.
     pub name: &'static str,
     /// Joint angles, deg.
     pub joints_deg: Vec<f64>,
 }
 
-/// Makes a stock participant.
+/// Creates a stock participant.
 type Make = fn(&Setup) -> Result<Box<dyn Participant>, ParameterError>;
 
 /// A stock participant with its buffers.
@@ -69,13 +70,13 @@ impl Stepped {
     }
 }
 
-/// The configuration in which the plant starts.
+/// The initial configuration of the plant.
 pub(super) fn start(plant: &Setup) -> Option<Configuration> {
     let (truth, _) = at_start(plant)?;
     Some(configuration("start", &truth.q))
 }
 
-/// The configurations at the start, when the end effector points and at the grasp. `None` when a participant refuses its
+/// The configurations at the start, when the end effector points, and at the grasp. `None` when a participant rejects its
 /// parameters, which the run itself reports.
 pub(super) fn path(plant: &Setup, controller: &Setup, guidance: &Setup) -> Option<Vec<Configuration>> {
     let instants = [("pointing", "point"), ("grasp", "grasp")];
@@ -103,7 +104,7 @@ pub(super) fn path(plant: &Setup, controller: &Setup, guidance: &Setup) -> Optio
     Some(found)
 }
 
-/// Both laws look, and the servicer moves as they ask.
+/// Evaluates both laws, and moves the servicer accordingly.
 fn follow(
     servicer: &mut Measured,
     target: &TargetMotion,
@@ -145,11 +146,11 @@ fn follow(
     Some(())
 }
 
-/// The same law, as it looks at an exact target every [`STEP_S`].
+/// The same law, evaluated with an exact target every [`STEP_S`].
 fn looking(setup: &Setup) -> Setup {
     let mut looking = setup.clone();
     looking.period = STEP_S;
-    // A filter in front of the guidance changes when the target is known, not where it goes.
+    // A filter upstream of the guidance changes the time at which the target is known, not its motion.
     looking.parameters.remove("navigation");
     looking.parameters.remove("predict_target");
     looking
@@ -185,7 +186,7 @@ fn unit([w, i, j, k]: [f64; 4]) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k))
 }
 
-/// A time as a scenario writes it, s.
+/// A time as written in a scenario, s.
 pub(super) fn time(table: &Table, key: &str) -> Option<f64> {
     let text = table.get(key).and_then(Value::as_str)?;
     lockstep::units::convert(text, "s").ok()?.0.first().copied()

@@ -1,25 +1,25 @@
-//! A figure with a limit, and figures in words.
+//! Criteria: figures with a limit, and their text.
 
 use serde::{Deserialize, Serialize};
 
 /// A figure with a limit.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Criterion {
-    /// Which figure.
+    /// The figure.
     pub name: String,
-    /// What it is, in `unit`; absent when it was not measured.
+    /// Its value, in `unit`; absent when it was not measured.
     pub value: Option<f64>,
-    /// The largest value that is a success; any, unless given.
+    /// The largest value that is a success; no upper limit unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limit: Option<f64>,
-    /// The least value that is one.
+    /// The least value that is a success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_least: Option<f64>,
     /// The unit of all.
     pub unit: String,
-    /// Whether it is one.
+    /// Whether the criterion is met.
     pub met: bool,
-    /// At which instant the figure was reached, s, where it is the value of one.
+    /// The instant at which the figure was reached, s, where it is the value of an instant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub t_s: Option<f64>,
     /// Why it was not measured.
@@ -39,7 +39,8 @@ impl Criterion {
         }
     }
 
-    /// By how much it is not met, and when: `2.00 mm too much at t = 3.2 s`. `None` where it is met or was not measured.
+    /// The amount by which it is missed, and when: `2.00 mm too much at t = 3.2 s`. `None` where it is met or was not
+    /// measured.
     pub fn miss(&self) -> Option<String> {
         let value = self.value.filter(|_| !self.met)?;
         let (by, word) = match (self.limit, self.at_least) {
@@ -51,7 +52,7 @@ impl Criterion {
         Some(format!("{}{} too {word}{when}", short(by), behind(&self.unit)))
     }
 
-    /// A line for people: what it is, the limit, and by how much and when it is missed.
+    /// A line of text: the figure, the limit, and by how much and when it is missed.
     pub fn line(&self) -> String {
         let mark = if self.met { "ok  " } else { "FAIL" };
         let value = match (self.value, &self.reason) {
@@ -65,7 +66,7 @@ impl Criterion {
     }
 }
 
-/// A unit behind a number: nothing behind a pure number.
+/// A unit after a number: empty for a pure number.
 pub fn behind(unit: &str) -> String {
     if unit == "1" || unit.is_empty() {
         String::new()

@@ -76,10 +76,10 @@ impl<const N: usize> Numbers<N> {
         }
     }
 
-    /// The numbers in `payload`.
+    /// The field's numbers in `payload`.
     #[inline]
     pub fn read(&self, payload: &[u8]) -> [f64; N] {
-        // Nearly all are doubles, and there are a dozen fields to read at every step of the plant.
+        // Fast path: nearly all fields are doubles, and a dozen are read at every step of the plant.
         if self.0.element == Element::F64 {
             let (doubles, _) = payload[self.0.offset as usize..].as_chunks::<8>();
             let doubles = &doubles[..N];

@@ -1,4 +1,4 @@
-//! A figure that a scenario declares.
+//! Values of the figures that a scenario declares.
 
 use serde_json::{Map, Value, json};
 
@@ -7,7 +7,7 @@ use super::criterion::{Criterion, behind, short};
 /// A declared figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// The unit of the figure.
     pub unit: String,
@@ -17,12 +17,12 @@ pub struct Measured {
     pub t_s: Value,
     /// Why it, or an element of it, was not measured.
     pub reason: Option<String>,
-    /// What it must keep to, where there is a limit.
+    /// Its criterion, where there is a limit.
     pub criterion: Option<Criterion>,
 }
 
 impl Measured {
-    /// As it stands in `summary.json`.
+    /// As written to `summary.json`.
     pub fn json(&self) -> Value {
         let mut entry = Map::new();
         entry.insert("value".into(), self.value.clone());
@@ -36,7 +36,7 @@ impl Measured {
         Value::Object(entry)
     }
 
-    /// A line for people: that of the criterion, or the figure.
+    /// A line of text: that of the criterion, or the figure.
     pub fn line(&self) -> String {
         if let Some(criterion) = &self.criterion {
             return criterion.line();

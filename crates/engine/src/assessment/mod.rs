@@ -1,4 +1,4 @@
-//! What a run is judged by: figures of merit, computed while the samples pass by.
+//! Assessments: figures of merit, computed online from the samples, and criteria.
 
 mod criterion;
 mod fields;
@@ -13,17 +13,17 @@ pub use measured::Measured;
 /// The figures of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Figures {
-    /// The figures as they stand in `summary.json`, by name with unit suffix.
+    /// The figures as written to `summary.json`, by name with unit suffix.
     pub values: Map<String, Value>,
     /// The figures that the scenario declares.
     pub measures: Vec<Measured>,
-    /// The criteria and what became of them, those of the measures included.
+    /// The criteria and their results, those of the measures included.
     pub criteria: Vec<Criterion>,
     /// Why there is no verdict, when the run ended too early.
     pub incomplete: Option<String>,
-    /// The verdict for people, in the words of an assessment; else it is that of the criteria.
+    /// The verdict as text, in the words of an assessment; else it follows from the criteria.
     pub headline: Option<String>,
-    /// The values for people, a line each.
+    /// The values as text, a line each.
     pub lines: Vec<String>,
 }
 
@@ -33,7 +33,7 @@ impl Figures {
         self.incomplete.is_none() && self.criteria.iter().all(|criterion| criterion.met)
     }
 
-    /// What the verdict is called: `met`, `not-met`, or `complete` where there are no criteria.
+    /// The word for the verdict: `met`, `not-met`, or `complete` where there are no criteria.
     pub fn verdict(&self) -> &'static str {
         match (self.met(), &self.criteria[..]) {
             (true, []) => "complete",
@@ -42,7 +42,7 @@ impl Figures {
         }
     }
 
-    /// With the figures `measures` beside them, and their criteria before the others.
+    /// Adds the figures `measures`, and puts their criteria before the others.
     #[must_use]
     pub fn with(mut self, measures: Vec<Measured>) -> Figures {
         let declared = measures.iter().filter_map(|measure| measure.criterion.clone());
@@ -51,7 +51,7 @@ impl Figures {
         self
     }
 
-    /// For people: the verdict, the criteria, and the other figures, without a line end behind the last line.
+    /// As text: the verdict, the criteria, and the other figures, without a final newline.
     pub fn text(&self) -> String {
         let missed = self.criteria.iter().filter(|criterion| !criterion.met).count();
         let verdict = match (&self.headline, self.criteria.len(), missed) {
@@ -66,7 +66,7 @@ impl Figures {
         lines.chain(self.lines.clone()).collect::<Vec<_>>().join("\n")
     }
 
-    /// As they stand in `summary.json`.
+    /// As written to `summary.json`.
     pub fn json(&self) -> Map<String, Value> {
         let mut all = self.values.clone();
         if !self.measures.is_empty() {
@@ -83,33 +83,34 @@ impl Figures {
     }
 }
 
-/// An assessment under way. The order in which samples of different streams arrive does not matter.
+/// An assessment in progress. The order in which samples of different streams arrive does not matter.
 pub trait Assessment: Send {
-    /// Whether it takes in samples of stream number `stream`: an output that is not read need not be computed. Unless given: all of them.
+    /// Whether it reads stream number `stream`: an output that is not read need not be computed. By default it reads all.
     fn reads(&self, stream: usize) -> bool {
         let _ = stream;
         true
     }
 
-    /// Takes in a sample of stream number `stream` with its stamp, s.
+    /// Processes a sample of stream number `stream` with its stamp, s.
     fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]);
 
-    /// What has been taken in, for an assessment that goes on from here with samples that no tape has ([`[record]`](crate::run::Kept)). Unless given:
-    /// `None`, and a run is not saved in which it reads a stream that is not recorded whole.
+    /// The state, for an assessment that must continue after samples that no tape has ([`[record]`](crate::run::Kept)). By
+    /// default `None`; then a run in which it reads a stream that is not recorded completely cannot be saved.
     fn save(&self) -> Option<Vec<u8>> {
         None
     }
 
-    /// Goes on from what another one of the same kind has [saved](Assessment::save). `lacks` says of which streams not every sample
-    /// before has been given to this one; what reads others only has taken them in.
+    /// Replaces the state by one that another assessment of the same kind has [saved](Assessment::save). `lacks` has a flag
+    /// for each stream of which this assessment has not received every earlier sample; if it reads only other streams, its
+    /// present state is complete.
     ///
     /// # Errors
-    /// Why that cannot be done.
+    /// Why the state cannot be restored.
     fn restore(&mut self, saved: &[u8], lacks: &[bool]) -> Result<(), String> {
         let _ = (saved, lacks);
         Err("the assessment has no `restore`".into())
     }
 
-    /// The figures of what has been seen, with `measures`, which the scenario declares, [beside them](Figures::with).
+    /// The figures of the samples so far, combined [with](Figures::with) `measures`, which the scenario declares.
     fn finish(&mut self, measures: Vec<Measured>) -> Figures;
 }

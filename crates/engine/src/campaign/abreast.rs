@@ -1,4 +1,5 @@
-//! The points that a worker has under way: each goes on to a step that can be done beside those of others, and then these are done together.
+//! Points that one worker runs side by side: each advances to a step that can be computed in the lanes of the others, and
+//! these steps are then computed together.
 
 use std::cell::Cell;
 use std::sync::Arc;
@@ -22,11 +23,11 @@ struct Point {
     run: Box<Abreast>,
 }
 
-/// A point that is over: its ticket and what became of it.
+/// A point that is over: its ticket and its result.
 pub type Over = (u64, PointResult);
 
 impl Points {
-    /// None yet, of programs in `catalogue`.
+    /// Creates the set without points; their programs are in `catalogue`.
     pub fn new(catalogue: Arc<Catalogue>) -> Points {
         Points {
             catalogue,
@@ -35,12 +36,13 @@ impl Points {
         }
     }
 
-    /// Whether none is under way.
+    /// Whether no point is under way.
     pub fn is_empty(&self) -> bool {
         self.under_way.is_empty()
     }
 
-    /// Begins a point, beside the others if it can go so and is not to go `alone`. Gives it back when it is over already.
+    /// Begins a point, beside the others where it supports that and is not to run `alone`. Returns the point if it is
+    /// already over.
     pub fn begin(&mut self, ticket: u64, order: Order, alone: bool) -> Option<Over> {
         match order.begin(&self.catalogue, alone) {
             Begun::Over(result) => Some((ticket, result)),
@@ -51,11 +53,11 @@ impl Points {
         }
     }
 
-    /// Every point goes on by a step. Gives those that are over.
+    /// Advances every point by a step. Returns the points that are over.
     pub fn advance(&mut self) -> Vec<Over> {
         let mut over = Vec::new();
         let (under_way, stride) = (&mut self.under_way, &mut self.stride);
-        // The point that goes on by itself; none while the steps of all are done.
+        // The point that advances alone at the moment; none while the steps of all points are computed.
         let by_itself = Cell::new(None);
         let unharmed = caught(|| {
             for _ in 0..STRIDE {
@@ -86,10 +88,10 @@ impl Points {
             (Err(result), Some(at)) => {
                 let point = self.under_way.remove(at);
                 over.push((point.ticket, result));
-                // What a panic has left behind may panic again.
+                // The state that a panic left behind may panic again when dropped.
                 let _ = caught(|| drop(point.run));
             }
-            // Whose step it was is not known, and all are half done: each is run again by itself.
+            // Which point's step panicked is not known, and every step is half done: each point is run again alone.
             (Err(_), None) => {
                 for Point { ticket, order, run } in std::mem::take(&mut self.under_way) {
                     let _ = caught(|| drop(run));
@@ -103,5 +105,5 @@ impl Points {
     }
 }
 
-/// So many steps are done before new points are looked for, and between two settings of what catches a panic.
+/// Number of steps before the worker looks for new points, and between two set-ups of the panic handler.
 const STRIDE: usize = 64;

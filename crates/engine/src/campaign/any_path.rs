@@ -1,4 +1,4 @@
-//! A path in JSON: text where it is text, else its bytes.
+//! Paths in JSON: as text where they are valid text, else as bytes.
 
 use std::ffi::OsString;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A path as JSON has it: not every path is text.
+/// A path in JSON: not every path is valid text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AnyPath(pub PathBuf);
 

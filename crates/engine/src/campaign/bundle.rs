@@ -1,6 +1,6 @@
-//! A campaign with everything that it needs, in one folder: it runs wherever the folder is copied to.
+//! Bundles: a campaign with all files that it needs in one folder, which runs wherever the folder is copied to.
 //!
-//! The folder has the places of the files to each other, below `tree`: relative paths lead where they led.
+//! Below `tree` the files keep their positions relative to each other, so that relative paths stay valid.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -16,16 +16,16 @@ use super::{Campaign, CampaignError};
 use crate::Catalogue;
 use crate::scenario::{Named, RunSpec, Scenario, each_in, each_named, value};
 
-/// What a bundle has and lacks.
+/// A bundle: its contents, and what it lacks.
 #[derive(Debug)]
 pub struct Bundle {
     /// The folder.
     pub root: PathBuf,
-    /// The program in it, which runs it.
+    /// The program in the bundle that runs it.
     pub program: PathBuf,
-    /// What it is of.
+    /// The identity of its campaign.
     pub identity: Identity,
-    /// What it needs and does not have: every machine must have it.
+    /// Dependencies that the bundle does not contain: every machine must have them.
     pub left: Vec<String>,
 }
 
@@ -36,11 +36,11 @@ fn refuse(path: &Path, reason: impl Into<String>) -> CampaignError {
     }
 }
 
-/// Writes `campaign` with its scenario, all files that belong to it, the files and folders `include`, and this program to the folder `root`,
-/// which is new, or a bundle of the same campaign or of one that has grown to this one.
+/// Writes `campaign` with its scenario, all files that belong to it, the files and folders `include`, and this program to
+/// the folder `root`. The folder is new, or holds a bundle of the same campaign or of one that has grown to this one.
 ///
 /// # Errors
-/// When the folder is of something else, a file cannot be read, or the scenario in the bundle is not the same.
+/// When the folder belongs to something else, a file cannot be read, or the scenario in the bundle differs.
 pub fn bundle(
     root: &Path,
     catalogue: &Arc<Catalogue>,
@@ -77,7 +77,7 @@ pub fn bundle(
         let from = std::path::absolute(path).map_err(failed(path, "find the file"))?;
         contents.bring(&from);
     }
-    // Whole under another name first: half a bundle never looks like one.
+    // Written completely under another name first: a partial bundle never looks like a complete one.
     let mut draft = root.as_os_str().to_owned();
     draft.push(".part");
     let draft = PathBuf::from(draft);
@@ -90,7 +90,7 @@ pub fn bundle(
     if let Some(source) = &mut identity.source {
         source.file = AnyPath(contents.place(&source.file.0));
     }
-    // What has another program from the start does not need its own.
+    // A participant that is substituted in all points does not need its own program.
     let replaced = |one: &str| {
         let mut names = changes.substitutes.iter().map(|(name, _)| name);
         names.any(|name| one.starts_with(&format!("participants.{name}.run=")))
@@ -110,7 +110,7 @@ pub fn bundle(
     })
 }
 
-/// Whether the scenario in the bundle says what it says outside.
+/// Checks that the scenario in the bundle is equal to the one outside.
 fn same(root: &Path, catalogue: &Arc<Catalogue>, identity: &Identity) -> Result<(), CampaignError> {
     let (campaign, _) = Campaign::of_folder(root)?;
     let scenario = Scenario::changed(catalogue, &campaign.scenario, &campaign.overrides)?;
@@ -127,22 +127,22 @@ fn same(root: &Path, catalogue: &Arc<Catalogue>, identity: &Identity) -> Result<
     ))
 }
 
-/// The files of a bundle while they are looked for.
+/// The files of a bundle while they are collected.
 struct Contents {
-    /// The folder that relative paths are relative to, from the root on.
+    /// The absolute path of the folder that relative paths refer to.
     folder: PathBuf,
     /// The scenario as it will be written.
     text: String,
     name: PathBuf,
-    /// Files and folders to be copied, and where those come to lie that lie elsewhere.
+    /// Files and folders to be copied; and, for those outside the folder, their place in the bundle.
     files: BTreeSet<PathBuf>,
     outside: BTreeMap<PathBuf, PathBuf>,
-    /// Changes that the bundle needs because a path in the scenario leads outside.
+    /// Changes that the bundle needs because a path in the scenario points outside.
     changes: Vec<String>,
     left: Vec<String>,
 }
 
-/// The path without `.` and `..`, as it is written.
+/// The path without `.` and `..`, resolved lexically.
 fn tidy(path: &Path) -> PathBuf {
     let mut tidy = PathBuf::new();
     for part in path.components() {
@@ -172,12 +172,12 @@ impl Contents {
         })
     }
 
-    /// Looks through the scenario file.
+    /// Collects the files that the scenario file names.
     fn scenario(&mut self, path: &Path) -> Result<(), CampaignError> {
         let table = self.text.parse::<Table>();
         let mut table = table.map_err(|error| refuse(path, format!("is not TOML: {}", error.message())))?;
         if let Some(Value::String(folder)) = table.remove("folder") {
-            // The scenario comes to lie in the folder that it names.
+            // The bundle puts the scenario into the folder that it names.
             self.folder = self.folder.join(folder);
             self.text = table.to_string();
         }
@@ -199,7 +199,7 @@ impl Contents {
         Ok(())
     }
 
-    /// Takes in the campaign file `path` and the files that it takes values from.
+    /// Adds the campaign file `path` and the files that it takes values from.
     fn campaign_file(&mut self, path: &Path) -> Result<(), CampaignError> {
         let path = std::path::absolute(path).map_err(failed(path, "find the file"))?;
         let folder = path.parent().unwrap_or(Path::new("/"));
@@ -213,14 +213,15 @@ impl Contents {
                 self.bring(&folder.join(name));
             }
         }
-        // A scenario with a campaign of its own is there.
+        // A scenario that declares its campaign itself is already there.
         if tidy(&path) != tidy(&self.folder.join(&self.name)) {
             self.bring(&path);
         }
         Ok(())
     }
 
-    /// Looks through a change; gives what it is in the bundle, where paths that lead outside may be changed.
+    /// Collects the files that a change names; returns the change for the bundle, in which paths that point outside may be
+    /// replaced.
     fn change(&mut self, change: &str, may_change: bool) -> String {
         let Some((key, text)) = change.split_once('=').filter(|(_, text)| text.contains('{')) else {
             return change.to_owned();
@@ -236,7 +237,7 @@ impl Contents {
         }
     }
 
-    /// Looks through what stands in a participant's place; paths that lead outside are changed.
+    /// Collects the files of a participant's substitute; replaces paths that point outside.
     fn substitute(&mut self, participant: &str, run: &mut RunSpec) {
         let Ok(mut table) = Table::try_from(&*run) else { return };
         let moved = self.named(&format!("participants.{participant}.run"), Named::Run(&mut table), true);
@@ -245,7 +246,7 @@ impl Contents {
         }
     }
 
-    /// Takes in what `named` names; gives what stands in its place in the bundle, if that is something else.
+    /// Adds the file or folder that `named` names; returns its replacement in the bundle, if that differs.
     fn named(&mut self, key: &str, named: Named<'_>, may_change: bool) -> Option<Value> {
         match named {
             Named::File(file) => {
@@ -280,7 +281,7 @@ impl Contents {
         }
     }
 
-    /// Takes in those of a program's arguments that are files.
+    /// Adds those of a program's arguments that are files.
     fn arguments(&mut self, key: &str, args: Option<&Value>) {
         for arg in args
             .and_then(Value::as_array)
@@ -302,7 +303,7 @@ impl Contents {
         }
     }
 
-    /// Takes in the file `file`; gives its path in the bundle where it is another one.
+    /// Adds the file `file`; returns its path in the bundle where that differs.
     fn path(&mut self, key: &str, file: &str, may_change: bool) -> Option<String> {
         let path = Path::new(file);
         if !path.is_absolute() {
@@ -327,7 +328,7 @@ impl Contents {
         self.files.insert(path.to_owned());
     }
 
-    /// Where a file or a folder that was taken in lies in the bundle: below the folder that all of them have in common.
+    /// The place in the bundle of a file or folder that was added: below the folder that all of them have in common.
     fn place(&self, path: &Path) -> PathBuf {
         let mut base = tidy(&self.folder);
         for file in &self.files {

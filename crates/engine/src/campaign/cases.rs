@@ -10,13 +10,13 @@ use super::Column;
 use super::dispersions::plain;
 use crate::scenario::{Program, Scenario};
 
-/// What is wrong with a list of cases.
+/// A mistake in a list of cases.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{}: {reason}", path.display())]
 pub struct CasesError {
     /// The file: the list, or the scenario.
     pub path: PathBuf,
-    /// What is wrong with it, and the remedy.
+    /// The mistake, and the remedy.
     pub reason: String,
 }
 
@@ -49,7 +49,7 @@ struct Case {
     faults: Vec<Table>,
 }
 
-/// Points with what tells them apart.
+/// Points with their labels.
 #[derive(Debug)]
 pub struct Cases {
     /// One line about them.
@@ -117,7 +117,8 @@ pub fn from_file(path: &Path, scenario: &Scenario) -> Result<Cases, CasesError> 
     })
 }
 
-/// The name of each case, and for every key that one of them sets or adds to, what it says; empty where a case leaves it alone.
+/// The name of each case, and for every key that a case sets or adds to, its value; empty where a case does not use the
+/// key.
 fn columns(cases: &[Case]) -> Vec<Column> {
     let mut rows: Vec<BTreeMap<String, String>> = Vec::new();
     for case in cases {
@@ -140,7 +141,7 @@ fn columns(cases: &[Case]) -> Vec<Column> {
     std::iter::once(Column::of_texts("case", names)).chain(set).collect()
 }
 
-/// The change that adds `more` to the list at `key`, which may not be there yet.
+/// The change that adds `more` to the list at `key`, which need not exist yet.
 pub fn appended(scenario: &Scenario, key: &str, more: Vec<Value>) -> Result<String, String> {
     let mut parts = key.split('.');
     let first = parts.next().and_then(|part| scenario.resolved().get(part));
@@ -154,7 +155,7 @@ pub fn appended(scenario: &Scenario, key: &str, more: Vec<Value>) -> Result<Stri
     Ok(format!("{key}={}", Value::Array(list)))
 }
 
-/// The name of the participant that is the builtin `name`.
+/// The name of the participant that is an instance of the built-in `name`.
 pub fn builtin<'a>(scenario: &'a Scenario, name: &str) -> Option<&'a str> {
     let found = scenario
         .participants

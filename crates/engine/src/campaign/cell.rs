@@ -1,15 +1,15 @@
-//! One point of a campaign, and what stands of it in the table.
+//! One point of a campaign, and its cells in the table.
 
 /// One point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
-    /// Its changes as `--set` takes them, or why there is no such point.
+    /// Its changes as `--set` takes them, or the reason why the point does not exist.
     pub settings: Result<Vec<String>, String>,
-    /// What was drawn for it, a cell for each of [`Plan::heads`](super::Plan::heads).
+    /// The values drawn for it, a cell for each of [`Plan::heads`](super::Plan::heads).
     pub cells: Vec<Cell>,
 }
 
-/// A column without its cells.
+/// The head of a column: name and unit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Head {
     /// Its name.
@@ -18,7 +18,7 @@ pub struct Head {
     pub unit: String,
 }
 
-/// What stands in a column for one point.
+/// The value of one point in a column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cell {
     /// As text, with its unit.

@@ -1,9 +1,9 @@
 //! A column of a campaign's table.
 
-/// The most points that a campaign has, and rows that its table has.
+/// The maximum number of points of a campaign, and of rows of its table.
 pub const POINTS_MAX: usize = 100_000;
 
-/// A column that tells points apart.
+/// A column that distinguishes points.
 #[derive(Debug, Clone)]
 pub struct Column {
     /// Its name.
@@ -12,14 +12,14 @@ pub struct Column {
     pub unit: String,
     /// The value of each point as text.
     pub texts: Vec<String>,
-    /// The same as numbers, where all of them are numbers of that unit.
+    /// The same as numbers, where all values are numbers of that unit.
     pub numbers: Option<Vec<f64>>,
-    /// The same where all of them are whole numbers without a unit, such as seeds, which a double cannot always hold.
+    /// The same where all values are whole numbers without a unit, such as seeds, which a double cannot always represent.
     pub whole: Option<Vec<i64>>,
 }
 
 impl Column {
-    /// A column of words.
+    /// A column of texts.
     pub fn of_texts(name: &str, texts: Vec<String>) -> Column {
         Column {
             name: name.to_owned(),
@@ -43,7 +43,7 @@ impl Column {
         }
     }
 
-    /// Whether all are whole numbers, of which some are too large for 64 bits with a sign.
+    /// Whether all values are whole numbers of which some exceed a signed 64-bit integer.
     pub(super) fn beyond_whole(&self) -> bool {
         let digits = |text: &String| {
             text.strip_prefix('-')
@@ -54,7 +54,7 @@ impl Column {
         self.whole.is_none() && self.numbers.is_some() && self.unit.is_empty() && self.texts.iter().all(digits)
     }
 
-    /// The value of a point as JSON: a number where it is one that a reader gets exactly.
+    /// The value of a point as JSON: a number where a reader recovers it exactly.
     pub fn json(&self, point: usize) -> serde_json::Value {
         match (&self.whole, &self.numbers) {
             (Some(whole), _) => serde_json::json!(whole[point]),

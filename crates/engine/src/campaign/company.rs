@@ -1,11 +1,11 @@
-//! How many points go side by side.
+//! Number of points that one worker runs side by side.
 
 use crate::scenario::{Program, Scenario};
 
-/// As many points as are good for a processor side by side.
+/// The number of points that one core runs most efficiently side by side.
 const SIDE_BY_SIDE: usize = if cfg!(target_arch = "x86_64") { 4 } else { 1 };
 
-/// How many points of `scenario` are good to go side by side.
+/// The efficient number of points of `scenario` to run side by side.
 pub fn company(scenario: &Scenario) -> usize {
     let here = !scenario.programs().any(Program::is_external);
     let made = if here {

@@ -1,4 +1,4 @@
-//! Dispersions and designs put together: point number k.
+//! Dispersions combined with their designs: point number k.
 
 mod made;
 
@@ -18,35 +18,35 @@ use made::Made;
 pub struct Declared {
     dispersions: Vec<Dispersion>,
     ways: Vec<Way>,
-    /// How many points each cell of the grid has, or each of the matrices.
+    /// Number of points of each cell of the grid, or of each of the matrices.
     inner: usize,
-    /// How many cells the grid has, or how many matrices there are.
+    /// Number of cells of the grid, or number of matrices.
     outer: usize,
-    /// Whether the outer ones are the matrices A, B and AB.
+    /// Whether `outer` counts the matrices A, B and AB.
     matrices: bool,
-    /// Whether points after the first level of them depend on what became of those before.
+    /// Whether points after the first level depend on the results of earlier points.
     levels: bool,
-    /// The numbers that the scenario has at the keys.
+    /// The scenario's own numbers at the keys.
     start: BTreeMap<String, Quantity>,
-    /// Of the draws.
+    /// The seed of the draws.
     seed: u64,
-    /// The seed of the first point, where each has its own.
+    /// The seed of the first point, where each point has its own.
     first_seed: Option<u64>,
     /// Whether no draw depends on the number of points.
     grows: bool,
     heads: Vec<Head>,
 }
 
-/// How a dispersion draws.
+/// How a dispersion gets its values.
 #[derive(Debug)]
 enum Way {
-    /// The same for all points.
+    /// One draw for all points.
     Once(Vec<Coordinate>),
-    /// From coordinates.
+    /// A draw from these coordinates for each point.
     Cube(Vec<Coordinate>),
-    /// Of a grid: so many values, of which each stays for so many cells.
+    /// A grid axis: the number of its values, and the number of consecutive cells that share a value.
     Grid { levels: usize, every: usize },
-    /// From the coordinates of A, or of B in the matrices B and AB number `factor`.
+    /// From the coordinates of A; in the matrices B and AB number `factor` from those of B.
     Matrices {
         a: Vec<Coordinate>,
         b: Vec<Coordinate>,
@@ -54,18 +54,18 @@ enum Way {
     },
 }
 
-/// What is wrong, with its key.
+/// A mistake, with its key.
 type Wrong = (String, String);
 
 fn wrong<T>(key: impl Into<String>, reason: impl Into<String>) -> Result<T, Wrong> {
     Err((key.into(), reason.into()))
 }
 
-/// Gives coordinates to dispersions, in the order of the file.
+/// Assigns coordinates to dispersions, in the order of the file.
 struct Dealer {
     seed: u64,
     points: u64,
-    /// Dimensions of Sobol' sequences that are taken.
+    /// Number of dimensions of the Sobol' sequence already assigned.
     taken: usize,
 }
 
@@ -81,7 +81,7 @@ impl Dealer {
         .collect()
     }
 
-    /// A and B take turns, so that a dispersion at the end changes no other.
+    /// Dimensions of A and B alternate, so that appending a dispersion changes no other.
     fn matrices(&mut self, one: &Dispersion, factor: usize) -> Result<Way, Wrong> {
         let (mut a, mut b) = (Vec::new(), Vec::new());
         for at in 0..one.draws.coordinates() {
@@ -107,10 +107,11 @@ impl Dealer {
 }
 
 impl Declared {
-    /// Puts them together. `start` are the scenario's own numbers; `first_seed` the seed of the first point, where each has its own.
+    /// Combines dispersions and designs. `start` are the scenario's own numbers; `first_seed` is the seed of the first
+    /// point, where each has its own.
     ///
     /// # Errors
-    /// What cannot be, with its key.
+    /// The contradiction, with its key.
     pub fn new(
         dispersions: Vec<Dispersion>,
         design: Design,
@@ -162,7 +163,7 @@ impl Declared {
                 format!("{inner} times {outer} points are more than {POINTS_MAX}: draw less"),
             );
         }
-        // The first one of a grid changes slowest.
+        // The first axis of a grid changes slowest.
         let mut left = outer;
         for way in &mut ways {
             if let Way::Grid { levels, every } = way {
@@ -189,12 +190,12 @@ impl Declared {
         Ok(made)
     }
 
-    /// How many points there are.
+    /// The number of points.
     pub fn count(&self) -> usize {
         self.inner * self.outer
     }
 
-    /// Whether more points leave those as they are that there were: of a Latin hypercube their number is part of every draw.
+    /// Whether adding points leaves the existing ones unchanged: in a Latin hypercube every draw depends on their number.
     pub fn grows(&self) -> bool {
         self.grows
     }
@@ -214,7 +215,8 @@ impl Declared {
         &self.dispersions
     }
 
-    /// The names of the dispersions whose Sobol' indices can be told, in the order of the matrices AB; `None` without those.
+    /// The names of the dispersions whose Sobol' indices can be estimated, in the order of the matrices AB; `None` without
+    /// those.
     pub fn factors(&self) -> Option<Vec<&str>> {
         let both = self.dispersions.iter().zip(&self.ways);
         let factors = both.filter(|(_, way)| matches!(way, Way::Matrices { .. }));
@@ -227,7 +229,7 @@ impl Declared {
         self.drawn(k, None).0
     }
 
-    /// The coordinates that a point of a level is made of; `None` where points do not come in levels.
+    /// The coordinates that define a point of a level; `None` where points do not come in levels.
     pub fn coordinates(&self) -> Option<Vec<Coordinate>> {
         let cubes = self.ways.iter().filter_map(|way| match way {
             Way::Cube(all) => Some(all.clone()),
@@ -236,12 +238,13 @@ impl Declared {
         self.levels.then(|| cubes.flatten().collect())
     }
 
-    /// The point that a candidate of a level is.
+    /// The point that a candidate of a level defines.
     pub fn candidate(&self, one: &Candidate) -> Point {
         self.drawn(one.number, Some(one)).0
     }
 
-    /// The name of the dispersion that each of the [`coordinates`](Self::coordinates) belongs to; with a number where it takes several.
+    /// The name of the dispersion that each of the [`coordinates`](Self::coordinates) belongs to; with a number where a
+    /// dispersion takes several.
     pub fn names(&self) -> Vec<String> {
         let both = self.dispersions.iter().zip(&self.ways);
         let names = both.map(|(one, way)| match way {
@@ -252,8 +255,8 @@ impl Declared {
         names.flatten().collect()
     }
 
-    /// Grids and matrices change with every point, what is drawn after all of them: a campaign that grows keeps its points.
-    /// A candidate brings its coordinates with it.
+    /// Grid cells and matrices vary fastest, the index of the draw slowest: a campaign that grows keeps its points. A
+    /// candidate brings its own coordinates.
     fn drawn(&self, k: usize, candidate: Option<&Candidate>) -> (Point, Vec<Head>) {
         let (inner, outer) = (k / self.outer, k % self.outer);
         let mut made = Made::new(&self.start);
@@ -289,7 +292,7 @@ impl Declared {
                         made.put(one, drawn);
                         continue;
                     }
-                    // The middle of each part of equal probability.
+                    // The middle of each interval of equal probability.
                     vec![(level as f64 + 0.5) / *levels as f64]
                 }
                 Way::Matrices { a, b, factor } => at(if outer == 1 || outer == factor + 1 { b } else { a }, point),
@@ -328,7 +331,7 @@ impl Declared {
     }
 }
 
-/// The dimension of the number called `name` among `above`, as the value one of it.
+/// The dimension of the number called `name` among `above`, with the value 1.
 pub(super) fn dimension_of(above: &[Dispersion], name: &str) -> Option<Sized> {
     let stem = name.split('[').next().unwrap_or(name);
     let found = above.iter().find(|one| one.name == stem)?;
@@ -339,7 +342,7 @@ pub(super) fn dimension_of(above: &[Dispersion], name: &str) -> Option<Sized> {
     unit_factor(&found.made).ok().map(|(_, dimension)| (1.0, dimension))
 }
 
-/// How often everything that is not on the grid is drawn.
+/// Number of draws of everything that is not on the grid.
 fn drawn_points(points: Option<u64>, others: bool, seeds: bool) -> Result<usize, Wrong> {
     match points {
         Some(points) if others || seeds => Ok(points as usize),
@@ -354,7 +357,7 @@ fn drawn_points(points: Option<u64>, others: bool, seeds: bool) -> Result<usize,
     }
 }
 
-/// Whether a dispersion goes with its design.
+/// Checks that a dispersion is compatible with its design.
 fn agree(one: &Dispersion, own: Design, campaign: Design) -> Result<(), Wrong> {
     let key = |key: &str| format!("vary.{}.{key}", one.name);
     let whole = |design| matches!(design, Design::Saltelli | Design::Subset);
@@ -409,7 +412,7 @@ fn agree(one: &Dispersion, own: Design, campaign: Design) -> Result<(), Wrong> {
     }
 }
 
-/// Two dispersions of one key must not undo each other.
+/// Two dispersions of one key must not overwrite each other.
 fn no_overlaps(dispersions: &[Dispersion]) -> Result<(), Wrong> {
     for (at, one) in dispersions.iter().enumerate() {
         for target in &one.targets {

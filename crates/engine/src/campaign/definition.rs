@@ -1,4 +1,4 @@
-//! What a campaign is: its scenario, its points, and what tells them apart.
+//! Definition of a campaign: its scenario, its points, and the labels of the points.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use super::plan::Plan;
 use super::source::Source;
 use crate::scenario::{Changes, ScenarioError, ScenarioSpec};
 
-/// Which command makes a campaign.
+/// The command that creates a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -22,21 +22,21 @@ pub enum Kind {
 /// Many runs of one scenario.
 #[derive(Debug)]
 pub struct Campaign {
-    /// Which command makes it.
+    /// The command that creates it.
     pub kind: Kind,
     /// The scenario file.
     pub scenario: PathBuf,
     /// Changes that all points share.
     pub overrides: Changes,
-    /// What tells the points apart, as columns of the table.
+    /// The labels of the points, as columns of the table.
     pub columns: Vec<Column>,
     /// The changes of each point.
     pub points: Vec<Vec<String>>,
-    /// Points, from 0, that there cannot be, with the reason.
+    /// Points, from 0, that do not exist, with the reason.
     pub refused: Vec<(usize, String)>,
     /// The campaign file that declares the points, where one does.
     pub source: Option<Source>,
-    /// Whether the table has the digest of the tape of each point, for which every sample has to be computed and looked at.
+    /// Whether the table has the digest of each point's tape, which requires every sample to be computed and hashed.
     pub digests: bool,
 }
 
@@ -46,7 +46,7 @@ impl Campaign {
         Campaign::of_columns(kind, scenario, overrides, plan.unrolled())
     }
 
-    /// Points with these columns and changes, or the reason why there is no such point.
+    /// Points with these columns and changes, or the reason why a point does not exist.
     pub(super) fn of_columns(
         kind: Kind,
         scenario: PathBuf,
@@ -72,23 +72,23 @@ impl Campaign {
         }
     }
 
-    /// What point `at` (from 0) says.
+    /// The scenario of point `at` (from 0).
     ///
     /// # Errors
-    /// What is wrong with the form of the scenario or of a change of it.
+    /// The mistake in the form of the scenario or of a change of it.
     pub fn spec_of(&self, at: usize) -> Result<ScenarioSpec, ScenarioError> {
         let mut spec = ScenarioSpec::changed(&self.scenario, &self.overrides)?;
         spec.vary(&self.points[at])?;
         Ok(spec)
     }
 
-    /// What tells point `at` (from 0) apart, by column.
+    /// The labels of point `at` (from 0), by column.
     pub fn values(&self, at: usize) -> serde_json::Map<String, serde_json::Value> {
         let values = self.columns.iter();
         values.map(|column| (column.name.clone(), column.json(at))).collect()
     }
 
-    /// The campaign with its first `count` points alone.
+    /// The campaign with only its first `count` points.
     #[must_use]
     pub fn first(&self, count: usize) -> Campaign {
         Campaign {

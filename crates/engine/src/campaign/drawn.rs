@@ -1,4 +1,4 @@
-//! The picture of a campaign: where the criteria are met.
+//! Picture of a campaign: where the criteria are met.
 
 use report::figures::Drawing;
 
@@ -8,12 +8,13 @@ use super::picture::Picture;
 use super::tell::distinct;
 use super::{Column, spread};
 
-/// With more places along one of its sides a picture shows none of them.
+/// Maximum number of positions along one side of a picture; with more no picture is drawn.
 const PLACES_MAX: usize = 2000;
 
-/// The picture: a chart over one varied key, a map over two. What else is varied, and the seed beside another key, is folded:
-/// a place is met when all of its points are, and shows the worst. Where hardly two points have a value in common, as those that were
-/// drawn, and where a key has more than 2000 values, it is how far they stay from their limits. `None` when nothing is varied.
+/// The picture: a chart over one varied key, a map over two. Further varied keys, and the seed beside another key, are
+/// folded: a position is met when all of its points are met, and shows the worst. Where hardly two points share a value, as
+/// with drawn values, and where a key has more than 2000 values, the picture shows the distances from the limits instead.
+/// `None` when nothing is varied.
 pub fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     let varied: Vec<&Column> = picture
         .columns
@@ -26,7 +27,7 @@ pub fn draw(picture: &Picture<'_>) -> Option<Drawing> {
         shown.extend(varied.first());
     }
     let places: Vec<usize> = shown.iter().map(|column| distinct(&column.texts).len()).collect();
-    // Values that were drawn lie nowhere twice, and make no map.
+    // Drawn values hardly ever repeat, and make no map.
     let apart = places.len() == 2 && places[0] * places[1] > 4 * picture.results.len();
     match shown[..] {
         [_, ..] if apart || places.iter().any(|count| *count > PLACES_MAX) => spread::draw(picture),

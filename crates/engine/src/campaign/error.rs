@@ -1,4 +1,4 @@
-//! Why there is no campaign.
+//! Errors of campaigns.
 
 use std::path::PathBuf;
 
@@ -7,19 +7,19 @@ use super::grid::GridError;
 use crate::run::RunFailure;
 use crate::scenario::ScenarioError;
 
-/// Why there is no campaign, or no more of it.
+/// Why a campaign was not started, or was ended.
 #[derive(Debug, thiserror::Error)]
 pub enum CampaignError {
-    /// The scenario, or the first point of it, is wrong.
+    /// The scenario, or its first point, is invalid.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// The list of cases is wrong.
+    /// The list of cases is invalid.
     #[error(transparent)]
     Cases(#[from] CasesError),
-    /// What shall be varied makes no sense.
+    /// The keys and values to be varied are invalid.
     #[error(transparent)]
     Grid(#[from] GridError),
-    /// A number of points that there cannot be.
+    /// An impossible number of points.
     #[error("--points: {0}")]
     Points(String),
     /// The folder belongs to something else.
@@ -27,51 +27,51 @@ pub enum CampaignError {
     Folder {
         /// The folder.
         path: PathBuf,
-        /// Why it is not taken.
+        /// Why it is rejected.
         reason: String,
     },
-    /// A rare event cannot be looked for.
+    /// The search for a rare event is not possible.
     #[error("{0}")]
     Rare(String),
-    /// Folders of shards do not make a whole.
+    /// Folders of shards do not form one complete campaign.
     #[error("{0}")]
     Merge(String),
-    /// The engine is not there, or does not do it.
+    /// The engine is not installed, or reports an error.
     #[error("--on {engine}: {reason}")]
     Engine {
-        /// Which one.
+        /// The engine.
         engine: &'static str,
-        /// What is wrong, and the remedy.
+        /// The mistake, and the remedy.
         reason: String,
     },
-    /// The figure is not there.
+    /// The figure does not exist.
     #[error("there is no figure of merit `{name}`; there is {known}")]
     Figure {
-        /// What was asked for.
+        /// The requested name.
         name: String,
-        /// What there is.
+        /// The existing names.
         known: String,
     },
-    /// The scenario has changed under the campaign.
+    /// The scenario has changed since the campaign began.
     #[error("{} has changed since the campaign began: start it again", path.display())]
     Changed {
         /// The scenario.
         path: PathBuf,
     },
-    /// The file system refused.
+    /// An error of the file system.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried.
+        /// The attempted operation.
         action: &'static str,
-        /// What the system said.
+        /// The system's message.
         source: std::io::Error,
     },
     /// The table cannot be written.
     #[error(transparent)]
     Export(#[from] report::export::ExportError),
-    /// A run cannot be started.
+    /// A worker process cannot be started.
     #[error(transparent)]
     Run(#[from] RunFailure),
 }

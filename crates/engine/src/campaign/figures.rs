@@ -1,4 +1,4 @@
-//! The figures of a point as numbers.
+//! Figures of a point as numbers.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,13 +12,13 @@ use crate::assessment::{self, Criterion};
 /// A figure of merit, or an element of one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Number {
-    /// As it is called everywhere: with a unit suffix where the assessment gives it one.
+    /// Its key in tables and files: with a unit suffix where the assessment gives it one.
     pub key: String,
     /// Without the unit.
     pub name: String,
     /// The unit; empty where it has none.
     pub unit: String,
-    /// What it is; what is not finite or was not measured is missing.
+    /// The value; values that are not finite or were not measured are missing.
     pub value: Option<f64>,
 }
 
@@ -39,7 +39,7 @@ impl Number {
         }
     }
 
-    /// In words: without underscores.
+    /// The name with spaces in place of underscores.
     pub fn words(&self) -> String {
         self.name.replace('_', " ")
     }
@@ -47,7 +47,8 @@ impl Number {
 
 /// Figures of merit as numbers.
 ///
-/// A campaign holds those of all its points, and the points of one scenario have the same figures: names and units are there once.
+/// A campaign holds the figures of all its points. The points of one scenario have the same figures: names and units are
+/// stored once.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(from = "Plain", into = "Plain")]
 pub struct Figures {
@@ -55,11 +56,11 @@ pub struct Figures {
     names: Arc<Vec<Number>>,
     /// The values; NaN for what is missing.
     values: Box<[f64]>,
-    /// The criteria and what became of them.
+    /// The criteria and their results.
     pub criteria: Vec<Criterion>,
 }
 
-/// The same as JSON has it.
+/// The same in JSON.
 #[derive(Serialize, Deserialize)]
 struct Plain {
     numbers: Vec<Number>,
@@ -88,7 +89,7 @@ impl PartialEq for Figures {
     }
 }
 
-/// The names that were there before, or these. Few are kept: points whose figures differ are rare.
+/// Returns the stored names if they are equal to these, else these. Few are stored: points whose figures differ are rare.
 fn shared(names: Vec<Number>) -> Arc<Vec<Number>> {
     const KEPT: usize = 8;
     static KNOWN: Mutex<Vec<Arc<Vec<Number>>>> = Mutex::new(Vec::new());
@@ -113,7 +114,7 @@ impl Figures {
         }
     }
 
-    /// The first figure that is another one in `other`, in words for each.
+    /// The first figure that differs in `other`, in words for both.
     pub fn difference(&self, other: &Figures) -> Option<(String, String)> {
         let words = |number: &Number| {
             let value = number
@@ -133,7 +134,7 @@ impl Figures {
         Figures::new(numbers(figures), figures.criteria.clone())
     }
 
-    /// All of them, as they come.
+    /// All of them, in stored order.
     pub fn numbers(&self) -> impl Iterator<Item = Number> {
         self.names.iter().zip(self.values.iter()).map(|(name, value)| Number {
             value: Some(*value).filter(|value| !value.is_nan()),
@@ -160,7 +161,7 @@ impl Figures {
     }
 }
 
-/// Everything of `figures` that is a number: those of the assessment by name, then the measures.
+/// All numbers among `figures`: those of the assessment by name, then the measures.
 fn numbers(figures: &assessment::Figures) -> Vec<Number> {
     let mut out = Vec::new();
     for (key, value) in figures.values.clone() {
@@ -170,7 +171,7 @@ fn numbers(figures: &assessment::Figures) -> Vec<Number> {
                 out.extend(elements.map(|(at, item)| Number::of_key(format!("{key}[{at}]"), item.as_f64())));
             }
             Value::Number(number) => out.push(Number::of_key(key, number.as_f64())),
-            // what could not be measured has its column all the same
+            // a figure that was not measured still has its column
             Value::Null if key != "incomplete" => out.push(Number::of_key(key, None)),
             Value::Bool(yes) => out.push(Number::of_key(key, Some(f64::from(u8::from(yes))))),
             _ => {}

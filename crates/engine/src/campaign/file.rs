@@ -1,4 +1,4 @@
-//! A file that declares a campaign: a scenario, dispersions, a design, a seed.
+//! Campaign files: a scenario, dispersions, a design, a seed.
 
 use std::path::{Path, PathBuf};
 
@@ -18,14 +18,14 @@ use super::{Campaign, CampaignError};
 use crate::assessment::Criterion;
 use crate::scenario::{Changes, Lines, Mistake, Scenario, ScenarioError};
 
-/// A file that declares a campaign: of its own, which names a scenario, or a scenario with the table `campaign`.
+/// A file that declares a campaign: a separate file that names a scenario, or a scenario with the table `campaign`.
 #[derive(Debug)]
 pub struct CampaignFile {
     path: PathBuf,
     text: String,
-    /// What declares the campaign.
+    /// The campaign's declaration.
     table: Table,
-    /// What stands before its keys in the file.
+    /// The prefix of its keys in the file.
     prefix: &'static str,
     /// The scenario.
     scenario: PathBuf,
@@ -35,14 +35,14 @@ const KEYS: [&str; 8] = [
     "title", "scenario", "points", "seed", "design", "seeds", "vary", "subset",
 ];
 
-/// More levels than any event needs: probabilities down to a tenth to this power.
+/// Maximum number of levels: enough for probabilities down to a tenth to this power.
 const LEVELS_MAX: i64 = 100;
 
 /// Keys of the table `subset`.
 const SUBSET: [&str; 3] = ["criterion", "share", "levels"];
 
 impl CampaignFile {
-    /// Reads `path`; `None` where it declares no campaign, so that it is a scenario or nothing.
+    /// Reads `path`; `None` where it declares no campaign, so that it is a scenario or something else.
     ///
     /// # Errors
     /// When it declares a campaign without a scenario.
@@ -79,7 +79,7 @@ impl CampaignFile {
         Ok(Some(file))
     }
 
-    /// The scenario that it is of.
+    /// The scenario of the campaign.
     pub fn scenario(&self) -> &Path {
         &self.scenario
     }
@@ -96,7 +96,8 @@ impl CampaignFile {
         self
     }
 
-    /// Files that it names, each with its key, as they stand there: the scenario, and those that values are taken from.
+    /// Files that it names, each with its key, with paths as written: the scenario, and the files that values are taken
+    /// from.
     pub fn files(&self) -> Vec<(String, &str)> {
         let scenario = self.table.get("scenario").and_then(Value::as_str);
         let vary = self.table.get("vary").and_then(Value::as_table).into_iter().flatten();
@@ -108,7 +109,8 @@ impl CampaignFile {
     /// The campaign of the points `plan`, with the changes that all of them share.
     pub fn campaign(&self, overrides: Changes, plan: &Plan) -> Campaign {
         let mut says = self.table.clone();
-        // More points make the same campaign larger, and what the scenario says counts by itself.
+        // The number of points is left out, because more points make the same campaign larger; the scenario's content is
+        // digested separately.
         says.retain(|key, _| !["points", "scenario"].contains(&key));
         let source = Source {
             file: AnyPath(self.path.clone()),
@@ -129,10 +131,10 @@ impl CampaignFile {
         self.table.get("design").and_then(Value::as_str) == Some(Design::Subset.word())
     }
 
-    /// What rare event the campaign looks for, if it does, and how; `plan` is its own.
+    /// The rare event that the campaign looks for, if any, and the method; `plan` is its own.
     ///
     /// # Errors
-    /// What is wrong with the table `subset`, or with the number of points.
+    /// Mistakes in the table `subset`, or in the number of points.
     pub fn rare(&self, plan: &Plan) -> Result<Option<Rare>, CampaignError> {
         let Plan::Declared(declared) = plan else {
             return Ok(None);
@@ -197,10 +199,10 @@ impl CampaignFile {
         }
     }
 
-    /// The criterion that `rare` looks at, among those that the points of `scenario` have.
+    /// The criterion that `rare` refers to, among those of the points of `scenario`.
     ///
     /// # Errors
-    /// When there is none of the name that the file says, or when it must say one.
+    /// When there is no criterion of the name in the file, or when the file must give a name.
     pub fn criterion(&self, rare: &Rare, known: &[Criterion], scenario: &Scenario) -> Result<Criterion, CampaignError> {
         let measured = |name: &str| scenario.spec().measures.contains_key(name);
         let found = rare.criterion(known, measured);
@@ -224,10 +226,10 @@ impl CampaignFile {
         .into()
     }
 
-    /// The points that it declares of `scenario`, which is its own with the changes of the command line.
+    /// The points that it declares for `scenario`, which is its own with the changes of the command line.
     ///
     /// # Errors
-    /// Everything that is wrong with it, with file, line, key and remedy.
+    /// All mistakes, with file, line, key and remedy.
     pub fn plan(&self, scenario: &Scenario) -> Result<Plan, CampaignError> {
         let mut mistakes = Vec::new();
         for key in self.table.keys().filter(|key| !KEYS.contains(&key.as_str())) {
@@ -319,7 +321,7 @@ impl CampaignFile {
         all
     }
 
-    /// What is wrong with all of the points that were tried, as a mistake of the dispersion that it is about.
+    /// A mistake that affects all points that were tried, assigned to the dispersion that causes it.
     pub fn blame(&self, plan: &Plan, error: CampaignError, tried: usize) -> CampaignError {
         let CampaignError::Scenario(ScenarioError { mistakes, .. }) = &error else {
             return error;

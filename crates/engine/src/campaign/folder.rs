@@ -1,4 +1,4 @@
-//! A campaign's folder: what it is of, the journal of its results, and who works in it.
+//! The folder of a campaign: its identity, the journal of its results, and the process that holds it.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -15,32 +15,32 @@ use super::options::Options;
 use super::point::Result as PointResult;
 use super::{Campaign, CampaignError, Outcome};
 
-/// Who works in a folder: the content of its file `lock`.
+/// The process that holds a folder: the content of its file `lock`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Holder {
     /// The machine.
     pub node: String,
-    /// The process on it.
+    /// The process ID on it.
     pub pid: u32,
-    /// How many points it runs side by side.
+    /// Number of points that it runs side by side.
     pub workers: usize,
 }
 
-/// A campaign's folder that no other process works in.
+/// A campaign's folder, locked by this process.
 #[derive(Debug)]
 pub struct Folder {
     root: PathBuf,
     journal: Journal,
-    // Held for its lock.
+    // Kept open for its lock.
     lock: File,
 }
 
-/// The results that a folder has.
+/// The results in a folder.
 #[derive(Debug, Default)]
 pub struct Known {
-    /// What became of each point.
+    /// The result of each point.
     pub results: Vec<Option<PointResult>>,
-    /// Which points of the shard before it were run to compare.
+    /// Points of the preceding shard that were run for comparison.
     pub audited: BTreeSet<usize>,
 }
 
@@ -51,14 +51,14 @@ fn refusal(root: &Path, reason: impl Into<String>) -> CampaignError {
     }
 }
 
-/// Whether the folder has anything besides what a start leaves that was killed before it knew of what it is.
+/// Whether the folder contains anything but the remains of a start that was killed before it had written the identity.
 fn is_taken(root: &Path) -> bool {
     let begun = |name: &str| ["lock", "points.jsonl", "points.jsonl.part", "campaign.json.part"].contains(&name);
     let mut entries = fs::read_dir(root).into_iter().flatten().flatten();
     entries.any(|entry| !entry.file_name().to_str().is_some_and(begun))
 }
 
-/// Takes the folder for this process.
+/// Locks the folder for this process.
 fn lock(root: &Path) -> Result<File, CampaignError> {
     let path = root.join("lock");
     let file = File::options()
@@ -74,7 +74,7 @@ fn lock(root: &Path) -> Result<File, CampaignError> {
     Ok(file)
 }
 
-/// Who works in the folder `root` now.
+/// The process that holds the folder `root` now.
 pub fn holder(root: &Path) -> Option<Holder> {
     let path = root.join("lock");
     let file = File::open(&path).ok()?;
@@ -91,26 +91,26 @@ pub fn holder(root: &Path) -> Option<Holder> {
 }
 
 impl Folder {
-    /// Makes the folder of `campaign`, which is `identity`, or takes up what lies there if it is of the same campaign, or of one with fewer of
-    /// its points. Gives the results that are there.
+    /// Creates the folder of `campaign` with the identity `identity`, or opens the existing one if it is of the same
+    /// campaign, or of one with fewer of its points. Returns the results in it.
     ///
     /// # Errors
-    /// When it belongs to something else, or somebody works in it.
+    /// When it belongs to something else, or another process holds it.
     pub fn open(campaign: &Campaign, identity: &Identity, options: &Options) -> Result<(Folder, Known), CampaignError> {
         Folder::take(&Folder::place(campaign, identity, options), campaign, identity)
     }
 
-    /// Where the folder of `campaign`, which is `identity`, lies or will lie.
+    /// The path of the folder of `campaign` with the identity `identity`, whether it exists or not.
     pub(super) fn place(campaign: &Campaign, identity: &Identity, options: &Options) -> PathBuf {
         match &options.out {
             Some(out) => out.clone(),
-            // The number of points is no part of the name where more may come.
+            // The number of points is not part of the name where the campaign may grow.
             None if options.grows => default_root(identity, &identity.digest_of(campaign, 1)),
             None => default_root(identity, &identity.digest),
         }
     }
 
-    /// Takes the folder `root` for `campaign`, which is `identity`.
+    /// Locks the folder `root` for `campaign` with the identity `identity`.
     ///
     /// # Errors
     /// As [`Folder::open`].
@@ -122,7 +122,7 @@ impl Folder {
         if root.exists() && !root.is_dir() {
             return Err(refusal(root, "is not a folder: name a new one with --out"));
         }
-        // In this order: what another process puts there at this moment begins with that file.
+        // In this order: a process that creates the folder at the same moment begins with that file.
         if is_taken(root) && !root.join("campaign.json").exists() {
             return Err(refusal(
                 root,
@@ -152,7 +152,7 @@ impl Folder {
         Ok((Folder { root, journal, lock }, known))
     }
 
-    /// Says in the folder who works in it.
+    /// Records in the folder which process holds it.
     pub(super) fn hold(&mut self, workers: usize) -> Result<(), CampaignError> {
         let holder = Holder {
             node: journal::node(),
@@ -174,12 +174,12 @@ impl Folder {
         self.root.join("runs").join(format!("{point:05}"))
     }
 
-    /// Where worker number `worker` may make a run folder for a while.
+    /// The path where worker number `worker` may make a temporary run folder.
     pub fn scratch(&self, worker: usize) -> PathBuf {
         self.root.join(format!(".worker-{worker}"))
     }
 
-    /// Puts the result of a point, from 1, into the journal: it is on the disk's way when this returns.
+    /// Appends the result of a point, from 1, to the journal; it has been handed to the operating system when this returns.
     pub fn note(
         &self,
         campaign: &Campaign,
@@ -190,7 +190,7 @@ impl Folder {
         self.journal.add(point, campaign.values(point - 1), audit, result)
     }
 
-    /// Puts a result that another machine has found into the journal.
+    /// Appends a result from another machine to the journal.
     pub(super) fn adopt(
         &self,
         campaign: &Campaign,
@@ -208,7 +208,7 @@ impl Folder {
         self.journal.put(&entry)
     }
 
-    /// Writes a file of the folder so that it is there whole or not at all.
+    /// Writes a file of the folder atomically.
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<PathBuf, CampaignError> {
         let path = self.root.join(name);
         tape::write_whole(&path, content).map_err(failed(&path, "write the file"))?;
@@ -217,7 +217,7 @@ impl Folder {
 }
 
 impl Known {
-    /// Takes an entry of the journal. A point that crashed is run again: that may have been the machine's doing.
+    /// Applies an entry of the journal. A point that crashed is run again: the machine may have caused the crash.
     fn take(&mut self, entry: journal::Entry, identity: &Identity) {
         let Some(at) = entry.point.checked_sub(1).filter(|at| *at < self.results.len()) else {
             return;

@@ -1,16 +1,16 @@
-//! What is varied: `KEY=VALUES`, with lists and ranges of exact quantities.
+//! Grids of the command line: `KEY=VALUES`, with lists and ranges of exact quantities.
 
 use std::collections::HashSet;
 
 use super::{Column, POINTS_MAX};
 
-/// What is wrong with a `--vary`.
+/// A mistake in a `--vary`.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("--vary {text}: {reason}")]
 pub struct GridError {
-    /// What was given.
+    /// The argument.
     pub text: String,
-    /// What is wrong with it, and the remedy.
+    /// The mistake, and the remedy.
     pub reason: String,
 }
 
@@ -64,7 +64,7 @@ impl std::str::FromStr for Axis {
                 return Err(refuse(text, format!("has more than {POINTS_MAX} values")));
             }
         }
-        // Where one of the numbers is a decimal one, all are meant so: 0, 0.1, 0.2.
+        // If one of the numbers is a decimal, all are read as decimals: 0, 0.1, 0.2.
         if values.iter().any(|value| is_plain(value) && value.contains('.')) {
             for value in values
                 .iter_mut()
@@ -89,7 +89,7 @@ impl std::str::FromStr for Axis {
     }
 }
 
-/// `count` seeds from `first` on.
+/// `count` seeds starting at `first`.
 pub fn range_of_seeds(first: u64, count: u64) -> Result<Axis, GridError> {
     let text = format!("seed={first}..{}", first.saturating_add(count.saturating_sub(1)));
     if count == 0 || count > POINTS_MAX as u64 {
@@ -144,7 +144,7 @@ pub fn grid(axes: &[Axis]) -> Result<(Vec<Column>, Vec<Vec<String>>), GridError>
     Ok((columns, points))
 }
 
-/// The parts between commas that stand in no brackets and no quotes.
+/// The parts between commas outside brackets and quotes.
 fn items(list: &str) -> Vec<&str> {
     let (mut parts, mut start, mut depth, mut quote) = (Vec::new(), 0, 0_i32, None);
     for (at, letter) in list.char_indices() {
@@ -165,7 +165,7 @@ fn items(list: &str) -> Vec<&str> {
     parts
 }
 
-/// The values of `a..b:step` or, for whole numbers, `a..b`; `None` for what is no range.
+/// The values of `a..b:step` or, for whole numbers, `a..b`; `None` for text that is not a range.
 fn range(item: &str) -> Result<Option<Vec<String>>, String> {
     if item.starts_with(['[', '{', '"', '\'']) {
         return Ok(None);
@@ -177,7 +177,7 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
         Some((last, step)) => (last, Some(step)),
         None => (rest, None),
     };
-    // A path such as ../laws has two dots as well; what does not start with a number is text.
+    // A path such as ../laws contains two dots as well; a value that does not start with a number is text.
     let Some(first) = Number::read(first) else {
         return Ok(None);
     };
@@ -233,7 +233,7 @@ fn range(item: &str) -> Result<Option<Vec<String>>, String> {
     Ok(Some(values.collect()))
 }
 
-/// One value: a number gets one space before its unit, anything else stays as it is.
+/// One value: a number gets one space before its unit, other values are unchanged.
 fn tidy(item: &str) -> String {
     match Number::read(item) {
         Some(number) if number.unit.chars().next().is_none_or(char::is_alphabetic) => number.text(),
@@ -350,7 +350,7 @@ impl Number {
         })
     }
 
-    /// The decimal text without the unit, zeros at the end left out.
+    /// The decimal text without the unit and without trailing zeros.
     fn decimal(&self) -> String {
         let (mut digits, mut places) = (self.digits, self.places);
         while places > 0 && digits % 10 == 0 {

@@ -1,4 +1,4 @@
-//! What a campaign's folder is of: `campaign.json`, and the points in `points.jsonl`.
+//! Identity of a campaign's folder: `campaign.json`, and the points in `points.jsonl`.
 
 use std::fs;
 use std::io::{self, BufRead, BufReader};
@@ -13,16 +13,16 @@ use super::source::Source;
 use super::{Campaign, CampaignError, Column, Kind};
 use crate::scenario::{Changes, Scenario, ScenarioSpec};
 
-/// `campaign.json`: what the folder is of.
+/// `campaign.json`: the identity of the folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
-    /// Which command makes it.
+    /// The command that creates it.
     pub kind: Kind,
     /// The scenario's name.
     pub scenario: String,
     /// One line about the campaign, or the scenario's.
     pub title: String,
-    /// The scenario file, from the root on; in a bundle relative to it.
+    /// The absolute path of the scenario file; in a bundle relative to the bundle.
     pub file: AnyPath,
     /// The campaign file that the points are drawn from, where there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -30,11 +30,12 @@ pub struct Identity {
     /// Changes that all points share.
     #[serde(flatten)]
     pub changes: Changes,
-    /// What tells the points apart.
+    /// The labels of the points, as columns.
     pub columns: Vec<Heading>,
-    /// How many points the campaign has, whatever the folder has of them.
+    /// Number of points of the campaign, regardless of how many the folder is for.
     pub points: usize,
-    /// Of the program with the scenario's own programs, of the scenario with its files, and of both with the points.
+    /// Digests: of the program with the scenario's own programs, of the scenario with its files, and of both with the
+    /// points.
     pub program: Digest,
     /// See `program`.
     pub content: Digest,
@@ -42,7 +43,7 @@ pub struct Identity {
     pub digest: Digest,
     /// The version of the program.
     pub version: String,
-    /// The part of the points that the folder is for, where it is not for all.
+    /// The shard that the folder is for, where it is not for all points.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
     /// Whether its points have the digests of their tapes.
@@ -57,7 +58,7 @@ fn is_zero(share: &f64) -> bool {
     *share == 0.0
 }
 
-/// The head of a column that tells points apart.
+/// The head of a column that distinguishes points.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Heading {
     name: String,
@@ -75,10 +76,10 @@ pub struct Row {
     pub changes: Vec<String>,
     /// Its texts in the columns.
     texts: Vec<String>,
-    /// Its numbers in those columns that have numbers; none where JSON has no such number.
+    /// Its numbers in those columns that have numbers; none where JSON cannot represent the number.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     numbers: Vec<Option<f64>>,
-    /// Why there cannot be such a point.
+    /// The reason why the point does not exist.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     refused: Option<String>,
 }
@@ -111,7 +112,8 @@ impl Parts {
     }
 }
 
-/// Results of two builds of the program must not stand in one table; nor those of a user's program before and after a change.
+/// Results of two builds of the program must not be in one table; nor results of a user's program before and after a
+/// change.
 fn digest_of_programs(scenario: &Scenario) -> Result<Digest, CampaignError> {
     let mut parts = Parts::new("escapement campaign programs 1");
     let own = Path::new("/proc/self/exe");
@@ -123,11 +125,11 @@ fn digest_of_programs(scenario: &Scenario) -> Result<Digest, CampaignError> {
     Ok(parts.digest())
 }
 
-/// The scenario wherever it lies: its programs count by what they contain.
+/// The digest of the scenario does not depend on its place: its programs enter with their content.
 fn digest_of_content(scenario: &Scenario) -> Digest {
     let mut spec = scenario.spec().clone();
     spec.folder = None;
-    // What varies counts as the points.
+    // The table `campaign` enters as the points.
     spec.campaign = None;
     for run in spec.runs_mut() {
         for file in [&mut run.exe, &mut run.library, &mut run.fmu].into_iter().flatten() {
@@ -139,7 +141,7 @@ fn digest_of_content(scenario: &Scenario) -> Digest {
 }
 
 impl Identity {
-    /// What `campaign` is.
+    /// The identity of `campaign`.
     ///
     /// # Errors
     /// When a program cannot be read.
@@ -171,7 +173,7 @@ impl Identity {
         Ok(identity)
     }
 
-    /// What the campaign is called on its page: its title, or the scenario's name where it has none.
+    /// The campaign's name on its page: its title, or the scenario's name where it has none.
     pub fn heading(&self) -> &str {
         if self.title.is_empty() {
             &self.scenario
@@ -180,7 +182,7 @@ impl Identity {
         }
     }
 
-    /// What the digest is of a campaign that has only the first `count` points.
+    /// The digest of the campaign with only its first `count` points.
     pub(super) fn digest_of(&self, campaign: &Campaign, count: usize) -> Digest {
         let mut parts = Parts::new("escapement campaign 2");
         parts.add(self.program.as_bytes());
@@ -200,10 +202,10 @@ impl Identity {
         parts.digest()
     }
 
-    /// Reads what the folder `root` is of.
+    /// Reads the identity of the folder `root`.
     ///
     /// # Errors
-    /// When it is no campaign's.
+    /// When it is not a campaign's folder.
     pub fn read(root: &Path) -> Result<Identity, CampaignError> {
         let path = root.join("campaign.json");
         let refuse = |reason: String| CampaignError::Folder {
@@ -224,7 +226,7 @@ impl Identity {
         })
     }
 
-    /// Writes the points that belong to the folder `root` and what it is of.
+    /// Writes the points that belong to the folder `root` and its identity.
     pub(super) fn write(&self, root: &Path, campaign: &Campaign) -> Result<(), CampaignError> {
         let path = root.join("points.jsonl");
         let mut lines = Vec::new();
@@ -235,7 +237,7 @@ impl Identity {
             }
         }
         tape::write_whole(&path, lines).map_err(failed(&path, "write the file"))?;
-        // The points first: a folder with this file has them.
+        // The points first: a folder with this file is guaranteed to have them.
         let path = root.join("campaign.json");
         let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
         tape::write_whole(&path, text).map_err(failed(&path, "write the file"))
@@ -251,7 +253,7 @@ impl Identity {
         self.shard.is_some_and(|shard| shard.audits(at, self.audit))
     }
 
-    /// What the points are made of besides their number.
+    /// The digests that determine the points besides their number.
     fn made_of(&self) -> (Digest, Digest, Option<Digest>) {
         let source = self.source.as_ref().map(|source| source.digest);
         (self.program, self.content, source)
@@ -269,7 +271,7 @@ impl Identity {
         )
     }
 
-    /// Whether the folder that is of this campaign may be that of `wanted`: the same, or one that has grown.
+    /// Checks whether the folder of this campaign may become that of `wanted`: the same campaign, or one that has grown.
     pub(super) fn may_become(&self, wanted: &Identity, campaign: &Campaign) -> Result<(), String> {
         let another = |why: &str| {
             Err(format!(
@@ -308,7 +310,7 @@ impl Identity {
         another(&self.difference(wanted))
     }
 
-    /// What of `other` is not the same, where its digest is another.
+    /// The part of `other` that differs, where its digest differs.
     pub(super) fn difference(&self, other: &Identity) -> String {
         if self.program != other.program {
             format!(
@@ -349,7 +351,7 @@ impl Heading {
 }
 
 impl Campaign {
-    /// What its folder keeps of point `at` (from 0).
+    /// The row of point `at` (from 0) in its folder.
     fn row(&self, at: usize) -> Row {
         Row {
             point: at + 1,
@@ -364,7 +366,7 @@ impl Campaign {
         }
     }
 
-    /// Why there cannot be point `at` (from 0), if that is so. The list is in order.
+    /// The reason why point `at` (from 0) does not exist, if so. The list is sorted.
     pub(super) fn refused_at(&self, at: usize) -> Option<&str> {
         let found = self.refused.binary_search_by_key(&at, |(point, _)| *point).ok()?;
         Some(&self.refused[found].1)
@@ -388,7 +390,7 @@ impl Campaign {
         }
     }
 
-    /// Puts the points of the folder `root` in their places.
+    /// Reads the points of the folder `root` into their places.
     pub(super) fn fill(&mut self, root: &Path) -> Result<(), CampaignError> {
         each_row(root, |row| {
             let Some(at) = row.point.checked_sub(1).filter(|at| *at < self.points.len()) else {
@@ -413,14 +415,14 @@ impl Campaign {
         Ok(())
     }
 
-    /// The campaign whose folder is `root`, with the points that the folder is for; and what the folder is of.
+    /// The campaign whose folder is `root`, with the points that the folder is for; and the identity of the folder.
     ///
     /// # Errors
-    /// When it is no campaign's folder.
+    /// When it is not a campaign's folder.
     pub fn of_folder(root: &Path) -> Result<(Campaign, Identity), CampaignError> {
         let identity = Identity::read(root)?;
         let mut campaign = Campaign::blank(&identity);
-        // In a bundle the scenario lies beside; elsewhere the path is a whole one.
+        // In a bundle the path is relative to the bundle; elsewhere it is absolute.
         campaign.scenario = root.join(&campaign.scenario);
         if let Some(source) = &mut campaign.source {
             source.file = AnyPath(root.join(&source.file.0));

@@ -1,4 +1,4 @@
-//! The journal of a campaign's folder: a line for each result, as it comes.
+//! Journal of a campaign's folder: a line for each result, in order of arrival.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufRead, BufReader, Write};
@@ -18,21 +18,21 @@ pub type Values = serde_json::Map<String, serde_json::Value>;
 pub struct Entry {
     /// From 1.
     pub point: usize,
-    /// What tells the point apart, by column.
+    /// The labels of the point, by column.
     #[serde(default)]
     pub values: Values,
     /// The machine that ran it.
     #[serde(default)]
     pub node: String,
-    /// Whether the point belongs to another shard and was run to compare the two.
+    /// Whether the point belongs to another shard and was run for comparison.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub audit: bool,
-    /// What became of it.
+    /// The result.
     #[serde(flatten)]
     pub result: PointResult,
 }
 
-/// What this machine is called: by the engine that started the program, where it says so.
+/// The name of this machine: from the engine that started the program, where it gives one.
 pub fn node() -> String {
     std::env::var("SLURMD_NODENAME")
         .unwrap_or_else(|_| rustix::system::uname().nodename().to_string_lossy().into_owned())
@@ -43,7 +43,7 @@ pub(super) fn path(root: &Path) -> PathBuf {
     root.join("results.jsonl")
 }
 
-/// The journal of a folder, to be gone on with.
+/// The journal of a folder, open for appending.
 #[derive(Debug)]
 pub(super) struct Journal {
     path: PathBuf,
@@ -52,7 +52,7 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal of the folder `root` behind its last whole line; `take` gets each entry that is there.
+    /// Opens the journal of the folder `root` behind its last complete line; `take` gets each entry in it.
     pub(super) fn open(root: &Path, take: impl FnMut(Entry)) -> Result<Journal, CampaignError> {
         let path = path(root);
         let good = each(&path, take)?;
@@ -69,7 +69,8 @@ impl Journal {
         })
     }
 
-    /// Adds a result of this machine for the point with these values: it is on the disk's way when this returns.
+    /// Appends a result of this machine for the point with these values; it has been handed to the operating system when
+    /// this returns.
     pub(super) fn add(
         &self,
         point: usize,
@@ -86,7 +87,7 @@ impl Journal {
         })
     }
 
-    /// Adds a line.
+    /// Appends a line.
     pub(super) fn put(&self, entry: &Entry) -> Result<(), CampaignError> {
         let line = serde_json::to_string(entry).unwrap_or_default() + "\n";
         (&self.file)
@@ -95,7 +96,8 @@ impl Journal {
     }
 }
 
-/// Gives the entries of the journal at `path` up to the last whole line; the length up to there, bytes. No file is an empty journal.
+/// Passes on the entries of the journal at `path` up to the last complete line; returns the length up to there, bytes. A
+/// missing file is an empty journal.
 pub(super) fn each(path: &Path, mut take: impl FnMut(Entry)) -> Result<u64, CampaignError> {
     let file = match fs::File::open(path) {
         Ok(file) => file,

@@ -1,4 +1,4 @@
-//! Which points' run folders are kept.
+//! Selection of the points whose run folders are kept.
 
 use std::collections::BTreeSet;
 use std::str::FromStr;
@@ -7,16 +7,16 @@ use super::figures::{Figures, Number};
 use super::point::{Outcome, Result as PointResult};
 use crate::assessment::Criterion;
 
-/// Some of the points of a campaign.
+/// A selection of the points of a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Keep {
-    /// All of them.
+    /// All points.
     All,
-    /// Those that did not run to their ends.
+    /// Points whose runs did not reach their ends.
     Failed,
-    /// Those that did not, and those that do not meet every criterion.
+    /// Those points, and points that do not meet every criterion.
     NotMet,
-    /// So many of those that ran: the worst ones.
+    /// This number of points that ran: the worst ones.
     Worst(usize),
 }
 
@@ -37,15 +37,15 @@ impl FromStr for Keep {
     }
 }
 
-/// The points (from 0) that `keep` names. The worst are those with the greatest `figure`, or the least where only that has a limit; without
-/// one, those that come closest to a limit or go furthest beyond it.
+/// The points (from 0) that `keep` selects. The worst are those with the greatest `figure`, or the least where it has a
+/// lower limit only; without `figure`, those closest to a limit or furthest beyond it.
 pub(super) fn kept(keep: &[Keep], results: &[Option<PointResult>], figure: Option<&Number>) -> BTreeSet<usize> {
     let mut points = BTreeSet::new();
     for keep in keep {
         let all = results.iter().enumerate();
         let all = all.filter_map(|(at, result)| Some((at, result.as_ref()?)));
         let some = |wanted: fn(Outcome) -> bool| all.clone().filter(move |(_, result)| wanted(result.outcome));
-        // A point that was refused has nothing to keep.
+        // A point that was refused has no run folder.
         match keep {
             Keep::All => points.extend(some(|outcome| outcome != Outcome::Refused).map(|(at, _)| at)),
             Keep::Failed => points.extend(some(failed).map(|(at, _)| at)),
@@ -68,7 +68,8 @@ fn failed(outcome: Outcome) -> bool {
     matches!(outcome, Outcome::Failed | Outcome::Crashed)
 }
 
-/// How bad a point is: more is worse, and what was not measured is worst. `None` where there is nothing to tell by.
+/// The badness of a point: larger is worse, and a figure that was not measured is worst. `None` where nothing can be
+/// compared.
 fn badness(figures: &Figures, figure: Option<&Number>) -> Option<f64> {
     let value = |number: &Number| figures.value(&number.key).unwrap_or(f64::INFINITY);
     let Some(figure) = figure else {
@@ -84,12 +85,12 @@ fn badness(figures: &Figures, figure: Option<&Number>) -> Option<f64> {
     }
 }
 
-/// Which part of its limits a figure uses: 1 at the limit, more beyond it.
+/// The fraction of its limit that a figure uses: 1 at the limit, more beyond it.
 fn used(criterion: &Criterion) -> f64 {
     let Some(value) = criterion.value else {
         return f64::INFINITY;
     };
-    // A limit of zero has no parts: what is beyond it is all that counts.
+    // A fraction of a limit of zero is undefined: only the distance beyond it counts.
     let above = criterion.limit.map(|limit| {
         if limit > 0.0 {
             value / limit

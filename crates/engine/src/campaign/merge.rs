@@ -1,4 +1,4 @@
-//! The folders of a campaign's shards become the folder of the whole.
+//! Merging of the folders of a campaign's shards into the folder of the whole.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,18 +11,19 @@ use super::point::Result as PointResult;
 use super::work::Finished;
 use super::{Campaign, CampaignError};
 
-/// So many points are named where some are missing.
+/// Number of points that an error names where points are missing.
 const NAMED: usize = 5;
 
 fn refuse<T>(reason: impl Into<String>) -> Result<T, CampaignError> {
     Err(CampaignError::Merge(reason.into()))
 }
 
-/// Makes the folder `out` of the folders `shards`: the campaign with all results, as one machine would have made it.
+/// Creates the folder `out` from the folders `shards`: the campaign with all results, as one machine would have produced
+/// it.
 ///
 /// # Errors
-/// When the folders are not of one campaign, when a point is in two of them or in none, when one is being worked in, and when a point that was
-/// run twice has two results.
+/// When the folders are not of one campaign, when a point is in two of them or in none, when a process holds one of them,
+/// and when a point that was run twice has two results.
 pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), CampaignError> {
     let started = Instant::now();
     let mut folders: Vec<(&PathBuf, Identity)> = Vec::new();
@@ -81,19 +82,19 @@ pub fn merge(out: &Path, shards: &[PathBuf]) -> Result<(Campaign, Finished), Cam
     Ok((campaign, finished))
 }
 
-/// What the shards have, put together.
+/// The results of all shards.
 struct Whole {
     results: Vec<Option<PointResult>>,
-    /// The folder by its number and the machine of each.
+    /// For each point, the number of its folder and the machine.
     from: Vec<(usize, String)>,
-    /// Second runs by the point and the number of the folder.
+    /// Second runs by point and number of the folder.
     audits: BTreeMap<(usize, usize), Entry>,
 }
 
 type Folders<'a> = [(&'a PathBuf, Identity)];
 
 impl Whole {
-    /// Takes the journal of folder number `number`.
+    /// Reads the journal of folder number `number`.
     fn take(
         &mut self,
         number: usize,
@@ -107,12 +108,12 @@ impl Whole {
                 return;
             };
             if entry.audit {
-                // A second run that was made again replaces the one before.
+                // A repeated second run replaces the earlier one.
                 self.audits.insert((entry.point, number), entry);
             } else if identity.owns(at) {
                 if self.results[at].is_some() && self.from[at].0 != number {
                     let this = (entry.point, self.from[at].0);
-                    // The first by its number, whatever the order in which they came.
+                    // The lowest number, regardless of the order of the journal.
                     twice = Some(twice.map_or(this, |known| known.min(this)));
                 }
                 self.results[at] = Some(entry.result);
@@ -129,7 +130,7 @@ impl Whole {
         }
     }
 
-    /// Whether every point has a result, and every second run that a shard was to make.
+    /// Checks that every point has a result, and every second run of each shard.
     fn no_gaps(&self, folders: &Folders) -> Result<(), CampaignError> {
         let missing = |at: &usize| self.results[*at].is_none();
         let all: Vec<usize> = (0..self.results.len()).filter(missing).collect();
@@ -174,7 +175,7 @@ impl Whole {
         Ok(())
     }
 
-    /// Whether second runs gave the same bits.
+    /// Checks that second runs gave the same bits.
     fn no_differences(&self, folders: &Folders) -> Result<(), CampaignError> {
         let name = |(number, node): (usize, &str)| format!("{} on node `{node}`", folders[number].0.display());
         let (mut differences, mut nodes) = (Vec::new(), BTreeMap::<String, usize>::new());

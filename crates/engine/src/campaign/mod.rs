@@ -1,9 +1,9 @@
-//! Campaigns: many runs of one scenario with changes, and one table of what became of them.
+//! Campaigns: many runs of one scenario with changes, and one table of their results.
 //!
-//! A campaign is a list of points, each a list of changes as `--set` takes them. Worker processes run the points, each several side
-//! by side where participants allow it; those that a worker has when it crashes are run again one by one, so that a crash costs the
-//! point alone that crashes; the results go to a journal in the order in which they come
-//! and into the table in the order of the points. Nothing in the table depends on the number of workers, on lanes or on time.
+//! A campaign is a list of points; each point is a list of changes as `--set` takes them. Worker processes run the points,
+//! several side by side where the participants support it. When a worker crashes, the points that it was running are run
+//! again one by one, so that only the point that crashes is lost. The results go to a journal in order of arrival, and into
+//! the table in the order of the points. Nothing in the table depends on the number of workers, on lanes or on time.
 
 mod abreast;
 mod analysis;

@@ -1,4 +1,4 @@
-//! How a campaign is run.
+//! Options of a campaign.
 
 use std::path::PathBuf;
 
@@ -8,29 +8,30 @@ use super::shard::Shard;
 use super::until::Watch;
 use crate::observer::{Interrupt, Progress};
 
-/// What the command line says about a campaign besides its points.
+/// The options of the command line for a campaign, besides its points.
 #[derive(Clone, Default)]
 pub struct Options {
-    /// The campaign's folder; one named after the scenario and the points unless given.
+    /// The campaign's folder; unless given, one named after the scenario and the points.
     pub out: Option<PathBuf>,
-    /// Processes that work side by side; one a core unless given.
+    /// Number of worker processes; one per core unless given.
     pub workers: Option<usize>,
-    /// Points side by side in the lanes of each worker's processor; as many as are good for this machine unless given.
+    /// Number of points side by side in the SIMD lanes of each worker's core; unless given, the number that is efficient on
+    /// this machine.
     pub lanes: Option<usize>,
     /// The points whose run folders are kept.
     pub keep: Vec<Keep>,
-    /// The figure of merit by which points are the worst; the criteria unless given.
+    /// The figure of merit that ranks points for the worst; the criteria unless given.
     pub figure: Option<Number>,
-    /// Run a part of the points alone.
+    /// Run only this shard of the points.
     pub shard: Option<Shard>,
-    /// Which share of all points is run twice, in two shards.
+    /// The share of all points that is run twice, in two shards.
     pub audit: f64,
-    /// End as soon as this knows enough.
+    /// End as soon as this figure is known accurately enough.
     pub until: Option<Watch>,
-    /// Whether the same campaign with more points has the same folder, unless the user names one.
+    /// Whether the same campaign with more points uses the same folder, unless the user names one.
     pub grows: bool,
-    /// Receives what happens.
+    /// Receives progress events.
     pub progress: Progress,
-    /// Asks for an end in order.
+    /// Requests an orderly end.
     pub interrupt: Interrupt,
 }

@@ -8,15 +8,15 @@ use super::point::Result as PointResult;
 use super::tell::distinct;
 use super::{Column, figure_value, short};
 
-/// The places of a picture along its only axis.
+/// The positions of a picture along its only axis.
 struct Axis<'a> {
     places: Vec<(&'a String, Place<'a>)>,
-    /// Where each place stands.
+    /// The coordinate of each position.
     xs: Vec<f64>,
     lowest: bool,
 }
 
-/// A figure of merit, or each criterion as a part of its limit.
+/// A figure of merit, or each criterion as a fraction of its limit.
 pub(super) fn over_one(picture: &Picture<'_>, column: &Column) -> Drawing {
     let axis = Axis::of(picture, column);
     let (y_label, curves, limits) = axis.figure(picture).unwrap_or_else(|| axis.criteria(picture));
@@ -46,7 +46,7 @@ pub(super) fn over_one(picture: &Picture<'_>, column: &Column) -> Drawing {
     .drawing()
 }
 
-/// The points of each value of `column`, in the order in which the values come first.
+/// The points of each value of `column`, in order of first occurrence of the values.
 fn places<'a>(picture: &Picture<'a>, column: &'a Column) -> Vec<(&'a String, Place<'a>)> {
     let values = distinct(&column.texts);
     let mut places: Vec<(&String, Place<'_>)> = values.iter().map(|value| (*value, Place::default())).collect();
@@ -57,7 +57,7 @@ fn places<'a>(picture: &Picture<'a>, column: &'a Column) -> Vec<(&'a String, Pla
     places
 }
 
-/// What stands beside the vertical axis, curves and limits.
+/// The label of the vertical axis, curves and limits.
 type Shown = (String, Vec<Curve>, Vec<Limit>);
 
 impl<'a> Axis<'a> {
@@ -82,7 +82,7 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// From the middle between two places to the next one.
+    /// From the middle between two positions to the next one.
     fn bands(&self) -> Vec<Band> {
         let xs = &self.xs;
         let middle = |at: usize, other: usize| (xs[at] + xs[other]) / 2.0;
@@ -94,7 +94,7 @@ impl<'a> Axis<'a> {
         bands.collect()
     }
 
-    /// The worst value of each place.
+    /// The worst value of each position.
     fn curve(&self, name: &str, of: &dyn Fn(&PointResult) -> Option<f64>) -> Curve {
         Curve {
             name: name.to_owned(),
@@ -108,7 +108,7 @@ impl<'a> Axis<'a> {
         }
     }
 
-    /// The figure of merit that is asked for, with its limits.
+    /// The requested figure of merit, with its limits.
     fn figure(&self, picture: &Picture<'_>) -> Option<Shown> {
         let figure = picture.figure?;
         let y_label = if figure.unit.is_empty() {
@@ -117,7 +117,7 @@ impl<'a> Axis<'a> {
             format!("{} [{}]", figure.words(), figure.unit)
         };
         let curves = vec![self.curve("", &|result| figure_value(result, &figure.key))];
-        // a criterion may count in other units than the figure
+        // a criterion may have another unit than the figure
         let mut limits = Vec::new();
         let first = first_figures(picture);
         let criteria = first.map_or(&[][..], |figures| &figures.criteria);
@@ -139,7 +139,7 @@ impl<'a> Axis<'a> {
         Some((y_label, curves, limits))
     }
 
-    /// Every criterion with an upper limit, as a part of it.
+    /// Every criterion with an upper limit, as a fraction of it.
     fn criteria(&self, picture: &Picture<'_>) -> Shown {
         let limits = vec![Limit {
             value: 1.0,

@@ -7,7 +7,7 @@ use super::point::Result as PointResult;
 use super::tell::distinct;
 use super::{Column, figure_value, short};
 
-/// Each place in the colour of what became of its points.
+/// Each position in the colour of the outcome of its points.
 pub(super) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
     let (across, down) = (in_order(x), in_order(y));
     let mut places = vec![Place::default(); across.len() * down.len()];
@@ -87,7 +87,7 @@ pub(super) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing
     .drawing()
 }
 
-/// The values of a column: numbers by size, texts as they come.
+/// The values of a column: numbers by size, texts in order of occurrence.
 fn in_order(column: &Column) -> Vec<&String> {
     let mut values: Vec<(usize, &String)> = distinct(&column.texts)
         .into_iter()
@@ -99,7 +99,7 @@ fn in_order(column: &Column) -> Vec<&String> {
     values.into_iter().map(|(_, value)| value).collect()
 }
 
-/// The value without its unit, which the axis has.
+/// The value without its unit, which the axis shows.
 fn bare(column: &Column, value: &str) -> String {
     if column.unit.is_empty() {
         value.to_owned()

@@ -1,4 +1,4 @@
-//! What the picture of a campaign shows, and what becomes of the points on one place of it.
+//! Contents of a campaign's picture, and the combined result of the points at one of its positions.
 
 use std::collections::BTreeMap;
 
@@ -14,21 +14,21 @@ use super::tell::good_word;
 pub struct Picture<'a> {
     /// The scenario's title.
     pub title: &'a str,
-    /// What tells the points apart.
+    /// The labels of the points.
     pub columns: &'a [Column],
-    /// What became of them.
+    /// The results of the points.
     pub results: &'a [Option<PointResult>],
     /// The figure of merit that is shown; the criteria unless given.
     pub figure: Option<&'a Number>,
 }
 
 impl Picture<'_> {
-    /// What a point that went well is called.
+    /// The word for a successful point.
     pub(super) fn word(&self) -> &'static str {
         good_word(self.results)
     }
 
-    /// Whether the figure that is shown has a least value and no greatest one.
+    /// Whether the figure shown has a lower limit and no upper one.
     pub(super) fn lowest(&self) -> bool {
         let figures = self.results.iter().flatten().find_map(|result| result.figures.as_ref());
         let criteria = figures.map_or(&[][..], |figures| &figures.criteria);
@@ -39,7 +39,7 @@ impl Picture<'_> {
     }
 }
 
-/// Points that fall onto one place of the picture.
+/// Points that share a position of the picture.
 #[derive(Debug, Default, Clone)]
 pub(super) struct Place<'a> {
     pub(super) results: Vec<Option<&'a PointResult>>,
@@ -59,7 +59,7 @@ impl Place<'_> {
         }
     }
 
-    /// The worst value of a figure: the greatest, or the least where only that has a limit.
+    /// The worst value of a figure: the greatest, or the least where it has a lower limit only.
     pub(super) fn worst(&self, lowest: bool, of: impl Fn(&PointResult) -> Option<f64>) -> Option<f64> {
         let values = self.results.iter().flatten().filter_map(|result| of(result));
         let worse = if lowest { f64::min } else { f64::max };
@@ -67,7 +67,7 @@ impl Place<'_> {
     }
 }
 
-/// The name of a column as an axis has it.
+/// The name of a column as an axis label.
 pub(super) fn label(column: &Column) -> String {
     if column.unit.is_empty() {
         column.name.clone()

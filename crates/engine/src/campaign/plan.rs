@@ -1,5 +1,5 @@
-//! The points of a campaign, one by one: what a point changes and what of it stands in the table is a function of what declares
-//! the campaign and of the point's number.
+//! Points of a campaign, one by one: the changes and the table cells of a point are a function of the campaign's
+//! declaration and of the point's number.
 
 use super::Column;
 use super::cell::{Cell, Head, Point};
@@ -10,17 +10,17 @@ use super::declared::Declared;
 pub enum Plan {
     /// A list of points: a grid of the command line, a list of cases.
     Listed {
-        /// What tells them apart.
+        /// The labels of the points.
         columns: Vec<Column>,
         /// The changes of each.
         points: Vec<Vec<String>>,
     },
-    /// What a campaign file declares.
+    /// The declaration of a campaign file.
     Declared(Box<Declared>),
 }
 
 impl Plan {
-    /// How many points there are.
+    /// The number of points.
     pub fn count(&self) -> usize {
         match self {
             Plan::Listed { points, .. } => points.len(),
@@ -28,12 +28,12 @@ impl Plan {
         }
     }
 
-    /// Whether more points leave those as they are that there were. A list has all of its points.
+    /// Whether adding points leaves the existing ones unchanged. A list is always complete.
     pub fn grows(&self) -> bool {
         matches!(self, Plan::Declared(declared) if declared.grows())
     }
 
-    /// The dispersions whose Sobol' indices can be told, in the order of their matrices.
+    /// The dispersions whose Sobol' indices can be estimated, in the order of their matrices.
     pub fn factors(&self) -> Option<Vec<String>> {
         let Plan::Declared(declared) = self else { return None };
         Some(declared.factors()?.into_iter().map(str::to_owned).collect())

@@ -1,4 +1,4 @@
-//! One point: a run in this process that keeps figures and no tape, unless the tape is wanted.
+//! One point: a run in this process that keeps figures, and the tape only on request.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -13,11 +13,11 @@ use crate::Catalogue;
 use crate::run::{self, Abreast, Ending, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioSpec};
 
-/// What became of a point.
+/// The outcome of a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// Every criterion is met.
+    /// It ran, and every criterion is met.
     Met,
     /// It ran, and a criterion is not met.
     NotMet,
@@ -27,12 +27,12 @@ pub enum Outcome {
     Refused,
     /// A participant failed.
     Failed,
-    /// The process that ran it is gone.
+    /// The process that ran it died.
     Crashed,
 }
 
 impl Outcome {
-    /// As it stands in the table.
+    /// The word in the table.
     pub fn word(self) -> &'static str {
         match self {
             Outcome::Met => "met",
@@ -44,12 +44,12 @@ impl Outcome {
         }
     }
 
-    /// Whether the run came to its end.
+    /// Whether the run reached its end.
     pub fn ran(self) -> bool {
         matches!(self, Outcome::Met | Outcome::NotMet | Outcome::Complete)
     }
 
-    /// Whether it came to its end and missed no criterion.
+    /// Whether the run reached its end and missed no criterion.
     pub fn good(self) -> bool {
         matches!(self, Outcome::Met | Outcome::Complete)
     }
@@ -58,13 +58,13 @@ impl Outcome {
 /// The result of a point.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Result {
-    /// What became of it.
+    /// The outcome.
     pub outcome: Outcome,
     /// Why it did not run, or which criteria are not met.
     pub reason: Option<String>,
     /// The figures of merit, if it has any.
     pub figures: Option<Figures>,
-    /// The digest of its tape, that of the same run by itself, where it is wanted.
+    /// The digest of its tape, the same as that of a single run, where requested.
     pub tape: Option<String>,
 }
 
@@ -79,7 +79,7 @@ impl Result {
         }
     }
 
-    /// What is different in `self` and in `other`, in words for each: the tape, the outcome, or the first figure.
+    /// The differences between `self` and `other`, in words for each: the tape, the outcome, or the first figure.
     pub fn difference(&self, other: &Result) -> Option<(String, String)> {
         if let (Some(own), Some(its)) = (&self.tape, &other.tape) {
             let words = |tape: &str| format!("tape {}…", tape.get(..10).unwrap_or(tape));
@@ -91,7 +91,7 @@ impl Result {
         self.figures.as_ref()?.difference(other.figures.as_ref()?)
     }
 
-    /// That of a run.
+    /// The result of a run.
     pub fn of_run(run: &run::Outcome) -> Result {
         let figures = run.figures.as_ref();
         let (outcome, reason) = match (&run.ending, figures) {
@@ -126,33 +126,34 @@ impl Result {
     }
 }
 
-/// A point that is to be run.
+/// A point to be run.
 #[derive(Debug, Clone)]
 pub struct Order {
     /// The scenario file.
     pub file: PathBuf,
-    /// What all points share.
+    /// The specification that all points share.
     pub spec: ScenarioSpec,
-    /// The point's own changes of it.
+    /// The point's own changes to it.
     pub changes: Vec<String>,
     /// The run folder, if it is kept.
     pub keep: Option<PathBuf>,
-    /// Where one may be made and removed.
+    /// The path where a temporary run folder may be made.
     pub scratch: PathBuf,
     /// Whether the result has the digest of the tape.
     pub digests: bool,
 }
 
-/// A point that has been begun.
+/// A point that was begun.
 pub enum Begun {
-    /// It is over already.
+    /// The point is already over.
     Over(Result),
-    /// It runs beside others.
+    /// The point runs beside others.
     Abreast(Box<Abreast>),
 }
 
 impl Order {
-    /// Begins the point. Where it can go beside others it has done nothing yet; any other is over, and so is every one that goes `alone`.
+    /// Begins the point. A point that can run beside others has advanced no step on return; any other point, and every
+    /// point begun with `alone`, is over.
     pub fn begin(&self, catalogue: &Arc<Catalogue>, alone: bool) -> Begun {
         caught(|| self.begun(catalogue, alone)).unwrap_or_else(Begun::Over)
     }
@@ -172,7 +173,7 @@ impl Order {
         };
         let scenario = Arc::new(scenario);
         let result = if in_process && self.keep.is_none() {
-            // Outputs of which no figure is made are not seen, and need not be computed.
+            // Outputs that no figure reads are not recorded, and need not be computed.
             options.record = if self.digests {
                 run::Record::Digest
             } else {
@@ -186,9 +187,9 @@ impl Order {
                 },
             }
         } else {
-            // Because the folder is wanted, or because a participant is a program of its own.
+            // Because the folder is requested, or because a participant is an external program.
             let out = self.keep.as_ref().unwrap_or(&self.scratch);
-            // What an interrupted campaign left there is not whole.
+            // Remains of an interrupted campaign are incomplete.
             let _ = std::fs::remove_dir_all(out);
             options.out = Some(out.to_owned());
             let result = concluded(scenario, options);
@@ -200,12 +201,12 @@ impl Order {
         Begun::Over(result.map_or_else(|failure| self.failed(&failure), |result| self.wanted(result)))
     }
 
-    /// The result of a run that has come to its end.
+    /// The result of a run that has reached its end.
     pub fn concluded(&self, run: Box<Abreast>) -> Result {
         caught(|| self.wanted(Result::of_run(&run.conclude()))).unwrap_or_else(|panic| panic)
     }
 
-    /// A result with the digest where that is asked for.
+    /// A result with the digest, where requested.
     fn wanted(&self, result: Result) -> Result {
         Result {
             tape: result.tape.filter(|_| self.digests),
@@ -225,9 +226,9 @@ impl Order {
     }
 }
 
-/// What `work` gives, or a failed point where it panics.
+/// The result of `work`, or a failed point where it panics.
 pub fn caught<T>(work: impl FnOnce() -> T) -> std::result::Result<T, Result> {
-    // The hook of the process writes the message; it is wanted here as well.
+    // The process's panic hook prints the message; it is needed here as well.
     let message = Arc::new(Mutex::new(String::new()));
     let heard = message.clone();
     std::panic::set_hook(Box::new(move |panic| {
@@ -241,16 +242,16 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> std::result::Result<T, Result> {
     })
 }
 
-/// A message about the scenario `file` that is the same wherever the file lies: a row does not depend on that.
+/// A message about the scenario `file`, made independent of its place, because a row must not depend on that.
 fn placeless(file: &Path, message: &str) -> String {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let folder = file.parent().unwrap_or(Path::new("")).display().to_string();
     let message = message.replace(&file.display().to_string(), &name);
-    // Paths in it stand in quotes.
+    // Paths in it are quoted.
     message.replace(&format!("`{folder}/"), "`")
 }
 
-/// A run to its end, with its summary in the folder if it has one.
+/// Runs to the end, and writes the summary to the folder if there is one.
 fn concluded(scenario: Arc<Scenario>, options: run::Options) -> std::result::Result<Result, RunFailure> {
     let outcome = run::run_shared(scenario, options)?;
     if let Some(folder) = &outcome.folder {
@@ -262,14 +263,14 @@ fn concluded(scenario: Arc<Scenario>, options: run::Options) -> std::result::Res
     Ok(Result::of_run(&outcome))
 }
 
-/// The figures of merit and the criteria that runs of `scenario` have, without values.
+/// The figures of merit and the criteria of runs of `scenario`, without values.
 pub fn figures_of(scenario: &Scenario, plan: &Plan) -> Figures {
     let made = scenario.assess(&run::streams(plan)).ok().flatten();
     let none = || Figures::new(Vec::new(), Vec::new());
     made.map_or_else(none, |mut assessment| Figures::of(&assessment.finish(Vec::new())))
 }
 
-/// What became of a point in a word, also where it was not run.
+/// The outcome of a point in a word, also where it was not run.
 pub fn word(result: Option<&Result>) -> &'static str {
     result.map_or("not run", |result| result.outcome.word())
 }

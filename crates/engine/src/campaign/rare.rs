@@ -1,7 +1,7 @@
-//! Campaigns for a rare event: how probable it is that a criterion is not met, by subset simulation.
+//! Rare-event campaigns: the probability that a criterion is not met, estimated by subset simulation.
 //!
-//! Such a campaign comes in batches. What a batch is follows from the results before it, so a folder that has some of them is gone on with as any
-//! other campaign: the batches are made again from its journal.
+//! The points come in batches. Each batch follows from the results before it, so an incomplete folder is continued like
+//! that of any other campaign: the batches are recomputed from its journal.
 
 use std::path::Path;
 
@@ -20,27 +20,27 @@ use super::{Campaign, CampaignError, POINTS_MAX, journal};
 use crate::assessment::Criterion;
 use crate::scenario::Scenario;
 
-/// Chains that take fewer of their steps than this stand still.
+/// Chains with a lower acceptance rate than this do not move.
 const STEPS_LEAST: f64 = 0.05;
 
-/// What is looked for.
+/// The search for a rare event.
 #[derive(Debug)]
 pub struct Rare {
     subset: Subset,
-    /// Which criterion; the only one unless given.
+    /// The criterion; the only one unless given.
     criterion: Option<String>,
 }
 
-/// A campaign for a rare event that has ended, or was stopped.
+/// A rare-event campaign that has ended, or was stopped.
 #[derive(Debug)]
 pub struct Rarely {
     /// All of its points.
     pub campaign: Campaign,
-    /// What became of them.
+    /// The results of the points.
     pub finished: Finished,
     /// How many of them are a plain random sample: those of the first level.
     pub sample: usize,
-    /// How probable it is that the criterion is not met, up to the last level that is complete.
+    /// The probability that the criterion is not met, up to the last complete level.
     pub estimate: Estimate,
     /// The criterion, without a value.
     pub criterion: Criterion,
@@ -49,12 +49,12 @@ pub struct Rarely {
 }
 
 impl Rare {
-    /// Looks for the event that `criterion` is not met.
+    /// Creates the search for the event that `criterion` is not met.
     pub(super) fn new(subset: Subset, criterion: Option<String>) -> Rare {
         Rare { subset, criterion }
     }
 
-    /// The criterion among those that the runs have; `measured` says whether they have a measure of a name.
+    /// The criterion among those of the runs; `measured` returns whether they have a measure of a name.
     ///
     /// # Errors
     /// When there is none of that name, or several and none is named: the reason.
@@ -87,7 +87,7 @@ impl Rare {
     /// Runs level after level. `first` is the campaign of the first level, which `plan` declares.
     ///
     /// # Errors
-    /// As [`super::run`], and when a point crashes: what the next ones are depends on it.
+    /// As [`super::run`], and when a point crashes, because later points depend on its result.
     pub fn run(
         self,
         first: Campaign,
@@ -109,7 +109,7 @@ impl Rare {
             scenario,
             options: Options {
                 out: Some(root),
-                // Which points are the worst is known at the end.
+                // The worst points are known only at the end.
                 keep: options
                     .keep
                     .iter()
@@ -125,7 +125,7 @@ impl Rare {
         };
         levels.run()?;
         if levels.finished.is_none() {
-            // Everything was there: nothing is run, and the folder is taken.
+            // All results were there: nothing is run, and the folder is opened.
             levels.work()?;
         }
         let Levels {
@@ -152,7 +152,7 @@ impl Rare {
     }
 }
 
-/// The results in the journal of the folder `root`, by point. One that crashed is run again.
+/// The results in the journal of the folder `root`, by point. A point that crashed is run again.
 fn results_in(root: &Path) -> Result<Vec<Option<PointResult>>, CampaignError> {
     let mut known = Vec::new();
     journal::each(&journal::path(root), |entry| {
@@ -165,7 +165,7 @@ fn results_in(root: &Path) -> Result<Vec<Option<PointResult>>, CampaignError> {
     Ok(known)
 }
 
-/// A campaign that grows by a batch at a time.
+/// A campaign that grows by one batch at a time.
 struct Levels<'a> {
     subset: Subset,
     declared: &'a Declared,
@@ -190,7 +190,7 @@ impl Levels<'_> {
             }
             match self.scores(&wanted) {
                 Some(scores) => self.subset.take(&scores),
-                // An end was asked for.
+                // The user asked for an end.
                 None => return Ok(()),
             }
         }
@@ -205,7 +205,7 @@ impl Levels<'_> {
             .collect()
     }
 
-    /// Makes the campaign one of all points.
+    /// Extends the campaign to all points so far.
     fn grow(&mut self) {
         let made = self.points.iter().map(|one| self.declared.candidate(one));
         let before = &self.campaign;
@@ -228,7 +228,7 @@ impl Levels<'_> {
             return Err(CampaignError::Rare(reason));
         }
         self.grow();
-        // The folder is let go of before it is taken again.
+        // The folder is unlocked before it is locked again.
         let before = self.finished.take().map(|before| (before.resumed, before.wall_s));
         let identity = Identity::of(&self.campaign, self.scenario)?;
         let resumed = before.map(|(resumed, _)| resumed);
@@ -252,8 +252,8 @@ impl Levels<'_> {
     }
 }
 
-/// By how much a point misses the criterion: above zero it is not met. Infinity where it was not measured or the run failed, and not a number
-/// where there is no such point.
+/// The amount by which a point misses the criterion: above zero it is not met. Infinity where the figure was not measured
+/// or the run failed; NaN where the point does not exist.
 fn score(result: &PointResult, criterion: &str) -> f64 {
     if result.outcome == Outcome::Refused {
         return f64::NAN;
@@ -267,13 +267,14 @@ fn score(result: &PointResult, criterion: &str) -> f64 {
     };
     let above = one.limit.map(|most| value - most);
     let below = one.at_least.map(|least| least - value);
-    // Something that is only met or not has no distance.
+    // A criterion that is only met or not has no distance.
     let plain = if one.met { -1.0 } else { 1.0 };
     above.into_iter().chain(below).reduce(f64::max).unwrap_or(plain)
 }
 
 impl Rarely {
-    /// The figure that has this score: thresholds in its own terms. `None` where it has limits on both sides, or none.
+    /// The figure with this score: thresholds in units of the figure. `None` where the criterion has limits on both sides,
+    /// or none.
     pub fn figure(&self, score: f64) -> Option<f64> {
         match (self.criterion.limit, self.criterion.at_least) {
             (Some(most), None) => Some(most + score),
@@ -282,7 +283,7 @@ impl Rarely {
         }
     }
 
-    /// Everything that is known of the event, for its file and for the page.
+    /// All results about the event, for its file and for the page.
     pub fn json(&self) -> Value {
         let estimate = &self.estimate;
         let levels = estimate.levels.iter().map(|level| {
@@ -315,7 +316,7 @@ impl Rarely {
         })
     }
 
-    /// The same in a few lines for people.
+    /// The same as a few lines of text.
     pub fn words(&self) -> String {
         let estimate = &self.estimate;
         let name = self.criterion.name.replace('_', " ");
@@ -375,7 +376,7 @@ fn finite(value: f64) -> Option<f64> {
     Some(value).filter(|value| value.is_finite())
 }
 
-/// As many points of a curve as a picture shows, with both ends.
+/// The points of a curve, thinned out to the number that a picture shows, with both ends.
 fn thinned(mut curve: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     const SHOWN: usize = 600;
     curve.retain(|(score, _)| score.is_finite());

@@ -1,4 +1,4 @@
-//! A point of a campaign that is there, to be run again by itself.
+//! Recall of a point of an existing campaign, to run it again alone.
 
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
@@ -20,7 +20,7 @@ pub struct Recalled {
     pub point: usize,
     /// The scenario file.
     pub file: PathBuf,
-    /// What became of it, if it was run.
+    /// Its result, if it was run.
     pub result: Option<PointResult>,
     identity: Identity,
     campaign: Campaign,
@@ -30,7 +30,7 @@ impl Recalled {
     /// Reads the point that `place` names as `FOLDER:NUMBER`.
     ///
     /// # Errors
-    /// When the folder is no campaign's, or does not have the point.
+    /// When the folder is not a campaign's, or does not have the point.
     pub fn read(place: &Path) -> Result<Recalled, CampaignError> {
         let refuse = |path: &Path, reason: String| CampaignError::Folder {
             path: path.to_owned(),
@@ -84,17 +84,17 @@ impl Recalled {
         &self.campaign.overrides
     }
 
-    /// What it says.
+    /// The scenario of the point.
     ///
     /// # Errors
-    /// What is wrong with the form of the scenario or of a change of it.
+    /// The mistake in the form of the scenario or of a change of it.
     pub fn spec(&self) -> Result<ScenarioSpec, ScenarioError> {
         self.campaign.spec_of(self.point - 1)
     }
 
-    /// Why the point by itself, which has become `outcome`, has another tape than in the campaign, or another figure where the campaign has no
-    /// digests of tapes; `None` where it is the same, or did not run to its end. `scenario` is that of the point without the changes that
-    /// are its own.
+    /// Why the point run alone, with the result `outcome`, has another tape than in the campaign, or another figure where
+    /// the campaign has no digests of tapes; `None` where it is the same, or did not run to its end. `scenario` is that of
+    /// the point without the point's own changes.
     pub fn difference(&self, scenario: &Scenario, outcome: &run::Outcome) -> Option<String> {
         let result = self.result.as_ref().filter(|result| result.outcome.ran())?;
         let (own, before) = PointResult::of_run(outcome).difference(result)?;

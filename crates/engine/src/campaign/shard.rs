@@ -1,4 +1,4 @@
-//! A share of a campaign's points, and which of them are run twice.
+//! Shards of a campaign's points, and the points that are run twice.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,23 +7,23 @@ use serde::{Deserialize, Serialize};
 
 use super::POINTS_MAX;
 
-/// Share number `number` of `of`: every point whose number leaves `number` when it is divided by `of`.
+/// Shard number `number` of `of`: every `of`-th point, starting at point `number`.
 ///
-/// Every `of`-th point and no contiguous range: the points of a grid cost more towards one of its ends, and a shard keeps its points when a
-/// campaign grows.
+/// Every `of`-th point, not a contiguous range: the points of a grid cost more towards one of its ends, and a shard keeps
+/// its points when a campaign grows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Shard {
     /// From 1.
     pub number: usize,
-    /// How many there are.
+    /// The number of shards.
     pub of: usize,
 }
 
-/// The text is no shard.
+/// The text does not name a shard.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}` is not a shard: write K/N with K from 1 to N, such as 3/8 (N at most {POINTS_MAX})")]
 pub struct ParseShardError {
-    /// What was given.
+    /// The text.
     pub text: String,
 }
 
@@ -47,20 +47,21 @@ impl fmt::Display for Shard {
 }
 
 impl Shard {
-    /// Whether point `at` (from 0) belongs to it.
+    /// Whether point `at` (from 0) belongs to the shard.
     pub fn owns(&self, at: usize) -> bool {
         at % self.of == self.number - 1
     }
 
-    /// Whether it runs point `at` (from 0) of the shard before it a second time, where `share` of all points are.
+    /// Whether the shard runs point `at` (from 0) of the preceding shard a second time, when `share` of all points are run
+    /// twice.
     pub fn audits(&self, at: usize, share: f64) -> bool {
         let before = (self.number + self.of - 2) % self.of;
         self.of > 1 && at % self.of == before && audited(at / self.of, share)
     }
 }
 
-/// Whether point number `rank` (from 0) of a shard is run twice: the first of each shard, and so many of the others that their share is
-/// `share`, spread evenly. So every node is looked at, and no point changes its part when a campaign grows.
+/// Whether point number `rank` (from 0) of a shard is run twice: the first of each shard, and evenly spread others up to
+/// the share `share`. So every node is checked, and no point changes its role when a campaign grows.
 fn audited(rank: usize, share: f64) -> bool {
     let upto = |rank: usize| (rank as f64 * share).ceil();
     share > 0.0 && upto(rank + 1) > upto(rank)
@@ -104,7 +105,7 @@ mod tests {
         );
         assert_eq!(twice(100, 1.0).len(), 100);
         assert_eq!(twice(100, 0.0).len(), 0);
-        // A campaign that grows keeps those that it has.
+        // A campaign that grows keeps its second runs.
         let few = twice(100, 0.1);
         assert_eq!(twice(1000, 0.1)[..few.len()], few);
         let alone = Shard { number: 1, of: 1 };

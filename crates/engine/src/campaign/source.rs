@@ -1,25 +1,28 @@
-//! The campaign file that declares a campaign's points, as its folder knows it: how they are made again.
+//! The campaign file that declares a campaign's points, as recorded in the folder: it determines how the points are
+//! recomputed.
 
 use serde::{Deserialize, Serialize};
 use tape::Digest;
 
 use super::any_path::AnyPath;
 
-/// A campaign file. Its points follow from it, from the scenario with the changes that all points share, and from their number.
+/// A campaign file. Its points follow from the file, from the scenario with the changes that all points share, and from
+/// their number.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Source {
-    /// The file, from the root on; in a bundle relative to it.
+    /// The absolute path of the file; in a bundle relative to the bundle.
     pub file: AnyPath,
-    /// Of everything that it says besides its scenario and the number of points.
+    /// The digest of its content, without the scenario and the number of points.
     pub digest: Digest,
     /// One line about it; empty where there is none.
     pub title: String,
-    /// The dispersions whose Sobol' indices can be told, in the order of their matrices.
+    /// The dispersions whose Sobol' indices can be estimated, in the order of their matrices.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub factors: Option<Vec<String>>,
-    /// Whether more points leave those as they are that there were.
+    /// Whether adding points leaves the existing ones unchanged.
     pub grows: bool,
-    /// Whether later points depend on what became of those before, so that the file and the folder say together which they are.
+    /// Whether later points depend on the results of earlier ones, so that only the file and the folder together determine
+    /// them.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub rare: bool,
 }

@@ -1,4 +1,4 @@
-//! The picture of points that were drawn: which part of them stays how far from the limits.
+//! Picture of drawn points: the distribution of their distances from the limits.
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Shade, Stroke};
 
@@ -6,11 +6,11 @@ use super::figures::{Figures, Number};
 use super::picture::Picture;
 use super::{figure_value, good_word, short};
 
-/// No curve has more marks.
+/// Maximum number of marks of a curve.
 const MARKS_MAX: usize = 60;
 
-/// For each criterion its values by size, as parts of the limit, over the part of the points; without criteria those of the figure.
-/// Green is the part of the points that is met. `None` where there is nothing to draw.
+/// For each criterion its sorted values, as fractions of the limit, over the fraction of the points; without criteria those
+/// of the figure. The fraction of the points that is met is green. `None` where there is nothing to draw.
 pub(super) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     let with = || {
         picture
@@ -83,7 +83,7 @@ pub(super) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     Some(chart.drawing())
 }
 
-/// The values of each criterion that has an upper limit, as parts of it.
+/// The values of each criterion that has an upper limit, as fractions of it.
 fn parts_of_limits<'a, I: Iterator<Item = &'a Figures>>(with: impl Fn() -> I) -> Vec<Curve> {
     let criteria = with().next().map_or(&[][..], |figures| &figures.criteria);
     let mut curves = Vec::new();
@@ -104,14 +104,14 @@ fn parts_of_limits<'a, I: Iterator<Item = &'a Figures>>(with: impl Fn() -> I) ->
     curves
 }
 
-/// Values by size over their parts of all, %.
+/// Sorted values over their cumulative share, %.
 fn curve(name: String, values: impl Iterator<Item = f64>) -> Option<Curve> {
     let mut sorted: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
     let last = sorted.len().checked_sub(1)?;
     let marks = sorted.len().min(MARKS_MAX);
     let points = (0..marks).map(|mark| {
-        // The least and the greatest are among them.
+        // The least and the greatest are included.
         let at = if marks > 1 { mark * last / (marks - 1) } else { last };
         [100.0 * (at + 1) as f64 / sorted.len() as f64, sorted[at]]
     });

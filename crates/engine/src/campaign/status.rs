@@ -1,4 +1,4 @@
-//! How far a campaign is: its folder, or those of its shards.
+//! Progress of a campaign: of its folder, or of those of its shards.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,43 +10,43 @@ use super::identity::Identity;
 use super::journal;
 use super::point::Outcome;
 
-/// A folder of a campaign and how far it is.
+/// A folder of a campaign and its progress.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// The folder.
     pub root: PathBuf,
-    /// What it is of.
+    /// Its identity.
     pub identity: Identity,
-    /// How many points it is for.
+    /// The number of points that it is for.
     pub own: usize,
-    /// What became of those that were run.
+    /// The outcomes of the points that were run.
     pub outcomes: BTreeMap<&'static str, usize>,
     /// The machines that ran them.
     pub nodes: Vec<String>,
-    /// How many points of another shard it has run, of how many that it is to run.
+    /// The number of points of another shard that it has run, and the number that it is to run.
     pub audits: (usize, usize),
-    /// What goes on in it.
+    /// Its activity.
     pub state: State,
 }
 
-/// What goes on in a folder of a campaign.
+/// The activity in a folder of a campaign.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum State {
     /// All of its points have results.
     Complete,
     /// Points are being run.
     Running(Holder),
-    /// Points are missing, and no process works on them.
+    /// Points are missing, and no process is running them.
     Stopped,
 }
 
 impl Part {
-    /// How many of its points have results.
+    /// The number of its points with results.
     pub fn done(&self) -> usize {
         self.outcomes.values().sum()
     }
 
-    /// How many of its points did not run to their ends.
+    /// The number of its points whose runs did not reach their ends.
     pub fn failed(&self) -> usize {
         let wrong = [Outcome::Refused, Outcome::Failed, Outcome::Crashed];
         wrong
@@ -55,7 +55,7 @@ impl Part {
             .sum()
     }
 
-    /// How many of its points are being run.
+    /// The number of its points that are being run.
     pub fn running(&self) -> usize {
         let open = self.own - self.done() + self.audits.1 - self.audits.0;
         match &self.state {
@@ -113,10 +113,11 @@ impl Part {
     }
 }
 
-/// Every folder of a campaign in `root`: itself, or those of shards in it or in its folder `shards`, by their numbers.
+/// Every folder of a campaign in `root`: `root` itself, or those of shards in it or in its folder `shards`, by their
+/// numbers.
 ///
 /// # Errors
-/// When there is none, or one cannot be read.
+/// When there is no such folder, or one cannot be read.
 pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
     let mut parts = Vec::new();
     for folder in [root.to_owned(), root.join("shards")] {
@@ -136,7 +137,7 @@ pub fn parts(root: &Path) -> Result<Vec<Part>, CampaignError> {
         }
     }
     parts.sort_by_key(|part| part.identity.shard.map(|shard| (shard.of, shard.number)));
-    // The whole has results of its own once it was merged, or where it has no shards.
+    // The whole campaign has its own results after merging, or where it has no shards.
     if parts.is_empty() || fs::metadata(journal::path(root)).is_ok_and(|about| about.len() > 0) {
         parts.insert(0, Part::read(root)?);
     }

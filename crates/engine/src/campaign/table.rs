@@ -1,4 +1,4 @@
-//! The table: a row per point, with what was varied, what became of it, and every figure of merit.
+//! Table of a campaign: a row per point, with the varied values, the outcome, and every figure of merit.
 
 use report::export::{Cells, Sheet, SheetColumn};
 
@@ -16,7 +16,7 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
     for column in &campaign.columns {
         let cells = match (&column.whole, &column.numbers) {
             (Some(whole), _) => Cells::Whole(whole.clone()),
-            // Whole numbers beyond 63 bits stay what was written.
+            // Whole numbers beyond 63 bits are written as given.
             (None, Some(numbers)) if !column.beyond_whole() => {
                 Cells::Number(numbers.iter().copied().map(Some).collect())
             }
@@ -50,7 +50,7 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
     if campaign.digests {
         columns.push(text("tape", &|result| result.tape.clone()));
     }
-    // Its name alone: a table is the same wherever the scenario lies.
+    // Only the file name: a table does not depend on the place of the scenario.
     let file = campaign.scenario.file_name().unwrap_or_default();
     Sheet {
         columns,
@@ -58,10 +58,10 @@ pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {
     }
 }
 
-/// The figure that the user calls `name`, with or without its unit.
+/// The figure called `name`, with or without its unit.
 ///
 /// # Errors
-/// Names those that there are.
+/// Names the existing figures.
 pub fn figure_of(name: &str, known: &[Number]) -> Result<Number, CampaignError> {
     let plain = |name: &str| name.replace([' ', '-'], "_");
     let wanted = plain(name);

@@ -1,4 +1,4 @@
-//! A campaign in words: counts, stretches, quantiles, and a map of letters.
+//! Summary of a campaign as text: counts, ranges, quantiles, and a character map.
 
 use sampling::statistics::nearest_rank;
 
@@ -34,7 +34,7 @@ pub fn verdicts(results: &[Option<PointResult>]) -> String {
     format!("{} point{plural}: {}", results.len(), parts.join(", "))
 }
 
-/// Least, median, 95 % and greatest of the values that are there.
+/// Least, median, 95 % and greatest of the values that are present.
 pub fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 4]> {
     let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     values.sort_by(f64::total_cmp);
@@ -43,7 +43,7 @@ pub fn quantiles(values: impl Iterator<Item = f64>) -> Option<[f64; 4]> {
     Some([values[0], at(0.5), at(0.95), values[last]])
 }
 
-/// Where all is well along the only thing that is varied: `0 ms to 120 ms, 140 ms`.
+/// The ranges of the only varied key in which all points are good: `0 ms to 120 ms, 140 ms`.
 pub fn stretches(column: &Column, results: &[Option<PointResult>]) -> String {
     let good = |at: usize| results[at].as_ref().is_some_and(|result| result.outcome.good());
     let (mut parts, mut at) = (Vec::new(), 0);
@@ -101,7 +101,7 @@ pub fn map(columns: &[Column], results: &[Option<PointResult>]) -> Option<String
     Some(out)
 }
 
-/// What a point that went well is called: `met`, or `complete` where no point has criteria.
+/// The word for a successful point: `met`, or `complete` where no point has criteria.
 pub fn good_word(results: &[Option<PointResult>]) -> &'static str {
     let judged = |result: &PointResult| matches!(result.outcome, Outcome::Met | Outcome::NotMet);
     if results.iter().flatten().any(judged) {
@@ -111,7 +111,7 @@ pub fn good_word(results: &[Option<PointResult>]) -> &'static str {
     }
 }
 
-/// The values of a column in the order in which they come first.
+/// The values of a column in order of first occurrence.
 pub fn distinct(texts: &[String]) -> Vec<&String> {
     let mut seen = std::collections::BTreeSet::new();
     texts.iter().filter(|text| seen.insert(*text)).collect()

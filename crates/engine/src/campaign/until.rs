@@ -1,4 +1,4 @@
-//! When a campaign has enough points: as soon as a figure is known well enough.
+//! Stopping rule of a campaign: it ends as soon as a figure is known accurately enough.
 
 use std::str::FromStr;
 
@@ -8,7 +8,7 @@ use super::point::Result as PointResult;
 use super::table::figure_of;
 use super::{CampaignError, Number};
 
-/// The mean of fewer points than this has no interval that could be trusted.
+/// With fewer points than this the interval of a mean is not trustworthy.
 const MEAN_LEAST: usize = 30;
 
 /// A figure and the half width of its 95 % confidence interval at which a campaign ends.
@@ -16,7 +16,7 @@ const MEAN_LEAST: usize = 30;
 pub struct Until {
     /// The share of points that are met, or the mean of the figure of merit with this name.
     what: Option<String>,
-    /// For the share in absolute terms, for a mean as a part of it.
+    /// Absolute for the share, relative for a mean.
     width: f64,
 }
 
@@ -44,10 +44,10 @@ impl FromStr for Until {
 }
 
 impl Until {
-    /// Looks at the points of a campaign that has the figures of merit `known`.
+    /// Creates the watch for a campaign with the figures of merit `known`.
     ///
     /// # Errors
-    /// When there is no such figure.
+    /// When the figure does not exist.
     pub fn watch(&self, known: &[Number]) -> Result<Watch, CampaignError> {
         let figure = match &self.what {
             Some(name) => Some(figure_of(name, known)?),
@@ -66,15 +66,16 @@ impl Until {
     }
 }
 
-/// Looks at the points in their order, whatever the order in which they end: where a campaign ends depends on nothing else.
+/// Evaluates the points in their order, whatever the order in which they end: the end of a campaign depends on nothing
+/// else.
 #[derive(Debug, Clone)]
 pub struct Watch {
     figure: Option<String>,
     width: f64,
-    /// So many points from the first on were looked at.
+    /// The number of points evaluated, counted from the first.
     seen: usize,
     enough: bool,
-    /// Those that ran (and have the figure), and how many of them are good.
+    /// The points that ran (and have the figure), and how many of them are good.
     ran: usize,
     good: usize,
     /// Mean and sum of squared distances from it (Welford's).
@@ -83,7 +84,8 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Looks at the points that have come; with how many of them from the first on the campaign ends, if it does.
+    /// Evaluates the points that have arrived; returns the number of points, from the first on, with which the campaign
+    /// ends, if it does.
     pub(super) fn look(&mut self, results: &[Option<PointResult>]) -> Option<usize> {
         while !self.enough
             && let Some(Some(result)) = results.get(self.seen)
@@ -172,7 +174,7 @@ mod tests {
         let known: Vec<Number> = all[0].as_ref().unwrap().figures.as_ref().unwrap().numbers().collect();
         let mut watch = "met within 5 %".parse::<Until>().unwrap().watch(&known).unwrap();
         let mut some = vec![None; 600];
-        // The last first: nothing is known of the points before them.
+        // The last first: the points before them are not known yet.
         for at in (100..600).rev() {
             some[at] = all[at].clone();
             assert_eq!(watch.look(&some), None);

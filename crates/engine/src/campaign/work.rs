@@ -1,4 +1,4 @@
-//! Running the points: workers, progress, the journal.
+//! Execution of the points: workers, progress, the journal.
 
 use std::collections::VecDeque;
 use std::io::ErrorKind;
@@ -25,20 +25,21 @@ use crate::scenario::Scenario;
 pub struct Finished {
     /// Its folder.
     pub folder: Folder,
-    /// What the folder is of.
+    /// The identity of the folder.
     pub identity: Identity,
-    /// What became of each point; `None` for those that were not run. Where enough was known these are the points up to there.
+    /// The result of each point; `None` for points that were not run. Where the stopping rule ended the campaign, these are
+    /// the points up to there.
     pub results: Vec<Option<PointResult>>,
-    /// How many were there from before.
+    /// The number of points that had results before.
     pub resumed: usize,
     /// Whether it was stopped.
     pub interrupted: bool,
-    /// Wall time, s.
+    /// Wall-clock time, s.
     pub wall_s: f64,
 }
 
 impl Finished {
-    /// How many points became that.
+    /// The number of points with that outcome.
     pub fn count(&self, outcome: Outcome) -> usize {
         self.results
             .iter()
@@ -54,12 +55,12 @@ impl Finished {
         all.all(|(at, result)| !self.identity.owns(at) || ran(result))
     }
 
-    /// How many points the folder is for.
+    /// The number of points that the folder is for.
     pub fn own(&self) -> usize {
         (0..self.results.len()).filter(|at| self.identity.owns(*at)).count()
     }
 
-    /// Runs those points again that are to be kept and are not, with their whole tapes.
+    /// Runs those points again, with whole tapes, whose run folders are requested and missing.
     ///
     /// # Errors
     /// As [`run`], and when a point has another result than before.
@@ -80,10 +81,10 @@ impl Finished {
     }
 }
 
-/// Runs those points of `campaign` that its folder does not have yet. The first point has been checked.
+/// Runs those points of `campaign` whose results its folder does not have yet. The first point has been checked.
 ///
 /// # Errors
-/// When the folder cannot be taken or written, or no process can be started. What was complete before stays in the journal.
+/// When the folder cannot be locked or written, or no process can be started. Earlier results stay in the journal.
 pub fn run(campaign: &Campaign, scenario: &Scenario, options: &Options) -> Result<Finished, CampaignError> {
     let identity = Identity {
         shard: options.shard,
@@ -93,10 +94,10 @@ pub fn run(campaign: &Campaign, scenario: &Scenario, options: &Options) -> Resul
     work(campaign, scenario, identity, options, None)
 }
 
-/// The same for a campaign that was read from a folder, which says what it must be.
+/// The same for a campaign that was read from a folder, with the identity that it must still have.
 ///
 /// # Errors
-/// As [`run`], and when the scenario or a program is not what it was.
+/// As [`run`], and when the scenario or a program has changed.
 pub fn run_as(
     known: &Identity,
     campaign: &Campaign,
@@ -129,7 +130,8 @@ pub fn run_as(
     work(campaign, scenario, identity, options, None)
 }
 
-/// Does the work of [`run`]. A campaign that grows had `before` points when it began; any other those that its folder has.
+/// Does the work of [`run`]. A campaign that grows had `before` points with results when it began; any other the ones in
+/// its folder.
 pub(super) fn work(
     campaign: &Campaign,
     scenario: &Scenario,
@@ -180,7 +182,7 @@ pub(super) fn work(
 }
 
 impl Options {
-    /// How many processes work on `open` points.
+    /// The number of processes that work on `open` points.
     fn workers(&self, open: usize) -> usize {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         self.workers.unwrap_or(cores).clamp(1, open.max(1))
@@ -195,14 +197,14 @@ struct Errand {
     what: What,
 }
 
-/// What becomes of a result.
+/// Use of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum What {
-    /// It is the point's.
+    /// It is the point's result.
     Own,
-    /// It is compared with that of another shard.
+    /// It is compared with the result of another shard.
     Audit,
-    /// It is known, and the run folder is wanted.
+    /// It is already known; the run folder is requested.
     Again,
 }
 
@@ -221,11 +223,11 @@ fn open_points(known: &Known, identity: &Identity) -> VecDeque<Errand> {
         .collect()
 }
 
-/// A worker and the points that it has, each with its ticket.
+/// A worker and the points that it is running, each with its ticket.
 struct Seat {
     worker: Worker,
     busy: Vec<(u64, Errand)>,
-    /// Whether its point is one of those that are run again by themselves.
+    /// Whether its point is one that is run again alone.
     alone: bool,
 }
 
@@ -236,38 +238,38 @@ struct Crew<'a> {
     results: &'a mut Vec<Option<PointResult>>,
     /// Points that no worker has yet.
     open: VecDeque<Errand>,
-    /// Points of workers that are gone, one of which is to blame: a worker takes such a point by itself.
+    /// Points of workers that died; one of these points is the cause. A worker runs such a point alone.
     suspects: VecDeque<Errand>,
-    /// How many points a worker takes at a time.
+    /// The maximum number of points of a worker at a time.
     lanes: usize,
     tickets: u64,
-    /// How many points were there, how many there are now, and how many there are to be.
+    /// The numbers of results before the start, now, and at the end.
     resumed: usize,
     done: usize,
     all: usize,
-    /// Whether there may be more, which depends on their results.
+    /// Whether more points may follow, depending on the results.
     grows: bool,
-    /// Whether run folders are kept on the way.
+    /// Whether run folders are kept during the campaign.
     keep: bool,
     until: Option<Watch>,
-    /// With how many points there are enough.
+    /// The number of points that the stopping rule found enough.
     enough: Option<usize>,
-    /// Whether an end was asked for.
+    /// Whether the user asked for an end.
     stopped: bool,
-    /// What is known so far, as a table; a part of a campaign has none.
+    /// The table of the results so far; a shard of a campaign has none.
     draft: Option<Draft>,
     seats: Vec<Seat>,
 }
 
-/// The table that is there while a campaign goes on.
+/// The table that is written during a campaign.
 struct Draft {
     path: PathBuf,
     written: Instant,
-    /// How long to wait for the next.
+    /// The wait before the next write.
     pause: Duration,
 }
 
-/// The table is not written anew more often than this.
+/// Minimum interval between two writes of the table.
 const DRAFTS_APART: Duration = Duration::from_secs(10);
 
 impl Draft {
@@ -279,7 +281,7 @@ impl Draft {
         }
     }
 
-    /// Writes the table anew if that has not been done for a while. It takes a twentieth of the time at most.
+    /// Writes the table if the interval has passed. Writing takes at most a twentieth of the time.
     fn renew(&mut self, campaign: &Campaign, results: &[Option<PointResult>]) -> Result<(), CampaignError> {
         if self.written.elapsed() < self.pause {
             return Ok(());
@@ -324,13 +326,13 @@ impl<'a> Crew<'a> {
         }
     }
 
-    /// Runs the open points until there are none, or enough, or an end is asked for.
+    /// Runs the open points until none is left, or there are enough, or the user asks for an end.
     fn run(&mut self, options: &Options) -> Result<(), CampaignError> {
         let words = channel();
         let outcome = self.work(options, &words);
         options.progress.report(Event::Over);
         self.stopped = options.interrupt.asked();
-        // All are asked before any is waited for.
+        // All workers are asked to end before the first is waited for.
         self.seats.iter_mut().for_each(|seat| seat.worker.dismiss());
         for number in 0..self.seats.len() {
             let _ = std::fs::remove_dir_all(self.folder.scratch(number));
@@ -342,13 +344,13 @@ impl<'a> Crew<'a> {
     fn work(&mut self, options: &Options, words: &Words) -> Result<(), CampaignError> {
         self.look();
         let workers = options.workers(self.open.len()).min(self.open.len());
-        // where nothing is gained there is one, whatever is asked for
+        // where lanes bring no benefit one is used, whatever the options say
         let lanes = if self.lanes == 1 {
             1
         } else {
             options.lanes.unwrap_or(self.lanes)
         };
-        // A run that is kept goes by itself.
+        // A run whose folder is kept runs alone.
         let kept = self.keep || self.open.iter().any(|errand| errand.what == What::Again);
         self.lanes = if kept {
             1
@@ -406,7 +408,7 @@ impl<'a> Crew<'a> {
         Ok(())
     }
 
-    /// Whether enough is known.
+    /// Evaluates the stopping rule.
     fn look(&mut self) {
         if let Some(watch) = &mut self.until {
             self.enough = watch.look(self.results);
@@ -442,7 +444,7 @@ impl<'a> Crew<'a> {
         Ok(())
     }
 
-    /// Gives worker `number` points, as long as there are any and it has room for them.
+    /// Sends points to worker `number`, as long as there are any and it has room for them.
     fn order(&mut self, number: usize) -> Result<(), CampaignError> {
         while let Some(errand) = self.next(number) {
             let (point, keep) = (errand.point, errand.what == What::Again);
@@ -462,7 +464,7 @@ impl<'a> Crew<'a> {
             };
             seat.busy.push((self.tickets, errand));
             match seat.worker.order(&task) {
-                // It is gone, and its end is about to be heard.
+                // It died, and the notice of its death is on its way.
                 Err(error) if error.kind() == ErrorKind::BrokenPipe => return Ok(()),
                 ordered => ordered.map_err(|source| CampaignError::Io {
                     path: self.campaign.scenario.clone(),
@@ -474,7 +476,7 @@ impl<'a> Crew<'a> {
         Ok(())
     }
 
-    /// What worker `number` gets next.
+    /// The next point for worker `number`.
     fn next(&mut self, number: usize) -> Option<Errand> {
         let seat = &mut self.seats[number];
         if seat.busy.is_empty() {

@@ -1,4 +1,4 @@
-//! The processes that run the points: each takes points as lines of JSON and answers each with one.
+//! Worker processes that run the points: each reads points as lines of JSON and answers each with one line.
 
 use std::io::{self, BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, Stdio};
@@ -18,13 +18,13 @@ use crate::scenario::{Changes, ScenarioSpec};
 /// A point for a worker.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Task {
-    /// What the answer is to carry.
+    /// The ticket that the answer must carry.
     pub ticket: u64,
-    /// Whether no other point may be under way beside it.
+    /// Whether no other point may run beside it.
     pub alone: bool,
     /// The scenario file.
     pub scenario: AnyPath,
-    /// What it must still be, with the changes that all points share.
+    /// The digest that it must still have, with the changes that all points share.
     pub digest: String,
     /// Those changes.
     pub common: Changes,
@@ -32,25 +32,26 @@ pub struct Task {
     pub changes: Vec<String>,
     /// The run folder, if it is kept.
     pub keep: Option<AnyPath>,
-    /// Where a run folder may be made for a while.
+    /// The path where a temporary run folder may be made.
     pub scratch: AnyPath,
-    /// Whether the digest of the tape is wanted.
+    /// Whether the digest of the tape is requested.
     pub digests: bool,
 }
 
 /// A worker's answer.
 #[derive(Debug, Serialize, Deserialize)]
 pub enum Answer {
-    /// The point with this ticket was run, or could not be.
+    /// The point with this ticket was run, or could not be run.
     Done(u64, Box<PointResult>),
-    /// The scenario is not what it was.
+    /// The scenario has changed.
     Changed,
 }
 
-/// Serves the points that come as lines on `tasks`, one answer a line, until there are no more. Those that have come go side by side.
+/// Serves the points that arrive as lines on `tasks`, one line of answer each, until the input ends. Points that have
+/// arrived run side by side.
 ///
 /// # Errors
-/// When nobody listens any more.
+/// When the reader of the answers is gone.
 pub fn serve(
     catalogue: &Arc<Catalogue>,
     tasks: impl BufRead + Send + 'static,
@@ -96,7 +97,7 @@ pub fn serve(
 }
 
 impl Task {
-    /// The scenario with the changes that all points share, if it still is what it was.
+    /// The scenario with the changes that all points share, if it has not changed.
     fn current(&self) -> Option<ScenarioSpec> {
         let spec = ScenarioSpec::changed(&self.scenario.0, &self.common).ok()?;
         (digest_of_scenario(&spec).to_string() == self.digest).then_some(spec)
@@ -114,12 +115,12 @@ impl Task {
     }
 }
 
-/// What a worker has to say.
+/// A message from a worker.
 #[derive(Debug)]
 pub enum Word {
     /// An answer.
     Answer(Answer),
-    /// It is gone.
+    /// The worker died.
     Gone,
 }
 
@@ -132,7 +133,7 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Starts worker number `number`, whose words go to `words` with the number.
+    /// Starts worker number `number`; its messages go to `words` with the number.
     ///
     /// The kernel kills it when the thread that starts it dies, so this must be called from the main thread.
     pub fn start(number: usize, words: &Sender<(usize, Word)>) -> io::Result<Worker> {
@@ -163,7 +164,7 @@ impl Worker {
             let words = words.clone();
             std::thread::spawn(move || {
                 for line in BufReader::new(answers).lines().map_while(Result::ok) {
-                    // What is no answer was printed by somebody's model, and is nobody's business.
+                    // Other lines were printed by a user's model, and are ignored.
                     if let Ok(answer) = serde_json::from_str(&line)
                         && words.send((number, Word::Answer(answer))).is_err()
                     {
@@ -177,10 +178,10 @@ impl Worker {
         Ok(Worker { child, orders, said })
     }
 
-    /// Gives it a point.
+    /// Sends a point to the worker.
     ///
     /// # Errors
-    /// [`io::ErrorKind::BrokenPipe`] when it is gone; any other error is one of the task.
+    /// [`io::ErrorKind::BrokenPipe`] when the worker died; any other error is one of the task.
     pub fn order(&mut self, task: &Task) -> io::Result<()> {
         let orders = self.orders.as_mut().ok_or(io::ErrorKind::BrokenPipe)?;
         let line = serde_json::to_string(task)? + "\n";
@@ -188,7 +189,7 @@ impl Worker {
         orders.flush()
     }
 
-    /// How it ended and what it said last, once it is gone.
+    /// How the process ended and its last output, after its death.
     pub fn obituary(&mut self) -> String {
         let ending = match self.child.wait() {
             Ok(status) => crate::run::ending_of_process(status),
@@ -203,7 +204,7 @@ impl Worker {
         }
     }
 
-    /// Asks it to end in order: a run that it has under way takes its processes along.
+    /// Asks the worker to end in order: a run in progress ends its own processes first.
     pub fn dismiss(&mut self) {
         self.orders = None;
         let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);

@@ -1,13 +1,13 @@
-//! As much of HTTP/1.1 as a page on the same machine needs: one request a connection, everything bounded.
+//! A subset of HTTP/1.1 for a page on the same machine: one request per connection, every size and time bounded.
 
 use std::io::{self, Read, Write};
 use std::time::{Duration, Instant};
 
-/// The longest head of a request, bytes.
+/// Maximum length of the head of a request, bytes.
 const HEAD_MAX: usize = 16 * 1024;
-/// The longest body, bytes.
+/// Maximum length of the body, bytes.
 const BODY_MAX: usize = 4 * 1024;
-/// How long a request may take to arrive.
+/// Maximum time for a request to arrive.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 
 /// A request.
@@ -17,16 +17,16 @@ pub struct Request {
     pub method: String,
     /// The path, without the query.
     pub path: String,
-    /// What stands behind the question mark.
+    /// The query after the question mark.
     pub query: String,
-    /// Names in lower case.
+    /// Header fields; names in lower case.
     headers: Vec<(String, String)>,
     /// The body.
     pub body: Vec<u8>,
 }
 
 impl Request {
-    /// The header of this name (lower case) where it is there exactly once.
+    /// The value of the header of this name (lower case) where it occurs exactly once.
     pub fn header(&self, name: &str) -> Option<&str> {
         let mut found = self.headers.iter().filter(|(known, _)| known == name);
         let first = found.next()?;
@@ -38,19 +38,19 @@ impl Request {
         self.headers.iter().any(|(known, _)| known == name)
     }
 
-    /// The value of a key in the query. Nothing is decoded: our own page sends nothing that would need it.
+    /// The value of a key in the query. Nothing is decoded: our own page sends nothing that needs decoding.
     pub fn parameter(&self, key: &str) -> Option<&str> {
         let mut pairs = self.query.split('&').filter_map(|pair| pair.split_once('='));
         pairs.find_map(|(known, value)| (known == key).then_some(value))
     }
 }
 
-/// Why there is no request.
+/// Why a request cannot be served.
 #[derive(Debug)]
 pub enum Bad {
     /// Answer with this status and text.
     Answer(u16, &'static str),
-    /// Nobody is there to be answered.
+    /// The connection is closed; no answer is possible.
     Gone,
 }
 
@@ -60,7 +60,7 @@ impl From<io::Error> for Bad {
     }
 }
 
-/// Reads one request, whatever comes.
+/// Reads one request, and tolerates any input.
 pub fn read(stream: &mut impl Read, until: Instant) -> Result<Request, Bad> {
     let mut bytes = Vec::new();
     let mut chunk = [0; 2048];
@@ -142,7 +142,7 @@ fn head(bytes: &[u8]) -> Result<Request, Bad> {
     })
 }
 
-/// Writes an answer. Nothing of it may be kept, sniffed, framed, or read by another page.
+/// Writes an answer. Its headers forbid other pages to cache, sniff, frame or read it.
 pub fn answer(stream: &mut impl Write, status: u16, kind: &str, body: &[u8]) -> io::Result<()> {
     let reason = match status {
         200 => "OK",

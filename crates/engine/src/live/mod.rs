@@ -1,7 +1,7 @@
-//! A run that can be watched and steered from a page while it goes on.
+//! Live page: a run can be watched and controlled from a browser while it is in progress.
 //!
-//! The run and the page meet in a [`Steering`], a handful of atomic numbers, and in the files of the tape. The server's
-//! threads read the files; whatever a browser does, the run never waits for it.
+//! The run and the page share a [`Steering`], a few atomic numbers, and the files of the tape. The server's threads read
+//! the files; the run never waits for a browser.
 
 mod http;
 mod server;

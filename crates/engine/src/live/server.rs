@@ -1,9 +1,9 @@
-//! The server of the page. It listens on the loopback address alone.
+//! The server of the live page. It listens on the loopback address only.
 //!
-//! Any program of any user on the machine can connect to a loopback port, and any page that a browser shows can make it send
-//! requests there. So: everything stands below a path with 128 random bits; requests must name the loopback address as their
-//! host (a name that was bound to it afterwards is refused) and, where the browser says where they come from, come from
-//! our own page; only a POST with a JSON body changes anything; and no answer may be read by another page.
+//! Any program of any user on the machine can connect to a loopback port, and any page in a browser can make the browser
+//! send requests there. Therefore every path begins with a token of 128 random bits; requests must name the loopback
+//! address as their host (a name that resolves to it is rejected) and, where the browser states their origin, come from our
+//! own page; only a POST with a JSON body changes anything; and no other page may read an answer.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, Read};
@@ -20,33 +20,33 @@ use super::Steering;
 use super::http::{self, Bad, Request};
 use super::steering::{Course, Wish};
 
-/// Requests of our own page that are answered at once; more are turned away.
+/// Maximum number of requests of our own page served at once; more are rejected.
 const CONNECTIONS: usize = 16;
-/// Connections at once that have not sent our address yet. The oldest is closed for a new one: a page sends its request at once, and
-/// a silent connection cannot block it.
+/// Maximum number of connections that have not yet sent our address. A new one closes the oldest: a page sends its request
+/// at once, so silent connections cannot block it.
 const SILENT: usize = 64;
-/// How long a browser may take to accept an answer.
+/// Maximum time for a browser to accept an answer.
 const WRITE: Duration = Duration::from_secs(5);
-/// A page that has not asked for this long is closed.
+/// A page that has not sent a request for this long counts as closed.
 const ABSENT: Duration = Duration::from_secs(3);
-/// How long the end waits for pages to fetch the result.
+/// Maximum time that the end waits for pages to fetch the result.
 const FAREWELL: Duration = Duration::from_secs(5);
-/// How many times as long as it has read the run the server rests before it reads it again, whoever asks: a tenth of a core is the
-/// most that reading takes. Making the answers comes on top, once for each page that asks.
+/// After reading the run the server pauses for this multiple of the time that the reading took, for any number of pages:
+/// reading takes at most a tenth of a core. Building the answers comes on top, once for each request.
 const RESTS: u32 = 9;
-/// Pages that are remembered.
+/// Maximum number of known pages.
 const PAGES: usize = 32;
 const JSON: &str = "application/json";
 const HTML: &str = "text/html";
 const TEXT: &str = "text/plain";
 
-/// A page that has asked.
+/// A page that has sent a request.
 struct Page {
     seen: Instant,
     has_result: bool,
 }
 
-/// The run as it is shown, and when it may be looked at again.
+/// The report of the run, and the earliest time of the next reading.
 #[derive(Default)]
 struct Watched {
     live: Option<Live>,
@@ -58,16 +58,16 @@ struct Shared {
     token: String,
     steering: Arc<Steering>,
     views: Vec<Views>,
-    /// Opened when the first page asks.
+    /// Opened at the first request of a page.
     live: Mutex<Watched>,
     result: Mutex<Option<Arc<Vec<u8>>>>,
     pages: Mutex<BTreeMap<String, Page>>,
     connections: AtomicUsize,
-    /// Connections without a request so far, each with its number, the oldest first.
+    /// Connections that have not sent a valid request, each with its number, the oldest first.
     silent: Mutex<VecDeque<(u64, TcpStream)>>,
 }
 
-/// A server in threads of its own, which end with the program.
+/// A server in its own threads, which end with the program.
 pub struct Server {
     shared: Arc<Shared>,
 }
@@ -77,8 +77,8 @@ fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 impl Server {
-    /// Listens on `port` of 127.0.0.1, or on one that the system chooses where it is 0. The page has the figures of `views`
-    /// besides those of the scenario.
+    /// Listens on `port` of 127.0.0.1, or on a free port where it is 0. The page has the figures of `views` besides those
+    /// of the scenario.
     pub fn start(port: u16, steering: Arc<Steering>, views: &[Views]) -> io::Result<Server> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
         let mut bits = [0_u8; 16];
@@ -106,9 +106,9 @@ impl Server {
         format!("http://127.0.0.1:{}/{}/", self.shared.port, self.shared.token)
     }
 
-    /// The run folder is complete. Waits for open pages to fetch what it holds, but not for long.
+    /// Called when the run folder is complete. Waits for open pages to fetch the result, for a bounded time.
     pub fn finish(&self, how: String) {
-        // What pages will ask for is made here, with the priority of the run; the server's threads have a lower one.
+        // The result is built here, with the priority of the run; the server's threads have a lower one.
         if !locked(&self.shared.pages).is_empty() {
             let _ = self.shared.whole();
         }
@@ -118,7 +118,7 @@ impl Server {
         while since.elapsed() < FAREWELL && locked(&self.shared.pages).values().any(waits) {
             std::thread::sleep(Duration::from_millis(10));
         }
-        // The answer that was begun last is on its way.
+        // The last answer may still be in transmission.
         while since.elapsed() < FAREWELL && self.shared.connections.load(Ordering::Relaxed) > 0 {
             std::thread::sleep(Duration::from_millis(2));
         }
@@ -126,11 +126,11 @@ impl Server {
 }
 
 fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
-    // Threads that are started here inherit it: the run comes first.
+    // Threads that are started here inherit the lower priority: the run comes first.
     let _ = rustix::process::setpriority_process(None, 10);
     for number in 0.. {
         let Ok((mut stream, peer)) = listener.accept() else {
-            // Out of file descriptors, most likely: that passes.
+            // Probably out of file descriptors, which is temporary.
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
@@ -152,7 +152,7 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
     }
 }
 
-/// An answer: status, kind, body.
+/// An answer: status, content type, body.
 type Answer = (u16, &'static str, Vec<u8>);
 
 fn serve(stream: &mut TcpStream, number: u64, shared: &Shared) {
@@ -188,7 +188,8 @@ fn serve(stream: &mut TcpStream, number: u64, shared: &Shared) {
     }
 }
 
-/// A browser that accepts a few bytes now and then must not hold its place for ever.
+/// Limits the total time of an answer, so that a browser that reads a few bytes at a time cannot keep its connection for
+/// ever.
 fn write_within(stream: &mut TcpStream, status: u16, kind: &str, body: &[u8]) -> io::Result<()> {
     let mut bytes = Vec::with_capacity(body.len() + 1024);
     http::answer(&mut bytes, status, kind, body)?;
@@ -206,13 +207,13 @@ fn write_within(stream: &mut TcpStream, status: u16, kind: &str, body: &[u8]) ->
         }
     }
     stream.shutdown(Shutdown::Write)?;
-    // Whoever closes first while bytes are under way breaks the connection: the other side is waited for.
+    // Closing while bytes are in transit would reset the connection: the server waits for the browser to close first.
     let _ = stream.set_read_timeout(Some(Duration::from_millis(200)));
     let _ = stream.read(&mut [0; 64]);
     Ok(())
 }
 
-/// What stands below the token of a request that may be answered.
+/// The path after the token, for a request that may be answered.
 fn allowed<'a>(request: &'a Request, shared: &Shared) -> Result<&'a str, (u16, &'static str)> {
     let port = shared.port;
     let ours = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
@@ -241,7 +242,7 @@ fn allowed<'a>(request: &'a Request, shared: &Shared) -> Result<&'a str, (u16, &
     parts.next().ok_or((404, "the address ends with a slash"))
 }
 
-/// Whether two texts are equal, in a time that does not tell where they differ.
+/// Compares two texts in constant time.
 fn same(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(0, |difference, (x, y)| difference | (x ^ y)) == 0
 }
@@ -266,7 +267,7 @@ fn route(request: &Request, below: &str, shared: &Shared) -> Answer {
     }
 }
 
-/// Processor time of this thread: on a loaded machine a little work takes long, and is no reason to rest for longer still.
+/// CPU time of this thread: on a loaded machine, wall-clock time would lengthen the pauses.
 fn computed() -> Duration {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::new(
@@ -275,7 +276,7 @@ fn computed() -> Duration {
     )
 }
 
-/// What is shown until the first sample is there.
+/// The page before the first sample.
 const SOON: &[u8] = b"<!DOCTYPE html><meta charset=utf-8><meta http-equiv=refresh content=1><title>Escapement</title>\
 <body style='font-family:system-ui;margin:4rem;color:#667'>The run is about to begin.";
 
@@ -287,17 +288,17 @@ impl Shared {
         if silent.len() > SILENT
             && let Some((_, oldest)) = silent.pop_front()
         {
-            // The thread of that connection reads its end, and ends.
+            // The thread of that connection reads end of file, and ends.
             let _ = oldest.shutdown(Shutdown::Both);
         }
     }
 
-    /// Removes connection `number`: its request is that of our page, or it is over.
+    /// Removes connection `number`: it has sent a request of our page, or is closed.
     fn remove_silent(&self, number: u64) {
         locked(&self.silent).retain(|(silent, _)| *silent != number);
     }
 
-    /// Does something with the live report; `None` while there is nothing to report.
+    /// Calls `act` with the live report; `None` as long as there is nothing to report.
     fn with_live<T>(
         &self,
         act: impl FnOnce(&mut Live, &Course) -> Result<T, report::page::ReportError>,
@@ -306,7 +307,8 @@ impl Shared {
             return Ok(None);
         };
         let mut watched = locked(&self.live);
-        // Whoever asks too early waits here, and everybody behind it: the run has the machine, however many pages ask.
+        // A request that comes too early waits here, and so do all behind it: the load on the run is bounded, however many
+        // pages ask.
         if let Some(rest) = watched
             .not_before
             .map(|when| when.saturating_duration_since(Instant::now()))
@@ -361,7 +363,7 @@ impl Shared {
         }
         let have = request.parameter("have").unwrap_or_default();
         let have: Vec<u64> = have.split('-').filter_map(|number| number.parse().ok()).collect();
-        // The state first: what it says of the run is on the tape then.
+        // The state is read first, so that everything it reports is on the tape by the time the tape is read.
         let state = self.steering.state();
         match self.with_live(|live, _| live.news(&have)) {
             Ok(news) => {
@@ -373,7 +375,7 @@ impl Shared {
         }
     }
 
-    /// What the page of the finished run shows.
+    /// The data of the page of the finished run.
     fn result(&self) -> Answer {
         if self.steering.ended().is_none() {
             return text(409, "the run is not over");
@@ -384,7 +386,7 @@ impl Shared {
         }
     }
 
-    /// The whole of a run whose folder is complete; made once.
+    /// The data of a run whose folder is complete; built once.
     fn whole(&self) -> Result<Arc<Vec<u8>>, String> {
         let course = self.steering.course().ok_or("there was no run")?;
         let mut result = locked(&self.result);
@@ -428,7 +430,7 @@ fn wish(body: &[u8]) -> Result<Wish, String> {
     }
 }
 
-/// The port of `--live` and what to call it when it cannot be had.
+/// The error of `--live` when its port is not available.
 pub fn refusal(port: u16, error: &io::Error) -> String {
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     format!("--live: cannot listen on {address}: {error}; name another port, or none for any that is free")

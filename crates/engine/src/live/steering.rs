@@ -1,4 +1,4 @@
-//! The one seam through which somebody outside moves the horizon of a run: a limit, and how far the run is.
+//! The interface through which a live page controls the horizon of a run: a limit, and the progress of the run.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
@@ -7,20 +7,20 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use lockstep::plan::Plan;
 use lockstep::time::{Rational, Ticks};
 
-/// What somebody wants of a run.
+/// A command of a live page.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Wish {
-    /// Come to rest as soon as possible.
+    /// Pause as soon as possible.
     Pause,
     /// Go on.
     Resume,
-    /// From rest: the next activation of this participant, and everything before it.
+    /// While paused: run up to and including the next activation of this participant.
     StepOf(String),
-    /// From rest: this much simulated time.
+    /// While paused: run for this much simulated time.
     StepBy(Rational),
 }
 
-/// A run that has begun: what never changes about it.
+/// The constant data of a run that has begun.
 pub struct Course {
     /// Its plan.
     pub plan: Plan,
@@ -28,17 +28,17 @@ pub struct Course {
     pub folder: PathBuf,
 }
 
-/// Shared by a run and by whoever steers it. Nobody ever waits for the other.
+/// Shared between a run and its live page. Neither waits for the other.
 pub struct Steering {
-    /// Nobody goes further than this; a horizon that was given stays given.
+    /// Upper limit of new horizons; a horizon already granted is not withdrawn.
     limit: AtomicI64,
     newest: AtomicI64,
     granted: AtomicI64,
     resting: AtomicBool,
     course: OnceLock<Course>,
-    /// How the pace of the wall clock is kept.
+    /// How the run keeps pace with the wall clock.
     pace: Mutex<serde_json::Value>,
-    /// How it ended, in words.
+    /// How the run ended, in words.
     ended: OnceLock<String>,
 }
 
@@ -57,7 +57,7 @@ impl Default for Steering {
 }
 
 impl Steering {
-    /// The run begins: its tape is there.
+    /// Called when the run begins: its tape exists.
     pub fn begin(&self, plan: &Plan, folder: PathBuf) {
         let plan = plan.clone();
         let _ = self.course.set(Course { plan, folder });
@@ -68,45 +68,45 @@ impl Steering {
         self.course.get()
     }
 
-    /// How far the run may go.
+    /// The present limit of the horizon.
     pub fn limit(&self) -> Ticks {
         self.limit.load(Ordering::Relaxed)
     }
 
-    /// Whether the run may go past `at`.
+    /// Whether the limit permits the run to go past `at`.
     pub fn lets_past(&self, at: Ticks) -> bool {
         self.limit() > at
     }
 
-    /// No further than the horizon that is given already.
+    /// Sets the limit so that no further horizon is granted.
     pub fn pause(&self) {
         self.limit.store(0, Ordering::Relaxed);
     }
 
-    /// As far as the run goes.
+    /// Removes the limit.
     pub fn resume(&self) {
         self.limit.store(Ticks::MAX, Ordering::Relaxed);
     }
 
-    /// As far as this instant.
+    /// Sets the limit to this instant.
     pub fn go_to(&self, limit: Ticks) {
         self.limit.store(limit, Ordering::Relaxed);
     }
 
-    /// The run says how far it is.
+    /// Called by the run to report its progress.
     pub fn tell(&self, newest: Ticks, granted: Ticks, resting: bool) {
         self.newest.store(newest, Ordering::Relaxed);
         self.granted.store(granted, Ordering::Relaxed);
         self.resting.store(resting, Ordering::Relaxed);
     }
 
-    /// The run says how it keeps the pace of the wall clock.
+    /// Called by the run to report how it keeps pace with the wall clock.
     pub fn tell_pace(&self, pace: &impl serde::Serialize) {
         let pace = serde_json::to_value(pace).unwrap_or_default();
         *self.pace.lock().unwrap_or_else(PoisonError::into_inner) = pace;
     }
 
-    /// The run is over, and its folder complete.
+    /// Called when the run is over and its folder complete.
     pub fn end(&self, how: String) {
         let _ = self.ended.set(how);
     }
@@ -116,7 +116,7 @@ impl Steering {
         self.ended.get().map(String::as_str)
     }
 
-    /// Does what somebody wants, or says why not.
+    /// Executes a command, or returns why it is not possible.
     pub fn obey(&self, wish: &Wish) -> Result<(), String> {
         let Some(Course { plan, .. }) = self.course() else {
             return Err("the run has not begun yet".into());
@@ -140,7 +140,7 @@ impl Steering {
                     .participant(name)
                     .ok_or_else(|| format!("there is no participant `{name}`"))?;
                 let own = plan.participants[number].sample_time;
-                // The first activation that has not happened yet, and with it everything of the same instant.
+                // The first activation that has not happened yet; the step includes all other activations at that instant.
                 own.instant(own.count_before(granted)).saturating_add(1)
             }
             Wish::StepBy(time) if time.is_positive() => {
@@ -153,7 +153,7 @@ impl Steering {
         Ok(())
     }
 
-    /// How far the run is, for the page.
+    /// The progress of the run, for the page.
     pub fn state(&self) -> serde_json::Value {
         let seconds = |ticks: Ticks| {
             self.course()

@@ -1,10 +1,10 @@
-//! What is computed of a signal, sample by sample.
+//! Computation of a figure from a signal, sample by sample.
 
 use serde::{Deserialize, Serialize};
 
 use super::total::Total;
 
-/// What is computed. Thresholds and bands are in the unit of the signal.
+/// The computation. Thresholds and bands are in the unit of the signal.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Compute {
     /// The least value.
@@ -19,71 +19,71 @@ pub enum Compute {
     Rms,
     /// The last value.
     Final,
-    /// The value at an instant: the newest one by then.
+    /// The value at an instant: the newest sample at that time.
     At,
     /// The greatest value less the least.
     Range,
     /// The integral over time by the trapezoidal rule.
     Integral,
-    /// The same of the absolute value.
+    /// The integral of the absolute value.
     IntegralAbs,
-    /// The largest change from one sample to the next, a second.
+    /// The largest change from one sample to the next, per second.
     Rate,
-    /// For how long the value is above this, s.
+    /// The time during which the value is above this, s.
     TimeAbove(f64),
-    /// For how long the value is below this, s.
+    /// The time during which the value is below this, s.
     TimeBelow(f64),
-    /// The first instant at which the value has got to this from the side on which it started, s.
+    /// The first instant at which the value reaches this from the side on which it started, s.
     FirstCrossing(f64),
-    /// After how long the value stays between these two, both included, s.
+    /// The settling time after which the value stays between these two, both included, s.
     SettlingTime(f64, f64),
-    /// How often a value is not that of the sample before.
+    /// The number of times the value differs from that of the sample before.
     Changes,
-    /// The least value that at least this part of the samples, in percent, does not exceed.
+    /// The least value that at least this percentage of the samples does not exceed.
     Percentile(f64),
 }
 
 /// A figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
-    /// What it is, in the unit of the figure.
+    /// Its value, in the unit of the figure.
     pub value: f64,
-    /// At which instant, s, where it is the value of one.
+    /// The instant, s, at which it was reached, where it is the value of an instant.
     pub t_s: Option<f64>,
 }
 
 /// Why there is no figure.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Absent {
-    /// Nothing was sampled in the window.
+    /// No sample lies in the window.
     #[error("there is no sample in the window")]
     Empty,
-    /// Two samples are needed.
+    /// There is only one sample; two are needed.
     #[error("there is one sample in the window, at t = {t_s} s, and two are needed")]
     Single {
-        /// When it was.
+        /// Its instant.
         t_s: f64,
     },
     /// A value that is infinite or not a number.
     #[error("the value is {value} at t = {t_s} s")]
     NotFinite {
-        /// When it was first.
+        /// Its first instant.
         t_s: f64,
-        /// What it was.
+        /// The value.
         value: f64,
     },
-    /// It is not a number that a double holds.
+    /// The figure exceeds the range of a double.
     #[error("the figure is larger than a double holds")]
     Overflow,
     /// The threshold is not reached.
     #[error("the value does not get to the threshold")]
     NeverThere,
-    /// The band is left, or never entered.
+    /// The band is left at the end, or never entered.
     #[error("the value is {value}, outside the band, at the end of the window, t = {t_s} s")]
     NotSettled {
-        /// When it was last outside.
+        /// The last instant outside.
         t_s: f64,
-        /// What it was.
+        /// The value at that instant.
         value: f64,
     },
 }
@@ -95,7 +95,7 @@ struct Sample {
     x: f64,
 }
 
-/// One figure under way. A percentile keeps every value, 8 bytes each; everything else takes the same memory however many come.
+/// A figure in progress. A percentile keeps every value, 8 bytes each; every other computation uses constant memory.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Fold {
     compute: Compute,
@@ -104,11 +104,11 @@ pub(super) struct Fold {
     count: u64,
     first: Option<Sample>,
     last: Option<Sample>,
-    /// The extreme so far; for what has two, the least and the greatest.
+    /// The extreme so far; the least and the greatest where both are needed.
     least: Option<Sample>,
     greatest: Option<Sample>,
     total: Total,
-    /// How many samples, or changes, counted.
+    /// The number of samples, or changes, counted.
     counted: u64,
     /// When the threshold was reached, or the band entered for the last time.
     since: Option<f64>,
@@ -134,7 +134,7 @@ impl Fold {
         }
     }
 
-    /// Takes in the next value of the window.
+    /// Processes the next value of the window.
     pub(super) fn push(&mut self, t_s: f64, x: f64) {
         let sample = Sample { t_s, x };
         if !x.is_finite() {
@@ -209,7 +209,7 @@ impl Fold {
         }
     }
 
-    /// The figure of what has been taken in.
+    /// The figure of the values so far.
     pub(super) fn finish(&self) -> Result<Found, Absent> {
         if let Some(Sample { t_s, x: value }) = self.odd {
             return Err(Absent::NotFinite { t_s, value });
@@ -263,7 +263,8 @@ impl Fold {
     }
 }
 
-/// The nearest rank: the least of `values`, which are not none, that at least `percent` of them do not exceed.
+/// The nearest-rank percentile: the least of `values`, which must not be empty, that at least `percent` of them do not
+/// exceed.
 fn percentile(values: &[f64], percent: f64) -> f64 {
     let mut sorted = values.to_vec();
     let rank = (percent * sorted.len() as f64 / 100.0).ceil() as usize;

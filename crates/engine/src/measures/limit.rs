@@ -2,7 +2,7 @@
 
 use crate::assessment::Criterion;
 
-/// What a figure must keep to, in the unit of the figure.
+/// The limits of a figure, in the unit of the figure.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Limits {
     /// The greatest value that is a success.
@@ -11,24 +11,24 @@ pub struct Limits {
     pub at_least: Option<f64>,
     /// The unit in which the user states them.
     pub unit: String,
-    /// One of that unit in the unit of the figure.
+    /// The size of that unit in the unit of the figure.
     pub scale: f64,
 }
 
 impl Limits {
-    /// True when there are none.
+    /// True when there are no limits.
     pub fn is_empty(&self) -> bool {
         self.at_most.is_none() && self.at_least.is_none()
     }
 
-    /// By how much `value` is beyond a limit; negative where it is inside both.
+    /// The amount by which `value` is beyond a limit; negative where it is inside both.
     pub(super) fn excess(&self, value: f64) -> f64 {
         let above = self.at_most.map(|most| value - most);
         let below = self.at_least.map(|least| least - value);
         above.into_iter().chain(below).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// The criterion that these limits are for a figure, or for one that was not measured.
+    /// The criterion that these limits define for a figure, or for one that was not measured.
     pub(super) fn judge(&self, name: &str, found: Result<(f64, Option<f64>), String>) -> Criterion {
         let shown = |value: f64| value / self.scale;
         let (value, t_s, reason) = match found {

@@ -1,4 +1,4 @@
-//! One measure: a signal, a window, what is computed of it, and limits.
+//! One measure: a signal, a window, a computation, and limits.
 
 use lockstep::time::{Rational, TickError};
 use serde_json::{Value, json};
@@ -11,18 +11,18 @@ use super::signal::{Reading, Through, evaluate};
 use super::window::{Window, sample_time, timebase};
 use crate::assessment::{Criterion, Measured};
 
-/// What is measured, with every name resolved.
+/// The definition of a measure, with every name resolved.
 #[derive(Debug, Clone)]
 pub struct Definition {
-    /// What the figure is called.
+    /// The name of the figure.
     pub name: String,
-    /// The signal, or what another one is taken from.
+    /// The signal, or the minuend of a difference.
     pub of: Reading,
-    /// What is taken from it, and one of its unit in the unit of `of`.
+    /// The subtrahend, and the size of its unit in the unit of `of`.
     pub minus: Option<(Reading, f64)>,
-    /// What becomes of the elements.
+    /// The reduction of the elements.
     pub through: Through,
-    /// What is computed.
+    /// The computation.
     pub compute: Compute,
     /// The first instant that counts, s.
     pub from: Option<Rational>,
@@ -32,24 +32,24 @@ pub struct Definition {
     pub at: Option<Rational>,
     /// The unit of the figure.
     pub unit: String,
-    /// What the computed number is multiplied by to be in that unit.
+    /// The factor from the computed number to that unit.
     pub factor: f64,
     /// Whether the figure is a list, one number for each element.
     pub listed: bool,
-    /// What it must keep to.
+    /// The limits of the figure.
     pub limits: Limits,
 }
 
-/// What a measure has taken in: how many samples of its first stream, the folds, and the pairs.
+/// The saved state of a measure: number of samples of its first stream, the folds, and the pairs.
 pub(super) type Saved = (u64, Vec<Fold>, Option<Pairing>);
 
-/// A measure under way.
+/// A measure in progress.
 #[derive(Debug)]
 pub(super) struct Measure {
     definition: Definition,
     window: Window,
     pairing: Option<Pairing>,
-    /// How many samples of the first stream have come.
+    /// The number of samples of the first stream so far.
     come: u64,
     folds: Vec<Fold>,
     /// Values at one instant.
@@ -100,7 +100,7 @@ impl Measure {
         &self.definition.name
     }
 
-    /// What is measured, whatever it is called and must keep to.
+    /// Identifies the computation, without the name and the limits.
     pub(super) fn key(&self) -> String {
         let Measure { definition, window, .. } = self;
         let Definition {
@@ -128,7 +128,7 @@ impl Measure {
         std::iter::once(self.definition.of.stream).chain(minus)
     }
 
-    /// Takes in a sample of one of its streams.
+    /// Processes a sample of one of its streams.
     pub(super) fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]) {
         let Definition { of, minus, .. } = &self.definition;
         let mut alone = false;
@@ -162,7 +162,7 @@ impl Measure {
         self.pairing.as_mut()?.next(&mut self.of, &mut self.minus)
     }
 
-    /// Takes in what stands in `of` and `minus`.
+    /// Processes the present values of `of` and `minus`.
     fn push(&mut self, stamp_s: f64) {
         let Definition { minus, through, .. } = &self.definition;
         let minus = minus.as_ref().map(|(_, factor)| (&self.minus[..], *factor));
@@ -172,7 +172,7 @@ impl Measure {
         }
     }
 
-    /// The figure of what has been taken in.
+    /// The figure of the samples so far.
     pub(super) fn finish(&self) -> Measured {
         let scaled = |found: Found| Found {
             value: found.value * self.definition.factor,

@@ -1,9 +1,9 @@
-//! Measures: figures that a scenario declares, computed while the samples pass by.
+//! Measures: figures that a scenario declares, computed online from the samples.
 //!
-//! - [`Definition`]: what is measured, with every name resolved;
+//! - [`Definition`]: a measure, with every name resolved;
 //! - `window`: which samples count, in whole ticks; `pairing`: two streams at different rates;
 //! - `signal`: from payloads to numbers; `compute`: from numbers to a figure; `limit`: from a figure to a criterion;
-//! - [`of_tape`]: of a tape; [`Measures`]: all measures of a run; [`Together`]: beside the assessment of a scenario.
+//! - [`of_tape`]: of a tape; [`Measures`]: all measures of a run; [`Together`]: combined with the assessment of a scenario.
 
 mod compute;
 mod limit;

@@ -1,4 +1,4 @@
-//! Two streams at different rates: what is known of the second at the instants of the first.
+//! Pairing of two streams at different rates: the sample of the second that is valid at each sample of the first.
 
 use std::collections::VecDeque;
 
@@ -7,18 +7,20 @@ use serde::{Deserialize, Serialize};
 
 use super::window::Window;
 
-/// Brings samples of two streams together, whichever comes first: to each sample of the first belongs the newest of the second
-/// that is stamped at or before it, the one that an input without delay would read. What comes too early is kept, which is
-/// as much as one participant runs ahead of the other, and no sample of the second that belongs to none of the first.
+/// Pairs the samples of two streams, in any order of arrival: each sample of the first is paired with the newest sample of
+/// the second stamped at or before it, the one that an input without delay would read. Samples that arrive early are
+/// buffered: as many as one participant runs ahead of the other, and no sample of the second that belongs to none of the
+/// first.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Pairing {
     first: SampleTime,
     second: SampleTime,
-    /// Which samples of the first count.
+    /// The window of samples of the first that count.
     window: Window,
-    /// How many samples of the second have come.
+    /// The number of samples of the second so far.
     come: u64,
-    /// Samples of the first whose partner has not come: stamp, s, index of the partner, and the values of all behind one another.
+    /// Samples of the first whose partner has not arrived: stamp, s, index of the partner; and the values of all,
+    /// concatenated.
     waiting: VecDeque<(f64, u64)>,
     waiting_values: VecDeque<f64>,
     /// Samples of the second by index, and their values.
@@ -28,7 +30,7 @@ pub(super) struct Pairing {
 }
 
 impl Pairing {
-    /// Of samples with `width` values each; of the first those in `window`.
+    /// Creates the pairing for samples with `width` values each; of the first stream those in `window` count.
     pub(super) fn new(first: SampleTime, second: SampleTime, window: Window, width: usize) -> Pairing {
         Pairing {
             first,
@@ -43,7 +45,8 @@ impl Pairing {
         }
     }
 
-    /// Takes sample number `index` of the first, which lies in the window. One before the first sample of the second has no partner, and is left out.
+    /// Adds sample number `index` of the first, which lies in the window. A sample before the first one of the second has
+    /// no partner, and is left out.
     pub(super) fn first(&mut self, index: u64, stamp_s: f64, values: impl FnOnce(&mut VecDeque<f64>)) {
         if let Some(partner) = self.second.index_at_or_before(self.first.instant(index)) {
             self.waiting.push_back((stamp_s, partner));
@@ -51,11 +54,11 @@ impl Pairing {
         }
     }
 
-    /// Takes the next sample of the second.
+    /// Adds the next sample of the second.
     pub(super) fn second(&mut self, values: impl FnOnce(&mut VecDeque<f64>)) {
         let index = self.come;
         self.come += 1;
-        // Is there an instant of the first, one that counts, before the next sample of the second?
+        // Is there an instant of the first, within the window, before the next sample of the second?
         let (now, next) = (self.second.instant(index), self.second.instant(index + 1));
         let reader = self.window.from(self.first.count_before(now));
         if self.window.contains(reader) && self.first.instant(reader) < next {
@@ -64,7 +67,7 @@ impl Pairing {
         }
     }
 
-    /// Gives the next pair to `take`, if there is one: the stamp of the first, s, and the values of both.
+    /// Writes the next pair to `first` and `second`, if there is one; returns the stamp of the first, s.
     pub(super) fn next(&mut self, first: &mut Vec<f64>, second: &mut Vec<f64>) -> Option<f64> {
         let &(stamp_s, partner) = self.waiting.front()?;
         while self.held.front().is_some_and(|index| *index < partner) {

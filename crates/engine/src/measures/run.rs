@@ -16,7 +16,7 @@ pub struct Measures {
 }
 
 impl Measures {
-    /// Measures over `streams`, to which the readings of the definitions belong.
+    /// Creates the measures over `streams`, which the readings of the definitions refer to.
     ///
     /// # Errors
     /// The name of the measure whose times have no common tick.
@@ -36,7 +36,7 @@ impl Measures {
         Ok(measures)
     }
 
-    /// True when nothing is measured.
+    /// True when there are no measures.
     pub fn is_empty(&self) -> bool {
         self.all.is_empty()
     }
@@ -46,22 +46,22 @@ impl Measures {
         self.readers.get(stream).is_some_and(|readers| !readers.is_empty())
     }
 
-    /// Takes in the next sample of stream number `stream` with its stamp, s.
+    /// Processes the next sample of stream number `stream` with its stamp, s.
     pub fn sample(&mut self, stream: usize, stamp_s: f64, payload: &[u8]) {
         for &reader in self.readers.get(stream).into_iter().flatten() {
             self.all[reader].sample(stream, stamp_s, payload);
         }
     }
 
-    /// What has been taken in, each measure with what it looks at.
+    /// The state of each measure, with its key.
     pub(super) fn saved(&self) -> Vec<(String, Saved)> {
         self.all.iter().map(|one| (one.key(), one.saved())).collect()
     }
 
-    /// Goes on from what was saved, in place of what has been taken in.
+    /// Replaces the state by the saved one.
     ///
     /// # Errors
-    /// The measure that was not saved, and has not taken in every sample of what it looks at.
+    /// The measure that has no saved state, and has not received every sample of its streams.
     pub(super) fn restore(&mut self, saved: &[(String, Saved)], lacks: &[bool]) -> Result<(), String> {
         for one in &mut self.all {
             let key = one.key();
@@ -77,7 +77,7 @@ impl Measures {
         Ok(())
     }
 
-    /// The figures of what has been seen, in the order of the definitions.
+    /// The figures of the samples so far, in the order of the definitions.
     pub fn finish(&self) -> Vec<Measured> {
         self.all.iter().map(Measure::finish).collect()
     }

@@ -1,4 +1,4 @@
-//! From payloads to the numbers of a signal.
+//! Signals: from payloads to numbers.
 
 use lockstep::fault::Slot;
 
@@ -7,14 +7,14 @@ use lockstep::fault::Slot;
 pub struct Reading {
     /// The stream's number.
     pub stream: usize,
-    /// Which elements.
+    /// The elements.
     pub slots: Vec<Slot>,
-    /// The value of an enumeration that is asked for: an element is then 1 where it has it, and 0 elsewhere.
+    /// The value of an enumeration to compare with: an element is then 1 where it has this value, and 0 elsewhere.
     pub is: Option<f64>,
 }
 
 impl Reading {
-    /// Puts the elements of `payload` behind `out`. Integers become doubles: those beyond 2^53 are rounded.
+    /// Appends the elements of `payload` to `out`. Integers become doubles: those beyond 2^53 are rounded.
     pub(super) fn read(&self, payload: &[u8], out: &mut impl Extend<f64>) {
         let value = |slot: &Slot| match self.is {
             Some(is) => f64::from(u8::from(slot.value(payload) == is)),
@@ -24,18 +24,18 @@ impl Reading {
     }
 }
 
-/// What becomes of the elements.
+/// The reduction of the elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Through {
     /// Each is a signal of its own.
     Elements,
     /// The Euclidean norm of all.
     Norm,
-    /// The angle of the rotation that the attitude (a quaternion, scalar first) is, or between two of them, rad.
+    /// The rotation angle of an attitude (a quaternion, scalar first), or between two of them, rad.
     Angle,
 }
 
-/// The signals at one instant, from the elements `of`, less `minus` times `factor` where there is one; put into `out`.
+/// The signals at one instant, from the elements `of`, less `minus` times `factor` where given; written to `out`.
 pub(super) fn evaluate(through: Through, of: &[f64], minus: Option<(&[f64], f64)>, out: &mut Vec<f64>) {
     out.clear();
     if through == Through::Angle {
@@ -55,10 +55,10 @@ pub(super) fn evaluate(through: Through, of: &[f64], minus: Option<(&[f64], f64)
     }
 }
 
-/// The angle between two attitudes, at most pi; what is no rotation, a quaternion of zeros or of what is not finite, has none (NaN).
-/// Lengths do not matter.
+/// The angle between two attitudes, at most pi; NaN for quaternions that are zero or not finite, which are no rotations.
+/// The quaternions need not be normalised.
 fn angle(p: &[f64], q: &[f64]) -> f64 {
-    // Infinite products would have an angle of their own.
+    // Infinite products would yield an angle.
     if p.iter().chain(q).any(|x| !x.is_finite()) {
         return f64::NAN;
     }
@@ -120,7 +120,7 @@ mod tests {
         let found = one(Through::Angle, &[half, half, 0.0, 0.0], Some(&[half, 0.0, half, 0.0]))[0];
         assert!((found - std::f64::consts::PI * 2.0 / 3.0).abs() < 1e-15, "{found}");
         assert!(one(Through::Angle, &[0.0; 4], None)[0].is_nan());
-        // as a flipped bit of an exponent leaves it
+        // the value after a bit flip in the exponent
         let broken = [f64::INFINITY, 0.0, 0.5, 0.0];
         assert!(one(Through::Angle, &broken, None)[0].is_nan());
         assert!(one(Through::Angle, &[half, half, 0.0, 0.0], Some(&broken))[0].is_nan());

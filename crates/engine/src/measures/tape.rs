@@ -1,4 +1,4 @@
-//! Measures of a tape that is finished, or was cut short.
+//! Measures of a tape that is complete, or was cut short.
 
 use ::tape::{ReadError, Reader, Records, Source};
 use lockstep::time::TickError;
@@ -15,14 +15,14 @@ pub enum MeasureError {
     /// The times of a measure and of its streams have no common tick.
     #[error("measure `{name}`: {source}")]
     Tick {
-        /// Which.
+        /// The measure.
         name: String,
-        /// What is wrong.
+        /// The mistake.
         source: TickError,
     },
 }
 
-/// A stream and the sample of it that comes next.
+/// A stream and its next sample.
 struct Track<'a> {
     stream: usize,
     records: Records<'a, Reader>,
@@ -45,11 +45,11 @@ impl Track<'_> {
     }
 }
 
-/// The figures of `definitions`, whose readings belong to the streams of `tape`. Streams are read side by side in the order of their
-/// stamps, so that of no tape more than some samples are kept.
+/// The figures of `definitions`, whose readings refer to the streams of `tape`. The streams are read in parallel in the
+/// order of their stamps, so that only a few samples are in memory.
 ///
 /// # Errors
-/// When the tape cannot be read, or a measure has no tick.
+/// When the tape cannot be read, or a measure has no common tick.
 pub fn of_tape(definitions: Vec<Definition>, tape: &Reader) -> Result<Figures, MeasureError> {
     let mut measures =
         Measures::new(definitions, tape.streams()).map_err(|(name, source)| MeasureError::Tick { name, source })?;

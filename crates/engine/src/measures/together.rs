@@ -1,18 +1,18 @@
-//! The measures of a scenario beside its assessment.
+//! Combination of the measures of a scenario with its assessment.
 
 use lockstep::wire;
 
 use super::Measures;
 use crate::assessment::{Assessment, Figures, Measured};
 
-/// Both as one assessment: the figures of both stand side by side, and a run is a success when the criteria of both are met.
+/// Both as one assessment: it has the figures of both, and a run is a success when the criteria of both are met.
 pub struct Together {
     own: Option<Box<dyn Assessment>>,
     measures: Measures,
 }
 
 impl Together {
-    /// `measures` beside the assessment `own`, if there is one.
+    /// `measures` combined with the assessment `own`, if there is one.
     pub fn new(own: Option<Box<dyn Assessment>>, measures: Measures) -> Together {
         Together { own, measures }
     }

@@ -1,8 +1,8 @@
-//! A sum that does not lose what is small beside what has been summed.
+//! Compensated summation.
 
 use serde::{Deserialize, Serialize};
 
-/// A running sum with what rounding has taken from it (Neumaier's).
+/// A running sum with its accumulated rounding error (Neumaier's algorithm).
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct Total {
     sum: f64,

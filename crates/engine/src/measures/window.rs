@@ -1,13 +1,13 @@
-//! Instants in whole ticks: which samples lie in a window, and which sample of another stream is there at them.
+//! Windows in whole ticks: the samples in a window, and the sample of another stream at an instant.
 
 use lockstep::time::{Rational, SampleTime, TickError, Ticks, Timebase};
 use serde::{Deserialize, Serialize};
 
-/// The samples of a stream, by their indices, that lie in a window. No time is compared as a double.
+/// The samples of a stream, by their indices, that lie in a window. Times are never compared as doubles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Window {
     first: u64,
-    /// The first one behind it.
+    /// The first one after the window.
     end: u64,
 }
 
@@ -51,8 +51,8 @@ impl Window {
         Ok(Window { first, end })
     }
 
-    /// The sample that is the newest at `at`. Where one is due at this very instant, also the one before: a run that ends then has
-    /// no newer one.
+    /// The newest sample at `at`. Where a sample is due exactly at `at`, also the one before, because a run that ends at
+    /// `at` has no newer one.
     pub(super) fn at(base: &Timebase, samples: SampleTime, at: Rational) -> Result<Window, TickError> {
         let now = floor(base, at)?;
         let Some(index) = samples.index_at_or_before(now) else {

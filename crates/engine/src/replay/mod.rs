@@ -1,7 +1,7 @@
-//! One participant of a recorded run again, with the inputs it had then.
+//! Replay of one participant of a recorded run, with its recorded inputs.
 //!
-//! Which sample each activation reads follows from the plan, and the samples stand on the tape. So a replay is a run of the
-//! participant alone, with players in place of those who fed it. Everything else is the same: links, delays, draws,
+//! The plan determines which sample each activation reads, and the samples are on the tape. So a replay is a run of the participant
+//! alone, with players in place of the participants that fed it. Everything else is the same: links, delays, random samples,
 //! transport, and how a run ends.
 
 pub(crate) mod player;
@@ -33,22 +33,22 @@ pub enum ReplayError {
     /// The tape cannot be read.
     #[error(transparent)]
     Tape(#[from] ReadError),
-    /// The plan is wrong, with the changes of the command line.
+    /// The plan with the changes of the command line is invalid.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// What was asked for does not fit the recorded run.
+    /// The request does not fit the recorded run.
     #[error("{0}")]
     Misfit(String),
-    /// The run of the participant did not begin.
+    /// The run of the participant did not start.
     #[error(transparent)]
     Run(#[from] RunFailure),
-    /// There is no place for it.
+    /// There is no place for the replay's own files.
     #[error(transparent)]
     Scope(#[from] ScopeError),
 }
 
 impl ReplayError {
-    /// 2 when the user must change something, else 1.
+    /// 2 when the user must change something, otherwise 1.
     pub fn exit_code(&self) -> i32 {
         match self {
             ReplayError::Run(failure) => failure.exit_code(),
@@ -58,19 +58,19 @@ impl ReplayError {
     }
 }
 
-/// What a replay found.
+/// The result of a replay.
 pub struct Found {
     /// How the participant's run ended.
     pub ending: Ending,
     /// A is the recording, B the replay; both up to the shorter one.
     pub comparison: Comparison,
-    /// What else a reader of the result should know.
+    /// Remarks for a reader of the result.
     pub notes: Vec<String>,
     /// The instant before which all activations were replayed, s.
     pub to_s: f64,
 }
 
-/// A recorded run with one participant picked out.
+/// A recorded run, reduced to one participant.
 pub struct Replay {
     reader: Reader,
     participant: String,
@@ -80,10 +80,10 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Reads the recorded run and says how far its samples reach.
+    /// Reads the recorded run and determines how far its samples reach.
     ///
     /// # Errors
-    /// Whatever does not fit: nothing has been started.
+    /// Everything that does not fit; nothing has been started then.
     pub fn plan(request: &Request<'_>) -> Result<Replay, ReplayError> {
         let file = RunFolder::open(request.folder).plan();
         if !file.is_file() {
@@ -130,7 +130,7 @@ impl Replay {
         })
     }
 
-    /// Whether the participant, or what is substituted for it, is a program of its own.
+    /// Whether the participant, or its substitute, is an external program.
     pub fn external(&self) -> bool {
         let mut programs = self.scenario.programs();
         programs.any(Program::is_external)
@@ -141,9 +141,9 @@ impl Replay {
         self.scenario.duration
     }
 
-    /// Runs the participant and compares what it says with the tape.
+    /// Runs the participant and compares its outputs with the tape.
     pub fn run(self, options: &Options) -> Result<Found, ReplayError> {
-        // The replay's own tape is of no use afterwards, and must go however this program ends.
+        // The replay's own tape is not needed afterwards, and must be removed however this program ends.
         let scope = Scope::create()?;
         let mut options = options.clone();
         let out = options
@@ -161,7 +161,7 @@ impl Replay {
             let own = all.filter(|(_, spec)| spec.participant == self.participant);
             own.map(|(stream, _)| (stream, reader.count(stream))).collect()
         };
-        // What both have; where one of them goes on is said beside the result.
+        // Both are compared as far as both have samples; a note reports where one of them has more.
         let (mut recording, mut replay) = (own(&self.reader), own(&replayed));
         replay.retain_mut(|(at, count)| {
             let spec = &replayed.streams()[*at];
@@ -205,19 +205,19 @@ impl Replay {
     }
 }
 
-/// A run that was taken up with changes: what was before was made by another plan than its `plan.toml`.
+/// A run that was taken up with changes: before these, a different plan from its `plan.toml` applied.
 struct Branched {
-    /// Since when the plan is that of the run.
+    /// The instant from which on the plan is that of the run.
     at: Rational,
-    /// Whether nothing is asked for but the run as it was.
+    /// Whether the run is replayed without changes.
     as_it_was: bool,
 }
 
 impl Branched {
-    /// What is to be known where a replay differs from `first` on, in seconds.
+    /// The note for a replay that differs from `first` on, in seconds.
     ///
     /// # Errors
-    /// Where nothing but the other plan can be the reason.
+    /// When only the other plan can be the reason.
     fn differs(&self, reader: &Reader, participant: &str, first: f64) -> Result<String, ReplayError> {
         let at = self.at;
         let why = format!(
@@ -234,11 +234,11 @@ impl Branched {
     }
 }
 
-/// The samples on the tape must be those that the plan speaks of.
+/// Checks that the sample times on the tape match the plan.
 fn check_sample_times(scenario: &Scenario, reader: &Reader, subject: &str, cast: &Cast) -> Result<(), ReplayError> {
     for spec in reader.streams() {
         let entry = |name: &str| scenario.participants.iter().find(|entry| entry.setup.name == name);
-        // Names that the replay has given are none of the tape.
+        // Participants that the replay has named itself are not on the tape.
         let own = [&cast.recorded, &cast.heard].contains(&&spec.participant);
         let Some(entry) = entry(&spec.participant).filter(|_| !own) else {
             continue;
@@ -268,7 +268,7 @@ fn check_sample_times(scenario: &Scenario, reader: &Reader, subject: &str, cast:
     Ok(())
 }
 
-/// Every recorded output must still be there, as it was.
+/// Checks that every recorded output still exists, unchanged.
 fn check_outputs(interface: &Interface, reader: &Reader, subject: &str) -> Result<(), ReplayError> {
     let recorded = reader.streams().iter();
     for spec in recorded.filter(|spec| spec.participant == subject && !spec.is_seen()) {
@@ -289,11 +289,11 @@ fn check_outputs(interface: &Interface, reader: &Reader, subject: &str) -> Resul
     Ok(())
 }
 
-/// How far a tape feeds a participant.
+/// How far a tape can feed a participant.
 struct Reach {
     /// No activation at or after this instant can be replayed.
     end: Rational,
-    /// Why, where the tape is the reason.
+    /// The reason, if it is the tape.
     note: Option<String>,
 }
 
@@ -351,8 +351,8 @@ fn reach(
             ));
         }
     }
-    // A run that ended early: where inputs do not end the replay, the end of the tape does, a little later, so that an
-    // activation whose samples never reached the tape happens again too.
+    // For a run that ended early and whose inputs do not end the replay, the replay ends a little after the end of the tape, so
+    // that an activation whose samples never reached the tape is repeated too.
     let mut newest = Rational::ZERO;
     let mut margin = own.period;
     for (stream, spec) in reader.streams().iter().enumerate() {

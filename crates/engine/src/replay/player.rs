@@ -1,7 +1,8 @@
-//! A participant that says again what somebody has said in a recorded run, or that listens to whoever is run again.
+//! The player: a participant that publishes again what another one published in a recorded run. As a listener it receives the
+//! outputs of the participant that is replayed.
 //!
-//! Somebody has to listen: a participant hands over its samples for the tape before it shows one to another. So what it said
-//! is on the replay's tape up to the activation in which it fails, as in the run.
+//! The listener is necessary: a participant hands over its samples for the tape before it sends them to other participants. So the
+//! samples that it published are on the replay's tape up to the activation in which it fails, as in the run.
 
 use std::ffi::OsString;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
@@ -13,19 +14,19 @@ use lockstep::participant::{
 use tape::{Reader, Source};
 use toml::Value;
 
-/// The name under which a replay's scenario asks for it.
+/// The name of the player in a replay's scenario.
 pub const NAME: &str = "recording";
-/// Bytes of a stream that are read at once.
+/// How many bytes of a stream are read at once.
 const CHUNK_BYTES: usize = 1 << 18;
 
-/// What the participant does with the streams on the tape.
+/// How the player uses the streams on the tape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
-    /// Says them, stamped at its activations, as a controller does.
+    /// Publishes them, stamped at its activations, as a controller does.
     Sampled,
-    /// Says them, with the first before the run starts, as a plant does.
+    /// Publishes them, with the first sample before the run starts, as a plant does.
     Continuous,
-    /// Takes such samples as inputs.
+    /// Receives such samples as inputs.
     Listener,
 }
 
@@ -52,7 +53,7 @@ pub(super) fn parameters(tape: &Path, participant: &str, ports: &[String], role:
     table
 }
 
-/// A path as a parameter: text, or its bytes where it is none.
+/// A path as a parameter: text, or its bytes if it is not valid text.
 fn path_value(path: &Path) -> Value {
     match path.to_str() {
         Some(text) => Value::String(text.to_owned()),
@@ -117,12 +118,12 @@ struct Track {
     stride: usize,
     count: u64,
     chunk: Vec<u8>,
-    /// The records in the chunk.
+    /// The records that the chunk holds.
     held: std::ops::Range<u64>,
 }
 
 impl Track {
-    /// The payload of record `index`; `None` behind the end of the tape.
+    /// The payload of record `index`; `None` after the end of the tape.
     fn payload(&mut self, reader: &Reader, index: u64) -> Result<Option<&[u8]>, Failure> {
         if index >= self.count {
             return Ok(None);
@@ -144,7 +145,7 @@ struct Player {
 }
 
 impl Player {
-    /// Behind the end of the tape the last value stays: nobody reads it, because the replay ends before.
+    /// After the end of the tape the last value is repeated: it is never read, because the replay ends before.
     fn say(&mut self, index: u64, outputs: &mut Outputs) -> Result<(), Failure> {
         for (port, track) in self.tracks.iter_mut().enumerate() {
             if let Some(payload) = track.payload(&self.reader, index)? {

@@ -1,4 +1,4 @@
-//! The plan of a replay: of a recorded run's plan, what concerns one participant.
+//! The plan of a replay: the part of a recorded run's plan that concerns one participant.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,13 +11,13 @@ use crate::scenario::{
     ConnectionSpec, Entries, FaultSpec, ParticipantSpec, RunSpec, ScenarioSpec, fault_name, port_of,
 };
 
-/// The names of those who stand for others in a replay.
+/// The names of the participants that stand in for others in a replay.
 #[derive(Debug, Default)]
 pub(super) struct Cast {
     subject: String,
-    /// The player of what the participant said itself, where it feeds itself.
+    /// The player of the participant's own outputs, if it feeds itself.
     pub(super) recorded: String,
-    /// The one that listens to the participant.
+    /// The listener to the participant's outputs.
     pub(super) heard: String,
 }
 
@@ -32,8 +32,8 @@ impl Cast {
         }
     }
 
-    /// The name of the player of what `producer` said: its own, for which draws are named, except where the participant feeds
-    /// itself.
+    /// The name of the player of the outputs of `producer`: the producer's own, which names its random streams, except where the
+    /// participant feeds itself.
     fn player(&self, producer: &str) -> String {
         if producer == self.subject {
             self.recorded.clone()
@@ -43,14 +43,14 @@ impl Cast {
     }
 }
 
-/// `name`, or with a number behind it if it is taken.
+/// `name`, or `name` with a number appended if it is taken.
 fn unused(name: &str, taken: impl Fn(&str) -> bool) -> String {
     let numbered = (2_u32..).map(|number| format!("{name}-{number}"));
     let mut names = std::iter::once(name.to_owned()).chain(numbered);
     names.find(|name| !taken(name)).expect("numbers do not end")
 }
 
-/// Leaves of a plan the one participant, the connections into it, and players in place of those who feed it.
+/// Reduces a plan to the one participant, the connections into it, and players for the participants that feed it.
 pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Reader) -> Result<Cast, String> {
     let subject = request.participant;
     if let Some(run) = request.run.filter(|_| spec.participants.contains_key(subject)) {
@@ -103,7 +103,7 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
     spec.participants = kept;
     spec.connections = connections;
     keep_faults(spec, request, &cast);
-    // What the run was judged by, and what ended it, is no matter of one participant.
+    // Assessment, measures and guards concern the whole run, not a single participant.
     spec.assessment = None;
     spec.measures.clear();
     spec.guards.clear();
@@ -113,7 +113,7 @@ pub(super) fn reduce(spec: &mut ScenarioSpec, request: &Request<'_>, reader: &Re
     Ok(cast)
 }
 
-/// That the tape has every sample of a stream that the participant `does` something with.
+/// Checks that the tape has every sample of a stream that the participant `does` something with.
 fn whole(spec: &ScenarioSpec, participant: &str, port: &str, does: &str) -> Result<(), String> {
     if !spec.leaves_out(participant, port) {
         return Ok(());
@@ -124,13 +124,13 @@ fn whole(spec: &ScenarioSpec, participant: &str, port: &str, does: &str) -> Resu
     ))
 }
 
-/// Puts a program that was given on the command line into the participant's place.
+/// Replaces the participant's program by one that was given on the command line.
 fn substitute(spec: &mut ScenarioSpec, own: &mut ParticipantSpec, exe: &Path, args: &[String]) -> Result<(), String> {
     let text = |path: &Path| {
         let text = path.to_str().map(str::to_owned);
         text.ok_or_else(|| format!("`{}` is not UTF-8: name a program that is", path.display()))
     };
-    // What is given on the command line is relative to where the command is given.
+    // A path on the command line is relative to the current directory.
     let here = std::env::current_dir().map_err(|error| format!("there is no current folder: {error}"))?;
     spec.folder = Some(text(&here)?);
     own.run = RunSpec {
@@ -140,10 +140,10 @@ fn substitute(spec: &mut ScenarioSpec, own: &mut ParticipantSpec, exe: &Path, ar
     Ok(())
 }
 
-/// The producers whose samples players give out: ports and role of each.
+/// The producers whose samples players publish: ports and role of each.
 type Played = BTreeMap<String, (Vec<String>, Role)>;
 
-/// The connections into the participant, which come from players now.
+/// The connections into the participant, which now come from players.
 fn feeding(spec: &ScenarioSpec, cast: &Cast) -> Result<(Entries<ConnectionSpec>, Played), String> {
     let mut connections = Entries::default();
     let mut played = Played::new();
@@ -177,7 +177,7 @@ fn feeding(spec: &ScenarioSpec, cast: &Cast) -> Result<(Entries<ConnectionSpec>,
     Ok((connections, played))
 }
 
-/// The entry of a player of `ports` of `producer`, whose entry in the plan is `original`.
+/// The entry of a player for `ports` of `producer`, whose entry in the plan is `original`.
 fn player_of(
     reader: &Reader,
     producer: &str,
@@ -198,8 +198,8 @@ fn player_of(
     })
 }
 
-/// Leaves of a plan's faults those that disturb what the participant sees, under the names that their draws go by, and what was
-/// substituted for it, unless another program is to be in its place.
+/// Keeps, of a plan's faults, those that disturb the participant's inputs, under the names of their random streams, and the
+/// substitutions of the participant, unless another program is to replace it.
 fn keep_faults(spec: &mut ScenarioSpec, request: &Request<'_>, cast: &Cast) {
     let run = format!("participants.{}.run", request.participant);
     let replaced = request.program.is_some()
@@ -217,7 +217,7 @@ fn keep_faults(spec: &mut ScenarioSpec, request: &Request<'_>, cast: &Cast) {
         .retain_mut(|fault| disturbs(fault, cast, replaced, participants, connections));
 }
 
-/// Whether `fault` disturbs what the participant sees; an output is then one of its player.
+/// Whether `fault` disturbs the participant's inputs; a fault of an output then becomes one of its player.
 fn disturbs(
     fault: &mut FaultSpec,
     cast: &Cast,

@@ -1,4 +1,4 @@
-//! What is to be replayed.
+//! The request for a replay.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -8,9 +8,9 @@ use lockstep::time::Rational;
 use crate::Catalogue;
 use crate::scenario::RunSpec;
 
-/// What is replayed.
+/// The request for a replay.
 pub struct Request<'a> {
-    /// What builtin participants are made of.
+    /// Where builtin participants come from.
     pub catalogue: &'a Arc<Catalogue>,
     /// The folder of the recorded run.
     pub folder: &'a Path,
@@ -18,12 +18,12 @@ pub struct Request<'a> {
     pub participant: &'a str,
     /// Changes of the plan, each `key.path=value`.
     pub overrides: &'a [String],
-    /// A program in the participant's place, with its arguments.
+    /// A program that replaces the participant's, with its arguments.
     pub program: Option<(&'a Path, &'a [String])>,
-    /// What runs in the participant's place, as the plan would say it.
+    /// The `run` that replaces the participant's, as in a plan.
     pub run: Option<&'a RunSpec>,
-    /// Replay no further than this.
+    /// Replay no further than this instant.
     pub to: Option<Rational>,
-    /// Also when the tape is not what was sealed.
+    /// Replay even if the tape does not match its seal.
     pub unverified: bool,
 }

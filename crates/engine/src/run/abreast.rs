@@ -1,4 +1,4 @@
-//! Runs side by side in one thread: where participants allow it, their steps are done together.
+//! Batched runs in one thread: where participants allow it, the steps of several runs are done together.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use super::options::Options;
 use super::outcome::{Outcome, RunFailure};
 use crate::scenario::Scenario;
 
-/// A run in one loop of this process that stops wherever a step is to be done beside those of others.
+/// A run in one loop of this process that stops wherever a step is to be done together with those of other runs.
 pub(crate) struct Abreast {
     run: Run,
 }
@@ -26,7 +26,7 @@ impl Abreast {
         Ok(Abreast { run })
     }
 
-    /// Goes on to the next such step, which [`Abreast::pending`] then gives; `false` at the end of the run.
+    /// Continues to the next such step, which [`Abreast::pending`] then returns; `false` at the end of the run.
     pub(crate) fn advance(&mut self) -> bool {
         match self.run.conduct(None) {
             Conduct::Parked => true,
@@ -42,7 +42,7 @@ impl Abreast {
         self.run.executor.pending()
     }
 
-    /// What became of it.
+    /// The outcome of the run.
     pub(crate) fn conclude(self) -> Outcome {
         self.run.conclude()
     }

@@ -1,4 +1,4 @@
-//! Where a run comes to rest before its end, and for what.
+//! The stop schedule: where a run comes to rest before its end, and for what.
 
 use std::collections::VecDeque;
 
@@ -9,14 +9,14 @@ use super::options::Options;
 use super::outcome::RunFailure;
 use crate::scenario::Scenario;
 
-/// What happens at a rest. At one instant they come in this order.
+/// The action at a rest. At one instant actions take place in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Business {
-    /// The state of the run is kept, for a restart or in a file.
+    /// The state of the run is saved, in memory for a restart or in a file.
     Checkpoint { file: bool },
     /// This substitution of the scenario takes place.
     Substitute(usize),
-    /// The user is waited for.
+    /// The run waits for the user.
     Pause,
 }
 
@@ -28,7 +28,7 @@ pub(super) const CHECKPOINTS_MAX: usize = 10_000;
 pub(super) struct Agenda(VecDeque<(Ticks, Business)>);
 
 impl Agenda {
-    /// Everything that `scenario` and `options` ask for from `from` on. `done` substitutions have happened.
+    /// All rests that `scenario` and `options` ask for from `from` on. `done` substitutions have taken place.
     pub(super) fn new(
         scenario: &Scenario,
         plan: &Plan,
@@ -62,7 +62,7 @@ impl Agenda {
             let at = instant(substitution.at)?;
             rests.push((at, Business::Substitute(number)));
         }
-        // What was done at the instant of a checkpoint that this run goes on from is not done again.
+        // What was done before the checkpoint was saved that this run continues from is not done again.
         rests.retain(|&(at, business)| {
             let early = match business {
                 Business::Checkpoint { .. } => from > 0 && at <= from,
@@ -91,7 +91,7 @@ impl Agenda {
         self.0.make_contiguous().sort_unstable();
     }
 
-    /// Pauses alone.
+    /// Only pauses.
     #[cfg(test)]
     pub(super) fn of_pauses(rests: Vec<Ticks>) -> Agenda {
         Agenda(rests.into_iter().map(|at| (at, Business::Pause)).collect())
@@ -102,13 +102,13 @@ impl Agenda {
         self.0.front().map(|&(at, _)| at)
     }
 
-    /// Takes the next business at `now`.
+    /// Takes the next action at `now`.
     pub(super) fn take(&mut self, now: Ticks) -> Option<Business> {
         let (_, business) = self.0.pop_front_if(|(at, _)| *at == now)?;
         Some(business)
     }
 
-    /// Puts back what was taken.
+    /// Puts back an action that was taken.
     pub(super) fn put_back(&mut self, now: Ticks, business: Business) {
         self.0.push_front((now, business));
     }

@@ -1,4 +1,4 @@
-//! What a run does while all participants rest: checkpoints, substitutions, pauses.
+//! Actions while all participants rest: checkpoints, substitutions, pauses.
 
 use lockstep::plan::Cut;
 use lockstep::time::{Rational, Ticks};
@@ -12,8 +12,8 @@ use super::outcome::{Ending, RunFailure};
 use super::prepare;
 use crate::scenario::State;
 
-/// Does what the agenda has for `now`, at which all participants rest. `Some` when the run is over; the error is a failure that
-/// the run may survive, and then what was not done is still on the agenda.
+/// Performs what the agenda has for `now`, at which all participants rest. Returns `Some` when the run is over. An error is a
+/// failure that the run may survive; the action that was not performed is then still on the agenda.
 pub(super) fn attend(executor: &mut dyn Executor, course: &mut Course, now: Ticks) -> Result<Option<Ending>, Ending> {
     while let Some(business) = course.guide.take(now) {
         let done = match business {
@@ -35,14 +35,14 @@ pub(super) fn attend(executor: &mut dyn Executor, course: &mut Course, now: Tick
         executor.renew_patience();
         fell(executor, course, fallen)?;
         if !executor.rests_at(now) {
-            // They were moved and have to come to this rest again.
+            // The participants were moved and have to reach this rest again.
             break;
         }
     }
     Ok(None)
 }
 
-/// The ending of a run that took up its work without `fallen`, unless it survives that.
+/// Reports the failure of `fallen`, without which the run was taken up, as an ending that the run may survive.
 pub(super) fn fell(executor: &mut dyn Executor, course: &Course, fallen: Vec<Fallen>) -> Result<(), Ending> {
     let Some(first) = fallen.first() else { return Ok(()) };
     let ending = Ending::Failed {
@@ -67,8 +67,8 @@ pub(super) fn saved<E: Executor + ?Sized>(
     Ok(Checkpoint { rest, ..checkpoint })
 }
 
-/// A restart need not go back to before `time`, where all participants have just gone on at `cut`. Gives those that
-/// failed meanwhile.
+/// Saves the state at `time`, where all participants have just continued at `cut`, so that a restart need not go back further.
+/// Returns the participant that failed meanwhile, if one did.
 pub(super) fn keep_for_restarts<E: Executor + ?Sized>(
     executor: &mut E,
     course: &mut Course,
@@ -88,7 +88,7 @@ pub(super) fn keep_for_restarts<E: Executor + ?Sized>(
 }
 
 fn checkpoint(executor: &mut dyn Executor, course: &mut Course, now: Ticks, file: bool) -> Result<(), RunFailure> {
-    // Where nobody fails alone nobody is restarted.
+    // Where participants cannot fail individually, none is restarted.
     if !file && !executor.outlives_failures() {
         return Ok(());
     }
@@ -138,9 +138,9 @@ fn substitute(
     Ok(fallen)
 }
 
-/// Waits for the user; whether the run goes on.
+/// Waits for the user; returns whether the run continues.
 fn pause(executor: &mut dyn Executor, course: &mut Course, now: Ticks) -> Result<bool, RunFailure> {
-    // Whoever looks at the tape now sees everything before the rest.
+    // Readers of the tape now see everything before the rest.
     course.recorder().flush()?;
     let steering = course.guide.hold(now);
     let (processes, options) = (executor.processes(), &course.options);

@@ -1,13 +1,14 @@
 //! Timeouts that count the wall time in which this process ran.
 //!
-//! A process that is stopped (Ctrl-Z, a paused container, a batch system) or whose machine is suspended sees nothing of what the others
-//! do meanwhile, so that time is no evidence against any of them. `CLOCK_MONOTONIC` stands still while the machine is suspended, but goes on
-//! while the process, its container or its virtual machine is stopped. So the time between two looks counts up to a limit only.
+//! A process that is stopped (Ctrl-Z, a paused container, a batch system) or whose machine is suspended sees nothing of what other
+//! processes do meanwhile, so that time is no evidence against any of them. `CLOCK_MONOTONIC` stands still while the machine is
+//! suspended, but advances while the process, its container or its virtual machine is stopped. So the time between two readings
+//! counts only up to a limit.
 
 use std::time::{Duration, Instant};
 
-/// The most that counts of the time between two looks. A loop of the orchestrator looks every few milliseconds; on a machine as busy as can
-/// be it gets a core again after some tens of them.
+/// The most that counts of the time between two readings. A loop of the orchestrator reads every few milliseconds; even on the
+/// busiest machine it gets a core again after some tens of them.
 const GAP: Duration = Duration::from_millis(250);
 
 /// Counts wall time in which this process ran.
@@ -28,7 +29,7 @@ impl Awake {
         }
     }
 
-    /// What has been counted up to `now`. To be asked often.
+    /// The time counted up to `now`. To be called often.
     pub(super) fn at(&mut self, now: Instant) -> Duration {
         self.counted += now.saturating_duration_since(self.last).min(self.gap);
         self.last = now;
@@ -36,7 +37,7 @@ impl Awake {
     }
 }
 
-/// How long something may take.
+/// A timeout that counts the wall time in which this process ran.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Patience {
     awake: Awake,
@@ -44,29 +45,29 @@ pub(super) struct Patience {
 }
 
 impl Patience {
-    /// From now on, for `limit`.
+    /// Starts now, for `limit`.
     pub(super) fn new(limit: Duration) -> Patience {
         Patience::since(Instant::now(), limit)
     }
 
     fn since(now: Instant, limit: Duration) -> Patience {
         let mut awake = Awake::since(now);
-        // However short it is, no suspension uses it up.
+        // However short the limit is, no suspension uses it up.
         awake.gap = GAP.min(limit / 4);
         Patience { awake, limit }
     }
 
-    /// From now on, for as long as before.
+    /// Starts again now, for the same limit.
     pub(super) fn renew(&mut self) {
         *self = Patience::new(self.limit);
     }
 
-    /// How much of it has been used, s.
+    /// How much of the limit has been used, s.
     pub(super) fn used_s(&mut self) -> f64 {
         self.awake.at(Instant::now()).as_secs_f64()
     }
 
-    /// Whether it is used up. To be asked often.
+    /// Whether the limit is used up. To be called often.
     pub(super) fn is_over(&mut self) -> bool {
         self.is_over_at(Instant::now())
     }

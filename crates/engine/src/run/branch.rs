@@ -1,4 +1,4 @@
-//! A branch at an instant at which no checkpoint was made: the run goes on unchanged from the one before, up to there.
+//! Branches at instants without a checkpoint: the run is repeated unchanged from the previous checkpoint up to the branch.
 
 use std::path::Path;
 
@@ -10,22 +10,22 @@ use super::outcome::{Ending, RunFailure};
 use crate::scenario::Scenario;
 use crate::scope::Scope;
 
-/// A run that was let on unchanged to where a branch begins. What it recorded is there until this is dropped.
+/// A run that was continued unchanged up to where a branch begins. Its recording exists until this is dropped.
 pub struct Branch {
     /// Where the branch begins.
     pub origin: Origin,
-    // Its folder goes with it, also when this process is killed.
+    // The folder is removed with it, also when this process is killed.
     _scope: Scope,
 }
 
-/// What the folder of a branch is called, up to what is drawn for it.
+/// How the name of a branch's folder begins; a random part follows.
 const MARK: &str = ".branch-";
 
-/// Goes on with `origin`, a run of `scenario`, as fast as possible and without a pause, and saves it at `to`. The folder that it takes is
-/// made beside the one in `options`.
+/// Continues from `origin`, a run of `scenario`, as fast as possible and without a pause, and saves the state at `to`. Its
+/// temporary folder is created next to the one in `options`.
 ///
 /// # Errors
-/// When `to` does not lie between the checkpoint and the end, or when the run fails on its way.
+/// When `to` is not between the checkpoint and the end, or when the run fails before it.
 pub fn branch(scenario: &Scenario, options: &Options, origin: Origin, to: Rational) -> Result<Branch, RunFailure> {
     if to >= scenario.duration {
         return Err(RunFailure::Option {

@@ -1,8 +1,9 @@
-//! Shared memory that cannot be had.
+//! SIGBUS handling: pages of shared memory that the kernel cannot provide.
 //!
-//! A page of shared memory is taken when it is first touched, and where there is none left the kernel sends SIGBUS. What a run needs is
-//! looked at and reserved before its start; but other programs share the memory. So a program that asks for it ([`guard`]) puts a page of its own where one is
-//! missing and notes that. Nothing that is written there reaches a participant: the run ends at the next look.
+//! A page of shared memory is allocated when it is first touched, and if there is none left the kernel sends SIGBUS. What a run
+//! needs is checked and reserved before its start, but other programs share the memory. So a program that calls [`guard`] maps a
+//! private page where one is missing, and notes that. Nothing that is written to such a page reaches a participant: the run ends at
+//! the next check.
 
 use std::io;
 use std::sync::Once;
@@ -13,26 +14,26 @@ use libc::{MAP_ANONYMOUS, MAP_FAILED, MAP_FIXED, MAP_PRIVATE, PROT_READ, PROT_WR
 static MISSED: AtomicBool = AtomicBool::new(false);
 static PAGE: AtomicUsize = AtomicUsize::new(4096);
 
-/// Whether a page could not be had since the last call.
+/// Whether a page was missing since the last call.
 pub(super) fn missed() -> bool {
     MISSED.swap(false, Ordering::Relaxed)
 }
 
-/// Takes over SIGBUS, once for the whole program: from then on a run in processes ends in order when shared memory is full, where
-/// the signal would end the program. For a program with one run at a time; the engine itself handles no signals.
+/// Handles SIGBUS, once for the whole program: from then on a run in processes ends properly when shared memory is full, where the
+/// signal would end the program. For a program with one run at a time; the engine itself handles no signals.
 ///
 /// # Errors
-/// When the system refuses.
+/// When the system refuses the handler.
 pub fn guard() -> io::Result<()> {
     static INSTALLED: Once = Once::new();
     let mut installed = Ok(());
     INSTALLED.call_once(|| {
         PAGE.store(page_size(), Ordering::Relaxed);
-        // SAFETY: all zeros is a value of this plain structure.
+        // SAFETY: all zeros is a valid value of this plain structure.
         let mut action: libc::sigaction = unsafe { std::mem::zeroed() };
         action.sa_sigaction = at_missing_page as *const () as usize;
         action.sa_flags = libc::SA_SIGINFO;
-        // SAFETY: the handler makes two system calls and stores to atomics; it takes no lock and no memory.
+        // SAFETY: the handler makes two system calls and stores to atomics; it takes no lock and allocates no memory.
         if unsafe { libc::sigaction(SIGBUS, &raw const action, std::ptr::null_mut()) } != 0 {
             installed = Err(io::Error::last_os_error());
         }
@@ -40,21 +41,21 @@ pub fn guard() -> io::Result<()> {
     installed
 }
 
-/// The bytes of a page. The C library knows them; asking the kernel anew takes system calls, and fails under a profiler that shows
-/// a program another auxiliary vector.
+/// The size of a page, bytes. The C library knows it; asking the kernel again takes system calls, and fails under a profiler that
+/// shows a program another auxiliary vector.
 fn page_size() -> usize {
-    // SAFETY: a question without arguments in memory.
+    // SAFETY: the call has no arguments in memory.
     usize::try_from(unsafe { libc::sysconf(libc::_SC_PAGESIZE) }).unwrap_or(4096)
 }
 
 extern "C" fn at_missing_page(_: libc::c_int, about: *mut libc::siginfo_t, _: *mut libc::c_void) {
     let size = PAGE.load(Ordering::Relaxed);
-    // SAFETY: the kernel hands a valid structure to a handler with SA_SIGINFO.
+    // SAFETY: the kernel passes a valid structure to a handler with SA_SIGINFO.
     let (code, address) = unsafe { ((*about).si_code, (*about).si_addr() as usize) };
     if code == libc::BUS_ADRERR {
         let page = (address & !(size - 1)) as *mut libc::c_void;
-        // SAFETY: the address belongs to a mapping of this process, else the signal were SIGSEGV; a page of zeros takes the place of
-        // one that is not there.
+        // SAFETY: the address belongs to a mapping of this process, otherwise the signal would be SIGSEGV; a page of zeros replaces
+        // the missing one.
         let there = unsafe {
             libc::mmap(
                 page,
@@ -70,7 +71,7 @@ extern "C" fn at_missing_page(_: libc::c_int, about: *mut libc::siginfo_t, _: *m
             return;
         }
     }
-    // Any other bus error ends the program as ever, when the instruction is tried again.
+    // Any other bus error ends the program as usual, when the instruction is tried again.
     // SAFETY: the default action is a valid one.
     unsafe { libc::signal(SIGBUS, SIG_DFL) };
 }
@@ -94,7 +95,7 @@ mod tests {
             .expect("a file");
         std::fs::remove_file(&path).expect("the file is there");
         file.set_len(1).expect("a page");
-        // The second page lies behind the end of the file: the kernel has none for it.
+        // The second page is beyond the end of the file: the kernel has none for it.
         // SAFETY: a mapping of two pages at an address of the kernel's choice.
         let base = unsafe {
             libc::mmap(
@@ -108,7 +109,7 @@ mod tests {
         };
         assert_ne!(base, MAP_FAILED);
         let byte = |at: usize| base.cast::<u8>().wrapping_add(at);
-        // SAFETY: within the mapping, which nothing else knows of.
+        // SAFETY: within the mapping, which no other code knows of.
         unsafe {
             byte(1).write_volatile(7);
             assert!(!missed());

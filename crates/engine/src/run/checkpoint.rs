@@ -1,8 +1,8 @@
 //! The state of a run at one instant, in one file.
 //!
-//! A checkpoint holds what is nowhere else: the state of every participant and where everybody stands. What is on its way
-//! through the links is a function of the plan and the tape; draws are functions of seed, name and index. Where the tape does not
-//! have every sample, those that are still needed are in the checkpoint too.
+//! A checkpoint holds only what is stored nowhere else: the state and the position of every participant. The samples in transit on
+//! the links follow from the plan and the tape; random samples follow from seed, name and index. Where the tape does not have every
+//! sample, the checkpoint also has those that are still needed.
 
 use std::fs;
 use std::io;
@@ -18,15 +18,15 @@ use super::rest::Rest;
 use crate::scenario::Entry;
 
 const MAGIC: &[u8] = b"escapement checkpoint 1\n";
-/// One that also has what the tape lacks.
+/// The format that also has the samples missing on the tape.
 const MAGIC_REST: &[u8] = b"escapement checkpoint 2\n";
 const DIGEST: usize = 32;
 
-/// Why a participant without `save` cannot do what was asked of it.
+/// The message for a participant without `save` that must save its state.
 pub(super) const CANNOT_SAVE: &str = "cannot save its state, which a checkpoint or a substitution with state needs: implement `save` and `restore`, \
                            or run without";
 
-/// What the name of a checkpoint's file ends with.
+/// The extension of a checkpoint's file.
 const ENDING: &str = ".checkpoint";
 
 /// The state of a run at rest.
@@ -34,19 +34,19 @@ const ENDING: &str = ".checkpoint";
 pub struct Checkpoint {
     /// The program that saved it.
     pub version: String,
-    /// The instant: everybody has done exactly the activations before it.
+    /// The instant: all participants have done exactly the activations before it.
     pub time: Rational,
     /// The participants, in the order of the plan.
     pub participants: Vec<String>,
-    /// Where each of them stands.
+    /// The position of each of them.
     pub cut: Cut,
     /// The state of each of them.
     pub states: Vec<Vec<u8>>,
-    /// How many of the scenario's substitutions had happened.
+    /// How many of the scenario's substitutions had taken place.
     pub substitutions: u64,
-    /// For each participant, whether it had failed and its `on-failure` had put another program in its place.
+    /// For each participant, whether it had failed and had been replaced by another program of its `on-failure`.
     pub replaced: Vec<bool>,
-    /// What the tape does not have, where it does not have every sample.
+    /// What the tape does not have, if it does not have every sample.
     #[serde(skip)]
     pub rest: Option<Rest>,
 }
@@ -54,12 +54,12 @@ pub struct Checkpoint {
 /// Why a checkpoint cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
-    /// The file system refused.
+    /// The file system reported an error.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// Why.
+        /// The error.
         source: io::Error,
     },
     /// Another kind of file, or another version of the format.
@@ -68,7 +68,7 @@ pub enum CheckpointError {
         /// The file.
         path: PathBuf,
     },
-    /// Bytes were changed or are missing.
+    /// Bytes were changed or are missing in the file.
     #[error("{}: the checkpoint is damaged ({reason}); take an earlier one with --from", path.display())]
     Damaged {
         /// The file.
@@ -81,15 +81,15 @@ pub enum CheckpointError {
     TooLarge {
         /// Its instant.
         time: Rational,
-        /// What the encoder says.
+        /// The error of the encoder.
         source: WireError,
     },
-    /// No file that would do.
+    /// There is no suitable file.
     #[error("{}: there is no checkpoint{at}; there is {available} (checkpoints are made with --checkpoint-every and --checkpoint-at)", folder.display())]
     None {
         /// The folder of the checkpoints.
         folder: PathBuf,
-        /// What was asked for, in words.
+        /// What was requested, in words.
         at: String,
         /// What there is, in words.
         available: String,
@@ -97,7 +97,7 @@ pub enum CheckpointError {
 }
 
 impl Checkpoint {
-    /// The state of a run of `plan` at `time`, with `entries` in the seats, which stand at `cut` and have these states.
+    /// The state of a run of `plan` at `time`, with `entries` in the slots; the participants are at `cut` and have these states.
     pub fn new(
         plan: &Plan,
         time: Rational,
@@ -135,7 +135,7 @@ impl Checkpoint {
         Ok(bytes)
     }
 
-    /// The checkpoint in the bytes of the file `path`, which may hold anything.
+    /// Decodes the checkpoint in the bytes of the file `path`, which may hold anything.
     ///
     /// # Errors
     /// [`CheckpointError::Foreign`] and [`CheckpointError::Damaged`].
@@ -177,7 +177,7 @@ impl Checkpoint {
         Ok(checkpoint)
     }
 
-    /// Puts it into `folder`, whole or not at all. Returns the file.
+    /// Writes it into `folder`, completely or not at all. Returns the file.
     pub fn write(&self, folder: &Path) -> Result<PathBuf, CheckpointError> {
         let io = |path: &Path| {
             let path = path.to_owned();
@@ -193,7 +193,7 @@ impl Checkpoint {
     /// The newest checkpoint in `folder` at or before `limit`.
     ///
     /// # Errors
-    /// When there is none, or the one that would do is damaged.
+    /// When there is none, or when the suitable one is damaged.
     pub fn find(folder: &Path, limit: Option<Rational>) -> Result<Checkpoint, CheckpointError> {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         let paths = entries.map(|entry| entry.path());
@@ -205,7 +205,7 @@ impl Checkpoint {
             })?;
             all.push((path, bytes));
         }
-        // A damaged one has no time; it matters only when nothing else will do.
+        // The time of a damaged file is unknown; it matters only when no other file is suitable.
         let (mut good, mut bad) = (Vec::new(), None);
         for (path, bytes) in &all {
             match Checkpoint::decode(path, bytes) {

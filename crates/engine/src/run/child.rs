@@ -1,4 +1,4 @@
-//! Participants' processes: started, watched, and always brought down.
+//! Processes of participants: started, monitored, and always shut down.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -15,7 +15,7 @@ use super::awake::Patience;
 use super::log::Log;
 use crate::scenario::{Entry, Program};
 
-/// How long participants may take to leave after they were told to: for what `terminate` does, on a busy machine too.
+/// How long participants may take to exit after the order to leave: time for `terminate`, also on a busy machine.
 pub(super) const GRACE: Duration = Duration::from_secs(2);
 
 /// A participant's process.
@@ -26,12 +26,12 @@ pub struct Participant {
     pidfd: OwnedFd,
     log: Log,
     status: Option<ExitStatus>,
-    /// It unpacks what it cannot remove when it is killed.
+    /// It unpacks files that it cannot remove when it is killed.
     unpacks: bool,
 }
 
-/// Ties the life of the process that `command` starts to that of this one, and nothing else: it dies with it, and Ctrl-C in a
-/// terminal, which goes to the foreground group, is for the orchestrator alone.
+/// Ties the life of the process that `command` starts to that of this process, and to nothing else: the child dies with this
+/// process, and Ctrl-C in a terminal, which goes to the foreground group, reaches the orchestrator only.
 ///
 /// The kernel kills the child when the thread that starts it dies, so that must be the main thread.
 pub fn tie(command: &mut Command) {
@@ -40,7 +40,8 @@ pub fn tie(command: &mut Command) {
     // SAFETY: between fork and exec only three system calls are made; neither allocates nor takes a lock.
     unsafe {
         command.pre_exec(move || {
-            // What this process has open is its own; iceoryx2 does not see to that. Kernels before 5.11 leave it open.
+            // Files that this process has open are closed in the child; iceoryx2 does not see to that. Kernels before 5.11 leave
+            // them open.
             libc::syscall(libc::SYS_close_range, 3_u32, u32::MAX, libc::CLOSE_RANGE_CLOEXEC);
             rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
             // The orchestrator may have died before the line above.
@@ -52,16 +53,16 @@ pub fn tie(command: &mut Command) {
     }
 }
 
-/// The program that is started in the place of this one.
+/// The program that is started instead of this one.
 static INSTEAD: OnceLock<PathBuf> = OnceLock::new();
 
-/// Says which program is started where this one would be started once more: a process that has the engine as a module is no program
-/// with a command line. The first call counts.
+/// Sets the program that is started where this program would start itself again: a process that has loaded the engine as a module
+/// is no program with a command line. Only the first call has an effect.
 pub fn start_instead(program: PathBuf) {
     let _ = INSTEAD.set(program);
 }
 
-/// Starts this program once more: the file that this process runs, even if another one has its name by now.
+/// Starts this program once more: the file that this process runs, even if another file has its name by now.
 pub fn own_program() -> Command {
     if let Some(program) = INSTEAD.get() {
         return Command::new(program);
@@ -74,7 +75,7 @@ pub fn own_program() -> Command {
 }
 
 impl Participant {
-    /// Starts the program of `entry` with its place in the run in the environment. It is asked for spans in this `detail`.
+    /// Starts the program of `entry`, with its address in the run in the environment. The program records spans in this `detail`.
     ///
     /// The kernel kills the child when the thread that starts it dies, so this must be called from the main thread.
     pub fn start(entry: &Entry, address: &str, log: &Path, detail: Option<Detail>) -> io::Result<Participant> {
@@ -142,7 +143,7 @@ impl Participant {
         self.pidfd.as_fd()
     }
 
-    /// How the process ended, if it has. Then its log is complete.
+    /// The exit status of the process, once it has ended. Then its log is complete.
     pub fn ended(&mut self) -> Option<ExitStatus> {
         if self.status.is_none() {
             self.status = self.child.try_wait().ok().flatten();
@@ -151,12 +152,12 @@ impl Participant {
         self.status
     }
 
-    /// What it has written.
+    /// Its log.
     pub(super) fn log(&self) -> &Log {
         &self.log
     }
 
-    /// How it ended in words: exit status or signal.
+    /// How a process ended, in words: exit status or signal.
     pub fn ending(status: ExitStatus) -> String {
         match (status.code(), status.signal()) {
             (Some(code), _) => format!("exited with status {code}"),
@@ -177,17 +178,17 @@ impl Participant {
         }
     }
 
-    /// True when it has written more to its log than anybody will read.
+    /// Whether its log is full: it has written more than is kept.
     pub fn floods(&self) -> bool {
         self.log.is_full()
     }
 
-    /// Waits up to `grace` for it to end by itself, then kills it.
+    /// Waits up to `grace` for the process to exit, then kills it.
     pub fn bring_down(&mut self, grace: Duration) {
         self.end_within(&mut Patience::new(grace));
     }
 
-    /// Waits as long as `grace` is not over for it to end by itself, then kills it.
+    /// Waits for the process to exit until `grace` is over, then kills it.
     pub fn end_within(&mut self, grace: &mut Patience) {
         while self.ended().is_none() && !grace.is_over() {
             std::thread::sleep(Duration::from_micros(300));

@@ -1,6 +1,6 @@
-//! Whether a scenario goes on from where a run was saved: with the participants and the sample times that it had, and before the end.
+//! Whether a scenario can continue from where a run was saved: it must have the same participants and sample times, and end later.
 //!
-//! That follows from the scenario alone, so it is told before anything starts or is written.
+//! That follows from the scenario alone, so it is checked before anything is started or written.
 
 use lockstep::time::{Rational, SampleTime, TickError, Timebase};
 
@@ -8,11 +8,11 @@ use super::checkpoint::Checkpoint;
 use super::outcome::RunFailure;
 use crate::scenario::{Scenario, ScenarioError};
 
-/// How far a scenario is at an instant.
+/// The position of a scenario at an instant.
 struct Stand {
-    /// How many activations each participant has done before.
+    /// How many activations each participant has done before it.
     done: Vec<u64>,
-    /// How many substitutions have happened before. One at the instant itself comes after it.
+    /// How many substitutions have taken place before it. One at the instant itself comes after it.
     substituted: u64,
     /// Whether the instant is before the end.
     goes_on: bool,
@@ -45,10 +45,10 @@ fn stand(scenario: &Scenario, time: Rational) -> Result<Stand, RunFailure> {
     Stand::of(scenario, time).map_err(|error| RunFailure::Other(error.to_string()))
 }
 
-/// Whether `scenario` goes on from `checkpoint`.
+/// Checks that `scenario` can continue from `checkpoint`.
 ///
 /// # Errors
-/// The keys that keep it from that.
+/// The keys that prevent it.
 pub(super) fn check(scenario: &Scenario, checkpoint: &Checkpoint) -> Result<(), RunFailure> {
     let names = || scenario.participants.iter().map(|entry| entry.setup.name.as_str());
     if !names().eq(checkpoint.participants.iter().map(String::as_str)) {
@@ -79,10 +79,10 @@ pub(super) fn check(scenario: &Scenario, checkpoint: &Checkpoint) -> Result<(), 
     Ok(())
 }
 
-/// Whether `scenario` goes on from where `unchanged`, the scenario of the run, is `at`.
+/// Checks that `scenario` can continue from where `unchanged`, the scenario of the run, is `at`.
 ///
 /// # Errors
-/// The keys that keep it from that. An instant behind the end is told by [`super::branch`].
+/// The keys that prevent it. An instant after the end is reported by [`super::branch`].
 pub fn check_branch(scenario: &Scenario, unchanged: &Scenario, at: Rational) -> Result<(), RunFailure> {
     let (own, before) = (stand(scenario, at)?, stand(unchanged, at)?);
     if !own.goes_on || own.done.len() != before.done.len() {
@@ -91,7 +91,7 @@ pub fn check_branch(scenario: &Scenario, unchanged: &Scenario, at: Rational) -> 
     Ok(same_sample_times(scenario, at, &own.done, &before.done)?)
 }
 
-/// Participants that have done another number of activations than in the run.
+/// Refuses participants that have done a different number of activations than in the run.
 fn same_sample_times(scenario: &Scenario, time: Rational, own: &[u64], run: &[u64]) -> Result<(), ScenarioError> {
     let differ = (own.iter().zip(run).enumerate()).filter(|(_, (own, run))| own != run);
     let wrong: Vec<(usize, String)> = differ

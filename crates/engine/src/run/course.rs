@@ -1,4 +1,4 @@
-//! A run's own state, however its participants are executed: what sits in each seat, what has come in, and how far it may go.
+//! The run state that both executors share: what runs in each slot, what has been recorded, and how far the run may go.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -20,27 +20,27 @@ pub(super) struct Course {
     pub(super) scenario: Arc<Scenario>,
     pub(super) options: Options,
     pub(super) plan: Arc<Plan>,
-    /// What runs in each seat.
+    /// What runs in each slot.
     pub(super) entries: Vec<Entry>,
-    /// How many of the scenario's substitutions have happened.
+    /// How many of the scenario's substitutions have taken place.
     pub(super) substituted: usize,
-    /// The values of inputs that nobody feeds.
+    /// The values of unconnected inputs.
     pub(super) inputs: Inputs,
-    /// How far everybody may go.
+    /// How far all participants may go.
     pub(super) guide: Guide,
-    /// Where the run leaves something, if it does.
+    /// The run folder, if the run has one.
     pub(super) folder: Option<RunFolder>,
-    /// What the run goes back to when a participant is restarted.
+    /// The checkpoint to which the run goes back when a participant is restarted.
     pub(super) last_checkpoint: Option<Checkpoint>,
-    /// What became of participants that failed.
+    /// How failures of participants were handled so far.
     pub(super) recovered: Vec<String>,
     pub(super) recorder: Arc<Mutex<Recorder>>,
-    /// What participants say of their wall time.
+    /// The spans of wall time that participants report.
     pub(super) times: Times,
 }
 
 impl Course {
-    /// The recorder. Whoever has it lets go of it before anybody asks again.
+    /// Locks the recorder. The guard must be dropped before the next call.
     pub(super) fn recorder(&self) -> MutexGuard<'_, Recorder> {
         self.recorder.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -49,12 +49,12 @@ impl Course {
         self.plan.timebase.time(ticks).unwrap_or_default()
     }
 
-    /// The newest stamp of anybody, ticks.
+    /// The newest stamp of any sample, ticks.
     pub(super) fn newest(&self) -> Ticks {
         self.recorder().newest
     }
 
-    /// Tells what steers the run how far it is, whether all participants rest at the horizon, and how it keeps its pace.
+    /// Reports to the external control how far the run is, whether all participants rest at the horizon, and how the pace is kept.
     pub(super) fn tell(&mut self, newest: Ticks, resting: bool) {
         self.guide.tell(newest, resting);
         if let Some(steering) = &self.options.steering
@@ -69,14 +69,14 @@ impl Course {
         &self.plan.participants[number].name
     }
 
-    /// Where everybody goes on at `cut`, each with the state that it has.
+    /// Where all participants continue at `cut`, each with the state that it has.
     pub(super) fn positions(&self, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
         let mut positions = self.recorder().positions(cut)?;
         self.inputs.put_into(&mut positions);
         Ok(positions)
     }
 
-    /// How a failure of the run's own work ends it.
+    /// The ending that a failure of the run's own work causes.
     pub(super) fn over(&self, failure: RunFailure) -> Ending {
         match failure {
             RunFailure::Participant { participant, reason } => Ending::Failed { participant, reason },

@@ -1,4 +1,4 @@
-//! The participants of a run with everything the orchestrator holds of them.
+//! The participants of a run, each with the process, the services and the records that the orchestrator holds for it.
 
 use std::borrow::Borrow;
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ use super::room;
 use crate::scenario::{Entry, Scenario};
 use crate::text::quoted;
 
-/// How long a program may take to enter the run, and to answer a request, if nothing else is said.
+/// How long a program may take to enter the run, and to answer a request, unless the scenario or an option says otherwise.
 const START_WITHIN: Duration = Duration::from_secs(20);
 
 /// How long the program of `entry` may take to enter the run, and to answer a request.
@@ -36,12 +36,12 @@ pub(super) fn start_within(entry: &Entry, options: &Options) -> Duration {
     options.start_within.or(own).unwrap_or(START_WITHIN)
 }
 
-/// The content of one batch of a record.
+/// The result of taking one batch of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Taken {
     /// Nothing.
     Nothing,
-    /// Notes that were there before, which are no progress.
+    /// Notes that repeat what is known already: no progress.
     Old,
     /// Samples, or a note about progress.
     News,
@@ -51,16 +51,16 @@ pub(super) enum Taken {
 pub(super) struct Member {
     pub(super) process: Participant,
     pub(super) ports: Ports,
-    /// How long it may take to enter the run, and to answer a request.
+    /// How long the participant may take to enter the run, and to answer a request.
     within: Duration,
-    /// Where its time went; known when it is done.
+    /// How its wall time was spent; known when it is done.
     pub(super) timing: Option<Timing>,
-    /// Its own account of why it failed.
+    /// The reason for its failure, as it reported it.
     pub(super) failed: Option<Note>,
     at_rest: Option<Ticks>,
-    /// The next activation, once it has come to rest on the order to do so.
+    /// The next activation, once the participant has come to rest on the recall order.
     pub(super) recalled: Option<u64>,
-    /// What it did when, and how many spans are missing behind each batch; until they are taken.
+    /// Its spans of wall time, with the number of missing spans after each batch; until they are taken.
     pub(super) spans: Vec<(u64, Vec<Span>)>,
 }
 
@@ -78,12 +78,12 @@ impl Member {
         }
     }
 
-    /// Whether it has done everything before `horizon`.
+    /// Whether the participant has done everything before `horizon`.
     pub(super) fn rests_at(&self, horizon: Ticks) -> bool {
         self.timing.is_some() || self.at_rest == Some(horizon)
     }
 
-    /// Why it failed, in its own account, if it did.
+    /// The reason for its failure, as it reported it, if it did.
     pub(super) fn failure(&self) -> Option<String> {
         match &self.failed {
             Some(Note::Failed { activation, t, reason }) => {
@@ -94,7 +94,8 @@ impl Member {
         }
     }
 
-    /// How its process failed, if it did: it ended before it was done, or its log is full. It is participant number `number`.
+    /// How the process of participant number `number` failed, if it did: it ended before the participant was done, or its log is
+    /// full.
     pub(super) fn process_failure(&mut self, plan: &Plan, number: usize) -> Option<String> {
         match self.process.ended() {
             Some(status) if self.timing.is_some() && status.success() => None,
@@ -104,7 +105,7 @@ impl Member {
         }
     }
 
-    /// Another participant that has opened a publisher of this one's record, with the number of the process. `all` has the names and
+    /// Another participant that has opened a publisher of this one's record, with its process number. `all` has the names and
     /// processes of the participants.
     pub(super) fn foreign_writer<'a>(&self, all: impl Iterator<Item = (&'a str, u32)>) -> Option<(&'a str, u32)> {
         let writers = self.ports.record.writers();
@@ -117,17 +118,17 @@ impl Member {
             })
     }
 
-    /// What it does.
+    /// What the participant does.
     pub(super) fn status(&self) -> lockstep::transport::iceoryx::Status {
         self.ports.status.get()
     }
 
-    /// Wakes it.
+    /// Wakes the participant.
     pub(super) fn ring(&self) {
         self.ports.bell.ring();
     }
 
-    /// Takes a batch of its record. Notes about its progress are compared with the plan and with the samples on the tape.
+    /// Takes a batch of the participant's record. Notes about progress are checked against the plan and the samples on the tape.
     pub(super) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<Taken, Broken> {
         let mut news = false;
         let Member {
@@ -170,7 +171,7 @@ impl Member {
             }
             Ok(())
         });
-        // A participant that sleeps for room in the recording is woken by anything.
+        // A participant that sleeps until there is room for its record is woken now: a batch has been taken.
         if matches!(took, Ok(true)) && status.asleep() == Some(Sleeping::FOR_ANYTHING) {
             bell.ring();
         }
@@ -196,7 +197,7 @@ impl Member {
         Ok(reply.expect("the only one has answered"))
     }
 
-    /// A failure of this participant; `reason` may contain text of the participant.
+    /// A failure of this participant; `reason` may contain text from the participant.
     pub(super) fn odd(&self, reason: impl AsRef<str>) -> RunFailure {
         RunFailure::Participant {
             participant: self.process.name.clone(),
@@ -205,7 +206,7 @@ impl Member {
     }
 }
 
-/// A request under way, with what is looked at while its reply is waited for.
+/// A request under way, with what is monitored until the reply comes.
 struct Pending<'a> {
     asked: Asked<'a>,
     process: &'a mut Participant,
@@ -219,7 +220,7 @@ impl Pending<'_> {
     /// Looks for the reply; `elsewhere` says that the monitor reports a failure.
     ///
     /// # Errors
-    /// There will be none that can be used.
+    /// When no usable reply will come.
     fn look(&mut self, monitor: &Monitor, elsewhere: bool) -> Result<(), RunFailure> {
         if self.reply.is_none() {
             let looked = self.asked.reply();
@@ -237,11 +238,11 @@ impl Pending<'_> {
     }
 }
 
-/// Sends each of `crew` the request that `request` gives, and hands the replies to `take` in their order. The participants work on
-/// their answers at the same time.
+/// Sends each of `crew` the request that `request` returns, and passes the replies to `take` in order. The participants prepare
+/// their replies at the same time.
 ///
 /// # Errors
-/// A participant that does not answer, or what `take` says of an answer before it.
+/// The first failure: a participant that does not answer, or an error of `take` for an earlier reply.
 pub(super) fn ask_all<R: Borrow<Request>>(
     crew: &mut [Member],
     mut request: impl FnMut(usize) -> R,
@@ -268,9 +269,10 @@ pub(super) fn ask_all<R: Borrow<Request>>(
     }
     let mut waited;
     loop {
-        // Once for all of them: the monitor asks the system about every process.
+        // Only once per round: the monitor queries the system for every process.
         let elsewhere = monitor.failure().is_some();
-        // Each for itself first: one that has died on its own request says so, whichever waits before it in the crew.
+        // Each participant's own state first: one that has died on its own request is reported as that, whichever participant
+        // before it is still waited for.
         let mut look = |elsewhere| {
             (all.iter_mut())
                 .map(|one| one.look(monitor, elsewhere))
@@ -294,7 +296,7 @@ pub(super) fn ask_all<R: Borrow<Request>>(
     waited
 }
 
-/// The instant of a request in words.
+/// When a request was made, in words.
 fn when(request: &Request) -> &'static str {
     match request {
         Request::Hello { .. } => "when it was greeted",
@@ -306,7 +308,7 @@ fn when(request: &Request) -> &'static str {
     }
 }
 
-/// The failure of a participant that gave no answer that can be used.
+/// The failure of a participant whose reply cannot be used.
 fn unusable(process: &Participant, when: &str, broken: &Broken) -> RunFailure {
     RunFailure::Participant {
         participant: process.name.clone(),
@@ -314,7 +316,7 @@ fn unusable(process: &Participant, when: &str, broken: &Broken) -> RunFailure {
     }
 }
 
-/// The numbers of a process, its parent, and so on.
+/// The process numbers of a process, its parent, and so on.
 fn ancestry(mut pid: u32) -> Vec<u32> {
     let mut line = Vec::new();
     while pid > 1 && !line.contains(&pid) && line.len() < 16 {
@@ -326,18 +328,18 @@ fn ancestry(mut pid: u32) -> Vec<u32> {
     line
 }
 
-/// The reason of a failure by a participant that opened the record of `victim`, which failed with `broken`.
+/// The reason of a failure caused by another participant that opened the record of `victim`, which failed with `broken`.
 pub(super) fn foreign_writer_reason(victim: &str, process: u32, broken: &str) -> String {
     format!("process {process} opened the record of `{victim}`, which is not its own: `{victim}` {broken}")
 }
 
-/// What a participant is waited for, in words.
+/// What a participant is waited for, in the words of a message.
 struct Awaited {
-    /// What it is to do.
+    /// What the participant is to do.
     what: &'static str,
-    /// From when on it is waited for.
+    /// From when on the time counts.
     since: &'static str,
-    /// When it was that it ended instead.
+    /// When the participant ended instead.
     instead: &'static str,
 }
 
@@ -348,7 +350,7 @@ impl Awaited {
         instead: "before it had entered the run",
     };
 
-    /// An answer to what it was asked `when`.
+    /// The reply to the request that was made `when`.
     fn answer(when: &'static str) -> Awaited {
         Awaited {
             what: "answer",
@@ -358,7 +360,7 @@ impl Awaited {
     }
 }
 
-/// Why a participant did not do what it is waited for: it ended or is late, or the monitor reports another failure.
+/// Why a participant has not done what it is waited for: it ended or is late, or the monitor reports another failure.
 fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, awaited: &Awaited) -> RunFailure {
     let Awaited { what, since, instead } = awaited;
     let elsewhere = monitor.failure();
@@ -389,10 +391,10 @@ fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, awaite
     }
 }
 
-/// Starts the program of `entry`; what it writes goes to `log`.
+/// Starts the program of `entry`; its output goes to `log`.
 ///
 /// # Errors
-/// A file that is no program that could run here is a mistake in the scenario, whatever else goes wrong is not.
+/// A file that is no program that can run here is a mistake in the scenario; any other error is a failure of the participant.
 pub(super) fn start(
     scenario: &Scenario,
     entry: &Entry,
@@ -413,7 +415,7 @@ pub(super) fn start(
     })
 }
 
-/// Waits until it has entered the run; `waited` counts since all were started.
+/// Waits until the participant has entered the run; `waited` counts from the start of all programs.
 pub(super) fn arrive(member: &mut Member, waited: &mut Awake, monitor: &Monitor) -> Result<(), RunFailure> {
     while !member.ports.control.present() {
         let process = &mut member.process;

@@ -1,4 +1,4 @@
-//! What a program says of its ports, asked before the run in which it may have a part.
+//! Port discovery: a program is asked for its ports before the run in which it may take part.
 
 use std::time::Instant;
 
@@ -17,7 +17,7 @@ use super::place::Place;
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
 
-/// The ports of `entry`, as [`ask`] gives them.
+/// The ports of `entry`, as [`ask`] returns them.
 ///
 /// # Errors
 /// Those of [`ask`].
@@ -40,8 +40,8 @@ fn ask_for_ports(
     Ok(told.remove(0))
 }
 
-/// The ports of `entries`, which have programs of their own and different names. The programs are started for that alone, side by
-/// side in a place of their own, and ended again.
+/// The ports of `entries`, which are external programs with different names. The programs are started only for that, side by side
+/// in their own place, and ended again.
 ///
 /// # Errors
 /// A program that does not enter, describes no ports, or refuses its parameters.
@@ -84,10 +84,10 @@ fn ask_monitored(
     Ok(interfaces)
 }
 
-/// Whether each program that may take over in mid-run has the ports of the participant before it, which are `known`.
+/// Checks that each program that may take over in mid-run has the ports of the participant that it replaces, which are `known`.
 ///
 /// # Errors
-/// The first one that has not, with the difference, or what is wrong with its program.
+/// The first program with other ports and the difference, or what is wrong with its program.
 pub(super) fn check_substitutes(
     scenario: &Scenario,
     known: &[Interface],

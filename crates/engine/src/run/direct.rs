@@ -1,4 +1,4 @@
-//! The way from a participant to the recorder in the same process.
+//! The connection from a participant to the recorder in the same process.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -6,9 +6,9 @@ use lockstep::transport::{Broken, Header, Recording};
 
 use super::recording::Recorder;
 
-/// One participant's way to the recorder in the same process.
+/// The connection of one participant to the recorder in the same process.
 pub struct Direct {
-    /// The recorder that all share.
+    /// The recorder, shared by all participants.
     pub recorder: Arc<Mutex<Recorder>>,
     /// The participant's number.
     pub participant: usize,

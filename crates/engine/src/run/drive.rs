@@ -1,4 +1,4 @@
-//! What code asks of a run that rests: to go on, to tell, to take values, to be saved and to go back.
+//! Driving a run from code while it rests: continue, read values, set inputs, save, and go back.
 
 use std::time::Instant;
 
@@ -29,7 +29,7 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// The instant: everybody has done exactly the activations before it.
+    /// The instant: all participants have done exactly the activations before it.
     pub fn time(&self) -> Rational {
         self.state.time
     }
@@ -41,7 +41,7 @@ impl Checkpoint {
     }
 }
 
-/// An instant, as code names it: exactly, or as a scenario would.
+/// An instant in code: exact, or as text in the form that a scenario uses.
 pub trait Instantlike {
     /// The instant.
     ///
@@ -66,7 +66,7 @@ impl Instantlike for &str {
 }
 
 impl Run {
-    /// Everybody has done exactly the activations before this instant.
+    /// The instant at which the run rests: all participants have done exactly the activations before it.
     pub fn now(&self) -> Rational {
         self.course.time(self.now)
     }
@@ -76,16 +76,16 @@ impl Run {
         self.course.plan.timebase.seconds(self.now)
     }
 
-    /// Whether nothing more happens: the run has come to its end, or has failed.
+    /// Whether the run is over: it has come to its end, or has failed.
     pub fn is_over(&self) -> bool {
         self.over.is_some()
     }
 
-    /// Lets the run on until everybody has done exactly the activations before `time`, rounded up to the plan's tick, and rests.
+    /// Runs until all participants have done exactly the activations before `time`, rounded up to the plan's tick, and rests there.
     ///
     /// # Errors
-    /// [`RunFailure::Instant`] for a time that lies behind or after the end, [`RunFailure::Over`] when the run is over before it
-    /// gets there; [`Run::end`] says how.
+    /// [`RunFailure::Instant`] for a time before now or after the end, [`RunFailure::Over`] when the run ends before it gets there;
+    /// [`Run::end`] reports how.
     pub fn run_to(&mut self, time: impl Instantlike) -> Result<(), RunFailure> {
         let time = time.instant()?;
         let refuse = |reason: String| {
@@ -114,7 +114,7 @@ impl Run {
         self.on_to(ticks)
     }
 
-    /// Lets the run on to the next communication point after now, and rests there; at the end of the run after the last one.
+    /// Runs to the next communication point after now, and rests there; at the end of the run after the last one.
     ///
     /// # Errors
     /// As [`Run::run_to`].
@@ -152,8 +152,8 @@ impl Run {
         }
     }
 
-    /// The newest sample of `PARTICIPANT.OUTPUT`, as the participant gave it out, before any fault. A sampled participant's is
-    /// stamped before now, a continuous one's at or after now.
+    /// The newest sample of `PARTICIPANT.OUTPUT`, as the participant published it, before signal faults are applied. The sample of
+    /// a sampled participant is stamped before now, that of a continuous one at or after now.
     ///
     /// # Errors
     /// When there is no such output, or no sample of it yet.
@@ -181,7 +181,7 @@ impl Run {
         })
     }
 
-    /// What `participant` has said by its log so far: in one process the newest 64 KiB at least, in processes its log with everything that it has
+    /// The log of `participant` so far: in one process at least the newest 64 KiB, in processes everything that the participant has
     /// written.
     pub fn log(&self, participant: &str) -> String {
         let from_file = || {
@@ -191,17 +191,17 @@ impl Run {
         self.executor.said(participant).or_else(from_file).unwrap_or_default()
     }
 
-    /// The figures of what has happened so far, where the scenario has an assessment or measures: those of a run that ended now.
+    /// The figures so far, if the scenario has an assessment or measures: those of a run that ended now.
     pub fn figures(&self) -> Option<Figures> {
         self.course.recorder().figures()
     }
 
-    /// Sets `PARTICIPANT.INPUT`, which nobody feeds, to `value`: the activations at or after now see it, until it is set again. An
-    /// event on the tape says so.
+    /// Sets the unconnected input `PARTICIPANT.INPUT` to `value`: the activations at or after now see it, until it is set again. An
+    /// event on the tape records this.
     ///
     /// # Errors
-    /// [`RunFailure::Port`] when there is no such input, when it is fed (and by whom), when its payload has other fields than `M`,
-    /// and for a number that is not finite; [`RunFailure::Over`].
+    /// [`RunFailure::Port`] when there is no such input, when it is connected (the message names the output), when its payload has
+    /// other fields than `M`, and for a number that is not finite; [`RunFailure::Over`].
     pub fn set<M: Message>(&mut self, port: &str, value: &M) -> Result<(), RunFailure> {
         let (participant, input) = inputs::find(&self.course.plan, port)?;
         let descriptor = &self.course.plan.participants[participant].interface.inputs[input].descriptor;
@@ -214,11 +214,11 @@ impl Run {
         self.set_bytes(port, Payload::of(value).bytes())
     }
 
-    /// The same with fields by their names, each with its elements row-major in the field's unit; fields that are not named are
-    /// zero.
+    /// As [`Run::set`], with fields by their names, each with its elements row-major in the field's unit; fields that are not named
+    /// are zero.
     ///
     /// # Errors
-    /// As [`Run::set`]; also for an unknown field and another number of elements.
+    /// As [`Run::set`]; also for an unknown field, and for a wrong number of elements.
     pub fn set_fields(&mut self, port: &str, fields: &[(&str, &[f64])]) -> Result<(), RunFailure> {
         let (participant, input) = inputs::find(&self.course.plan, port)?;
         let descriptor = &self.course.plan.participants[participant].interface.inputs[input].descriptor;
@@ -238,10 +238,10 @@ impl Run {
         self.set_bytes(port, &bytes)
     }
 
-    /// The same with the bytes of the payload.
+    /// As [`Run::set`], with the bytes of the payload.
     ///
     /// # Errors
-    /// As [`Run::set`]; also for another size.
+    /// As [`Run::set`]; also for a wrong size.
     pub fn set_bytes(&mut self, port: &str, bytes: &[u8]) -> Result<(), RunFailure> {
         let input = inputs::find(&self.course.plan, port)?;
         self.refuse_held("an input is set at a rest between two instants (`run_to`)")?;
@@ -267,7 +267,7 @@ impl Run {
         Ok(())
     }
 
-    /// The state of the run now.
+    /// Saves the state of the run now.
     ///
     /// # Errors
     /// When a participant cannot save its state; when the run keeps no samples to go back to ([`Record`](super::Record)); [`RunFailure::Over`].
@@ -295,12 +295,12 @@ impl Run {
         })
     }
 
-    /// Goes back to `checkpoint`, which this run has saved: everybody has its state of then, and the tape, the figures and the
-    /// events are cut back to there. Also after the end of the run, as long as nobody has failed.
+    /// Goes back to `checkpoint`, which this run has saved: all participants get the state saved in it, and the tape, the figures
+    /// and the events are cut back to it. This is possible after the end of the run too, unless a participant has failed.
     ///
     /// # Errors
-    /// When the checkpoint is another run's, or when the run has gone back to before it since: then the samples that lead to it
-    /// are no longer there.
+    /// When the checkpoint is another run's, or when the run has gone back to an earlier instant since: then the samples that lead
+    /// to it no longer exist.
     pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), RunFailure> {
         let time = checkpoint.time();
         let refuse = |reason: &str| {
@@ -356,7 +356,7 @@ impl Run {
         course.last_checkpoint = course.scenario.restarts().then(|| state.clone());
         self.executor.went_back(checkpoint.now);
         (self.now, self.over, self.unseen) = (checkpoint.now, None, false);
-        // What said that outputs were given is gone as well.
+        // The record that outputs were given is cut off as well.
         (self.held, self.answered) = (false, false);
         self.saves.retain(|save| *save <= checkpoint.number);
         Ok(())

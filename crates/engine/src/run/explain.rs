@@ -1,4 +1,4 @@
-//! What a participant does, and how it died, in words.
+//! Descriptions of what a participant does, and of how it died.
 
 use std::process::ExitStatus;
 
@@ -34,13 +34,13 @@ pub(super) fn doing(plan: &Plan, number: usize, status: Status) -> String {
     }
 }
 
-/// The next activation, s.
+/// The time of the next activation, s.
 pub(super) fn instant(plan: &Plan, number: usize, status: Status) -> f64 {
     plan.timebase
         .seconds(plan.participants[number].sample_time.instant(status.next))
 }
 
-/// A participant's process, which said `last` where it was, ended before it was done.
+/// Describes the death of a participant's process, which ended before it was done; `last` is the status that it reported last.
 pub(super) fn death(plan: &Plan, number: usize, process: &Participant, last: Status, status: ExitStatus) -> String {
     format!(
         "process {} {}{} at t = {} s (activation {}) while {}{}",

@@ -3,7 +3,7 @@
 use super::course::Course;
 use super::outcome::RunFailure;
 
-/// How often a participant may fail without getting any further.
+/// How often a participant may fail without making any progress.
 pub(super) const RESTARTS_MAX: u32 = 5;
 
 /// A participant that failed.
@@ -11,12 +11,12 @@ pub(super) const RESTARTS_MAX: u32 = 5;
 pub(super) struct Fallen {
     /// Its number in the plan.
     pub(super) number: usize,
-    /// Why, in words that follow its name.
+    /// The reason, in words that follow its name.
     pub(super) reason: String,
 }
 
 impl Fallen {
-    /// The participant whose failure `failure` is; the others are the run's own.
+    /// The participant that caused `failure`; a failure without a participant is returned as an error.
     pub(super) fn of(course: &Course, failure: RunFailure) -> Result<Fallen, RunFailure> {
         let (participant, reason) = match failure {
             RunFailure::Participant { participant, reason } => (participant, reason),
@@ -33,7 +33,7 @@ impl Fallen {
     }
 }
 
-/// How often a participant failed where.
+/// How often a participant failed without getting beyond `furthest`.
 #[derive(Debug, Default, Clone, Copy)]
 pub(super) struct Restarts {
     pub(super) furthest: u64,

@@ -1,4 +1,4 @@
-//! What a run tells of its faults: events on the tape, and lines for people.
+//! Reports of a run's faults: events on the tape, and lines for people.
 
 use std::collections::VecDeque;
 
@@ -7,19 +7,19 @@ use lockstep::plan::Plan;
 use lockstep::time::Ticks;
 use tape::{Event, EventKind};
 
-/// A fault as people see it.
+/// A fault as it is reported to people.
 pub struct Notice<'a> {
     /// Its name.
     pub name: &'a str,
-    /// When it is there.
+    /// When it is active.
     pub span: Span,
-    /// What it does, and to what.
+    /// What it does, and to which signal or connection.
     pub words: &'a str,
-    /// The participant whose signal it disturbs; none for a connection.
+    /// The participant whose signal it disturbs; `None` for a connection.
     pub participant: Option<&'a str>,
 }
 
-/// The faults of a plan, each once, in the order of their begin.
+/// The faults of a plan, each once, in the order of their start times.
 pub fn notices(plan: &Plan) -> Vec<Notice<'_>> {
     use lockstep::fault::Place;
     let signals = plan.faults.iter().map(|fault| {
@@ -43,14 +43,14 @@ pub fn notices(plan: &Plan) -> Vec<Notice<'_>> {
     notices
 }
 
-/// Their begins and ends before the end of the run, in order.
+/// The beginnings and ends of faults before the end of the run, in order.
 pub(super) fn events(plan: &Plan) -> VecDeque<(Ticks, Event)> {
     let mut events = Vec::new();
     for notice in notices(plan) {
         let edges = [(Some(notice.span.at), "begins"), (notice.span.until, "ends")];
         for (time, edge) in edges {
             let Some(time) = time else { continue };
-            // A time that has no ticks lies beyond every run.
+            // A time that cannot be expressed in ticks is after the end of every run.
             let Ok(ticks) = plan.timebase.ceil(time) else { continue };
             events.push((
                 ticks,
@@ -68,7 +68,7 @@ pub(super) fn events(plan: &Plan) -> VecDeque<(Ticks, Event)> {
     events.into()
 }
 
-/// The faults that are there at `t`, as the end of a sentence; empty when there are none.
+/// The faults that are active at `t`, as the end of a sentence; empty if there are none.
 pub(super) fn active(plan: &Plan, t: Ticks) -> String {
     let ticks = |time| plan.timebase.ceil(time).unwrap_or(Ticks::MAX);
     let there =

@@ -1,13 +1,13 @@
-//! Lies that have the form of the truth: values out of their range, and outputs that do not change any more.
+//! Guards against samples that are well-formed but wrong: values out of range, and outputs that no longer change.
 
 use lockstep::fault::Slot;
 use lockstep::port::{Descriptor, Field};
 use lockstep::time::{Ticks, Timebase};
 
-/// What the elements must not be.
+/// The values that the elements must not have.
 #[derive(Debug, Clone, Default)]
 pub struct Forbidden {
-    /// Numbers outside of this, in the unit of the field.
+    /// Numbers outside of this range, in the unit of the field.
     pub range: Option<(f64, f64)>,
     /// These values of a truth value or an enumeration.
     pub never: Vec<f64>,
@@ -21,11 +21,11 @@ pub struct Watch {
     elements: Vec<Element>,
     forbidden: Forbidden,
     frozen_for: Option<Ticks>,
-    /// The bytes of the elements as they were last, and since when.
+    /// The latest bytes of the elements, and since when they are unchanged.
     held: Option<(Vec<u8>, Ticks)>,
 }
 
-/// What a guard looks at, and what it remembers.
+/// The key of a guard, and its state.
 pub(super) type Saved = (String, Option<(Vec<u8>, Ticks)>);
 
 /// An element with its name, and the field that it is of.
@@ -81,7 +81,7 @@ impl Watch {
         }
     }
 
-    /// What is wrong with sample number `index`, stamped `stamp`, if anything is. To be called for each sample in turn.
+    /// What is wrong with sample number `index`, stamped `stamp`, if anything is. To be called for each sample in order.
     pub(super) fn look(&mut self, index: u64, stamp: Ticks, payload: &[u8], timebase: Timebase) -> Option<String> {
         let (guard, t) = (&self.name, timebase.seconds(stamp));
         if let Some((low, high)) = self.forbidden.range {
@@ -127,19 +127,19 @@ impl Watch {
         }
     }
 
-    /// What it remembers, for one that looks at the same.
+    /// Its state, for a guard of the same elements and conditions.
     pub(super) fn saved(&self) -> Saved {
         (self.key(), self.held.clone())
     }
 
-    /// Goes on from what one that looks at the same has saved; whether there is one.
+    /// Restores the state that a guard of the same elements and conditions has saved; returns whether there is one.
     pub(super) fn restore(&mut self, all: &[Saved]) -> bool {
         let key = self.key();
         let saved = all.iter().find(|(saved, _)| *saved == key);
         saved.inspect(|(_, held)| self.held.clone_from(held)).is_some()
     }
 
-    /// What it looks at, and for what.
+    /// Its elements and conditions, as a key.
     fn key(&self) -> String {
         let elements: Vec<&str> = self.elements.iter().map(|element| &*element.name).collect();
         let Watch {
@@ -148,12 +148,12 @@ impl Watch {
         format!("{} {elements:?} {forbidden:?} {frozen_for:?}", self.stream)
     }
 
-    /// What it is called, in words.
+    /// Its name, in words.
     pub(super) fn words(&self) -> String {
         format!("guard `{}`", self.name)
     }
 
-    /// Somebody else gives this stream from now on.
+    /// Another program provides this stream from now on.
     pub(super) fn renew(&mut self) {
         self.held = None;
     }

@@ -1,4 +1,4 @@
-//! A run: its start, the one loop from rest to rest, and its outcome.
+//! A run: its start, its main loop from rest to rest, and its outcome.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -25,24 +25,24 @@ use crate::observer::Event as Report;
 use crate::scenario::Scenario;
 use crate::scope;
 
-/// A run under way, which rests until it is told to go on.
+/// A run under way, which rests until a call lets it continue.
 ///
-/// It belongs to the thread that starts it. When it is dropped its processes end, and nothing of it stays in shared memory; what
-/// is in its folder can be read up to the last complete sample, but has no seal. [`Run::end`] is the end in order.
+/// It belongs to the thread that starts it. When it is dropped, its processes end, and nothing of it stays in shared memory; its
+/// folder can be read up to the last complete sample, but has no seal. [`Run::end`] ends it properly.
 ///
-/// Nothing of it writes to standard streams or handles signals.
+/// It never writes to standard streams or handles signals.
 pub struct Run {
-    // Dropped first: the recorder must outlive whoever records.
+    // Dropped first: the recorder must outlive the participants that record.
     pub(super) executor: Box<dyn Executor>,
     pub(super) course: Course,
-    /// Everybody has done exactly what lies before this instant.
+    /// All participants have done exactly the activations before this instant.
     pub(super) now: Ticks,
     /// A participant is held before its step at this instant.
     pub(super) held: bool,
-    /// Outputs were given in a participant's place.
+    /// Outputs were given in place of a participant's step.
     pub(super) answered: bool,
     pub(super) over: Option<Over>,
-    /// Values were set that the participants do not have yet.
+    /// Inputs were set that the participants have not received yet.
     pub(super) unseen: bool,
     /// The number of this run in this process.
     pub(super) number: u64,
@@ -52,28 +52,29 @@ pub struct Run {
     pub(super) wall: Duration,
 }
 
-/// Where [`Run::conduct`] has left a run.
+/// The state in which [`Run::conduct`] has left a run.
 pub(super) enum Conduct {
     /// At its bound.
     Rests,
     Over(Ending),
     /// Where a participant is held before its step.
     Held(Ticks),
-    /// At a step that is to be done beside those of other runs: the same call again goes on behind it.
+    /// At a step that is to be done together with those of other runs: the next call continues after it.
     Parked,
 }
 
-/// How a run has come to its end.
+/// How a run has ended.
 pub(super) struct Over {
     pub(super) ending: Ending,
     pub(super) known: Instant,
 }
 
 impl Run {
-    /// Starts a run of `scenario`: everybody is there, has published what exists before the first activation, and rests.
+    /// Starts a run of `scenario`: all participants have been started and have published what exists before the first activation,
+    /// and the run rests.
     ///
     /// # Errors
-    /// What keeps the run from starting; then it has left nothing, unless there was something to record.
+    /// The reason why the run cannot start; then it has left nothing, unless there was something to record.
     pub fn start(scenario: &Scenario, options: &Options) -> Result<Run, RunFailure> {
         let mut run = Run::begin(Arc::new(scenario.clone()), options.clone(), true)?;
         run.course.recorder().keep_newest();
@@ -88,11 +89,11 @@ impl Run {
         }
     }
 
-    /// Everything before the first step. `asked`: whether a program may ask for the samples of any stream.
+    /// Everything before the first step. `asked` says whether a program may ask for the samples of any stream.
     pub(crate) fn begin(scenario: Arc<Scenario>, options: Options, asked: bool) -> Result<Run, RunFailure> {
         instants::check(scenario.duration, &options)?;
         options.check_record()?;
-        // Whatever can be refused is refused before anything starts or is written.
+        // Everything that can be refused is refused before anything is started or written.
         let made = if options.in_process {
             scenario.make_here()?
         } else {
@@ -139,7 +140,7 @@ impl Run {
             (None, None) => Err(no_samples()),
         };
         let run = made.and_then(|(ready, making)| Run::of(scenario, options, ready, making, folder));
-        // One that was refused leaves nothing in its folder.
+        // A run that was refused leaves nothing in its folder.
         if run.as_ref().err().is_none_or(|failure| failure.exit_code() != 2) {
             claim.iter_mut().for_each(Claim::settle);
         }
@@ -210,13 +211,13 @@ impl Run {
         })
     }
 
-    /// Lets the run on until everybody rests at `bound`, or to its end.
+    /// Runs until all participants rest at `bound`, or to the end of the run.
     pub(super) fn go(&mut self, bound: Option<Ticks>) {
         self.executor.let_go();
         self.advance(bound);
     }
 
-    /// The same, or until the one that is to be held is.
+    /// As [`Run::go`], but a participant that is to be held stops the run before its step.
     pub(super) fn advance(&mut self, bound: Option<Ticks>) {
         if self.over.is_some() {
             return;
@@ -229,14 +230,14 @@ impl Run {
         self.wall += started.elapsed();
     }
 
-    /// What comes before [`Run::conduct`].
+    /// Preparation for [`Run::conduct`].
     pub(super) fn set_out(&mut self, bound: Option<Ticks>) {
         self.course.guide.drive_to(bound);
         self.course.guide.go_on();
         self.executor.renew_patience();
     }
 
-    /// What comes behind it, where the run is not parked.
+    /// Follow-up of [`Run::conduct`], unless the run is parked.
     pub(super) fn arrive(&mut self, bound: Option<Ticks>, conduct: Conduct) {
         self.now = bound.unwrap_or(self.course.plan.end);
         self.held = false;
@@ -253,7 +254,7 @@ impl Run {
         }
     }
 
-    /// The one loop of every run: turns, rests, and failures that are survived.
+    /// The main loop of every run: turns, rests, and recovery from failures.
     pub(super) fn conduct(&mut self, bound: Option<Ticks>) -> Conduct {
         let Run { executor, course, .. } = self;
         let executor = executor.as_mut();
@@ -288,7 +289,7 @@ impl Run {
         }
     }
 
-    /// Ends the run, here if it has not come to its end: the tape is sealed, and the figures are those of the samples so far.
+    /// Ends the run, here if it is not over yet: the tape is sealed, and the figures are those of the samples so far.
     ///
     /// # Errors
     /// When the summary cannot be written.
@@ -308,7 +309,7 @@ impl Run {
         Ok(outcome)
     }
 
-    /// Sets again what `events` of another run's tape say was set, each at its time, as far as this run has the inputs.
+    /// Sets inputs again as the `events` of another run's tape say, each at its time, as far as this run has the inputs.
     pub(crate) fn repeat_inputs(&mut self, events: &[Event]) -> Result<(), RunFailure> {
         for event in events.iter().filter(|event| event.kind == EventKind::Input) {
             let there = event.participant.as_ref();
@@ -328,13 +329,13 @@ impl Run {
         Ok(())
     }
 
-    /// Lets the run on to its end.
+    /// Runs to the end.
     pub(crate) fn finish(mut self) -> Outcome {
         self.go(None);
         self.conclude()
     }
 
-    /// Ends the run, here if it has not come to its end.
+    /// Ends the run, here if it is not over yet.
     pub(super) fn conclude(mut self) -> Outcome {
         let course = &mut self.course;
         course.options.progress.report(Report::Over);
@@ -356,13 +357,13 @@ impl Run {
         let (punctuality, traced) = times.finish();
         let recorder = Arc::into_inner(recorder).expect("the participants are gone");
         let mut recorder = recorder.into_inner().unwrap_or_else(PoisonError::into_inner);
-        // A tape that cannot be written is the fault of no participant.
+        // No participant is at fault when the tape cannot be written.
         let ending = match recorder.take_error() {
             Some(error) => Ending::own(error.to_string()),
             None => ending,
         };
         if let Ending::Failed { participant, reason } = &ending {
-            // A full disk has no room for the event either; the reason is told all the same.
+            // A full disk has no room for the event either; the reason is reported all the same.
             let _ = recorder.event(&Event {
                 time: plan.timebase.time(recorder.newest.max(0)).unwrap_or_default(),
                 kind: EventKind::Failure,
@@ -394,7 +395,7 @@ impl Run {
     }
 }
 
-/// A program that is started again as a participant of its own run, and starts that run again, would never end.
+/// Refuses a program that is started as a participant of its own run: it would start that run again, without end.
 fn refuse_inside_a_participant(scenario: &Scenario) -> Result<(), RunFailure> {
     let own = scenario.programs().any(|program| !program.is_external());
     match std::env::var(lockstep::host::PARTICIPANT) {
@@ -406,13 +407,13 @@ fn refuse_inside_a_participant(scenario: &Scenario) -> Result<(), RunFailure> {
     }
 }
 
-/// Who does the steps of a run, as far as they are there.
+/// The executor of a run, as far as it has been made.
 enum Making {
     Here(Vec<Box<dyn lockstep::participant::Participant>>),
     Done(Box<super::processes::Processes>),
 }
 
-/// Inputs that nobody feeds get the values that were set.
+/// Gives unconnected inputs the values that were set.
 fn show_inputs(executor: &mut dyn Executor, course: &mut Course, now: Ticks) -> Result<(), Ending> {
     let cut = course.recorder().cut_at(now);
     let shown = executor.show_inputs(course, &cut).and_then(|mut fallen| {

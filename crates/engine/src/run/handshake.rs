@@ -1,4 +1,4 @@
-//! What the orchestrator asks of a participant besides its samples: greeting, parameters, connection, state, move.
+//! Requests of the orchestrator to a participant: hello, parameters, connection, state, move.
 
 use std::borrow::Borrow;
 
@@ -16,7 +16,7 @@ use crate::text::quoted;
 
 const HELLO: Request = Request::Hello { protocol: PROTOCOL };
 
-/// Hello.
+/// Sends the hello request.
 pub(super) fn greet(member: &mut Member, monitor: &Monitor) -> Result<(), RunFailure> {
     let reply = member.ask(&HELLO, monitor)?;
     greeted(member, reply)
@@ -32,7 +32,7 @@ fn greeted(member: &Member, reply: Reply) -> Result<(), RunFailure> {
     }
 }
 
-/// Hello and parameters: the participant tells its ports, which must be those that are `known`, if any are.
+/// Hello and parameters: the participant describes its ports, which must match those that are `known`, if any are.
 pub(super) fn introduce(
     scenario: &Scenario,
     entry: &Entry,
@@ -45,7 +45,7 @@ pub(super) fn introduce(
     described(scenario, entry, known, member, reply)
 }
 
-/// The same for all of `crew`: participants make their models at the same time.
+/// [`introduce`] for all of `crew`: the participants build their models at the same time.
 pub(super) fn introduce_all(
     scenario: &Scenario,
     entries: &[impl Borrow<Entry>],
@@ -75,7 +75,7 @@ fn configuration(entry: &Entry) -> Request {
     }
 }
 
-/// The ports in the answer to the parameters.
+/// The ports in the reply to the parameters.
 fn described(
     scenario: &Scenario,
     entry: &Entry,
@@ -105,7 +105,7 @@ fn described(
     Ok(interface)
 }
 
-/// A name, unit or frame with a control character. They appear in messages, file names and pages.
+/// The first name, unit or frame with a control character. They appear in messages, file names and pages.
 fn control_text(interface: &Interface) -> Option<&str> {
     let inputs = interface.inputs.iter().map(|port| &port.descriptor);
     let mut all = inputs.chain(interface.outputs.iter().map(|port| &port.descriptor));
@@ -117,7 +117,7 @@ fn control_text(interface: &Interface) -> Option<&str> {
     })
 }
 
-/// What participants are connected with besides their parts of the plan.
+/// What participants receive in the connection request besides their parts of the plan.
 pub(super) struct Connecting<'a> {
     pub(super) placement: &'a Placement,
     /// The size of the ring of each record, bytes.
@@ -126,8 +126,8 @@ pub(super) struct Connecting<'a> {
 }
 
 impl Connecting<'_> {
-    /// The request that gives participant number `number` its part of the plan, its cores, and where to take up the work; nothing for the
-    /// start of a run.
+    /// The request that gives participant number `number` its part of the plan, its cores, and its position; `None` at the start of
+    /// a run.
     fn request(&self, number: usize, assignment: Assignment, position: Option<Position>) -> Request {
         Request::Connect {
             assignment,
@@ -150,7 +150,7 @@ impl Connecting<'_> {
         self.connected(member, reply)
     }
 
-    /// Connects all of `crew`, at the same time.
+    /// Connects all of `crew` at the same time.
     pub(super) fn all(
         &self,
         crew: &mut [Member],
@@ -169,7 +169,7 @@ impl Connecting<'_> {
 
     fn connected(&self, member: &mut Member, reply: Reply) -> Result<(), RunFailure> {
         let failure = match reply {
-            // Whatever it records from now on is there for the recorder, even if it leaves at once.
+            // Everything it records from now on reaches the recorder, even if the participant exits at once.
             Reply::Done => match member.ports.record.take_memory() {
                 Ok(true) => return super::place::all_there(),
                 Ok(false) => "has connected without sending the memory of its record".to_owned(),
@@ -188,7 +188,7 @@ impl Connecting<'_> {
     }
 }
 
-/// Asks a participant at rest to go to `address` when the clock says leave.
+/// Asks a participant at rest to go to `address` when the clock gives the order to leave.
 pub(super) fn send_to(member: &mut Member, address: &str, monitor: &Monitor) -> Result<(), RunFailure> {
     let address = address.to_owned();
     match member.ask(&Request::Move { address }, monitor)? {
@@ -200,7 +200,7 @@ pub(super) fn send_to(member: &mut Member, address: &str, monitor: &Monitor) -> 
     }
 }
 
-/// Tells a participant at rest that another one takes its place, if its process is still there. What it answers does not matter.
+/// Tells a participant at rest that it is being replaced, if its process still exists. Its reply does not matter.
 pub(super) fn tell_replaced(member: &mut Member, monitor: &Monitor) {
     if member.process.ended().is_none() {
         let address = String::new();

@@ -1,4 +1,5 @@
-//! A rest within an instant: a participant is held before its step, what it sees can be looked at, and its outputs given in its place.
+//! A rest within an instant: a participant is held before its step, its inputs can be read, and its outputs can be given in its
+//! place.
 
 use lockstep::participant::{Interface, Payload};
 use lockstep::port::{Descriptor, Message};
@@ -9,9 +10,10 @@ use super::newest::Sample;
 use super::outcome::{Ending, RunFailure};
 
 impl Run {
-    /// Lets the run on until `participant` is about to step: it has the inputs of its next activation, at [`Run::now`], and everything that
-    /// must come before that has been done. What it sees then is [`Run::shown`]; [`Run::answer`] gives its outputs, and without an answer it
-    /// steps as ever when the run goes on. `false` when it has no activation any more: then the run has come to its end.
+    /// Runs until `participant` is about to step: it has the inputs of its next activation, at [`Run::now`], and everything that
+    /// must come before that has been done. [`Run::shown`] returns its inputs and [`Run::answer`] gives its outputs; without an
+    /// answer it steps as usual when the run continues. Returns `false` when it has no activation left: then the run has come to
+    /// its end.
     ///
     /// # Errors
     /// When there is no such participant, or the run is in processes; [`RunFailure::Over`].
@@ -28,7 +30,7 @@ impl Run {
                         .into(),
             });
         };
-        // No further than that: what is granted is not taken back.
+        // No further than that, because granted time cannot be revoked.
         self.advance(Some(next.saturating_add(1)));
         match &self.over {
             None => Ok(true),
@@ -46,8 +48,8 @@ impl Run {
         Ok(&self.course.plan.participants[number].interface)
     }
 
-    /// What `PARTICIPANT.INPUT` shows to the activation before which the participant is held, as the participant sees it: behind delays and
-    /// faults. Its index is that of the activation, its stamp the instant.
+    /// What `PARTICIPANT.INPUT` shows in the activation before which the participant is held, as the participant sees it: after
+    /// delays and faults. Its index is that of the activation, its stamp the instant.
     ///
     /// # Errors
     /// When the participant is not held, or has no such input.
@@ -68,8 +70,8 @@ impl Run {
         })
     }
 
-    /// Gives `PARTICIPANT.OUTPUT` of the activation before which the participant is held: it is not stepped then, and what it gives out is
-    /// this. Outputs that are not given keep their last value.
+    /// Gives `PARTICIPANT.OUTPUT` for the activation before which the participant is held: the participant then does not step, and
+    /// this value is published instead. Outputs that are not given keep their last value.
     ///
     /// # Errors
     /// When the participant is not held, has no such output, or its payload has other fields than `M`.
@@ -77,10 +79,10 @@ impl Run {
         self.answer_as(port, Payload::of(value).bytes(), Some(&M::descriptor()))
     }
 
-    /// The same with the bytes of the payload.
+    /// As [`Run::answer`], with the bytes of the payload.
     ///
     /// # Errors
-    /// As [`Run::answer`]; also for another size.
+    /// As [`Run::answer`]; also for a wrong size.
     pub fn answer_bytes(&mut self, port: &str, payload: &[u8]) -> Result<(), RunFailure> {
         self.answer_as(port, payload, None)
     }
@@ -113,14 +115,14 @@ impl Run {
         self.give(number, payload)
     }
 
-    /// What input number `input` shows to the participant that is held, without a look at its name; nothing where none is held.
+    /// What input number `input` shows to the participant that is held, without a lookup by name; `None` if no participant is held.
     pub fn shown_at(&self, input: usize) -> Option<&[u8]> {
         let own = self.executor.held()?;
         (input < own.assignment().interface.inputs.len()).then(|| own.shown(input))
     }
 
-    /// Gives output number `output` of the participant that is held, without a look at its name. What is not finite ends the run as it would from the
-    /// participant itself. Whether one is held and the payload has the right size.
+    /// Gives output number `output` of the participant that is held, without a lookup by name. A value that is not finite ends the
+    /// run, as it would if the participant published it. Returns whether a participant is held and the payload has the right size.
     ///
     /// # Errors
     /// When the tape cannot be written.
@@ -135,7 +137,7 @@ impl Run {
 
     fn give(&mut self, output: usize, payload: &[u8]) -> Result<(), RunFailure> {
         if !self.answered {
-            // Once: from here on the tape does not follow from the scenario alone.
+            // Recorded once: from here on the tape does not follow from the scenario alone.
             let participant = self.executor.held().map(|own| own.assignment().name.clone());
             let event = Event {
                 time: self.now(),
@@ -150,7 +152,7 @@ impl Run {
         Ok(())
     }
 
-    /// Refuses what needs a rest between two instants.
+    /// Refuses operations that need a rest between two instants.
     pub(super) fn refuse_held(&self, what: &str) -> Result<(), RunFailure> {
         match self.executor.held() {
             Some(own) if self.held => Err(RunFailure::Instant {
@@ -176,7 +178,7 @@ impl Run {
         })
     }
 
-    /// `PARTICIPANT.PORT` in two, where the participant is the one that is held.
+    /// Splits `PARTICIPANT.PORT`; the participant must be the one that is held.
     fn port_of_held<'a>(&self, port: &'a str) -> Result<(&'a str, &'a str), RunFailure> {
         let (name, own) = port.split_once('.').ok_or_else(|| RunFailure::Port {
             port: port.to_owned(),

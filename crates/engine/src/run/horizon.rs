@@ -1,4 +1,5 @@
-//! How far everybody may go: stops, the pace of the wall clock, and whoever steers the run from outside.
+//! The clock controller: how far the participants may go. It obeys stops, the pace of the wall clock, and external control of the
+//! run.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -12,24 +13,25 @@ use super::pace::{Due, Pace};
 use crate::live::Steering;
 use crate::scenario::Scenario;
 
-/// A run that is steered is let ahead by about this much wall time, so that it never waits for leave, and stops soon.
+/// A run under external control is granted about this much wall time in advance, so that it never waits for a grant and still stops
+/// soon.
 const AHEAD: Duration = Duration::from_millis(50);
 
-/// Decides about the horizon of one run.
+/// Determines the horizon of one run.
 pub(super) struct Guide {
     end: Ticks,
-    /// Where the run rests before its end, and for what.
+    /// The instants at which the run rests before its end, and the reasons.
     agenda: Agenda,
     pace: Option<Pace>,
     steering: Option<Arc<Steering>>,
     lead: Lead,
     granted: Ticks,
-    /// Where the run rests for whoever drives it.
+    /// Where the run rests for the program that drives it.
     bound: Option<Ticks>,
 }
 
 impl Guide {
-    /// A guide for a run of `plan`, which begins at `from` and whose clock starts to run now.
+    /// A guide for a run of `plan` that begins at `from`; its clock starts now.
     pub(super) fn new(plan: &Plan, options: &Options, agenda: Agenda, from: Ticks) -> Guide {
         let tick = plan.timebase.tick();
         let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
@@ -47,18 +49,18 @@ impl Guide {
         }
     }
 
-    /// The run rests at `bound`, or nowhere but where its agenda says.
+    /// Sets the instant at which the run rests for its driving program; with `None` it rests only where its agenda says.
     pub(super) fn drive_to(&mut self, bound: Option<Ticks>) {
         self.bound = bound;
     }
 
-    /// Everybody goes back to `to`, and `agenda` has the rests from there on.
+    /// Goes back to `to`; `agenda` has the rests from there on.
     pub(super) fn go_back(&mut self, agenda: Agenda, to: Ticks) {
         (self.agenda, self.granted, self.lead.given) = (agenda, to, to);
         self.go_on();
     }
 
-    /// How far everybody may go now, when the newest sample is stamped `newest`. Never less than before.
+    /// How far all participants may go now, when the newest sample is stamped `newest`. Never less than before.
     pub(super) fn horizon(&mut self, newest: Ticks) -> Ticks {
         self.horizon_at(newest, Instant::now())
     }
@@ -71,21 +73,21 @@ impl Guide {
             horizon = most.min(self.lead.horizon(newest, now));
         }
         if let Some(pace) = &mut self.pace {
-            // Everybody can do what lies before the instant that has come, that instant's own activations included.
+            // The participants may do everything before the instant that has come, and the activations at that instant too.
             horizon = most.min(pace.reached(most, now).saturating_add(1));
         }
         self.granted = self.granted.max(horizon);
         self.granted
     }
 
-    /// Tells whoever steers how far the run is, and whether everybody rests at the horizon.
+    /// Reports to the external control how far the run is, and whether all participants rest at the horizon.
     pub(super) fn tell(&self, newest: Ticks, resting: bool) {
         if let Some(steering) = &self.steering {
             steering.tell(newest, self.granted, resting);
         }
     }
 
-    /// When the wall clock comes to `at`, where the run keeps pace with it.
+    /// When the wall clock reaches `at`, if the run keeps pace with it.
     pub(super) fn due(&self, at: Ticks) -> Option<Due> {
         self.pace.as_ref().map(|pace| pace.due(at))
     }
@@ -95,17 +97,17 @@ impl Guide {
         self.agenda.next().into_iter().chain(self.bound).min()
     }
 
-    /// Whether nothing is to be done at `now`.
+    /// Whether the agenda has nothing to do at `now`.
     pub(super) fn is_free(&self, now: Ticks) -> bool {
         self.agenda.next() != Some(now)
     }
 
-    /// Takes the next business of a rest at `now`.
+    /// Takes the next scheduled action of a rest at `now`.
     pub(super) fn take(&mut self, now: Ticks) -> Option<Business> {
         self.agenda.take(now)
     }
 
-    /// What was taken could not be done.
+    /// Puts back an action that was taken and could not be done.
     pub(super) fn put_back(&mut self, now: Ticks, business: Business) {
         self.agenda.put_back(now, business);
     }
@@ -113,11 +115,11 @@ impl Guide {
     /// The run goes back: the substitutions from number `done` on are still to come.
     pub(super) fn rewind(&mut self, scenario: &Scenario, plan: &Plan, done: usize) {
         self.agenda.rewind(scenario, plan, done);
-        // Substitutes are seated where everybody rests, and the newest rest may lie behind now.
+        // Substitutes are started where all participants rest, and the newest rest may be before the granted time.
         self.granted = self.granted.min(self.agenda.next().unwrap_or(self.granted));
     }
 
-    /// Everybody rests at `now` for the user: it is over when somebody lets the run go on.
+    /// Rests at `now` for the user, until the returned control lets the run continue.
     pub(super) fn hold(&self, now: Ticks) -> Option<Arc<Steering>> {
         if let Some(steering) = &self.steering {
             steering.tell(now, now, true);
@@ -126,7 +128,7 @@ impl Guide {
         self.steering.clone()
     }
 
-    /// The run goes on after a stop: what the wall clock did meanwhile does not count.
+    /// Continues after a stop: the wall time spent in the stop does not count.
     pub(super) fn go_on(&mut self) {
         if let Some(pace) = &mut self.pace {
             pace.start_over(self.granted, Instant::now());
@@ -134,7 +136,8 @@ impl Guide {
     }
 }
 
-/// How far ahead of the newest sample a free run is let, so that a wish to pause still finds something to hold back.
+/// How far beyond the newest sample a run under external control and without a pace is granted time, so that a request to pause
+/// still takes effect soon.
 struct Lead {
     least: Ticks,
     ticks: Ticks,
@@ -153,7 +156,7 @@ impl Lead {
         }
     }
 
-    /// Gives more when half of what was given is used up: twice as much when that was quick, half as much when it was slow.
+    /// Grants more when half of the last grant is used up: twice as much when that was quick, half as much when it was slow.
     fn horizon(&mut self, newest: Ticks, now: Instant) -> Ticks {
         if newest.saturating_add(self.ticks / 2) < self.given {
             return self.given;
@@ -224,7 +227,7 @@ mod tests {
         let start = Instant::now();
         let mut guide = guide(vec![500], Some(1000.0), None, start);
         assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
-        // The stop is reached after 500 ms of wall time; ten seconds later the user goes on.
+        // The stop is reached after 500 ms of wall time; ten seconds later the user lets the run continue.
         assert_eq!(looked(&mut guide, 500, start, 200, 600), 500);
         assert_eq!(looked(&mut guide, 500, start, 700, 10_600), 500);
         guide.take(500);

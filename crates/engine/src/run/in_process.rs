@@ -1,4 +1,4 @@
-//! The executor with all participants in one loop of this process.
+//! The executor that runs all participants in one loop of this process.
 
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -26,17 +26,17 @@ use crate::scenario::{Entry, ORCHESTRATOR, Program, Scenario};
 
 /// Activations between two looks at the clock and the signals.
 const GLANCE: i64 = 512;
-/// A nap while nobody may go on.
+/// The pause between polls while no participant may proceed.
 const NAP: Duration = Duration::from_millis(1);
-/// Whoever watches the run sees samples at least this often.
+/// With a live page, recorded samples are flushed at least this often.
 const FLUSH: Duration = Duration::from_millis(50);
 
-/// Everybody in one loop.
+/// All participants of a run in one loop.
 pub(super) struct Loop {
-    /// Always there but while it is being taken up.
+    /// Always present, except while the loop is being rebuilt to go back.
     looped: Option<InLoop>,
     reached: Ticks,
-    /// Where a stretch ends that waits for a step to be done by others.
+    /// Where the present stretch ends, while it waits for a step to be done together with those of other runs.
     parked: Option<Ticks>,
     flushed: Instant,
     /// The participant that is held before each step.
@@ -44,14 +44,14 @@ pub(super) struct Loop {
     said: Said,
 }
 
-/// The participants that sit in the seats of a run when it begins.
+/// The participants in the slots of a run when it begins.
 pub(super) fn seated(
     scenario: &Scenario,
     options: &Options,
     entries: &[Entry],
     made: Made,
 ) -> Result<Vec<Box<dyn Participant>>, RunFailure> {
-    // What cannot run here is refused now, not at its time.
+    // A program that cannot run in this process is refused now, not at its substitution.
     let elsewhere =
         |entry: &&Entry| entry.program.is_external() && scenario.builtins().factory_within(&entry.program).is_none();
     if let Some(entry) = entries.iter().find(elsewhere) {
@@ -150,7 +150,7 @@ fn parts(plan: &Plan, participants: Vec<Box<dyn Participant>>, recorder: &Arc<Mu
     })
 }
 
-/// When activation `next` of participant number `number` is, s.
+/// The time of activation `next` of participant number `number`, s.
 fn instant(plan: &Plan, number: usize, next: u64) -> f64 {
     plan.timebase
         .seconds(plan.participants[number].sample_time.instant(next))
@@ -168,7 +168,7 @@ fn odd(entry: &Entry, error: impl ToString) -> RunFailure {
     }
 }
 
-/// What sits in a seat that is taken anew: `now` is in it, and stands before activation `next`.
+/// The participant in a slot when the run is taken up; `now` is the present participant, which is about to do activation `next`.
 fn seat(
     course: &Course,
     number: usize,
@@ -210,7 +210,7 @@ fn interrupted(t_s: f64) -> Ending {
 }
 
 impl Loop {
-    /// How far the next stretch goes: as far as the guide grants, and not for long without a look around.
+    /// The end of the next stretch: as far as the guide grants, and short enough to look at the clock and the signals in time.
     fn next_horizon(&self, course: &mut Course) -> Ticks {
         let reached = self.reached;
         let shortest = course.plan.participants.iter().map(|own| own.sample_time.period).min();
@@ -222,7 +222,7 @@ impl Loop {
         horizon
     }
 
-    /// Does what lies before `horizon`, or what comes before the one that is to be held.
+    /// Runs the participants up to `horizon`, or up to the step of the participant that is to be held.
     fn stretch(&mut self, course: &mut Course, horizon: Ticks) -> Result<Reach, RunError> {
         let Some(looped) = &mut self.looped else {
             return Ok(Reach::Horizon);
@@ -351,7 +351,7 @@ impl Executor for Loop {
             looped.log_to(&self.said.sink());
             self.looped = Some(looped);
         } else if let Some(looped) = &mut self.looped {
-            // Nobody else notices when a seat is taken anew.
+            // The other participants are not affected when a slot gets another program.
             for (number, one) in seats.into_iter().enumerate() {
                 if let Seat::New(..) = one {
                     looped.retire(number);

@@ -1,4 +1,4 @@
-//! Values of inputs that nobody feeds: set from code while a run rests, held until they are set again.
+//! Values of unconnected inputs: set from code while a run rests, held until they are set again.
 
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ impl Inputs {
             .map(|(&(participant, input), payload)| (participant, input, payload.as_slice()))
     }
 
-    /// Makes them part of where everybody goes on.
+    /// Puts the held values into the positions from which the participants continue.
     pub(super) fn put_into(&self, positions: &mut [Position]) {
         for (participant, input, payload) in self.iter() {
             positions[participant].values[input] = payload.to_owned();
@@ -45,7 +45,7 @@ impl Inputs {
     }
 }
 
-/// The input and the value that an event tells of.
+/// The input and the value that an event reports.
 pub(super) fn read(plan: &Plan, event: &Event) -> Result<((usize, usize), Vec<u8>), String> {
     let table: Table = event.text.parse().map_err(|error| format!("{error}"))?;
     let (name, value) = table.iter().next().ok_or("it names no input")?;
@@ -55,7 +55,7 @@ pub(super) fn read(plan: &Plan, event: &Event) -> Result<((usize, usize), Vec<u8
     Ok((input, payload(value, descriptor)?))
 }
 
-/// What the tape says of a value of an input.
+/// The tape's event for a value of an input.
 pub(super) fn event(plan: &Plan, time: Rational, (participant, input): (usize, usize), payload: &[u8]) -> Event {
     let own = &plan.participants[participant];
     let port = &own.interface.inputs[input];
@@ -67,7 +67,7 @@ pub(super) fn event(plan: &Plan, time: Rational, (participant, input): (usize, u
     }
 }
 
-/// The fields of `payload`, so that they are read back to the last bit.
+/// The fields of `payload`, written so that they can be read back to the last bit.
 fn fields(descriptor: &Descriptor, payload: &[u8]) -> Table {
     let fields = descriptor.fields.iter().map(|field| {
         let bytes = payload[field.range()].chunks_exact(field.element.size());
@@ -87,7 +87,7 @@ fn fields(descriptor: &Descriptor, payload: &[u8]) -> Table {
     fields.collect()
 }
 
-/// One element: as a name where it has one, as text where TOML's numbers end.
+/// One element: as a name where it has one, as text where the number exceeds TOML's range.
 fn value(field: &Field, number: f64, bytes: &[u8]) -> Value {
     match field.element.content(bytes) {
         Ok(Content::Text(text)) => return Value::String(text.to_owned()),
@@ -105,10 +105,10 @@ fn value(field: &Field, number: f64, bytes: &[u8]) -> Value {
     }
 }
 
-/// The number of the participant and of its input called `PARTICIPANT.INPUT`, which nobody feeds.
+/// The number of the participant and of its unconnected input called `PARTICIPANT.INPUT`.
 ///
 /// # Errors
-/// When there is none, or who feeds it.
+/// When there is no such input, or when it is connected; the message then names the output that feeds it.
 pub(super) fn find(plan: &Plan, port: &str) -> Result<(usize, usize), RunFailure> {
     let refuse = |reason: String| RunFailure::Port {
         port: port.to_owned(),

@@ -1,4 +1,4 @@
-//! The instants that the command line asks for, against the length of the run.
+//! Checks of the instants on the command line against the length of the run.
 
 use lockstep::time::Rational;
 
@@ -6,7 +6,7 @@ use super::agenda::CHECKPOINTS_MAX;
 use super::options::Options;
 use super::outcome::RunFailure;
 
-/// Refuses instants at which the run of `duration` does not come to rest, before anything starts.
+/// Refuses instants at which a run of `duration` does not come to rest, before anything is started.
 pub(super) fn check(duration: Rational, options: &Options) -> Result<(), RunFailure> {
     let refuse = |option: &'static str, time: Rational, reason: String| {
         let value = time.to_string();
@@ -44,7 +44,7 @@ pub(super) fn check(duration: Rational, options: &Options) -> Result<(), RunFail
         let reason = format!("makes no checkpoint before the end at {duration}: give less");
         return refuse(option, every, reason);
     }
-    // A product that does not fit is longer than every run.
+    // If the product overflows, it is longer than every run.
     if every
         .checked_mul(CHECKPOINTS_MAX as i64)
         .is_some_and(|most| most < duration)

@@ -1,10 +1,10 @@
-//! What is kept of each stream of a run, where that is not everything.
+//! Which samples of each stream a run keeps, if not all.
 
 use lockstep::plan::Observed;
 use lockstep::time::Ticks;
 use tape::StreamSpec;
 
-/// What is kept of a stream.
+/// Which samples of a stream are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Kept(Observed);
 
@@ -14,17 +14,17 @@ impl Kept {
     /// No sample: the stream is not on the tape.
     pub const NOTHING: Kept = Kept(Observed::NOTHING);
 
-    /// Of every `every`th sample those from number `first` to before `end`.
+    /// Of every `every`th sample, those from number `first` to before `end`.
     pub const fn part(every: u64, first: u64, end: u64) -> Kept {
         Kept(Observed { every, first, end })
     }
 
-    /// Whether nothing is left out.
+    /// Whether all samples are kept.
     pub fn is_whole(self) -> bool {
         self == Kept::WHOLE
     }
 
-    /// Whether there is nothing of it.
+    /// Whether no sample is kept.
     pub fn is_nothing(self) -> bool {
         self == Kept::NOTHING
     }
@@ -52,7 +52,7 @@ impl Kept {
             return None;
         }
         let mut spec = spec.clone();
-        // It was a whole number of periods in the scenario.
+        // The scenario requires a whole number of periods.
         spec.period = i64::try_from(self.0.every)
             .ok()
             .and_then(|every| spec.period.checked_mul(every))?;
@@ -60,7 +60,7 @@ impl Kept {
         Some(spec)
     }
 
-    /// What is on the tape, in words; nothing where that is everything.
+    /// What is on the tape, in words; `None` if it has every sample.
     pub fn words(self, spec: &StreamSpec) -> Option<String> {
         if self.is_whole() {
             return None;

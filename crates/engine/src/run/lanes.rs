@@ -1,22 +1,22 @@
-//! Which samples of a run go where on its tape.
+//! The mapping from a run's samples to its tape.
 
 use tape::{AppendError, StreamSpec};
 
 use super::kept::Kept;
 use super::store::Store;
 
-/// What is kept of each stream, and where.
+/// Which samples of each stream are kept, and where they go.
 pub(super) struct Lanes {
-    /// For each stream of the run: what is kept, and its number on the tape.
+    /// For each stream of the run: which samples are kept, and its number on the tape.
     all: Vec<(Kept, usize)>,
-    /// Whether nothing is left out.
+    /// Whether all samples are kept.
     whole: bool,
     /// The name of each stream and the size of its payloads, where samples are left out.
     left_out: Vec<(String, usize)>,
 }
 
 impl Lanes {
-    /// Lanes for `streams`, of which `kept` is kept, and the streams of the tape.
+    /// The mapping for `streams`, of which `kept` is kept, and the streams of the tape.
     pub(super) fn new(kept: &[Kept], streams: &[StreamSpec]) -> (Lanes, Vec<StreamSpec>) {
         let (mut all, mut specs) = (Vec::new(), Vec::new());
         for (kept, spec) in kept.iter().zip(streams) {
@@ -39,12 +39,12 @@ impl Lanes {
         (Lanes { all, whole, left_out }, specs)
     }
 
-    /// Whether nothing is left out.
+    /// Whether all samples are kept.
     pub(super) fn is_whole(&self) -> bool {
         self.whole
     }
 
-    /// Puts a sample into `store`, if it is one that is kept.
+    /// Puts a sample into `store` if it is to be kept.
     #[inline]
     pub(super) fn put(
         &self,
@@ -56,7 +56,7 @@ impl Lanes {
     ) -> Result<(), AppendError> {
         match self.place(stream, index) {
             Some((lane, index)) => store.append(lane, index, stamp_s, payload),
-            // What the tape does not look at is looked at here.
+            // The tape does not check samples that it does not get, so their size is checked here.
             None => match &self.left_out[stream] {
                 (_, expected) if *expected == payload.len() => Ok(()),
                 (name, expected) => Err(AppendError::Size {
@@ -69,7 +69,7 @@ impl Lanes {
         }
     }
 
-    /// What the tape gets of stream number `stream`.
+    /// Which samples of stream number `stream` the tape gets.
     pub(super) fn kept(&self, stream: usize) -> Kept {
         self.all[stream].0
     }
@@ -85,14 +85,15 @@ impl Lanes {
         all.map(|((kept, _), samples)| kept.of_first(*samples)).collect()
     }
 
-    /// The same of each stream of the tape.
+    /// As [`Lanes::of_first`], but by stream of the tape.
     pub(super) fn on_tape(&self, samples: &[u64]) -> Vec<u64> {
         let all = self.all.iter().zip(self.of_first(samples));
         all.filter_map(|((kept, _), count)| (!kept.is_nothing()).then_some(count))
             .collect()
     }
 
-    /// The stream of the tape and the index in it of sample `index` of stream number `stream` of the run; `None` when it is left out.
+    /// The stream on the tape, and the index there, of sample `index` of stream number `stream` of the run; `None` when it is left
+    /// out.
     #[inline]
     fn place(&self, stream: usize, index: u64) -> Option<(usize, u64)> {
         if self.whole {

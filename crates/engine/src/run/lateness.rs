@@ -1,4 +1,4 @@
-//! How well a run keeps pace with the wall clock: how late the steps of each participant are, and who is to blame.
+//! How well a run keeps pace with the wall clock: how late the steps of each participant are, and which participant is the cause.
 
 use lockstep::plan::Plan;
 use lockstep::span::{Doing, Span};
@@ -8,27 +8,27 @@ use super::horizon::Guide;
 use super::options::Overrun;
 use super::punctuality::{Lateness, Punctuality};
 
-/// Looks at steps while they come.
+/// Evaluates steps as they come.
 pub(super) struct Watchman {
     asked: f64,
     overrun: Overrun,
     all: Vec<Own>,
     /// The first overrun, in words.
     first: Option<String>,
-    /// In the stretch that the newest step lies in: its number, the wall time from its beginning to when the newest instant with a step was due,
+    /// The stretch of the newest step: its number, the wall time from its beginning until the newest instant with a step was due,
     /// and how late a step at that instant was, s.
     newest: (u64, f64, f64),
-    /// The sums of these times of the stretches before, s.
+    /// The sums of these two times over the earlier stretches, s.
     before: (f64, f64),
 }
 
-/// What is known of one participant.
+/// The data of one participant.
 struct Own {
     histogram: Histogram,
     overruns: u64,
     too_long: u64,
     largest_at: Ticks,
-    /// Work on the step that is not complete, ns.
+    /// Work on the step that is not yet complete, ns.
     work_ns: u64,
 }
 
@@ -51,7 +51,7 @@ impl Watchman {
         }
     }
 
-    /// Looks at a span of participant number `number`.
+    /// Evaluates a span of participant number `number`.
     pub(super) fn look(&mut self, number: usize, span: &Span, guide: &Guide, plan: &Plan) {
         let Doing::Computing { done } = span.doing else { return };
         let participant = &plan.participants[number];
@@ -102,12 +102,12 @@ impl Watchman {
         }
     }
 
-    /// Why the run is to end here.
+    /// Why the run is to end here, if it is.
     pub(super) fn stops(&self) -> Option<&str> {
         self.first.as_deref().filter(|_| self.overrun == Overrun::Stop)
     }
 
-    /// What is known by now.
+    /// The figures so far.
     pub(super) fn account(&self, plan: &Plan) -> Punctuality {
         let (_, into_s, late_s) = self.newest;
         let (due_s, late_s) = (self.before.0 + into_s, self.before.1 + late_s);
@@ -136,10 +136,10 @@ impl Watchman {
     }
 }
 
-/// Buckets of a factor of two: a quantile is at most a thirty-second too large.
+/// Buckets per factor of two: a quantile is at most a thirty-second too large.
 const PARTS: u64 = 32;
 
-/// How often which times came, ns, in the same memory however many they are.
+/// A histogram of times, ns; its size does not depend on their number.
 #[derive(Default)]
 struct Histogram {
     buckets: Vec<u64>,
@@ -166,7 +166,7 @@ impl Histogram {
     }
 
     fn add(&mut self, ns: u64) {
-        // A century; what another process says may be anything.
+        // About a century; the value comes from another process and may be anything.
         let ns = ns.min(1 << 62);
         let bucket = Self::bucket(ns);
         if self.buckets.len() <= bucket {
@@ -177,7 +177,7 @@ impl Histogram {
         self.largest = self.largest.max(ns);
     }
 
-    /// The least time, up to the width of a bucket, that `part` of all do not exceed; 0 of none.
+    /// The least time, up to the width of a bucket, that the fraction `part` of all times does not exceed; 0 if there are none.
     fn quantile(&self, part: f64) -> u64 {
         let wanted = (part * self.count as f64).ceil() as u64;
         let mut sum = 0;

@@ -1,6 +1,6 @@
-//! What the kernel says of a process.
+//! The state of a process as the kernel reports it.
 
-/// Whether a process lives.
+/// Whether a process is alive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Life {
     Alive,
@@ -20,10 +20,10 @@ impl Life {
     }
 }
 
-/// What the kernel says of the process `pid`.
+/// The state of the process `pid` as the kernel reports it.
 pub(super) fn life(pid: u32) -> Life {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-    // The state is the first letter behind the name, which stands in parentheses and may hold anything.
+    // The state is the first letter after the name, which is in parentheses and may contain anything.
     match stat.rsplit_once(") ").and_then(|(_, rest)| rest.chars().next()) {
         Some('T' | 't') => Life::Stopped,
         Some('D') => Life::InKernel,

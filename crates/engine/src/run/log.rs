@@ -1,7 +1,7 @@
 //! A participant's log: standard output and standard error, bounded.
 //!
-//! The participant writes into a pipe, and a thread of this program copies the pipe into the file, [`LOG_MAX`] bytes at most. Behind
-//! them the thread stops reading, and the participant blocks in its next write until the supervisor ends it. So the bound holds
+//! The participant writes into a pipe, and a thread of this program copies the pipe into the file, up to [`LOG_MAX`] bytes. After
+//! that the thread stops reading, and the participant blocks in its next write until the supervisor ends it. So the bound holds
 //! whatever the supervisor waits for, and however fast the participant writes.
 
 use std::fs::File;
@@ -15,7 +15,7 @@ use crate::text::quoted;
 
 /// A participant that writes more than this to its standard error is stopped.
 pub const LOG_MAX: u64 = 64 << 20;
-/// The longest wait for the end of a log: a process that the participant has started may keep the pipe open for ever.
+/// The longest wait for the end of a log: a process that the participant has started may keep the pipe open indefinitely.
 const ENDS: Duration = Duration::from_millis(100);
 /// Bytes per copy.
 const PIECE: usize = 1 << 16;
@@ -59,13 +59,13 @@ impl Log {
         self.flow.full.load(Ordering::Relaxed)
     }
 
-    /// Waits until the file has everything that was written. To be called when the process has ended.
+    /// Waits until the file has everything that was written. To be called after the process has ended.
     pub(super) fn settle(&self) {
         let over = self.flow.over.lock().unwrap_or_else(PoisonError::into_inner);
         drop(self.flow.is_over.wait_timeout_while(over, ENDS, |over| !*over));
     }
 
-    /// The last lines in it.
+    /// The last lines of the log.
     pub(super) fn last_lines(&self) -> Vec<String> {
         const TAIL: u64 = 4096;
         let read = || -> io::Result<Vec<u8>> {
@@ -81,14 +81,14 @@ impl Log {
     }
 }
 
-/// The last lines of a text that say something.
+/// The last non-empty lines of a text.
 fn last_of(text: &str) -> Vec<String> {
     let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
     let last = &lines[lines.len().saturating_sub(5)..];
     last.iter().map(|line| (*line).to_owned()).collect()
 }
 
-/// The last of `lines` that a participant has said, ready to be put behind a message; nothing where there is none.
+/// The last of `lines` of a participant's log, formatted as the end of a message; empty if there are none.
 pub(crate) fn last_lines(lines: &str) -> String {
     match &last_of(lines)[..] {
         [] => String::new(),
@@ -117,7 +117,7 @@ impl Flow {
                 Err(_) => return None,
             };
             let fits = left.min(count as u64) as usize;
-            // A full disk loses the log; the tape on it fails too and ends the run with the reason.
+            // A full disk loses the log; the tape on that disk fails too and ends the run with the reason.
             let _ = file.write_all(&piece[..fits]);
             left -= fits as u64;
             if fits < count {
@@ -128,7 +128,7 @@ impl Flow {
     }
 }
 
-/// The last lines of a log, ready to be put behind a message.
+/// The last lines of a log, formatted as the end of a message.
 pub(super) fn words(log: &Log) -> String {
     let lines = log.last_lines();
     if lines.is_empty() {

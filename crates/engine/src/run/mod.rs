@@ -95,12 +95,12 @@ pub fn ending_of_process(status: std::process::ExitStatus) -> String {
 /// Runs `scenario`.
 ///
 /// # Errors
-/// What stopped the run before there was anything to record; what went wrong later is in the [`Outcome`].
+/// What prevented the run before there was anything to record; later failures are in the [`Outcome`].
 pub fn run(scenario: &Scenario, options: &Options) -> Result<Outcome, RunFailure> {
     run_shared(Arc::new(scenario.clone()), options.clone())
 }
 
-/// [`run`], for whoever has no further use for either.
+/// [`run`] with shared arguments, for callers that do not need them afterwards.
 pub(crate) fn run_shared(scenario: Arc<Scenario>, options: Options) -> Result<Outcome, RunFailure> {
     Run::begin(scenario, options, false).map(Run::finish)
 }

@@ -12,7 +12,7 @@ use super::outcome::RunFailure;
 use super::room;
 use crate::observer::Interrupt;
 
-/// The reasons to end a wait early: a signal of the user, or the failure of a participant.
+/// The reasons to end a wait early: a signal from the user, or the failure of a participant.
 pub(super) struct Monitor {
     interrupt: Interrupt,
     watched: Vec<Watched>,
@@ -59,7 +59,7 @@ impl Monitor {
         self.interrupt.asked()
     }
 
-    /// The signal or the failure that makes waiting useless, if there is one.
+    /// The signal or the failure that makes waiting pointless, if there is one.
     pub(super) fn failure(&self) -> Option<RunFailure> {
         if self.asked() {
             return Some(RunFailure::Interrupted);
@@ -82,11 +82,11 @@ impl Monitor {
 }
 
 impl Watched {
-    /// How the process ended, if it has. The participant's own handle still collects the status.
+    /// The exit status of the process, if it has ended. The participant's own handle still collects it.
     fn ended(&self) -> Option<ExitStatus> {
         let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
         let status = waitid(WaitId::PidFd(self.process.as_fd()), options).ok()??;
-        // As `wait` gives it: a signal in the low bits, a code above them.
+        // In the format of `wait`: a signal in the low bits, an exit code above them.
         let raw = match (status.exit_status(), status.terminating_signal()) {
             (Some(code), _) => code << 8,
             (None, signal) => signal.unwrap_or_default(),

@@ -11,13 +11,13 @@ use super::outcome::RunFailure;
 pub(super) struct Newest(Vec<(Option<Header>, Payload)>);
 
 impl Newest {
-    /// None yet of `streams`.
+    /// For `streams`, without any sample yet.
     pub(super) fn new(streams: &[StreamSpec]) -> Newest {
         let sizes = streams.iter().map(|spec| spec.descriptor.size as usize);
         Newest(sizes.map(|size| (None, Payload::zeroed(size))).collect())
     }
 
-    /// There is none any more.
+    /// Discards all samples.
     pub(super) fn forget(&mut self) {
         self.0.iter_mut().for_each(|(header, _)| *header = None);
     }
@@ -34,7 +34,7 @@ impl Newest {
     }
 }
 
-/// A sample of a port, with everything that is known of it.
+/// A sample of a port, with its name, descriptor, index and stamp.
 #[derive(Debug, Clone)]
 pub struct Sample {
     pub(super) name: String,
@@ -50,12 +50,12 @@ impl Sample {
         &self.name
     }
 
-    /// Fields with types, shapes, units and frames.
+    /// Its fields with types, shapes, units and frames.
     pub fn descriptor(&self) -> &Descriptor {
         &self.descriptor
     }
 
-    /// Its number in its port's sequence, from 0.
+    /// Its index in the sequence of its port, from 0.
     pub fn index(&self) -> u64 {
         self.index
     }
@@ -98,7 +98,7 @@ impl Sample {
     }
 }
 
-/// That `descriptor` has no field `name`, and which it has.
+/// The message that `descriptor` has no field `name`, with the fields that it has.
 pub(super) fn no_field(descriptor: &Descriptor, name: &str) -> String {
     let known: Vec<String> = descriptor
         .fields

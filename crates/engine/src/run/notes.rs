@@ -1,4 +1,4 @@
-//! Notes of participants about their progress, compared with the plan and with what they have recorded.
+//! Checks of participants' notes about their progress against the plan and their recorded samples.
 
 use lockstep::time::Ticks;
 use lockstep::transport::Broken;

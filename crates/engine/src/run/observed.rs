@@ -1,4 +1,4 @@
-//! Which samples of a run are looked at besides by the participants that read them.
+//! Which samples of a run are observed by something other than the participants that read them.
 
 use lockstep::plan::{Observed, Plan};
 use tape::StreamSpec;
@@ -8,21 +8,21 @@ use super::kept::Kept;
 use crate::assessment::Assessment;
 use crate::scenario::Scenario;
 
-/// What looks at the samples of a run.
+/// The observers of a run's samples.
 pub(super) struct Observers<'a> {
-    /// What the tape keeps of each stream, where there is a tape, or its digest.
+    /// What the tape, or its digest, keeps of each stream, if there is one.
     pub(super) kept: Option<&'a [Kept]>,
     pub(super) assessment: Option<&'a dyn Assessment>,
     pub(super) guards: &'a [Watch],
-    /// Whether every sample is looked at: a program may ask for the newest of any stream, or the run may be taken up.
+    /// Whether every sample is observed: a program may ask for the newest of any stream, or the run may be taken up.
     pub(super) all: bool,
 }
 
 impl Observers<'_> {
-    /// What they observe of each of `streams`, those of `plan`.
+    /// Which samples of each of `streams`, those of `plan`, are observed.
     pub(super) fn observed(&self, scenario: &Scenario, plan: &Plan, streams: &[StreamSpec]) -> Vec<Observed> {
         let one = |(stream, spec): (usize, &StreamSpec)| {
-            // A substitute goes on from the values that the one before it gave out last.
+            // A substitute continues from the values that its predecessor published last.
             let mut substituted = scenario.substitutions.iter().map(|one| one.participant);
             let replaced = substituted.any(|number| plan.participants[number].name == spec.participant);
             let read = self.assessment.is_some_and(|assessment| assessment.reads(stream));

@@ -1,4 +1,4 @@
-//! What is said about a run besides the scenario.
+//! The options of a run: everything that is not in the scenario.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ pub enum Wait {
     Auto,
     /// Spin: fastest with a core for each participant, and granted only there.
     Spin,
-    /// Let others run.
+    /// Yield to other threads.
     Yield,
     /// Sleep until woken.
     Sleep,
@@ -38,19 +38,19 @@ impl Wait {
     ];
 }
 
-/// Where a run goes on that was begun by another one.
+/// The other run and its checkpoint from which a run continues.
 #[derive(Debug, Clone)]
 pub struct Origin {
     /// The other run's folder.
     pub run: PathBuf,
-    /// Its state.
+    /// Its saved state.
     pub checkpoint: Checkpoint,
 }
 
-/// What becomes of a run that keeps pace with the wall clock when a step is complete only after the next one was due.
+/// The reaction of a run that keeps pace with the wall clock when a step is completed only after the next one was due.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Overrun {
-    /// It is counted, and reported.
+    /// The overrun is counted and reported.
     #[default]
     Report,
     /// The run ends.
@@ -62,49 +62,49 @@ impl Overrun {
     pub const ALL: [(&'static str, Overrun); 2] = [("report", Overrun::Report), ("stop", Overrun::Stop)];
 }
 
-/// What is said about a run besides the scenario.
+/// The options of a run: everything that is not in the scenario.
 #[derive(Clone)]
 pub struct Options {
-    /// All participants in this process.
+    /// Run all participants in this process.
     pub in_process: bool,
-    /// What is kept of the samples. Without a folder only in this process.
+    /// What is kept of the samples. Running without a folder is possible only in this process.
     pub record: Record,
     /// The run folder; chosen under `runs` when not given.
     pub out: Option<PathBuf>,
     /// Replace the run in that folder, if there is one.
     pub force: bool,
-    /// Receives what happens.
+    /// Receives the events of the run.
     pub progress: Progress,
-    /// Asks for an end in order.
+    /// Requests an orderly end of the run.
     pub interrupt: Interrupt,
     /// Simulated seconds per second of wall time; as fast as possible when not given.
     pub pace: Option<f64>,
-    /// What becomes of a run with a pace when a step is complete only after the next one was due.
+    /// The reaction of a run with a pace when a step is completed only after the next one was due.
     pub overrun: Overrun,
-    /// The file that says what every participant did when, as JSON trace events; none when not given.
+    /// The file for the trace: what every participant did when, as JSON trace events; none when not given.
     pub trace: Option<PathBuf>,
-    /// Come to rest here and wait for the user.
+    /// Come to rest at these instants and wait for the user.
     pub pause_at: Vec<Rational>,
-    /// Keep the state of the run in a file this often, simulated.
+    /// Save the state of the run in a file at this interval of simulated time.
     pub checkpoint_every: Option<Rational>,
-    /// Keep the state of the run in a file at these instants.
+    /// Save the state of the run in a file at these instants.
     pub checkpoint_at: Vec<Rational>,
-    /// Go on from here; from the beginning when not given.
+    /// Continue from here; start at the beginning when not given.
     pub origin: Option<Origin>,
     /// How participants wait.
     pub wait: Wait,
     /// Leave the choice of cores to the operating system.
     pub no_placement: bool,
-    /// How long a participant may compute without progress before the run is given up, s.
+    /// How long a participant may compute without progress before the run is ended, s.
     pub patience_s: f64,
-    /// How long each program may take to enter the run and to answer a request, whatever the scenario says of it.
+    /// How long each program may take to enter the run and to answer a request, whatever the scenario says about it.
     pub start_within: Option<Duration>,
-    /// What moves the horizon from outside, such as the live page.
+    /// External control of the horizon, such as the live page.
     pub steering: Option<Arc<Steering>>,
 }
 
 impl Default for Options {
-    /// In processes, as fast as possible, with a run folder under `runs`, and 60 s of patience.
+    /// Participants in processes, as fast as possible, with a run folder under `runs`, and a patience of 60 s.
     fn default() -> Options {
         Options {
             in_process: false,
@@ -130,7 +130,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Refuses what a run without a folder cannot do.
+    /// Refuses options that a run without a folder cannot satisfy.
     pub(super) fn check_record(&self) -> Result<(), RunFailure> {
         if self.record == Record::Folder {
             return Ok(());
@@ -162,12 +162,12 @@ impl Options {
         Ok(())
     }
 
-    /// [`Options::patience_s`] as far as a duration goes.
+    /// [`Options::patience_s`] as a duration, limited to the longest one.
     pub(super) fn patience(&self) -> Duration {
         Duration::try_from_secs_f64(self.patience_s).unwrap_or(Duration::MAX)
     }
 
-    /// Tells the observer and the live page that there is a run.
+    /// Announces the run to the observer and the live page.
     pub(super) fn begin(&self, plan: &Plan, folder: Option<&RunFolder>) {
         let duration_s = plan.timebase.seconds(plan.end);
         self.progress.report(Event::Begun { duration_s });

@@ -37,7 +37,7 @@ pub enum RunFailure {
     /// A checkpoint cannot be written or read.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
-    /// The run's part of the machine cannot be made.
+    /// The run's resources on this machine cannot be created.
     #[error(transparent)]
     Scope(#[from] ScopeError),
     /// Shared memory cannot be set up.
@@ -46,20 +46,20 @@ pub enum RunFailure {
     /// A participant cannot be started or does not answer.
     #[error("participant `{participant}`: {reason}")]
     Participant {
-        /// Who.
+        /// Its name.
         participant: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The machine has too little of what the run takes.
+    /// The machine does not have the resources that the run needs.
     #[error("{0}")]
     Room(String),
-    /// The program of a substitute cannot be started or does not answer, when it is asked before the run.
+    /// The program of a substitute cannot be started or does not answer when it is queried before the run.
     #[error("participant `{participant}`: {reason}")]
     Substitute {
-        /// Whose place it may take.
+        /// The participant that it may replace.
         participant: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// An option does not fit the run.
@@ -72,7 +72,7 @@ pub enum RunFailure {
         /// What is wrong with it, and the remedy.
         reason: String,
     },
-    /// A port that code names is not there, or not as it is used.
+    /// A port named in code does not exist, or is not used as it is.
     #[error("`{port}`: {reason}")]
     Port {
         /// `PARTICIPANT.PORT`.
@@ -80,7 +80,7 @@ pub enum RunFailure {
         /// What is wrong, and the remedy.
         reason: String,
     },
-    /// An instant that code names is none that the run can go to.
+    /// The run cannot go to an instant named in code.
     #[error("t = {time} {reason}")]
     Instant {
         /// The instant.
@@ -88,13 +88,13 @@ pub enum RunFailure {
         /// What is wrong with it.
         reason: String,
     },
-    /// The run goes no further.
+    /// The run is over.
     #[error("the run is over: {how}")]
     Over {
         /// How it ended.
         how: String,
     },
-    /// Somebody asked for an end before the run began.
+    /// An end was requested before the run began.
     #[error("interrupted before the run began")]
     Interrupted,
     /// Something else.
@@ -103,7 +103,7 @@ pub enum RunFailure {
 }
 
 impl RunFailure {
-    /// The exit code of the program: 2 when the user must change something, else 1.
+    /// The exit code of the program: 2 when the user must change something, otherwise 1.
     pub fn exit_code(&self) -> i32 {
         match self {
             RunFailure::Scenario(_)
@@ -117,22 +117,22 @@ impl RunFailure {
     }
 }
 
-/// How a run that was recorded ended.
+/// How a recorded run ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "status", rename_all = "kebab-case")]
 pub enum Ending {
     /// All activations are complete.
     Complete,
-    /// The user ended it.
+    /// The user ended the run, or a step was too late under `--overrun stop`.
     Stopped {
-        /// At which simulated time, and by what.
+        /// The simulated time, and the cause.
         reason: String,
     },
     /// A participant failed.
     Failed {
-        /// Who.
+        /// Its name.
         participant: String,
-        /// When, why, and its last words.
+        /// The time, the reason, and the participant's last log lines.
         reason: String,
     },
 }
@@ -144,7 +144,7 @@ impl Ending {
         Ending::Failed { participant, reason }
     }
 
-    /// For people: who failed, and why; nothing where all went well.
+    /// For people: the participant that failed, and the reason; `None` if all went well.
     pub fn words(&self) -> Option<String> {
         match self {
             Ending::Complete => None,
@@ -155,7 +155,7 @@ impl Ending {
     }
 }
 
-/// A run that was recorded.
+/// A recorded run.
 pub struct Outcome {
     /// The run folder, if the run has one.
     pub folder: Option<PathBuf>,
@@ -167,32 +167,32 @@ pub struct Outcome {
     pub wall_s: f64,
     /// When the orchestrator knew how the run ends.
     pub known: Instant,
-    /// The digest of the tape; nothing when it could not be finished, or when nothing was kept.
+    /// The digest of the tape; `None` when it could not be finished, or when nothing was kept.
     pub digest: Option<Digest>,
-    /// What became of participants that failed, in the words of the tape's events: where the run went back to or who took over
-    /// depends on wall time.
+    /// How failures of participants were handled, in the words of the tape's events: where the run went back to, or which program
+    /// took over, depends on wall time.
     pub recovered: Vec<String>,
     /// The figures of merit.
     pub figures: Option<crate::assessment::Figures>,
-    /// How the pace of the wall clock was kept, where it was to be.
+    /// How the pace of the wall clock was kept, if the run had a pace.
     pub punctuality: Option<Punctuality>,
-    /// What the tape has of the streams of which it does not have everything, in words.
+    /// For each stream of which the tape does not have every sample: what it has, in words.
     pub partial: Vec<String>,
-    /// What became of the trace, where there is one.
+    /// The result of the trace, if there is one.
     pub traced: Option<Traced>,
-    /// Where everybody's wall time went.
+    /// How each participant spent its wall time.
     pub timing: BTreeMap<String, Timing>,
-    /// Who feeds each input of each participant in `timing`.
+    /// The source of each input of each participant in `timing`.
     pub sources: BTreeMap<String, Vec<String>>,
-    /// The choice of cores in words.
+    /// The reason for the choice of cores, in words.
     pub placement: String,
-    /// What participants have said, by name, where the run is in one process and has no folder: the newest 64 KiB of each, at least.
+    /// The logs of the participants, by name, if the run is in one process and has no folder: at least the newest 64 KiB of each.
     pub logs: BTreeMap<String, String>,
 }
 
 impl Outcome {
-    /// The ending and the tape's digest, when the tape was finished like this: a tape that cannot be written ends a run that
-    /// nothing else has ended.
+    /// The ending and the tape's digest, after the tape was finished with this result: a tape that cannot be written fails a run
+    /// that would otherwise be complete.
     pub(super) fn sealed(ending: Ending, digest: Result<Option<Digest>, AppendError>) -> (Ending, Option<Digest>) {
         match (digest, ending) {
             (Ok(digest), ending) => (ending, digest),
@@ -210,7 +210,7 @@ impl Outcome {
         }
     }
 
-    /// 0 criteria met; 1 the run failed or was stopped by a signal; 3 a criterion is not met.
+    /// 0: all criteria met; 1: the run failed or was stopped; 3: a criterion is not met.
     pub fn exit_code(&self) -> i32 {
         match (&self.ending, &self.figures) {
             (Ending::Failed { .. }, _) => 1,
@@ -220,7 +220,7 @@ impl Outcome {
         }
     }
 
-    /// `summary.json`: figures of merit, how the run ended, and what it cost.
+    /// The content of `summary.json`: figures of merit, how the run ended, and what it cost.
     pub fn summary(&self) -> Value {
         let mut all = Map::new();
         if let Some(figures) = &self.figures {
@@ -265,7 +265,7 @@ impl Outcome {
         Value::Object(all)
     }
 
-    /// Where wall time went; waiting for samples by who had to send them.
+    /// How wall time was spent; waiting for samples is listed by their producers.
     fn timing(&self) -> Value {
         let mut timing = json!(self.timing);
         for (name, sources) in &self.sources {

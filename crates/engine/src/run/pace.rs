@@ -1,4 +1,4 @@
-//! The pace of the wall clock: which instant of simulated time has come, and when an instant was due.
+//! The pace of the wall clock: which simulated time has come, and when an instant was due.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -8,25 +8,26 @@ use lockstep::time::Ticks;
 
 use super::awake::Awake;
 
-/// Stretches without a rest that are remembered: a step is looked at soon after it is done.
+/// How many stretches without a rest are kept: a step is evaluated soon after it is done.
 const STRETCHES: usize = 1024;
-/// What a suspension takes at least; less comes from rounding.
+/// The least duration that counts as a suspension; smaller differences come from rounding.
 const SUSPENSION: Duration = Duration::from_millis(1);
 
-/// Keeps simulated time behind a multiple of the wall time in which this process ran and the run was not at rest.
+/// Keeps simulated time behind a multiple of wall time, counting only wall time in which this process ran and the run was not at
+/// rest.
 pub(super) struct Pace {
     ticks_per_s: f64,
     awake: Awake,
     at: Ticks,
-    /// Where the wall clock began to run, again and again, the newest last. Never empty.
+    /// The points from which the wall clock ran, the newest last. Never empty.
     stretches: VecDeque<Stretch>,
-    /// How many were forgotten.
+    /// How many stretches were dropped.
     forgotten: u64,
-    /// An instant and the same in ns of `CLOCK_MONOTONIC`.
+    /// An instant, and the same instant in ns of `CLOCK_MONOTONIC`.
     origin: (Instant, u64),
 }
 
-/// From `at` on, which came at `since`, simulated time follows the wall clock.
+/// A stretch without a rest: from `at` on, which was reached at `since`, simulated time follows the wall clock.
 struct Stretch {
     at: Ticks,
     since: Instant,
@@ -37,7 +38,7 @@ struct Stretch {
 pub(super) struct Due {
     /// ns of `CLOCK_MONOTONIC`.
     pub(super) ns: u64,
-    /// In which stretch without a rest.
+    /// The number of the stretch without a rest.
     pub(super) stretch: u64,
     /// How long after the stretch began, s of wall time.
     pub(super) into_s: f64,
@@ -58,14 +59,14 @@ impl Pace {
         }
     }
 
-    /// The wall clock runs from `at` on, as of `now`.
+    /// Lets the wall clock run from `at` on, starting at `now`.
     pub(super) fn start_over(&mut self, at: Ticks, now: Instant) {
         (self.awake, self.at) = (Awake::since(now), at);
         self.begin(at, now);
     }
 
     fn begin(&mut self, at: Ticks, since: Instant) {
-        // The run rests there still, or has gone back.
+        // The run still rests there, or has gone back.
         while self.stretches.pop_back_if(|last| last.at >= at).is_some() {}
         self.stretches.push_back(Stretch { at, since });
         if self.stretches.len() > STRETCHES {
@@ -74,7 +75,7 @@ impl Pace {
         }
     }
 
-    /// The instant that has come, `most` at the latest: a run that was held there, or suspended, does not hurry afterwards.
+    /// The instant that has come, at most `most`: a run that was held there, or suspended, does not catch up afterwards.
     pub(super) fn reached(&mut self, most: Ticks, now: Instant) -> Ticks {
         let passed = self.awake.at(now).as_secs_f64() * self.ticks_per_s;
         let reached = self.at.saturating_add(passed as Ticks);
@@ -86,7 +87,7 @@ impl Pace {
         reached.min(most)
     }
 
-    /// Where simulated time would be if the newest stretch went on.
+    /// Where simulated time would be without a suspension since the newest stretch began.
     fn line(&self, now: Instant) -> f64 {
         self.stretches.back().map_or(0.0, |last| {
             let passed = now.saturating_duration_since(last.since).as_secs_f64();
@@ -133,7 +134,7 @@ mod tests {
     fn time_of_a_rest_does_not_make_earlier_steps_punctual() {
         let start = Instant::now();
         let mut pace = Pace::new(1000.0, 0, start);
-        // Held at 500 for ten seconds; what came before was due when it was due.
+        // Held at 500 for ten seconds; earlier instants keep their due times.
         for at in (100..=10_500).step_by(100) {
             pace.reached(500, start + ms(at));
         }

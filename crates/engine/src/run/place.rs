@@ -1,5 +1,5 @@
-//! One place in shared memory with everything the orchestrator holds there. A run moves to a fresh one whenever it is taken
-//! up, so that nothing of a dead process can be opened by mistake.
+//! One place in shared memory, with all objects that the orchestrator holds in it. A run moves to a fresh place whenever it is
+//! taken up, so that no object of a dead process can be opened by mistake.
 
 use lockstep::plan::Plan;
 use lockstep::transport::iceoryx::{Address, ClockWriter, Domain, LinkService};
@@ -8,7 +8,7 @@ use super::outcome::RunFailure;
 use super::ports::Ports;
 use super::{bus, room};
 
-/// A place in shared memory. Services go before the domain.
+/// A place in shared memory. Its services are dropped before the domain.
 pub(super) struct Place {
     pub(super) clock: ClockWriter,
     _links: Vec<LinkService>,
@@ -16,7 +16,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Enters `address` and makes what participants need to enter too.
+    /// Enters `address` and creates what participants need in order to enter too.
     pub(super) fn enter<'a>(
         address: Address,
         names: impl ExactSizeIterator<Item = &'a str>,
@@ -29,7 +29,7 @@ impl Place {
         Ok((domain, ports))
     }
 
-    /// Makes the links and the clock of `plan` in `domain`.
+    /// Creates the links and the clock of `plan` in `domain`.
     pub(super) fn furnish(domain: Domain, plan: &Plan) -> Result<Place, RunFailure> {
         let mut links = Vec::new();
         for (number, link) in plan.links.iter().enumerate() {
@@ -46,13 +46,13 @@ impl Place {
         })
     }
 
-    /// Where it is.
+    /// The address of this place.
     pub(super) fn address(&self) -> &Address {
         self.domain.address()
     }
 }
 
-/// Whether every page of shared memory that was touched could be had.
+/// Checks that no page of shared memory was missing when it was touched.
 pub(super) fn all_there() -> Result<(), RunFailure> {
     if bus::missed() { Err(room::full()) } else { Ok(()) }
 }

@@ -1,5 +1,5 @@
-//! Who runs on which core and how everybody waits. Both are decided at once: who spins on a core that it shares keeps it from the very
-//! process that it waits for, and a run is a thousand times slower.
+//! Placement: which participant runs on which core, and how each waits. Both are decided together: a participant that spins on a
+//! shared core keeps the core from the very process that it waits for, and the run becomes a thousand times slower.
 
 use lockstep::control::Waiting;
 use lockstep::plan::{self, Plan, place, place_apart};
@@ -9,13 +9,13 @@ use super::options::{Options, Wait};
 /// The cores of the participants of a run, and how they wait.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Placement {
-    /// The core of each participant; `None` leaves it to the operating system.
+    /// The core of each participant; `None` leaves the choice to the operating system.
     pub cores: Vec<Option<usize>>,
-    /// How each waits.
+    /// How each participant waits.
     pub waiting: Vec<Waiting>,
-    /// The choice in words.
+    /// The reason for the choice, in words.
     pub reason: String,
-    /// What was asked for and cannot work here, in one line.
+    /// A request that cannot be met here, in one line.
     pub denied: Option<String>,
 }
 
@@ -62,7 +62,7 @@ impl Placement {
     }
 }
 
-/// How a participant waits that shares its core with `sharing`, itself included.
+/// How a participant waits that is one of `sharing` participants on its core.
 fn strategy(wait: Wait, sharing: usize) -> Waiting {
     match wait {
         Wait::Auto => match sharing {
@@ -86,14 +86,14 @@ mod tests {
     use super::*;
 
     lockstep::message! {
-        /// What goes round.
+        /// The message that circulates.
         struct Word {
             /// Anything.
             value: f64 = "1" in "",
         }
     }
 
-    /// `count` participants, each of which waits for the one before.
+    /// `count` participants, each of which waits for its predecessor.
     fn ring(count: usize) -> Plan {
         let name = |number: usize| format!("p{}", number % count);
         let participants = (0..count).map(|number| ParticipantSpec {
@@ -124,7 +124,7 @@ mod tests {
         for count in 2..=7 {
             let plan = ring(count);
             for there in 1..=9 {
-                // Numbers that are no positions.
+                // Core numbers that differ from their positions in the list.
                 let cores: Vec<usize> = (0..there).map(|core| 3 * core + 1).collect();
                 for (name, wait) in Wait::ALL {
                     let placement = Placement::among(&plan, &cores, wait, false);

@@ -1,4 +1,4 @@
-//! What is on a tape already, read back by the numbers of a plan.
+//! Recorded history: samples that are on a tape already, read back by the stream numbers of a plan.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use tape::{Event, ReadError, Reader, Records, Source, StreamSpec};
 
 use super::outcome::RunFailure;
 
-/// A tape with the streams of a plan.
+/// A tape, with its streams mapped to those of a plan.
 pub struct Played<S = Reader> {
     reader: S,
     /// Where each of the plan's streams is on the tape; `None` for one that is not there.
@@ -18,19 +18,19 @@ pub struct Played<S = Reader> {
     stamp_bytes: usize,
 }
 
-/// Where the samples of a stream are.
+/// The position of a stream's samples.
 #[derive(Clone, Copy)]
 struct Place {
     /// The position of the stream on the tape.
     stream: usize,
-    /// The distance of two samples that the tape has, in samples of the plan's stream.
+    /// The distance of two samples on the tape, in samples of the plan's stream.
     every: u64,
-    /// The number of the first one, in steps of `every`.
+    /// The number of the first sample on the tape, in steps of `every`.
     first: u64,
 }
 
 impl Played {
-    /// The tape in the folder `tape`; a `partial` one need not have all streams and samples.
+    /// Opens the tape in the folder `tape`; a `partial` one need not have all streams and samples.
     ///
     /// # Errors
     /// When it cannot be read, or when a stream of the plan is not on it with the same ports and sample times.
@@ -38,14 +38,14 @@ impl Played {
         Played::of(Reader::open(tape)?, plan, &tape.display().to_string(), partial)
     }
 
-    /// What has happened.
+    /// The events on the tape.
     pub fn events(&self) -> Result<Vec<Event>, ReadError> {
         self.reader.events()
     }
 }
 
 impl<S: Source> Played<S> {
-    /// The tape `reader`, which lies in `place`.
+    /// Maps the tape `reader`, which is called `place` in messages.
     ///
     /// # Errors
     /// As [`Played::open`].
@@ -90,7 +90,7 @@ impl<S: Source> Played<S> {
         })
     }
 
-    /// How many samples of stream number `stream` there are.
+    /// How many samples of stream number `stream` the tape has.
     fn count(&self, stream: usize) -> u64 {
         self.streams[stream].map_or(0, |place| self.reader.count(place.stream))
     }
@@ -114,7 +114,7 @@ impl<S: Source> Played<S> {
         self.reader
     }
 
-    /// Hands the first `counts` samples that there are of each stream to `take`, in the order of simulated time.
+    /// Passes the first `counts` samples of each stream, as far as the tape has them, to `take`, in the order of simulated time.
     pub fn each_of(
         &self,
         plan: &Plan,
@@ -163,7 +163,7 @@ impl<S: Source> Played<S> {
     }
 }
 
-/// A stream that is read side by side with others.
+/// A stream that is merged with others in the order of time.
 struct Lane<'a, S: Source> {
     participant: usize,
     stream: u32,
@@ -181,7 +181,8 @@ fn stamped(plan: &Plan, participant: usize, header: Header) -> Header {
     }
 }
 
-/// The distance of two samples of `played`, in samples of `spec`; `None` where the one is no part of the other.
+/// The distance of two samples of `played`, in samples of `spec`; `None` if the samples of `played` are not a subset of those of
+/// `spec`.
 fn every(played: &StreamSpec, spec: &StreamSpec) -> Option<u64> {
     let base = Timebase::measuring([played.period, spec.period]).ok()?;
     let (longer, shorter) = (base.ceil(played.period).ok()?, base.ceil(spec.period).ok()?);

@@ -1,11 +1,11 @@
-//! The orchestrator's ends of what belongs to one participant.
+//! The orchestrator's ends of the services of one participant.
 
 use lockstep::transport::iceoryx::{
     Bell, ControlClient, Domain, DomainError, RecordReceiver, StatusReader, StatusService, WakeService,
 };
 
-/// The orchestrator's ends of what belongs to one participant in one place in shared memory. They are there before anybody
-/// who opens them.
+/// The orchestrator's ends of the services of one participant in one place in shared memory. They exist before the participant
+/// opens them.
 pub(super) struct Ports {
     pub(super) status: StatusReader,
     pub(super) bell: Bell,
@@ -15,7 +15,7 @@ pub(super) struct Ports {
 }
 
 impl Ports {
-    /// Makes the services of the participant `name`, one of `count`.
+    /// Creates the services of the participant `name`, one of `count`.
     pub(super) fn create(domain: &Domain, name: &str, count: usize) -> Result<Ports, DomainError> {
         let services = (
             StatusService::create(domain, name, count + 1)?,

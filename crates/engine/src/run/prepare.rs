@@ -1,4 +1,4 @@
-//! What both ways of running have in common: the run folder, the recorder, stops and pacing.
+//! Preparation of a run, common to both executors: the run folder, the recorder, stops and pacing.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -33,31 +33,32 @@ use crate::live::Steering;
 use crate::observer::{Answer, Event as Report, Interrupt, Progress};
 use crate::scenario::{Entry, OnFailure, Scenario, ScenarioError, State};
 
-/// A pause looks for signals and failures this often.
+/// How often a pause checks for signals and failures.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// What is known of a scenario before anything starts.
 pub struct Known {
     /// The ports of each participant that this program contains.
     pub interfaces: Vec<Option<Interface>>,
-    /// The plan; where the ports of external programs are not known, they are assumed to be what they are connected to.
+    /// The plan; unknown ports of external programs are assumed to match the ports that they are connected to.
     pub plan: Plan,
 }
 
-/// Makes the participants that this program contains, plans, and looks at the assessment: everything but launch.
+/// Makes the participants that this program contains, makes the plan, and checks the assessment: everything except starting
+/// programs.
 pub fn check(scenario: &Scenario) -> Result<Known, ScenarioError> {
     checked(scenario, scenario.make()?).map(|(known, _)| known)
 }
 
-/// The same for a run in this process, into which the libraries of the scenario are loaded.
+/// [`check`] for a run in this process, into which the libraries of the scenario are loaded.
 pub fn check_here(scenario: &Scenario) -> Result<Known, ScenarioError> {
     checked(scenario, scenario.make_here()?).map(|(known, _)| known)
 }
 
-/// The participants that this process has, made for a scenario.
+/// The participants that this process contains, made for a scenario.
 pub(super) type Made = Vec<Option<Box<dyn Participant>>>;
 
-/// [`check`] with participants that were `made` for it, which are given back.
+/// [`check`] with the participants that were `made` for the scenario, which are returned.
 pub(super) fn checked(scenario: &Scenario, made: Made) -> Result<(Known, Made), ScenarioError> {
     let interfaces: Vec<Option<Interface>> = (made.iter())
         .map(|participant| participant.as_ref().map(|participant| participant.interface()))
@@ -100,11 +101,11 @@ impl Known {
     }
 }
 
-/// The same, and what the programs of the other participants and of all substitutes say of their ports: each is started for
-/// that and ended again. Nothing is assumed then.
+/// [`check`] with the ports that the programs of the other participants and of all substitutes describe: each program is started
+/// for that and ended again. No port is assumed then.
 ///
 /// # Errors
-/// What a run of the scenario would be refused for, and a program that does not answer.
+/// Everything for which a run of the scenario would be refused, and a program that does not answer.
 pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Known, RunFailure> {
     let known = check(scenario)?;
     let unknown = scenario.participants.iter().zip(&known.interfaces);
@@ -143,7 +144,7 @@ fn assess(scenario: &Scenario, streams: &[StreamSpec]) -> Result<Option<Box<dyn 
     scenario.assess(streams)
 }
 
-/// What made a run, for whoever looks at it later.
+/// What produced a run: kept in its folder for later readers.
 #[derive(Serialize)]
 struct Provenance<'a> {
     scenario: &'a str,
@@ -154,7 +155,7 @@ struct Provenance<'a> {
     iceoryx2: &'a str,
     host: Host,
     files: Vec<String>,
-    /// Before this instant the run was made by another plan: it is a branch.
+    /// For a branch: before this instant the run was made by another plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     changed_at: Option<String>,
 }
@@ -186,7 +187,7 @@ impl Host {
     }
 }
 
-/// Makes the run folder, with the resolved scenario and what made it.
+/// Makes the run folder, with the resolved scenario and the provenance of the run.
 pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, RunFailure> {
     let claim = match &options.out {
         Some(out) => Claim::of(out, options.force)?,
@@ -215,8 +216,8 @@ pub(super) fn folder(scenario: &Scenario, options: &Options) -> Result<Claim, Ru
     Ok(claim)
 }
 
-/// Since when a run that goes on from `origin` by the plan `own` is made by it: from its beginning when nothing is given. How long a run is
-/// changes nothing of what was before.
+/// The instant from which a run that continues `origin` follows its own plan `own`; `None` means from its beginning. A different
+/// run length does not affect what was before.
 fn changed_at(own: toml::Table, origin: &Origin) -> Option<String> {
     let parent = RunFolder::open(&origin.run);
     let lasting = |mut table: toml::Table| {
@@ -233,8 +234,8 @@ fn changed_at(own: toml::Table, origin: &Origin) -> Option<String> {
     parent.changed_at()
 }
 
-/// Opens what keeps the samples: the tape in `folder`, or what the options ask for without one. The plan of the recorder says what is
-/// observed: by the recorder and, where `asked`, by a program that drives the run.
+/// Opens the store of the samples: the tape in `folder`, or what the options ask for without a folder. The recorder's plan records
+/// which samples are observed: by the recorder and, if `asked`, by a program that drives the run.
 pub(super) fn recorder(
     scenario: &Scenario,
     mut plan: Plan,
@@ -246,7 +247,7 @@ pub(super) fn recorder(
     let (assessment, watches) = judges(scenario, &plan, &streams)?;
     let kept = scenario.kept(&plan, &streams, |_| true)?;
     let saves = options.checkpoint_every.is_some() || !options.checkpoint_at.is_empty();
-    // To take up the run needs samples of all outputs.
+    // Taking up a run needs samples of all outputs.
     let taken_up = asked || saves || (scenario.moves() && !options.in_process);
     let observers = Observers {
         kept: (folder.is_some() || options.record.looks()).then_some(&kept),
@@ -282,7 +283,7 @@ pub(super) fn judges(scenario: &Scenario, plan: &Plan, streams: &[StreamSpec]) -
     Ok((assess(scenario, streams)?, scenario.watches(plan, |_| true)?))
 }
 
-/// What the tape has of the streams of which it does not have everything, in words.
+/// For each stream of which the tape does not have every sample: what it has, in words.
 pub(super) fn partial(scenario: &Scenario, plan: &Plan) -> Vec<String> {
     if scenario.records_all() {
         return Vec::new();
@@ -293,7 +294,7 @@ pub(super) fn partial(scenario: &Scenario, plan: &Plan) -> Vec<String> {
     all.filter_map(|(kept, spec)| kept.words(spec)).collect()
 }
 
-/// The name of what comes over each link into each participant.
+/// The name of the source of each link into each participant.
 pub(super) fn sources(plan: &Plan) -> BTreeMap<String, Vec<String>> {
     let source = |link: usize| plan.output_name(plan.links[link].from);
     let all = plan.participants.iter().enumerate();
@@ -301,14 +302,14 @@ pub(super) fn sources(plan: &Plan) -> BTreeMap<String, Vec<String>> {
         .collect()
 }
 
-/// A run before its first step, apart from those who do it.
+/// A run before its first step, without its executor.
 pub(super) struct Ready {
-    /// What runs in each seat.
+    /// What runs in each slot.
     pub(super) entries: Vec<Entry>,
     pub(super) plan: Arc<Plan>,
     pub(super) recorder: Recorder,
     pub(super) start: Start,
-    /// What became of participants that failed.
+    /// How failures of participants were handled so far.
     pub(super) recovered: Vec<String>,
 }
 
@@ -316,20 +317,20 @@ pub(super) struct Ready {
 pub(super) struct Start {
     /// No activation before this instant happens in this run, ticks.
     pub(super) from: Ticks,
-    /// Where each participant takes up its work; nothing at the beginning of a run.
+    /// Where each participant continues; `None` at the beginning of a run.
     pub(super) positions: Option<Vec<Position>>,
-    /// How many of the scenario's substitutions have happened.
+    /// How many of the scenario's substitutions have taken place.
     pub(super) substituted: usize,
-    /// The values of inputs that nobody feeds.
+    /// The values of unconnected inputs.
     pub(super) inputs: Inputs,
-    /// What the run goes on from is good for going back to as well, until its first own checkpoint.
+    /// The checkpoint that the run continues from; restarts use it too, until the first checkpoint of this run.
     pub(super) checkpoint: Option<Checkpoint>,
 }
 
-/// What runs in each seat when the run begins.
+/// What runs in each slot when the run begins.
 ///
 /// # Errors
-/// When the scenario does not go on from the checkpoint that the run is taken up from.
+/// When the scenario is no continuation of the checkpoint that the run starts from.
 pub(super) fn entries(scenario: &Scenario, options: &Options) -> Result<Vec<Entry>, RunFailure> {
     let mut entries = scenario.participants.clone();
     if let Some(origin) = &options.origin {
@@ -339,7 +340,7 @@ pub(super) fn entries(scenario: &Scenario, options: &Options) -> Result<Vec<Entr
     Ok(entries)
 }
 
-/// What sat in each seat when `checkpoint` was made.
+/// What ran in each slot when `checkpoint` was made.
 pub(super) fn entries_at(scenario: &Scenario, checkpoint: &Checkpoint) -> Vec<Entry> {
     let mut entries = scenario.participants.clone();
     let done = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
@@ -354,7 +355,7 @@ pub(super) fn entries_at(scenario: &Scenario, checkpoint: &Checkpoint) -> Vec<En
     entries
 }
 
-/// Who sits where when the run goes back to `checkpoint`; those whom `anew` names in new programs.
+/// What runs in each slot when the run goes back to `checkpoint`; the participants for which `anew` returns true get new processes.
 pub(super) fn seats_at(course: &Course, checkpoint: &Checkpoint, anew: impl Fn(usize) -> bool) -> Vec<Seat> {
     let entries = entries_at(&course.scenario, checkpoint);
     let seats = checkpoint.states.iter().cloned().zip(entries).enumerate();
@@ -368,7 +369,8 @@ pub(super) fn seats_at(course: &Course, checkpoint: &Checkpoint, anew: impl Fn(u
     seats.collect()
 }
 
-/// Where the run begins; what was before it is put on the tape. That the scenario goes on from there was checked with its [`entries`].
+/// The start of the run; everything before it is copied to the tape. [`entries`] has checked that the scenario continues from
+/// there.
 pub(super) fn start(plan: &Plan, options: &Options, recorder: &mut Recorder) -> Result<Start, RunFailure> {
     let Some(Origin { run, checkpoint }) = &options.origin else {
         return Ok(Start {
@@ -410,7 +412,7 @@ pub(super) fn start(plan: &Plan, options: &Options, recorder: &mut Recorder) -> 
     })
 }
 
-/// What the tape says of a substitution at `now`.
+/// The tape's event for a substitution at `now`.
 pub(super) fn substitution_event(
     plan: &Plan,
     now: Ticks,
@@ -431,8 +433,8 @@ pub(super) fn substitution_event(
     }
 }
 
-/// Waits at rest until the observer answers, the live page lets the run go on, or an end is asked for; whether the run goes on.
-/// `processes` says in words which process is which participant.
+/// Waits at a rest until the observer answers, the live page lets the run continue, or an end is requested; returns whether the run
+/// continues. `processes` says in words which process is which participant.
 ///
 /// # Errors
 /// The failure that `look` returns; it is called every few milliseconds.

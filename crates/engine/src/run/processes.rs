@@ -1,4 +1,4 @@
-//! The executor with every participant in a process of its own.
+//! The executor that runs every participant in its own process.
 
 use std::time::{Duration, Instant};
 
@@ -24,19 +24,20 @@ use crate::observer::Event as Report;
 use crate::scenario::{ORCHESTRATOR, OnFailure};
 use crate::scope::Scope;
 
-/// The orchestrator's nap when there is nothing to do.
+/// How long the orchestrator sleeps when there is nothing to do.
 const NAP: Timespec = Timespec {
     tv_sec: 0,
     tv_nsec: 1_000_000,
 };
-/// Deaths are looked for at least this often.
+/// How often, at least, the orchestrator checks for participants that have died.
 const LOOK: Duration = Duration::from_millis(2);
-/// Batches that are taken from one participant before the next one is looked at.
+/// The most batches that are taken from one participant before the next one is served.
 pub(super) const BATCHES: usize = 16;
-/// Samples reach the disk at least this often.
+/// How often, at least, samples are flushed to disk.
 const FLUSH: Duration = Duration::from_millis(50);
 
-/// The participants' processes, and what they and the orchestrator meet in. Ports go before the place, the place before its files.
+/// The participants' processes, and the shared memory that connects them with the orchestrator. Ports are dropped before the place,
+/// the place before its files.
 pub(super) struct Processes {
     pub(super) crew: Vec<Member>,
     pub(super) place: Place,
@@ -50,17 +51,17 @@ pub(super) struct Processes {
     pub(super) rounds: Rounds,
 }
 
-/// Who has failed.
+/// The participants that have failed.
 pub(super) struct Failures {
-    /// How often each participant was taken up again.
+    /// How often each participant was restarted or replaced.
     pub(super) restarts: Vec<Restarts>,
-    /// Who else failed, besides the one that was reported, and was not attended to yet.
+    /// The participants that failed besides the one that was reported, and were not handled yet.
     pub(super) fallen: Vec<Fallen>,
 }
 
-/// When the orchestrator did last what it does again and again.
+/// When the orchestrator last did each of its periodic tasks.
 pub(super) struct Rounds {
-    /// How long nothing may move.
+    /// How long the run may make no progress.
     pub(super) patience: Patience,
     flushed: Instant,
     looked: Instant,
@@ -69,7 +70,7 @@ pub(super) struct Rounds {
 }
 
 impl Rounds {
-    /// Nothing may move for as long as `patience`.
+    /// The run may make no progress for as long as `patience`.
     pub(super) fn new(patience: Duration) -> Rounds {
         Rounds {
             patience: Patience::new(patience),
@@ -82,7 +83,7 @@ impl Rounds {
 }
 
 impl Processes {
-    /// Moves the horizon as far as it may be.
+    /// Extends the horizon as far as the guide grants.
     fn advance_clock(&mut self, course: &mut Course) {
         let newest = course.newest();
         let horizon = course.guide.horizon(newest);
@@ -93,11 +94,11 @@ impl Processes {
         }
     }
 
-    /// Takes what participants have recorded; whether anything moved.
+    /// Takes what participants have recorded; returns whether there was progress.
     fn drain(&mut self, course: &mut Course) -> Result<bool, Ending> {
         let mut moved = false;
         for number in 0..self.crew.len() {
-            // Bounded, so that one participant cannot keep the others from being heard.
+            // Bounded, so that one participant cannot delay the others.
             for _ in 0..BATCHES {
                 match self.take_from(course, number)? {
                     Taken::Nothing => break,
@@ -113,7 +114,7 @@ impl Processes {
         Ok(moved)
     }
 
-    /// The activation that participant number `number` has come to, as far as that is known from what it has recorded.
+    /// The activation that participant number `number` has reached, as far as its records show.
     pub(super) fn stands(&self, recorder: &Recorder, number: usize) -> u64 {
         let recorded = recorder.activations(number);
         recorded
@@ -175,7 +176,7 @@ impl Processes {
         Ok(())
     }
 
-    /// A guard did not let a sample pass. The sample is on the tape, so a restart would have to give it again.
+    /// Fails if a guard has rejected a sample. The sample is on the tape, so a restart would have to produce it again.
     fn look_for_lies(&mut self, course: &mut Course) -> Result<(), Ending> {
         let lie = course.recorder().take_lie();
         let Some((number, mut reason)) = lie else {
@@ -199,7 +200,7 @@ impl Processes {
         let _ = poll(&mut ends, Some(&NAP));
     }
 
-    /// Nothing has moved for a while: say why; after the time that a participant is given, end the run.
+    /// Handles a lack of progress: reports the reason once, and ends the run when the participant's time is used up.
     fn watch(&mut self, course: &mut Course) -> Result<(), Ending> {
         let resting = self
             .crew
@@ -233,7 +234,7 @@ impl Executor for Processes {
             self.rounds.patience.renew();
             self.rounds.warned = false;
             self.look_for_lies(course)?;
-            // However much the others have to say, a death is seen in time.
+            // However much the other participants record, a death is noticed in time.
             if self.rounds.looked.elapsed() > LOOK {
                 self.look_for_deaths(course)?;
             }
@@ -340,7 +341,7 @@ impl Executor for Processes {
         for member in &mut self.crew {
             member.process.end_within(&mut grace);
         }
-        // What the others had handed over counts, whoever failed.
+        // What the other participants had handed over counts, whichever participant failed.
         for number in 0..self.crew.len() {
             self.crew[number].failed = None;
             while let Ok(Taken::Old | Taken::News) = self.take_from(course, number) {}

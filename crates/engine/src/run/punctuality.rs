@@ -1,18 +1,19 @@
-//! How a run kept pace with the wall clock, for whoever is told afterwards.
+//! Figures of how a run kept pace with the wall clock.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-/// The pace is kept when this much of what was asked for was held.
+/// The pace counts as kept when at least this fraction of what was asked for was held.
 const KEPT: f64 = 0.99;
 
-/// How a run kept pace with the wall clock. These figures depend on the machine; nothing of them is on the tape.
+/// How a run kept pace with the wall clock. These figures depend on the machine; none of them is on the tape.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Punctuality {
     /// Simulated seconds per second of wall time, as asked for.
     pub asked: f64,
-    /// The same up to the end of the last step, without the time spent at rest; nothing where no step says when it was done.
+    /// The value that was held up to the end of the last step, without the time spent at rest; `None` where no step reports its
+    /// end.
     pub held: Option<f64>,
     /// Whether at least 99 % of what was asked for was held.
     pub kept: bool,
@@ -20,14 +21,14 @@ pub struct Punctuality {
     pub participants: BTreeMap<String, Lateness>,
 }
 
-/// How late the steps of a participant were complete: after the instant at which the wall clock came to their time.
+/// How late the steps of a participant were completed, measured from the instant at which the wall clock reached their time.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Lateness {
-    /// Steps that were looked at. None of a program that does not say when it is done.
+    /// The steps that were evaluated; none for a program that does not report when a step is done.
     pub steps: u64,
-    /// Steps that were complete only after the next one of the participant was due.
+    /// Steps that were completed only after the participant's next step was due.
     pub overruns: u64,
-    /// Steps whose own work, without waiting, took longer than the participant has from one to the next.
+    /// Steps whose own work, without waiting, took longer than one period of the participant.
     pub too_long: u64,
     /// Half of the steps were no later, s.
     pub lateness_p50_s: f64,
@@ -35,19 +36,19 @@ pub struct Lateness {
     pub lateness_p99_s: f64,
     /// 999 of 1000 steps were no later, s.
     pub lateness_p999_s: f64,
-    /// The latest step, s.
+    /// The lateness of the latest step, s.
     pub lateness_largest_s: f64,
-    /// Its time, s of the run.
+    /// The simulated time of that step, s.
     pub largest_at_s: f64,
 }
 
 impl Punctuality {
-    /// Whether a pace is kept that was `asked` for, when `held` was held. A run that ends with its first step has nothing to be behind with.
+    /// Whether a pace of `asked` is kept when `held` was held. A run that ends with its first step cannot be behind.
     pub(super) fn is_kept(asked: f64, held: Option<f64>) -> bool {
         held.is_none_or(|held| held >= KEPT * asked)
     }
 
-    /// That the pace was not kept, and who was late; nothing when it was.
+    /// The message that the pace was not kept, with the participants that were late; `None` if it was kept.
     pub fn complaint(&self) -> Option<String> {
         if self.kept {
             return None;
@@ -89,7 +90,7 @@ impl Punctuality {
     }
 }
 
-/// A real-time factor for people: three digits that mean something.
+/// A real-time factor for people, with three significant digits.
 pub fn factor(factor: f64) -> String {
     if factor >= 99.95 || factor == 0.0 {
         return format!("{factor:.0}");

@@ -1,7 +1,7 @@
-//! The way back: what was recorded is read again, for participants that go on from a cut.
+//! Checkpoint and restore of the recorder: reading recorded samples back for participants that continue from a cut.
 //!
-//! What the tape does not have is remembered, as far as it may still be needed, and a checkpoint takes it along. So a run that leaves
-//! samples out of its tape is taken up like any other.
+//! Samples that the tape does not have are buffered as long as they may be needed, and are saved in checkpoints. So a run that
+//! leaves samples out of its tape can be taken up like any other.
 
 use std::collections::BTreeMap;
 
@@ -24,14 +24,14 @@ use crate::assessment::Assessment;
 /// Reads a sample back, by the number of its stream and its index.
 type Read<'a> = dyn Fn(u32, u64) -> Result<Vec<u8>, RunFailure> + 'a;
 
-/// A run to go on from.
+/// A run to continue from.
 pub(super) struct Before<'a> {
     pub(super) played: &'a Played,
     pub(super) checkpoint: &'a Checkpoint,
 }
 
 impl Before<'_> {
-    /// Where all participants go on, each with the state that it has.
+    /// Where all participants continue, each with the state that it has.
     pub(super) fn positions(&self, plan: &Plan) -> Result<Vec<Position>, RunFailure> {
         positions(plan, &self.checkpoint.cut, &|stream, index| {
             self.read(plan, stream, index)
@@ -53,7 +53,7 @@ fn positions(plan: &Plan, cut: &Cut, read: &Read<'_>) -> Result<Vec<Position>, R
     numbers.map(|number| plan.position(cut, number, read)).collect()
 }
 
-/// A sample that is needed and is nowhere.
+/// The failure that a sample is needed and found nowhere.
 fn nowhere(plan: &Plan, stream: u32, index: u64) -> RunFailure {
     let name = streams(plan)[stream as usize].name();
     RunFailure::Other(format!(
@@ -63,7 +63,7 @@ fn nowhere(plan: &Plan, stream: u32, index: u64) -> RunFailure {
 }
 
 impl Recorder {
-    /// From now on what the tape does not have is remembered as long as it may be needed.
+    /// From now on, buffers the samples that the tape does not have, as long as they may be needed.
     pub(super) fn keep_recent(&mut self) {
         if !self.lanes.is_whole() && self.store.has_samples() {
             let all = streams(&self.plan).into_iter().enumerate();
@@ -74,7 +74,7 @@ impl Recorder {
         }
     }
 
-    /// The stream that an assessment without `save` reads and the tape does not have whole.
+    /// A stream that an assessment without `save` reads and of which the tape leaves samples out.
     pub(super) fn unsaved(&self) -> Option<String> {
         let assessment = self.assessment.as_ref()?;
         let mut all = 0..self.owners.len();
@@ -82,7 +82,7 @@ impl Recorder {
         assessment.save().is_none().then(|| self.name(stream))
     }
 
-    /// That the run can be saved and go back.
+    /// Checks that the run can be saved and can go back.
     pub(super) fn check_samples(&self) -> Result<(), RunFailure> {
         if !self.store.has_samples() {
             return Err(no_samples());
@@ -95,7 +95,7 @@ impl Recorder {
         }
     }
 
-    /// Does `work` with a way to read samples back: from the tape what it has, else what is remembered.
+    /// Calls `work` with a function that reads samples back: from the tape if it has them, else from the buffer.
     fn reading<R>(
         &mut self,
         work: impl FnOnce(&Recorder, &Read<'_>) -> Result<R, RunFailure>,
@@ -117,7 +117,7 @@ impl Recorder {
         done
     }
 
-    /// Where all participants go on at `cut`, each with the state that it has.
+    /// Where all participants continue at `cut`, each with the state that it has.
     pub fn positions(&mut self, cut: &Cut) -> Result<Vec<Position>, RunFailure> {
         self.reading(|this, read| positions(&this.plan, cut, read))
     }
@@ -146,7 +146,8 @@ impl Recorder {
         Ok(needed.into_inner().into_iter().map(one).collect())
     }
 
-    /// The same of this run, all of whose participants have come to `cut` at least; what nobody needs any more is forgotten.
+    /// The samples needed at `cut`, which all participants have reached or passed; drops all buffered samples that are no longer
+    /// needed.
     fn forget_before(&mut self, cut: &Cut) -> Result<Vec<Vec<Backlog>>, RunFailure> {
         let samples = self.reading(|this, read| this.needed(cut, read))?;
         let before = self.samples_before(cut);
@@ -156,8 +157,8 @@ impl Recorder {
         Ok(samples)
     }
 
-    /// Forgets what nobody needs any more, if so much is remembered that this is worth it; each participant has come to activation
-    /// `next` at least.
+    /// Drops the samples that are no longer needed, if enough are buffered to make this worthwhile. Each participant has reached
+    /// activation `next` or a later one.
     pub(super) fn forget(&mut self, next: impl Fn(&Recorder, usize) -> u64) -> Result<(), RunFailure> {
         if self.recent.as_ref().is_some_and(Recent::is_crowded) {
             let next = (0..self.plan.participants.len())
@@ -168,7 +169,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// What a checkpoint at `cut` needs besides the states; nothing where the tape has every sample.
+    /// What a checkpoint at `cut` needs besides the states; `None` where the tape has every sample.
     pub(super) fn rest(&mut self, cut: &Cut) -> Result<Option<Rest>, RunFailure> {
         if self.recent.is_none() {
             return Ok(None);
@@ -212,8 +213,8 @@ impl Recorder {
         }
         (self.came, self.reached) = (samples.clone(), samples);
         self.come_to(rest, &lacks)?;
-        // Faults are told again when the samples come that they are told with, and what takes place at the instant of the
-        // checkpoint takes place again.
+        // Faults are reported again with the samples that reach their times. What takes place at the instant of the checkpoint
+        // takes place again.
         let time = checkpoint.time;
         let told = |event: &&Event| match event.kind {
             EventKind::Fault => false,
@@ -226,7 +227,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// That `put` is everything which the tape gets of the first `index` samples of a stream.
+    /// Checks that `put` is the number of samples that the tape gets of the first `index` samples of a stream.
     fn check_next(&self, stream: usize, put: u64, index: u64) -> Result<(), RunFailure> {
         if put == self.lanes.kept(stream).of_first(index) {
             return Ok(());
@@ -238,21 +239,21 @@ impl Recorder {
         )))
     }
 
-    /// Everybody goes back: samples that are on the tape will come again, and must be what they were.
+    /// Prepares for going back: samples that are on the tape will come again, and must be the same.
     pub fn expect_again(&mut self) -> Result<(), RunFailure> {
         self.again = self.store.tape(&self.plan, !self.lanes.is_whole())?;
         Ok(())
     }
 
-    /// The samples behind those in `needed` come next.
+    /// Sets the buffer to `needed`: the samples after these come next.
     pub(super) fn remember(&mut self, needed: &[Vec<Backlog>]) {
         if let Some(recent) = &mut self.recent {
             recent.go_back(needed);
         }
     }
 
-    /// Everybody goes back to `checkpoint`, and goes another way from there: what was recorded behind it is forgotten, and so are all
-    /// events but the first `told` of those that do not follow from the samples. `assessment` and `watches` are new ones.
+    /// Goes back to `checkpoint` for a different continuation: all samples after it are discarded, and so are all events that do
+    /// not follow from the samples, except the first `told` of them. `assessment` and `watches` are new.
     pub(super) fn cut_back(
         &mut self,
         checkpoint: &Checkpoint,
@@ -273,7 +274,7 @@ impl Recorder {
         if let Some(rest) = &checkpoint.rest {
             self.remember(&rest.samples);
         }
-        // Figures, guards and faults come to where they were by the samples that were kept, and by what was saved of them.
+        // The figures, guards and faults are restored from the samples that were kept and from their saved state.
         let kept = self.store.take_kept(&plan, !self.lanes.is_whole())?;
         let regarded = kept.each_of(&plan, &counts, |participant, stream, header, payload| {
             self.regard_again(participant, stream as usize, header, payload, &lacks)
@@ -288,7 +289,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Looks at a sample of the tape as when it came, unless its stream `lacks` others.
+    /// Evaluates a sample of the tape as when it was recorded, unless its stream `lacks` other samples.
     fn regard_again(
         &mut self,
         participant: usize,
@@ -308,7 +309,7 @@ impl Recorder {
         })
     }
 
-    /// Everything that looks at streams which lack samples comes to where all of them have been looked at.
+    /// Restores what evaluates streams with missing samples to the state after all of their samples.
     fn come_to(&mut self, rest: Option<&Rest>, lacks: &[bool]) -> Result<(), RunFailure> {
         let Some(rest) = rest.filter(|_| lacks.contains(&true)) else {
             return Ok(());

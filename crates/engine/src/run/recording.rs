@@ -1,4 +1,4 @@
-//! From participants' samples to the tape and the figures of merit.
+//! The recorder: from participants' samples to the tape and the figures of merit.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -26,12 +26,12 @@ pub(super) fn samples(plan: &Plan, stream: usize, owner: usize, next: u64) -> u6
     if stream < outputs.sum() {
         plan.samples_before(owner, next)
     } else {
-        // One sample of a disturbed input per activation.
+        // A disturbed input gives one sample per activation.
         next
     }
 }
 
-/// Everything that is made of samples while they come.
+/// Everything that is derived from samples as they arrive.
 pub struct Recorder {
     pub(super) store: Store,
     /// Which samples are kept.
@@ -42,25 +42,26 @@ pub struct Recorder {
     pub(super) plan: Arc<Plan>,
     /// The participant that owns each stream.
     pub(super) owners: Vec<usize>,
-    /// What is still to be told of faults.
+    /// The events of faults that are still to be recorded.
     pub(super) faults: VecDeque<(Ticks, Event)>,
-    /// The newest stamp of anybody, ticks.
+    /// The newest stamp of any sample, ticks.
     pub newest: i64,
     pub(super) error: Option<AppendError>,
     pub(super) watches: Vec<Watch>,
-    /// The newest sample of each stream, where somebody may ask for it.
+    /// The newest sample of each stream, if a program may ask for it.
     pub(super) latest: Option<Newest>,
-    /// How many events that do not follow from the samples have been noted.
+    /// How many events that do not follow from the samples have been recorded.
     pub(super) told: usize,
-    /// The first sample that a guard did not let pass: whose, and what was wrong with it.
+    /// The first sample that a guard rejected: its participant, and the reason.
     pub(super) lie: Option<(usize, String)>,
-    /// Whose lie was told, until somebody else gives its outputs.
+    /// The participants whose guard violations were reported, until another program provides their outputs.
     liars: Vec<usize>,
-    /// What was recorded before everybody went back to a checkpoint, and is now recorded again.
+    /// The samples that were recorded before the run went back to a checkpoint, and are now recorded again.
     pub(super) again: Option<Played>,
-    /// What is remembered of streams that the tape does not have whole, where the run may be taken up.
+    /// The buffered samples of streams of which the tape leaves samples out, if the run may be taken up.
     pub(super) recent: Option<Recent>,
-    /// How many samples each stream has where its producer stands: those that have come, or fewer since the run went back.
+    /// How many samples of each stream its producer has published at its present position: those that have come, or fewer since the
+    /// run went back.
     pub(super) reached: Vec<u64>,
     /// How many samples of each stream have come.
     pub(super) came: Vec<u64>,
@@ -73,7 +74,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Records into `store` what `lanes` keep of the streams of `plan`, and looks at every sample with `watches`.
+    /// Records into `store` the samples that `lanes` keeps of the streams of `plan`, and checks every sample with `watches`.
     pub(super) fn new(
         plan: Arc<Plan>,
         store: Store,
@@ -118,7 +119,7 @@ impl Recorder {
         self.granted = horizon;
     }
 
-    /// All participants go on at `cut`: the samples behind it come next.
+    /// All participants continue at `cut`: the samples after it come next.
     pub fn stand_at(&mut self, cut: &Cut) {
         self.base.clone_from(&cut.next);
         self.reached = self.samples_before(cut);
@@ -131,7 +132,7 @@ impl Recorder {
         counts.collect()
     }
 
-    /// The next activation of each participant at rest at `now`. A substitute of a failed participant may be further on.
+    /// The next activation of each participant at rest at `now`. A substitute of a failed participant may be further ahead.
     pub fn cut_at(&self, now: Ticks) -> Cut {
         let mut cut = self.plan.cut_at(now);
         for (next, base) in cut.next.iter_mut().zip(&self.base) {
@@ -155,7 +156,7 @@ impl Recorder {
         self.latest.as_ref()?.get(stream)
     }
 
-    /// How many events that do not follow from the samples have been noted.
+    /// How many events that do not follow from the samples have been recorded.
     pub(super) fn told(&self) -> usize {
         self.told
     }
@@ -167,8 +168,8 @@ impl Recorder {
         first..first + own.interface.outputs.len()
     }
 
-    /// How many whole activations of participant number `participant` have been recorded where it stands; `None` when that cannot be
-    /// told from its samples, because it has no outputs.
+    /// How many whole activations of participant number `participant` have been recorded up to its present position; `None` if it
+    /// has no outputs, because its samples then do not show that.
     pub fn activations(&self, participant: usize) -> Option<u64> {
         let counts = self.reached[self.outputs(participant)].iter();
         counts
@@ -204,8 +205,8 @@ impl Recorder {
         )))
     }
 
-    /// Takes one sample that `participant` says it has published. The sample comes from another process: a wrong stream,
-    /// index, stamp or size is that participant's fault and comes back as words.
+    /// Records one sample that `participant` reports as published. The sample comes from another process: a wrong stream, index,
+    /// stamp or size is that participant's fault, and is returned as an error in words.
     pub fn sample(&mut self, participant: usize, stream: u32, header: Header, payload: &[u8]) -> Result<(), Broken> {
         let number = stream as usize;
         if self.owners.get(number) != Some(&participant) {
@@ -228,7 +229,7 @@ impl Recorder {
         self.take(participant, number, header, payload)
     }
 
-    /// Takes the next sample of a stream of `participant`, whose header is right.
+    /// Records the next sample of a stream of `participant`; its header is known to be right.
     pub fn take(&mut self, participant: usize, number: usize, header: Header, payload: &[u8]) -> Result<(), Broken> {
         if payload.is_empty() {
             return self.pass(number, header);
@@ -257,7 +258,7 @@ impl Recorder {
         self.regard(participant, number, header, stamp, payload)
     }
 
-    /// Counts a sample that is not observed, of which its participant has sent nothing else.
+    /// Counts a sample that is not observed; its participant has sent only the header.
     fn pass(&mut self, number: usize, header: Header) -> Result<(), Broken> {
         if self.plan.observed(number).contains(header.index) {
             return Err(Broken(format!(
@@ -275,7 +276,7 @@ impl Recorder {
         self.came[number] = self.came[number].max(self.reached[number]);
     }
 
-    /// Everything besides recording that a sample is looked at for.
+    /// Evaluates a sample for everything except the recording.
     pub(super) fn regard(
         &mut self,
         participant: usize,
@@ -302,7 +303,7 @@ impl Recorder {
         self.advance(header.stamp)
     }
 
-    /// Notes that samples have come that are stamped `stamp`.
+    /// Registers that samples with the stamp `stamp` have come.
     pub(super) fn advance(&mut self, stamp: Ticks) -> Result<(), Broken> {
         if stamp > self.newest {
             self.newest = stamp;
@@ -333,7 +334,7 @@ impl Recorder {
         }))
     }
 
-    /// Notes the faults that begin or end by now.
+    /// Records the faults that begin or end by now.
     fn tell_of_faults(&mut self) -> Result<(), Broken> {
         while self.faults.front().is_some_and(|(when, _)| *when <= self.newest) {
             let Some((_, event)) = self.faults.pop_front() else {
@@ -348,7 +349,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// The ending with the faults that were active when somebody failed: they may be the reason.
+    /// The ending, extended by the faults that were active when a participant failed: they may be the reason.
     pub fn with_active_faults(&self, ending: Ending) -> Ending {
         match ending {
             Ending::Failed { participant, reason } => Ending::Failed {
@@ -359,41 +360,42 @@ impl Recorder {
         }
     }
 
-    /// Notes an event.
+    /// Records an event.
     pub fn event(&mut self, event: &Event) -> Result<(), AppendError> {
         self.told += usize::from(event.kind != EventKind::Fault);
         self.store.event(event)
     }
 
-    /// Puts what is buffered onto the disk.
+    /// Flushes buffered data to the disk.
     pub fn flush(&mut self) -> Result<(), AppendError> {
         self.store.flush()
     }
 
-    /// Whose sample a guard did not let pass, and why; told once. The sample is on the tape, and others may have seen it.
+    /// The participant whose sample a guard rejected, and the reason; returned once. The sample is on the tape, and others may have
+    /// seen it.
     pub fn take_lie(&mut self) -> Option<(usize, String)> {
         let lie = self.lie.take();
         self.liars.extend(lie.iter().map(|(liar, _)| *liar));
         lie
     }
 
-    /// Whether a guard did not let a sample of participant number `participant` pass.
+    /// Whether a guard rejected a sample of participant number `participant`.
     pub fn is_liar(&self, participant: usize) -> bool {
         self.liars.contains(&participant)
     }
 
-    /// Another program gives the outputs of participant number `participant` from now on.
+    /// Another program provides the outputs of participant number `participant` from now on.
     pub fn renew(&mut self, participant: usize) {
         let own = self.owners.iter().map(|owner| *owner == participant);
         let own: Vec<bool> = own.collect();
         let watches = self.watches.iter_mut();
         watches.filter(|watch| own[watch.stream]).for_each(Watch::renew);
-        // What the one before it gave while it was brought to its end is known well enough.
+        // Violations by the predecessor while it was shut down need no further report.
         self.lie = self.lie.take().filter(|(liar, _)| *liar != participant);
         self.liars.retain(|liar| *liar != participant);
     }
 
-    /// The failure of the tape itself, if there was one: not the fault of any participant.
+    /// The failure of the tape itself, if there was one: no participant is at fault.
     pub fn take_error(&mut self) -> Option<AppendError> {
         self.error.take()
     }
@@ -403,12 +405,12 @@ impl Recorder {
         self.came[stream]
     }
 
-    /// The figures of what has come so far.
+    /// The figures of the samples so far.
     pub fn figures(&mut self) -> Option<Figures> {
         self.assessment.as_mut().map(|assessment| assessment.finish(Vec::new()))
     }
 
-    /// Closes the tape. What is on it can be read even if that fails.
+    /// Closes the tape. Even if that fails, the samples on it can be read.
     pub fn finish(self) -> (Result<Option<Digest>, AppendError>, Option<Figures>) {
         let digest = self.store.finish();
         (

@@ -1,47 +1,48 @@
-//! What the tape of a run does not have, and is needed to take up the run.
+//! The data that is needed to take up a run and is not on its tape.
 
 use lockstep::plan::Backlog;
 use serde::{Deserialize, Serialize};
 
 use super::guard;
 
-/// What a checkpoint has besides the states, where `[record]` leaves samples out of the tape.
+/// What a checkpoint holds besides the states when `[record]` leaves samples out of the tape.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rest {
     /// How many samples of each stream the tape has.
     pub counts: Vec<u64>,
-    /// For each stream the samples that are still needed and are not on the tape, oldest first. Their stamps follow from their indices.
+    /// For each stream, the samples that are still needed and are not on the tape, oldest first. Their stamps follow from their
+    /// indices.
     pub samples: Vec<Vec<Backlog>>,
-    /// What the assessment and the measures have taken in.
+    /// The state of the assessment and the measures.
     pub assessment: Option<Vec<u8>>,
-    /// What each guard remembers.
+    /// The state of each guard.
     pub guards: Vec<guard::Saved>,
 }
 
 impl Rest {
-    /// The payload of a sample that it has.
+    /// The payload of a sample, if this holds it.
     pub(super) fn payload(&self, stream: usize, index: u64) -> Option<&[u8]> {
         find(self.samples.get(stream)?, index)
     }
 }
 
-/// With fewer bytes of samples nobody looks at what is still needed.
+/// Below this many bytes of samples, the samples that are no longer needed are not looked for.
 const CROWDED_BYTES: usize = 1 << 20;
 
-/// The newest samples of the streams that the tape does not have whole, and the older ones that are still needed.
+/// The newest samples of the streams of which the tape leaves samples out, and the older ones that are still needed.
 pub(super) struct Recent {
     /// For each stream; `None` where the tape has every sample.
     tracks: Vec<Option<Track>>,
     /// How many bytes of newest samples there are.
     bytes: usize,
-    /// Above this many it is worth finding out which of them are still needed.
+    /// Above this many bytes the samples that are no longer needed are dropped.
     limit: usize,
 }
 
 /// Samples of one stream.
 struct Track {
     size: usize,
-    /// Those that are still needed, of those before `first`.
+    /// The samples before `first` that are still needed.
     old: Vec<Backlog>,
     /// The index of the first of `count` samples in a row.
     first: u64,
@@ -50,7 +51,7 @@ struct Track {
 }
 
 impl Recent {
-    /// For streams with payloads of these sizes; `None` for one of which nothing is remembered.
+    /// For streams with payloads of these sizes; `None` for a stream that is not buffered.
     pub(super) fn new(sizes: impl Iterator<Item = Option<usize>>) -> Recent {
         let track = |size| Track {
             size,
@@ -66,7 +67,7 @@ impl Recent {
         }
     }
 
-    /// Remembers the next sample of a stream.
+    /// Buffers the next sample of a stream.
     #[inline]
     pub(super) fn put(&mut self, stream: usize, index: u64, payload: &[u8]) {
         let Some(track) = &mut self.tracks[stream] else {
@@ -80,7 +81,7 @@ impl Recent {
         self.bytes += payload.len();
     }
 
-    /// A sample, if it is remembered.
+    /// A sample, if it is buffered.
     pub(super) fn get(&self, stream: usize, index: u64) -> Option<&[u8]> {
         let track = self.tracks.get(stream)?.as_ref()?;
         match index.checked_sub(track.first).filter(|at| *at < track.count) {
@@ -89,12 +90,12 @@ impl Recent {
         }
     }
 
-    /// Whether it is time to forget what nobody needs.
+    /// Whether it is time to drop the samples that are no longer needed.
     pub(super) fn is_crowded(&self) -> bool {
         self.bytes > self.limit
     }
 
-    /// Of the first `before` samples of each stream those in `needed` are remembered, and no others.
+    /// Keeps, of the first `before` samples of each stream, those in `needed` and no others.
     pub(super) fn keep(&mut self, before: &[u64], needed: &[Vec<Backlog>]) {
         self.bytes = 0;
         for (stream, track) in self.tracks.iter_mut().enumerate() {
@@ -105,11 +106,11 @@ impl Recent {
             track.old.clone_from(&needed[stream]);
             self.bytes += track.newest.len();
         }
-        // Those who are far behind others keep much of it for a while.
+        // While participants are far behind others, most of the samples stay needed for a while.
         self.limit = CROWDED_BYTES.max(2 * self.bytes);
     }
 
-    /// The samples behind those in `needed` come next.
+    /// Goes back: the next samples are those after `needed`.
     pub(super) fn go_back(&mut self, needed: &[Vec<Backlog>]) {
         self.bytes = 0;
         for (track, needed) in self.tracks.iter_mut().zip(needed) {

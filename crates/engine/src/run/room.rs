@@ -1,7 +1,9 @@
-//! What a run takes of shared memory and open files: compared with what there is before anything starts, and reserved.
+//! The resources of a run in shared memory and open files: compared with what is available before anything is started, and
+//! reserved.
 //!
-//! What a participant records goes through a ring in shared memory. Its size changes no result: a larger one lets the participant
-//! work on while the recorder is away. Where shared memory is small, as in a container, all rings get as much less as it takes.
+//! What a participant records goes through a ring buffer in shared memory. Its size affects no result: a larger one lets the
+//! participant continue while the recorder is not scheduled. Where shared memory is small, as in a container, all rings are reduced
+//! as far as necessary.
 
 use std::fs::File;
 use std::os::unix::process::ExitStatusExt;
@@ -17,28 +19,28 @@ use rustix::process::{Resource, getrlimit};
 use super::outcome::RunFailure;
 
 const SHARED_MEMORY: &str = "/dev/shm";
-/// What is left to others, bytes.
+/// Bytes that are left for other programs.
 const SPARE: u64 = 256 << 10;
 
-/// A size for people.
+/// A size in words.
 fn mib(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
-/// How full shared memory is.
+/// The capacity of shared memory and the free part of it.
 #[derive(Debug, Clone, Copy)]
 struct Room {
-    /// Bytes in all.
+    /// Total bytes.
     size: u64,
-    /// Bytes that are free.
+    /// Free bytes.
     free: u64,
 }
 
 impl Room {
-    /// What there is now.
+    /// The present state.
     fn now() -> Room {
         let about = statvfs(SHARED_MEMORY);
-        // What cannot be asked for is found out when it is used.
+        // If the system cannot be asked, a shortage shows when the memory is used.
         about.map_or(
             Room {
                 size: u64::MAX,
@@ -52,7 +54,7 @@ impl Room {
     }
 }
 
-/// What a plan takes of shared memory, in one line.
+/// The shared memory that a plan needs, in one line.
 pub fn describe(plan: &Plan) -> String {
     let (needs, room) = (footprint(plan), Room::now());
     format!(
@@ -64,7 +66,7 @@ pub fn describe(plan: &Plan) -> String {
     )
 }
 
-/// The same for programs.
+/// The same as figures for programs.
 pub fn figures(plan: &Plan) -> serde_json::Value {
     let (needs, room) = (footprint(plan), Room::now());
     serde_json::json!({
@@ -75,7 +77,7 @@ pub fn figures(plan: &Plan) -> serde_json::Value {
     })
 }
 
-/// What shared memory is like when a page of it could not be had, in words that follow what happened.
+/// The state of shared memory when a page of it was missing, in words that follow what happened.
 pub(super) fn words() -> String {
     let room = Room::now();
     format!(
@@ -85,7 +87,7 @@ pub(super) fn words() -> String {
     )
 }
 
-/// What a process that was ended by SIGBUS most likely met; nothing for other ends.
+/// The most likely cause when a process was ended by SIGBUS; empty for other ends.
 pub(super) fn of_bus_error(status: ExitStatus) -> String {
     match status.signal() {
         Some(libc::SIGBUS) => format!(" (shared memory may have been full; {})", words()),
@@ -93,13 +95,13 @@ pub(super) fn of_bus_error(status: ExitStatus) -> String {
     }
 }
 
-/// The run ended because shared memory was full.
+/// The failure that shared memory was full.
 pub(super) fn full() -> RunFailure {
     RunFailure::Room(format!("shared memory is full: {}", words()))
 }
 
-/// Refuses what the limits of this process do not allow. `places` is how many places in shared memory the orchestrator holds at a time: two
-/// where the run may move.
+/// Refuses a run that exceeds the limits of this process. `places` is how many places in shared memory the orchestrator holds at a
+/// time: two if the run may move.
 fn within_limits(needs: &Footprint, places: u64) -> Result<(), RunFailure> {
     let refuse = |reason: String| Err(RunFailure::Room(reason));
     if let Some(most) = getrlimit(Resource::Nofile).current {
@@ -126,31 +128,32 @@ fn within_limits(needs: &Footprint, places: u64) -> Result<(), RunFailure> {
     Ok(())
 }
 
-/// Shared memory that is held for a run until the run itself takes it. It goes with the run's folder.
+/// Shared memory that is reserved for a run until the run itself allocates it. It is removed with the run's folder.
 pub(super) struct Reserved {
     file: File,
     path: PathBuf,
     /// The size of each participant's ring, bytes.
     rings: Vec<u32>,
-    /// What rings take.
+    /// The size of all rings.
     records: u64,
 }
 
-/// The sizes of rings where `free` bytes are free: each as much less than the best as all others, and at most half of what the least
-/// leaves, because other runs may start.
+/// The sizes of rings when `free` bytes are free: all rings are reduced from the best size by the same fraction, and they use at
+/// most half of what the least sizes leave, because other runs may start.
 fn rings(needs: &Footprint, free: u64) -> Vec<u32> {
     let spare = free.saturating_sub(needs.least()) / 2;
     let wish = (needs.best() - needs.least()).max(1);
     let share = |room: &std::ops::RangeInclusive<u64>| {
         let more = (room.end() - room.start()) as u128 * u128::from(spare.min(wish)) / u128::from(wish);
-        // A multiple of a page keeps the sum below what was looked at.
+        // Rounding down to whole pages keeps the sum within `spare`.
         let ring = room.start() + more as u64 / 4096 * 4096;
         ring.min(u64::from(u32::MAX / 64 * 64)) as u32
     };
     needs.records.iter().map(share).collect()
 }
 
-/// Refuses to move a run of `plan` to another place in shared memory when there is no room for its services beside those of the old one.
+/// Refuses to move a run of `plan` to another place in shared memory if there is no room for its services in addition to the old
+/// ones.
 pub(super) fn enough_to_move(plan: &Plan) -> Result<(), RunFailure> {
     let (needs, room) = (footprint(plan), Room::now());
     if needs.services > room.free {
@@ -177,7 +180,7 @@ pub(super) fn rings_now(plan: &Plan) -> Result<Vec<u32>, RunFailure> {
     Ok(rings(&needs, room.free.saturating_sub(SPARE)))
 }
 
-/// Refuses a run of `plan` for which the machine has too little, before anything is made.
+/// Refuses a run of `plan` if the machine does not have enough resources, before anything is created.
 pub(super) fn check(plan: &Plan, moves: bool) -> Result<(), RunFailure> {
     let (needs, room) = (footprint(plan), Room::now());
     within_limits(&needs, 1 + u64::from(moves))?;
@@ -188,13 +191,13 @@ pub(super) fn check(plan: &Plan, moves: bool) -> Result<(), RunFailure> {
     Ok(())
 }
 
-/// The least shared memory with which a run begins.
+/// The least free shared memory with which a run starts.
 fn least(needs: &Footprint, moves: bool) -> u64 {
     needs.least() + SPARE + if moves { needs.services } else { 0 }
 }
 
-/// Looks whether there is room for a run of `plan`, and holds it in a file in `folder`. `moves` says that the run may be taken up, for
-/// which it holds two places at once for a moment.
+/// Checks that there is room for a run of `plan`, and reserves it in a file in `folder`. `moves` says that the run may be taken up,
+/// for which it briefly holds two places at once.
 pub(super) fn reserve(plan: &Plan, folder: &Path, moves: bool) -> Result<Reserved, RunFailure> {
     let needs = footprint(plan);
     let (room, least) = (Room::now(), least(&needs, moves));
@@ -224,16 +227,16 @@ pub(super) fn reserve(plan: &Plan, folder: &Path, moves: bool) -> Result<Reserve
 }
 
 impl Reserved {
-    /// Gives up what services take, which are about to be made.
+    /// Releases the memory of the services, which are about to be created.
     pub(super) fn give_services(&self) {
-        // Where less was held than the rings take, this does not make it more.
+        // If less was reserved than the rings need, this does not increase it.
         if let Ok(about) = self.file.metadata() {
             let _ = self.file.set_len(about.len().min(self.records));
         }
     }
 
-    /// Gives up the rest: participants are about to make their rings, of these sizes. `plan` is the one that runs, with the ports that
-    /// programs described.
+    /// Releases the rest: participants are about to create their rings, of these sizes. `plan` is the one that runs, with the ports
+    /// that programs described.
     pub(super) fn give_rings(self, plan: &Plan) -> Vec<u32> {
         let _ = std::fs::remove_file(&self.path);
         let least = footprint(plan).records.into_iter().map(|room| *room.start());

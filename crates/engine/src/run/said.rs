@@ -1,4 +1,4 @@
-//! What participants of one process say: a log for each, as a process of its own has, bounded as that is.
+//! Logs of the participants in one process: one for each, as a separate process has, and bounded in the same way.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,7 +11,7 @@ use tape::folder::RunFolder;
 use super::log::LOG_MAX;
 use crate::observer::{Event, Progress};
 
-/// Bytes that are kept of each log in memory: the newest.
+/// Bytes that are kept of each log in memory: the newest ones.
 const KEPT: usize = 64 << 10;
 
 /// The logs of a run in one process.
@@ -22,7 +22,7 @@ struct Logs {
     folder: Option<RunFolder>,
     most: u64,
     of: BTreeMap<String, One>,
-    /// Participant and line, until the run's thread hands them on: an observer is called by nobody else.
+    /// Participant and line, until the run's thread reports them: only that thread calls the observer.
     untold: Vec<(String, String)>,
     /// The first participant whose log is full.
     full: Option<String>,
@@ -51,7 +51,7 @@ impl Said {
         })))
     }
 
-    /// The way to them.
+    /// The sink into which participants log.
     pub(super) fn sink(&self) -> Arc<dyn Sink> {
         Arc::new(self.clone())
     }
@@ -60,7 +60,7 @@ impl Said {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Hands on to `progress` what was said since the last time.
+    /// Reports to `progress` the lines that were logged since the last call.
     pub(super) fn tell(&self, progress: &Progress) {
         let untold = std::mem::take(&mut self.logs().untold);
         for (participant, line) in &untold {
@@ -73,14 +73,14 @@ impl Said {
         self.logs().full.clone()
     }
 
-    /// What is kept in memory, by participant: nothing of those that have a file.
+    /// The logs that are kept in memory, by participant; none of participants whose log is a file.
     pub(super) fn kept(&self) -> BTreeMap<String, String> {
         let logs = self.logs();
         let some = logs.of.iter().filter(|(_, one)| one.file.is_none());
         some.map(|(name, one)| (name.clone(), one.newest.clone())).collect()
     }
 
-    /// The newest that a participant has said.
+    /// The newest lines that a participant has logged.
     pub(super) fn newest(&self, participant: &str) -> String {
         self.logs()
             .of
@@ -102,7 +102,7 @@ impl Sink for Said {
         } = &mut *logs;
         if !of.contains_key(line.participant) {
             let path = folder.as_ref().map(|folder| folder.stderr(line.participant));
-            // Where it cannot be made the newest lines are kept: the tape in the same folder tells of a full disk.
+            // If the file cannot be made, the newest lines are kept in memory: the tape in the same folder reports a full disk.
             let file = path.and_then(|path| {
                 std::fs::create_dir_all(path.parent()?).ok()?;
                 File::options().create(true).append(true).open(path).ok()

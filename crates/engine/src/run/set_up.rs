@@ -1,6 +1,6 @@
 //! Start-up of a run: processes, handshake, plan, tape, services and positions, up to the first step.
 //!
-//! Before the first step no state can be lost. So where the failed participant's `on-failure` is a restart or a substitute, all
+//! Before the first step no state can be lost. So if the `on-failure` of a participant that fails is a restart or a substitute, all
 //! participants are started again in a fresh place, the failed one with the program that its policy names.
 
 use std::sync::Arc;
@@ -29,7 +29,7 @@ use super::room;
 use crate::scenario::{Entry, OnFailure, Scenario};
 use crate::scope::Scope;
 
-/// What follows from the ports, and stays the same in every attempt.
+/// What follows from the ports, and is the same in every attempt.
 struct Basis {
     interfaces: Vec<Interface>,
     plan: Arc<Plan>,
@@ -37,7 +37,7 @@ struct Basis {
     start: Start,
 }
 
-/// What an attempt has begun.
+/// What an attempt has created.
 type Begun = (Scope, Place, Placement, Vec<Member>);
 
 /// The arguments of every attempt.
@@ -110,7 +110,7 @@ pub(super) fn set_up(
     }
 }
 
-/// What an attempt that succeeded has begun, as the run goes on with it.
+/// Combines the results of a successful attempt into what the run needs.
 fn together(
     options: &Options,
     entries: Vec<Entry>,
@@ -163,7 +163,7 @@ fn together(
     Ok((ready, processes))
 }
 
-/// Applies the policy of a participant that has failed `count` times to its entry; returns the event, or nothing when the run ends.
+/// Applies the policy of a participant that has failed `count` times to its entry. Returns the event, or `None` when the run ends.
 fn apply_policy(entry: &mut Entry, count: u32, reason: &str) -> Option<Event> {
     let first_line = reason.lines().next().unwrap_or_default();
     let (kind, text) = match entry.on_failure.clone() {
@@ -191,7 +191,7 @@ fn apply_policy(entry: &mut Entry, count: u32, reason: &str) -> Option<Event> {
 }
 
 impl SetUp<'_> {
-    /// One attempt in a place of its own. After an error all processes of the attempt have ended.
+    /// One attempt in its own place. After an error all processes of the attempt have ended.
     fn attempt(&self, entries: &[Entry], basis: &mut Option<Basis>, programs: &mut usize) -> Result<Begun, RunFailure> {
         let (scenario, options) = (self.scenario, self.options);
         let scope = Scope::create()?;

@@ -1,20 +1,21 @@
-//! How soon the kernel gives a run's processes a core when the machine is busy with something else.
+//! Scheduler time slices: how soon the kernel gives a run's processes a core when the machine is busy with other work.
 //!
-//! A run's processes hand work to each other every few microseconds. With the kernel's slices of 3 ms each hand-over on a busy
-//! machine may wait until somebody else's slice is over. Who asks for shorter slices gets the core sooner and no more of it: the share
-//! is that of any other process, so no privilege is needed. On a machine with nothing else to do long slices are better: with short
-//! ones whoever computes most must let the others look in vain in between, for fairness.
+//! A run's processes hand work to each other every few microseconds. With the kernel's slices of 3 ms, each hand-over on a busy
+//! machine may wait until another process's slice is over. A process that asks for shorter slices gets the core sooner, but no
+//! larger share of it: the share is that of any other process, so no privilege is needed. On an otherwise idle machine long slices
+//! are better: with short ones the process that computes most must yield to the others in between, for fairness, although they find
+//! no work.
 
 use libc::{SCHED_BATCH, SCHED_OTHER, SYS_sched_getattr, SYS_sched_setattr, c_long, sched_attr};
 
-/// A short slice, ns: the shortest that the kernel grants.
+/// The short slice, ns: the shortest that the kernel grants.
 const SHORT_NS: u64 = 100_000;
-/// The kernel's own choice.
+/// The kernel's default.
 const USUAL: u64 = 0;
-/// How many looks in a row must find the same before anything changes.
+/// How many checks in a row must agree before the slices change.
 const LOOKS: u32 = 2;
 
-/// The slices of this thread, and of the processes that it has started or is going to start.
+/// The slices of this thread, and of the processes that it has started or will start.
 #[derive(Debug, Default)]
 pub(super) struct Slices {
     short: bool,
@@ -22,7 +23,7 @@ pub(super) struct Slices {
 }
 
 impl Slices {
-    /// Looks who wants the cores, and changes the slices of this thread and of `processes` where that has changed.
+    /// Checks the load of the cores, and changes the slices of this thread and of `processes` if it has changed.
     pub(super) fn look(&mut self, processes: impl ExactSizeIterator<Item = u32>) {
         let crowded = crowded(processes.len() + 1);
         self.otherwise = if crowded == self.short { 0 } else { self.otherwise + 1 };
@@ -35,10 +36,11 @@ impl Slices {
     }
 }
 
-/// Whether more than the cores can run at once wants to run, and somebody else's work is among it. `own` is what a run has itself.
+/// Whether more threads want to run than there are cores, and some of them belong to other work. `own` is the number of the run's
+/// own threads.
 fn crowded(own: usize) -> bool {
     let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    // SAFETY: it takes and gives a number.
+    // SAFETY: the call takes and returns a number.
     let cores = unsafe { libc::sysconf(libc::_SC_NPROCESSORS_ONLN) };
     running(&text).is_some_and(|running| running > own && i64::try_from(running).is_ok_and(|running| running > cores))
 }
@@ -48,8 +50,8 @@ fn running(loadavg: &str) -> Option<usize> {
     loadavg.split_whitespace().nth(3)?.split_once('/')?.0.parse().ok()
 }
 
-/// Asks for slices of `slice` ns for a process's main thread; 0 is this thread. A hint: kernels before 6.12 take no notice, and
-/// without it a run is slower, not different.
+/// Requests slices of `slice` ns for a process's main thread; process 0 is this thread. Only a hint: kernels before 6.12 ignore it,
+/// and a run without it is slower, not different.
 fn ask(process: u32, slice: u64) {
     let process = process as c_long;
     // SAFETY: all zeros is a value of this plain structure of integers.
@@ -61,7 +63,8 @@ fn ask(process: u32, slice: u64) {
     if known && ordinary {
         attributes.size = size;
         attributes.sched_runtime = slice;
-        // SAFETY: the kernel reads a structure whose `size` says how long it is. Policy and niceness are those it just gave.
+        // SAFETY: the kernel reads a structure whose `size` says how long it is. Policy and niceness are those that it has just
+        // returned.
         unsafe { libc::syscall(SYS_sched_setattr, process, &raw const attributes, 0 as c_long) };
     }
 }
@@ -74,7 +77,7 @@ mod tests {
         // SAFETY: all zeros is a value of this plain structure of integers.
         let mut attributes: sched_attr = unsafe { std::mem::zeroed() };
         let size = size_of::<sched_attr>() as u32;
-        // SAFETY: the kernel writes at most `size` bytes to a structure that has them; 0 is this thread.
+        // SAFETY: the kernel writes at most `size` bytes to a structure that has them; process 0 is this thread.
         unsafe { libc::syscall(SYS_sched_getattr, 0 as c_long, &raw mut attributes, size, 0 as c_long) };
         attributes.sched_runtime
     }
@@ -86,7 +89,7 @@ mod tests {
         let short = slice();
         ask(0, USUAL);
         assert_eq!(slice(), usual);
-        // An older kernel takes no notice.
+        // Older kernels ignore the request.
         assert!(short == SHORT_NS || short == usual, "{short} ns, usually {usual} ns");
     }
 

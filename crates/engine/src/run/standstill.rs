@@ -1,4 +1,4 @@
-//! Who owes what to whom when nothing moves, in words.
+//! Stall diagnosis: which participant fails to provide what when nothing moves, in words.
 
 use lockstep::plan::Plan;
 use lockstep::time::Ticks;
@@ -9,20 +9,21 @@ use super::explain::{doing, instant};
 use super::life::{Life, life};
 use crate::scenario::ORCHESTRATOR;
 
-/// Why the run stands still because of a participant: the lower, the more certain.
+/// Why a participant is the cause of a stall: the lower the variant, the more certain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Blame {
-    /// The kernel says that it is stopped, and there is something for it to do.
+    /// The kernel reports that it is stopped, and it has work to do.
     StoppedWithWork,
-    /// It computes, has not started, or rests though it may go on.
+    /// It computes, has not started, or rests though it may proceed.
     Working,
-    /// The kernel says that it is stopped; what it was about to do does not show.
+    /// The kernel reports that it is stopped; what it was about to do is unknown.
     Stopped,
-    /// It waits for something that has come.
+    /// It waits for something that has arrived already.
     Blind,
 }
 
-/// Nothing moves: the participant to blame, and what each participant does. `recorded` is how many samples of a stream are on the tape.
+/// Diagnoses a stall: the participant to blame, and what each participant does. `recorded` returns how many samples of a stream are
+/// on the tape.
 pub(super) fn standstill(
     plan: &Plan,
     crew: &[Member],
@@ -54,7 +55,7 @@ pub(super) fn standstill(
         let blind = match status.activity {
             Activity::Input { .. } => awaited(plan, number, status).is_some_and(|(from, output, index)| {
                 let stream = plan.participants[from].first_stream as usize + output;
-                // A producer that waits for room elsewhere has recorded more than it has sent.
+                // A producer that waits for room in another link has recorded more than it has sent.
                 let sent = !matches!(statuses[from].activity, Activity::Room { .. });
                 sent && recorded(stream) > index
             }),
@@ -103,7 +104,7 @@ fn awaited(plan: &Plan, number: usize, status: Status) -> Option<(usize, usize, 
     Some((from, output, index))
 }
 
-/// `alive, computing for 4.1 s`: what the kernel and the participant itself say.
+/// `alive, computing for 4.1 s`: what the kernel and the participant itself report.
 fn state(pid: u32, status: &Status, seconds: f64) -> String {
     let work = match status.activity {
         Activity::Starting => "getting ready",

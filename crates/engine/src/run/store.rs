@@ -22,13 +22,13 @@ pub enum Record {
 }
 
 impl Record {
-    /// Whether samples are looked at for what is kept.
+    /// Whether samples are needed for what is kept.
     pub(super) fn looks(self) -> bool {
         self != Record::Nothing
     }
 }
 
-/// The samples that were kept.
+/// The store of the samples.
 pub(super) enum Store {
     Disk(Writer),
     Memory { tape: MemoryTape, events: Vec<Event> },
@@ -37,7 +37,7 @@ pub(super) enum Store {
 }
 
 impl Store {
-    /// What `record` asks for without a folder.
+    /// The store that `record` asks for without a folder.
     pub(super) fn without_folder(record: Record, streams: Vec<StreamSpec>) -> Result<Store, RunFailure> {
         let refused = |error: tape::SpecError| RunFailure::Other(error.to_string());
         Ok(match record {
@@ -50,7 +50,7 @@ impl Store {
         })
     }
 
-    /// Takes a sample: the next one of its stream.
+    /// Stores the next sample of a stream.
     #[inline]
     pub(super) fn append(
         &mut self,
@@ -89,7 +89,7 @@ impl Store {
         Ok(events)
     }
 
-    /// The tape on disk, where there is one; a `partial` one does not have all samples.
+    /// The tape on disk, if there is one; a `partial` one does not have all samples.
     pub(super) fn tape(&mut self, plan: &Plan, partial: bool) -> Result<Option<Played>, RunFailure> {
         self.flush()?;
         match self {
@@ -98,7 +98,7 @@ impl Store {
         }
     }
 
-    /// Puts what is buffered onto the disk.
+    /// Flushes buffered data to the disk.
     pub(super) fn flush(&mut self) -> Result<(), AppendError> {
         match self {
             Store::Disk(writer) => writer.flush(),
@@ -124,7 +124,7 @@ impl Store {
         }
     }
 
-    /// Takes out the samples that are kept, to be given back.
+    /// Takes out the stored samples, which [`Store::give_back`] returns.
     pub(super) fn take_kept(&mut self, plan: &Plan, partial: bool) -> Result<Kept, RunFailure> {
         match self {
             Store::Disk(_) => Ok(self.tape(plan, partial)?.map_or(Kept::Nothing, Kept::Disk)),
@@ -136,14 +136,14 @@ impl Store {
         }
     }
 
-    /// The samples that were taken out.
+    /// Returns the samples that were taken out.
     pub(super) fn give_back(&mut self, kept: Kept) {
         if let (Store::Memory { tape, .. }, Kept::Memory(played)) = (self, kept) {
             *tape = played.into_source();
         }
     }
 
-    /// Closes what was kept; the digest of the tape.
+    /// Closes the store; returns the digest of the tape.
     pub(super) fn finish(self) -> Result<Option<Digest>, AppendError> {
         match self {
             Store::Disk(writer) => writer.finish().map(Some),
@@ -162,7 +162,7 @@ pub(super) enum Kept {
 }
 
 impl Kept {
-    /// Hands the first `counts` samples of each stream to `take`, in the order of simulated time.
+    /// Passes the first `counts` samples of each stream to `take`, in the order of simulated time.
     pub(super) fn each_of(
         &self,
         plan: &Plan,
@@ -176,7 +176,7 @@ impl Kept {
         }
     }
 
-    /// The payload of one sample, if it was kept.
+    /// The payload of one sample, if it was stored.
     pub(super) fn payload(&self, stream: u32, index: u64) -> Result<Option<Vec<u8>>, RunFailure> {
         match self {
             Kept::Disk(played) => Ok(played.payload(stream, index)?),
@@ -186,7 +186,7 @@ impl Kept {
     }
 }
 
-/// The run keeps no samples that could be read back.
+/// The failure that the run keeps no samples that could be read back.
 pub(super) fn no_samples() -> RunFailure {
     RunFailure::Other(
         "the run cannot go back: it keeps no samples; start it with a folder or with the tape in memory (`Record::Memory`)".into(),

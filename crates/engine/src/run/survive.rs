@@ -1,4 +1,4 @@
-//! What becomes of a run when participants fail: who is restarted, who is replaced, and when it is enough.
+//! Failure recovery: which participants are restarted or replaced, and when the run ends instead.
 
 use std::time::Duration;
 
@@ -18,13 +18,13 @@ use super::prepare;
 use super::processes::{BATCHES, Processes};
 use crate::scenario::OnFailure;
 
-/// Why a run does not go on whose liar is found at its end: a substitute that does nothing would only hide the lie.
+/// Why a run ends when a guard violation is found only at its end: a substitute that does nothing would only hide the violation.
 const NOTHING_LEFT: &str = "it had taken its last step when its outputs were looked at, so a substitute has nothing to do; where the run \
                             rests (`--checkpoint-every`) everything before is looked at first";
 
 impl Processes {
-    /// What the scenario says about the failure in `ending`: goes on, or gives the ending back. Who fails while the run is
-    /// taken up is one more failure.
+    /// Handles the failure in `ending` as the scenario says: returns when the run can continue, or returns the ending as an error.
+    /// A participant that fails while the run is taken up counts as one more failure.
     pub(super) fn survive_failure(&mut self, course: &mut Course, ending: Ending) -> Result<(), Ending> {
         let Ending::Failed { participant, reason } = &ending else {
             return Err(ending);
@@ -45,7 +45,7 @@ impl Processes {
             judged = fallen.len();
             let done = self.recall(course, &mut fallen).and_then(|()| {
                 if fallen.len() > judged {
-                    // Somebody else failed meanwhile, and is to be judged before anything is done.
+                    // Another participant failed meanwhile, and must be judged before anything is done.
                     return Ok(None);
                 }
                 self.recover(course, &fallen).map(Some)
@@ -55,7 +55,7 @@ impl Processes {
                 Ok(Some(missing)) => (fallen, judged) = (missing, 0),
                 Ok(None) => {}
                 Err(RunFailure::Interrupted) => return Err(course.over(RunFailure::Interrupted)),
-                // What went wrong first is what matters most.
+                // The first failure matters most.
                 Err(second) => {
                     return Err(Ending::Failed {
                         participant: course.plan.participants[first.number].name.clone(),
@@ -66,7 +66,7 @@ impl Processes {
         }
     }
 
-    /// Whether the run may go on after `one` failed, which was not the first to fail unless it is `first`.
+    /// Fails if the run must end because of `one`. If it is not `first`, it failed after that.
     fn judge(&mut self, course: &mut Course, one: &Fallen, first: &Fallen) -> Result<(), Ending> {
         let participant = course.plan.participants[one.number].name.clone();
         let mut over = None;
@@ -103,13 +103,14 @@ impl Processes {
         Err(Ending::Failed { participant, reason })
     }
 
-    /// Ends what is left of `fallen`, and brings everybody else to rest. Who fails before it rests joins them.
+    /// Ends the processes of `fallen`, and brings all other participants to rest. A participant that fails before it rests is added
+    /// to `fallen`.
     fn recall(&mut self, course: &mut Course, fallen: &mut Vec<Fallen>) -> Result<(), RunFailure> {
         for one in fallen.iter() {
             let member = &mut self.crew[one.number];
             member.process.bring_down(Duration::ZERO);
             member.failed = None;
-            // What it had handed over counts, up to what was wrong with it.
+            // The samples that it had handed over count, up to the first faulty one.
             while let Ok(Taken::Old | Taken::News) = member.take(one.number, &mut course.recorder()) {}
         }
         self.place.clock.recall();
@@ -144,12 +145,12 @@ impl Processes {
         }
     }
 
-    /// Whether participant number `number` has come to rest; why it will not, if it failed too.
+    /// Whether participant number `number` has come to rest; if it failed too, the reason.
     fn comes_to_rest(&mut self, course: &mut Course, number: usize) -> Result<Result<bool, String>, RunFailure> {
         let member = &mut self.crew[number];
         member.ring();
         let ended = member.process.ended();
-        // Bounded, because a participant may send notes for ever.
+        // Bounded, because a participant may send notes without end.
         for _ in 0..BATCHES {
             let taken = member.take(number, &mut course.recorder());
             match taken {
@@ -168,7 +169,7 @@ impl Processes {
             return Ok(Err(failed));
         }
         match ended {
-            // Who ended after it came to rest is found missing when it is to move.
+            // A participant that ended after it came to rest is found missing during the move.
             Some(status) if member.recalled.is_none() => {
                 let last = member.status();
                 Ok(Err(explain::death(&course.plan, number, &member.process, last, status)))
@@ -177,9 +178,11 @@ impl Processes {
         }
     }
 
-    /// Everybody is at rest but `fallen`, who are dead: the run goes on as the scenario says. Gives those who fail on the way.
+    /// Continues the run as the scenario says; all participants are at rest except `fallen`, whose processes have ended. Returns
+    /// those that fail meanwhile.
     fn recover(&mut self, course: &mut Course, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
-        // Another program would not give again what is on the tape: one that fails on the way back comes back too.
+        // A different program would not reproduce the samples on the tape: a participant that fails while the run goes back is
+        // restarted too.
         let mut fallen_numbers = fallen.iter().map(|one| one.number);
         if fallen_numbers.any(|number| {
             course.entries[number].on_failure == OnFailure::Restart || course.recorder().is_ahead_of(number)
@@ -190,8 +193,8 @@ impl Processes {
         }
     }
 
-    /// Everybody goes back to the last checkpoint; `fallen` in new processes, whatever else was to become of them: nothing of
-    /// them is lost that way.
+    /// Takes all participants back to the last checkpoint, and `fallen` in new processes, whatever their policy: no state of theirs
+    /// is lost that way.
     fn go_back(&mut self, course: &mut Course, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
         let Some(checkpoint) = course.last_checkpoint.clone() else {
             return Err(RunFailure::Other("there is no checkpoint to go back to".into()));
@@ -220,7 +223,7 @@ impl Processes {
         Ok(missing)
     }
 
-    /// Other programs take over from `fallen`, where those had come to.
+    /// Replaces `fallen` by other programs, at the activations that the failed ones had reached.
     fn replace(&mut self, course: &mut Course, fallen: &[Fallen]) -> Result<Vec<Fallen>, RunFailure> {
         let mut cut = Cut { next: Vec::new() };
         let mut seats = Vec::new();
@@ -249,10 +252,10 @@ impl Processes {
                 _ => Seat::Same(None),
             });
         }
-        // What the one before had been shown last is shown to the substitute again.
+        // The substitute sees again what its predecessor was shown last.
         course.recorder().expect_again()?;
         let mut missing = self.move_everybody(course, &cut, seats)?;
-        // A restart must not bring back who was replaced.
+        // A restart must not bring back a participant that was replaced.
         course.last_checkpoint = None;
         let mut at = 0;
         for (number, text) in notes {
@@ -263,7 +266,7 @@ impl Processes {
         if missing.is_empty()
             && let Some(one) = keep_for_restarts(self, course, course.time(at), cut)?
         {
-            // One that lives but cannot be saved is in nobody's way as long as nobody must go back.
+            // A participant that lives but cannot save its state does no harm as long as the run need not go back.
             if self.crew[one.number].process.ended().is_some() {
                 missing.push(one);
             }
@@ -271,7 +274,7 @@ impl Processes {
         Ok(missing)
     }
 
-    /// Puts `text` about participant number `number` onto the tape and before the user.
+    /// Records `text` about participant number `number` on the tape, and reports it to the user.
     fn note(course: &mut Course, kind: EventKind, at: Ticks, number: usize, text: String) -> Result<(), RunFailure> {
         let name = course.plan.participants[number].name.clone();
         let said = format!("participant `{name}`: {text}");

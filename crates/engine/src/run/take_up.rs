@@ -1,8 +1,8 @@
-//! The move that taking up a run in mid-course rests on, with participants in processes.
+//! Relocation: moves a run in mid-course to a fresh place in shared memory, where it resumes; for participants in processes.
 //!
-//! Everybody is at rest somewhere; everybody moves to a fresh place in shared memory and is told where to go on: those who
-//! stay with the state that they have or that a checkpoint has, those who are new from afresh or with the state of the one
-//! before. Whoever fails on the way is missing when the others have arrived, and that is a failure like any other.
+//! All participants are at rest. Each moves to the fresh place and receives the activation at which it continues: a participant
+//! that stays keeps its state or gets that of a checkpoint; a new program starts cold or with the state of its predecessor. A
+//! participant that fails during the move is missing when the others have arrived; this is handled like any other failure.
 
 use std::time::Instant;
 
@@ -23,11 +23,11 @@ use super::room;
 use crate::scenario::Entry;
 
 impl Processes {
-    /// Moves everybody to a fresh place, where they go on at `cut`, and gives those who failed on the way. The others have
-    /// arrived and are at rest.
+    /// Moves all participants to a fresh place, where they continue at `cut`, and returns those that failed during the move. The
+    /// others have arrived and are at rest.
     ///
     /// # Errors
-    /// What has nothing to do with a participant; then nobody is left.
+    /// A failure that no participant caused; then no participant is left.
     pub(super) fn move_everybody(
         &mut self,
         course: &mut Course,
@@ -43,7 +43,7 @@ impl Processes {
         self.scope.move_on()?;
         let names = course.plan.participants.iter().map(|own| own.name.as_str());
         let (domain, ports) = Place::enter(self.scope.address(), names)?;
-        // If anything else fails from here on, whoever is in these hands is brought down with them.
+        // If anything else fails from here on, the participants in `old` and `crew` are shut down when these are dropped.
         let mut old = std::mem::take(&mut self.crew);
         let mut missing = Missing::default();
         let address = domain.address().to_string();
@@ -109,7 +109,7 @@ impl Processes {
         Ok(missing.0)
     }
 
-    /// Waits until everybody has entered the new place, and greets them; newcomers are asked for their ports.
+    /// Waits until all participants have entered the new place, and greets them; new programs are also asked for their ports.
     fn receive(
         &self,
         course: &Course,
@@ -134,13 +134,13 @@ impl Processes {
     }
 }
 
-/// Who failed on the way to a fresh place.
+/// The participants that failed during the move to a fresh place.
 #[derive(Default)]
 struct Missing(Vec<Fallen>);
 
 impl Missing {
-    /// Does the next step of the way with participant number `number`, unless it is missing already. If that fails, it is
-    /// missing from now on, and its process is ended.
+    /// Performs the next step of the move for participant number `number`, unless it is missing already. If the step fails, the
+    /// participant is missing from now on, and its process is ended.
     fn unless(
         &mut self,
         number: usize,
@@ -153,7 +153,7 @@ impl Missing {
         let reason = match step(member) {
             Ok(()) => return Ok(()),
             Err(RunFailure::Participant { reason, .. }) => reason,
-            // Its parameters are refused, which only the program itself can tell.
+            // The program refused its parameters, which only the program itself can detect.
             Err(RunFailure::Scenario(error)) => error.to_string(),
             Err(other) => return Err(other),
         };

@@ -1,4 +1,4 @@
-//! What participants say of their wall time while they work: looked at for the pace, and written into the trace.
+//! Spans of wall time that participants report: evaluated for the pace, and written into the trace.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,21 +14,21 @@ use super::punctuality::Punctuality;
 use super::trace::Trace;
 use super::traced::Traced;
 
-/// The live page is told how the pace is kept this often.
+/// How often the live page is informed of how the pace is kept.
 const TELL: Duration = Duration::from_millis(250);
 
-/// Everything that is made of spans.
+/// Everything that is derived from spans.
 pub(super) struct Times {
     plan: Arc<Plan>,
     watchman: Option<Watchman>,
     trace: Option<Trace>,
-    /// When somebody began to work on an activation, in one loop.
+    /// In one loop: when the present activation began.
     begun_ns: u64,
     told: Option<Instant>,
 }
 
 impl Options {
-    /// How much participants are to say of what they do when; nothing where nobody asks.
+    /// In how much detail participants are to report their spans; `None` when spans are not needed.
     pub(super) fn detail(&self) -> Option<Detail> {
         match (&self.trace, self.pace) {
             (Some(_), _) => Some(Detail::Waits),
@@ -54,12 +54,12 @@ impl Times {
         })
     }
 
-    /// Whether anything is made of spans.
+    /// Whether spans are needed.
     pub(super) fn wants(&self) -> bool {
         self.watchman.is_some() || self.trace.is_some()
     }
 
-    /// Takes spans of participant number `number`, behind which `lost` are missing.
+    /// Takes spans of participant number `number`, after which `lost` spans are missing.
     pub(super) fn take(&mut self, number: usize, lost: u64, spans: &[Span], guide: &Guide) {
         if let Some(watchman) = &mut self.watchman {
             spans
@@ -71,12 +71,12 @@ impl Times {
         }
     }
 
-    /// In one loop: somebody begins to work on an activation.
+    /// In one loop: a participant begins an activation.
     pub(super) fn begins(&mut self) {
         self.begun_ns = now_ns();
     }
 
-    /// In one loop: participant number `number`, who began last, has completed `activation`.
+    /// In one loop: participant number `number`, the last one to begin, has completed `activation`.
     pub(super) fn stepped(&mut self, number: usize, activation: u64, guide: &Guide) {
         let span = Span {
             activation,
@@ -89,12 +89,12 @@ impl Times {
         self.take(number, 0, &[span], guide);
     }
 
-    /// Why the run is to end here: a step overran, and that is to be the end.
+    /// Why the run is to end here: a step overran, and the run was to end then.
     pub(super) fn stops(&self) -> Option<&str> {
         self.watchman.as_ref().and_then(Watchman::stops)
     }
 
-    /// How the pace is kept, for the live page, from time to time.
+    /// How the pace is kept, for the live page; `None` between two updates.
     pub(super) fn news(&mut self) -> Option<Punctuality> {
         let watchman = self.watchman.as_ref()?;
         if self.told.is_some_and(|told| told.elapsed() < TELL) {
@@ -104,7 +104,7 @@ impl Times {
         Some(watchman.account(&self.plan))
     }
 
-    /// What came out.
+    /// The results.
     pub(super) fn finish(self) -> (Option<Punctuality>, Option<Traced>) {
         let punctuality = self.watchman.map(|watchman| watchman.account(&self.plan));
         (punctuality, self.trace.map(Trace::finish))

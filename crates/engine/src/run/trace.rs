@@ -1,7 +1,7 @@
-//! A file with what every participant did when, as JSON trace events, which Perfetto and Chrome's `about:tracing` open.
+//! The trace: what every participant did when, as a file of JSON trace events, which Perfetto and Chrome's `about:tracing` open.
 //!
-//! A process of the trace is a participant, a thread of it a core. The file is bounded: behind [`EVENTS`] spans nothing more is
-//! written but how many are missing. So is the memory that it takes: spans are written as they come.
+//! A process of the trace is a participant, a thread of it a core. The file is bounded: after [`EVENTS`] spans only the number of
+//! missing ones is written. The memory is bounded too: spans are written as they come.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -25,11 +25,11 @@ pub(super) struct Trace {
     /// The bound on `written`.
     events: u64,
     written: u64,
-    /// Spans that are not in the file: that came too late for it, or that found no room on their way.
+    /// Spans that are missing in the file: those after the bound, and those that were lost on their way for lack of room.
     missing: u64,
-    /// The participants and cores that have been introduced.
+    /// The participants and cores that have been named in the file.
     known: Vec<(usize, u32)>,
-    /// What went wrong; nothing is written from then on.
+    /// The first error; nothing is written after it.
     error: Option<io::Error>,
 }
 
@@ -63,7 +63,7 @@ impl Trace {
         })
     }
 
-    /// Writes spans of participant number `number`, behind which `lost` are missing.
+    /// Writes spans of participant number `number`, after which `lost` spans are missing.
     pub(super) fn take(&mut self, number: usize, lost: u64, spans: &[Span], plan: &Plan) {
         for span in spans {
             if self.written >= self.events {
@@ -132,7 +132,7 @@ impl Trace {
         self.event(&event);
     }
 
-    /// Names a participant and the core that it runs on, once.
+    /// Names a participant and its core in the file, once.
     fn introduce(&mut self, number: usize, core: u32, name: &str) {
         if self.known.contains(&(number, core)) {
             return;

@@ -1,16 +1,16 @@
-//! What became of a trace.
+//! The result of a trace.
 
 use std::path::PathBuf;
 
-/// What became of a trace.
+/// The result of a trace.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Traced {
     /// The file.
     pub path: PathBuf,
     /// Spans in it.
     pub spans: u64,
-    /// Spans that are missing in it.
+    /// The number of missing spans.
     pub missing: u64,
-    /// Why it is not whole, if it could not be written.
+    /// Why the file is incomplete, if it could not be written.
     pub error: Option<String>,
 }

@@ -1,4 +1,4 @@
-//! Entries: a program with everything that it is told, in a participant's place.
+//! Entries: a participant's program with its sample time, parameters and failure policy.
 
 use lockstep::participant::Setup;
 use lockstep::time::Rational;
@@ -11,16 +11,16 @@ use super::run_table::program;
 use super::source::Source;
 use super::spec::{OnFailureSpec, ParticipantSpec, RunSpec, Time};
 
-/// A program in a participant's place: the participant as the scenario has it, or what takes over from it in mid-run.
+/// A program in a participant's place: the participant as the scenario declares it, or its substitute in mid-run.
 #[derive(Debug, Clone)]
 pub struct Entry {
-    /// What runs.
+    /// The program that runs.
     pub program: Program,
     /// The sample period.
     pub period: Rational,
     /// The first activation.
     pub offset: Rational,
-    /// What it is told about itself.
+    /// What the participant is given when it is made, such as its name and its parameters.
     pub setup: Setup,
     /// What happens when it fails.
     pub on_failure: OnFailure,
@@ -76,8 +76,8 @@ impl Entry {
         })
     }
 
-    /// What the substitution at `key` puts in the place of this participant: its own program, and its own parameters or else
-    /// those of the participant as the scenario has it, whatever was substituted for it before.
+    /// The entry after the substitution at `key`: with its own program, and its own parameters or else those that the scenario
+    /// declares for the participant, whatever was substituted for it before.
     pub(super) fn substituted(
         &self,
         source: &Source,
@@ -98,7 +98,7 @@ impl Entry {
         Ok(entry)
     }
 
-    /// What is in this place once `program` of its `on-failure` has taken over.
+    /// The entry after `program` of its `on-failure` has taken over.
     pub fn replaced_by(&self, program: &Program) -> Entry {
         Entry {
             program: program.clone(),
@@ -109,7 +109,7 @@ impl Entry {
         }
     }
 
-    /// Whether it is the same program with the same parameters.
+    /// Whether it is the same program with the same parameters as `other`.
     pub fn runs_as(&self, other: &Entry) -> bool {
         (&self.program, &self.setup.parameters) == (&other.program, &other.setup.parameters)
     }

@@ -1,4 +1,4 @@
-//! What is wrong with a scenario, and where.
+//! Errors in a scenario, and where they are.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -6,15 +6,15 @@ use std::path::PathBuf;
 /// One mistake.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mistake {
-    /// The line in the file, from 1, where one can be told.
+    /// The line in the file, from 1, if it is known.
     pub line: Option<usize>,
-    /// The key, dotted; empty when it is about the whole file.
+    /// The dotted key; empty when the mistake concerns the whole file.
     pub key: String,
     /// What is wrong, with the value and the remedy.
     pub reason: String,
 }
 
-/// Everything that is wrong with a scenario.
+/// All mistakes in a scenario.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct ScenarioError {
     /// The file; empty where there is none.
@@ -29,7 +29,7 @@ impl fmt::Display for ScenarioError {
             if number > 0 {
                 writeln!(f)?;
             }
-            // What code has made has no file yet.
+            // A scenario made in code has no file yet.
             if !self.file.as_os_str().is_empty() {
                 write!(f, "{}", self.file.display())?;
                 if let Some(line) = mistake.line {

@@ -1,4 +1,4 @@
-//! What happens when a participant fails, and who takes over.
+//! Failure policies: what happens when a participant fails, and what replaces it.
 
 use super::program::Program;
 
@@ -8,8 +8,8 @@ pub enum OnFailure {
     /// The run ends.
     #[default]
     Stop,
-    /// Everybody goes back to the last checkpoint, the participant in a new process.
+    /// All participants go back to the last checkpoint, the failed one in a new process.
     Restart,
-    /// Another program takes its place, from afresh, where it had come to.
+    /// Another program replaces it with a cold start, at the activation that it had reached.
     Substitute(Program),
 }

@@ -1,4 +1,4 @@
-//! A scenario against the ports and the streams of its plan.
+//! Checks of a scenario against the ports and the streams of its plan.
 
 use lockstep::plan::Plan;
 use report::page::split_unit;
@@ -12,7 +12,7 @@ use crate::measures::{Definition, Measures, Together};
 use crate::run::{Kept, Watch};
 
 impl Scenario {
-    /// The guards against the ports of `plan`; those of participants whose ports are not `certain` are left out.
+    /// The guards, resolved against the ports of `plan`; those of participants whose ports are not `certain` are left out.
     ///
     /// # Errors
     /// Every guard that does not fit the ports.
@@ -20,18 +20,20 @@ impl Scenario {
         guards::watches(&self.guards, &self.source, plan, certain)
     }
 
-    /// Compares the table `[report]` with the ports of `plan`; what concerns participants whose ports are not `certain` is left out.
+    /// Checks the table `[report]` against the ports of `plan`; entries for participants whose ports are not `certain` are left
+    /// out.
     ///
     /// # Errors
-    /// Every signal that nobody gives out, and every unit that does not fit.
+    /// Every signal that no participant publishes, and every unit that does not fit.
     pub fn check_pictures(&self, plan: &Plan, certain: impl Fn(usize) -> bool) -> Result<(), ScenarioError> {
         pictures::check(&self.pictures, &self.source, plan, certain)
     }
 
-    /// What is kept of each of `streams`, those of `plan`; what concerns participants whose ports are not `certain` is left out.
+    /// Which samples of each of `streams`, those of `plan`, are kept; entries for participants whose ports are not `certain` are
+    /// left out.
     ///
     /// # Errors
-    /// Every stream that is not there, and every period that is no multiple of the stream's own.
+    /// Every stream that does not exist, and every period that is no multiple of the stream's own.
     pub fn kept(
         &self,
         plan: &Plan,
@@ -54,10 +56,10 @@ impl Scenario {
         measures::definitions(&self.source.origin, &self.measures, streams, known)
     }
 
-    /// What the run is judged by: the table `assessment` and the measures; `None` where there is neither.
+    /// The assessment of the run: the table `assessment` and the measures; `None` if there is neither.
     ///
     /// # Errors
-    /// Names the key that is refused.
+    /// Reports the key that is refused.
     pub fn assess(&self, streams: &[StreamSpec]) -> Result<Option<Box<dyn Assessment>>, ScenarioError> {
         let own = || {
             let made = self

@@ -1,4 +1,4 @@
-//! `[guards.NAME]`: what an output must never show.
+//! `[guards.NAME]`: conditions that an output must never violate.
 
 use lockstep::fault::Slot;
 use lockstep::plan::Plan;
@@ -14,7 +14,7 @@ use super::spec::{Entries, GuardSpec, Time};
 use super::symbols::symbols;
 use crate::run::{Forbidden, Watch};
 
-/// A guard that has been understood as far as that goes without the ports.
+/// A guard, resolved as far as possible without the ports.
 #[derive(Debug, Clone)]
 pub(super) struct Guard {
     pub(super) name: String,
@@ -29,7 +29,7 @@ pub(super) struct Guard {
 /// The key below the guard that is wrong, and why.
 type Refusal = (&'static str, String);
 
-/// Reads all sections, as far as that goes without the ports of the participants.
+/// Reads all sections, as far as possible without the ports of the participants.
 pub(super) fn read(
     source: &Source,
     participants: &Names,
@@ -83,7 +83,7 @@ impl Guard {
         })
     }
 
-    /// The guard against the ports of `plan`; `None` where the participant's ports are not certain.
+    /// The guard, resolved against the ports of `plan`; `None` if the participant's ports are not certain.
     fn watch(&self, plan: &Plan, certain: &impl Fn(usize) -> bool) -> Result<Option<Watch>, Refusal> {
         let (participant, output) = (&self.port.0, &self.port.1);
         let Some(number) = plan.participant(participant).filter(|&number| certain(number)) else {
@@ -174,7 +174,7 @@ impl Guard {
     }
 }
 
-/// `guards` against the ports of `plan`; those of participants whose ports are not `certain` are left out.
+/// `guards`, resolved against the ports of `plan`; those of participants whose ports are not `certain` are left out.
 pub(super) fn watches(
     guards: &[Guard],
     source: &Source,

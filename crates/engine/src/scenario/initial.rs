@@ -1,4 +1,4 @@
-//! The value of an input before anything is visible.
+//! The start value of an input, which it shows before any sample is visible.
 
 use lockstep::plan::Initial;
 use lockstep::port::{Descriptor, Element, Field};
@@ -103,7 +103,7 @@ fn of_hexadecimal(text: &str) -> Option<Vec<u8>> {
     pairs.map(byte).collect()
 }
 
-/// Writes `number` exactly, or says why an element cannot hold it.
+/// Writes `number` exactly, or returns why an element cannot hold it.
 fn put(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> {
     let Some((least, most)) = element.range() else {
         let value = match number {
@@ -121,7 +121,7 @@ fn put(number: &Value, element: Element, slot: &mut [u8]) -> Result<(), String> 
     let whole = match number {
         Value::Integer(value) => Some(i128::from(*value)),
         Value::Float(value) if value.fract() == 0.0 => Some(*value as i128),
-        // TOML's own whole numbers end at 2^63.
+        // TOML's own integers end at 2^63.
         Value::String(text) => text.parse().ok(),
         _ => None,
     };

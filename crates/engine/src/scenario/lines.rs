@@ -7,7 +7,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::names::fault_name;
 
-/// The keys of a text with their lines, as a tree. It is made once for all mistakes of a text.
+/// The keys of a text with their lines, as a tree. It is built once for all mistakes in a text.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Lines {
     line: usize,
@@ -15,7 +15,7 @@ pub(crate) struct Lines {
 }
 
 impl Lines {
-    /// The keys of `text`; none if it is not TOML.
+    /// The keys of `text`; none if it is not valid TOML.
     pub(crate) fn of(text: &str) -> Lines {
         #[cfg(test)]
         tests::MADE.set(tests::MADE.get() + 1);
@@ -31,7 +31,7 @@ impl Lines {
             let line = line_at(breaks, &name.span());
             let lines = match value.get_ref() {
                 DeValue::Table(inner) => Lines::of_table(line, inner, breaks),
-                // The entries of a list of tables go by their names.
+                // The entries of a list of tables are found by their names.
                 DeValue::Array(items) => {
                     let tables = items.iter().enumerate().filter_map(|(position, item)| {
                         let inner = item.get_ref().as_table()?;
@@ -41,7 +41,7 @@ impl Lines {
                         Some((position, fault_name(name, position), lines))
                     });
                     let mut below = HashMap::new();
-                    // Of two entries with one name, the first one has it. Each goes by its number too.
+                    // Of two entries with the same name, the first one is found. Each is also found by its number.
                     tables.for_each(|(position, name, lines)| {
                         below.entry(name).or_insert_with(|| lines.clone());
                         below.entry((position + 1).to_string()).or_insert(lines);
@@ -87,7 +87,7 @@ mod tests {
     use crate::scenario::Scenario;
 
     thread_local! {
-        /// How often a text was taken apart.
+        /// How often a text was parsed.
         pub(super) static MADE: Cell<usize> = const { Cell::new(0) };
     }
 

@@ -1,4 +1,4 @@
-//! From entries to participants in this process.
+//! Making participants in this process from entries.
 
 use lockstep::participant::Participant;
 
@@ -10,7 +10,7 @@ use super::resolve::Scenario;
 type Made = Option<Box<dyn Participant>>;
 
 impl Scenario {
-    /// Makes every participant that this program contains; `None` for the others. No library is loaded.
+    /// Makes every participant that this program contains, and returns `None` for the others. No library is loaded.
     ///
     /// # Errors
     /// All parameters that are refused.
@@ -21,7 +21,8 @@ impl Scenario {
         })
     }
 
-    /// Makes every participant that can run in this process, those of libraries too, which are loaded; `None` for the others.
+    /// Makes every participant that can run in this process, including those of libraries, which are loaded; returns `None` for the
+    /// others.
     ///
     /// # Errors
     /// All libraries that cannot be used, and all parameters that are refused.
@@ -29,7 +30,7 @@ impl Scenario {
         self.make_with(|entry| self.participant_of(entry))
     }
 
-    /// The participant of `entry` in this process; `None` when it is a program of its own, which no catalogue can make here.
+    /// The participant of `entry` in this process; `None` when it is an external program that no catalogue can make here.
     ///
     /// # Errors
     /// A library that cannot be used, or a parameter that is refused.
@@ -73,7 +74,7 @@ impl Scenario {
             .map_err(|error| self.refused(entry, &error.key, &error.reason))
     }
 
-    /// What a participant refused, with its place in the file: a parameter, or the program itself.
+    /// The mistake for a refusal by a participant, with its place in the file: a parameter, or the program itself.
     pub(super) fn refused(&self, entry: &Entry, key: &str, reason: &str) -> Mistake {
         if key == plugin::NO_PARTICIPANT {
             let reason = format!("participant `{}`: {reason}", entry.setup.name);

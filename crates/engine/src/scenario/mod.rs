@@ -1,4 +1,4 @@
-//! The file that a user writes, and what it means.
+//! Scenario files: reading them and resolving their content.
 
 mod entry;
 mod error;

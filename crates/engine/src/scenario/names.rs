@@ -1,8 +1,8 @@
-//! Names: of a scenario's participants or connections, found without a search through all of them; of faults; the program's own.
+//! Names: of a scenario's participants or connections, with lookup by hash; of faults; of the program itself.
 
 use std::collections::HashMap;
 
-/// The name that the program itself goes by where participants are named.
+/// The program's own name where participants are named.
 pub const ORCHESTRATOR: &str = "orchestrator";
 
 /// Names with their numbers.
@@ -12,7 +12,7 @@ pub(super) struct Names {
     numbers: HashMap<String, usize>,
 }
 
-/// So many known names stand in a message.
+/// The most known names in a message.
 const SHOWN_MAX: usize = 24;
 
 impl Names {
@@ -33,13 +33,13 @@ impl Names {
         self.numbers.contains_key(name)
     }
 
-    /// That there is no `what` called `name`, and what there is.
+    /// The message that there is no `what` called `name`, with the names that exist.
     pub(super) fn unknown(&self, what: &str, name: &str) -> String {
         unknown(what, name, self.all.iter())
     }
 }
 
-/// That there is no `what` called `name`, and what there is: the first ones of many.
+/// The message that there is no `what` called `name`, with the names that exist: only the first ones if there are many.
 pub(super) fn unknown<'a>(what: &str, name: &str, known: impl ExactSizeIterator<Item = &'a String>) -> String {
     let count = known.len();
     let shown: Vec<String> = known.take(SHOWN_MAX).map(|name| format!("`{name}`")).collect();
@@ -54,7 +54,7 @@ pub(super) fn unknown<'a>(what: &str, name: &str, known: impl ExactSizeIterator<
     format!("there is no {what} `{name}`; there is {list}")
 }
 
-/// What a fault is called: its own name, or its number in the list, from 1.
+/// The name of a fault: its own, or one made of its number in the list, from 1.
 pub fn fault_name(own: Option<&str>, position: usize) -> String {
     own.map_or_else(|| format!("fault-{}", position + 1), str::to_owned)
 }

@@ -1,16 +1,16 @@
-//! Where a scenario names files: programs, and files whose contents take the places of their names.
+//! The places where a scenario names files: programs, and files whose content replaces the reference.
 
 use toml::{Table, Value};
 
 /// A place in a scenario that names files.
 pub enum Named<'a> {
-    /// `{ file = "…" }`: the file's content stands for it.
+    /// `{ file = "…" }`: replaced by the file's content.
     File(&'a mut String),
     /// The table of a program.
     Run(&'a mut Table),
 }
 
-/// Gives `visit` the key and the content of every place in the scenario `table` that names files.
+/// Calls `visit` with the key and the content of every place in the scenario `table` that names files.
 pub fn each_named(table: &mut Table, visit: &mut dyn FnMut(&str, Named<'_>)) {
     for section in ["participants", "assessment", "faults"] {
         if let Some(value) = table.get_mut(section) {
@@ -19,7 +19,7 @@ pub fn each_named(table: &mut Table, visit: &mut dyn FnMut(&str, Named<'_>)) {
     }
 }
 
-/// The same for the value at `key`.
+/// As [`each_named`], for the value at `key`.
 pub fn each_in(key: &str, value: &mut Value, visit: &mut dyn FnMut(&str, Named<'_>)) {
     let last = key.rsplit('.').next().unwrap_or_default();
     match value {

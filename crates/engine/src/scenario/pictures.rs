@@ -9,7 +9,7 @@ use super::error::{Mistake, ScenarioError};
 use super::names::Names;
 use super::source::Source;
 
-/// Reads both tables, as far as that goes without the ports of the participants.
+/// Reads both tables, as far as possible without the ports of the participants.
 pub(super) fn read(
     source: &Source,
     participants: &Names,
@@ -50,8 +50,8 @@ fn mistakes(source: &Source, table: &str, wrong: Vec<Misfit>) -> Vec<Mistake> {
     wrong.into_iter().map(mistake).collect()
 }
 
-/// Compares the tables `[report]` and `[scene]` with the ports of `plan`; what concerns participants whose ports are not `certain` is left
-/// out.
+/// Checks the tables `[report]` and `[scene]` against the ports of `plan`; entries for participants whose ports are not `certain`
+/// are left out.
 pub(super) fn check(
     pictures: &View,
     source: &Source,

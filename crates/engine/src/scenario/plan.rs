@@ -1,4 +1,4 @@
-//! From a scenario and the ports of its participants to a plan.
+//! Planning: from a scenario and the ports of its participants to a plan.
 
 use std::collections::HashMap;
 
@@ -14,15 +14,15 @@ use super::resolve::Scenario;
 use super::spec::ConnectionSpec;
 
 impl Scenario {
-    /// A plan for looking at, without running anything: the ports of external participants are taken to be what they are
-    /// connected to, and continuous, so that no loop is reported that may not be there.
+    /// A plan for inspection, without running anything: the ports of external participants are assumed to match the ports that they
+    /// are connected to, and to be continuous, so that no loop is reported that may not exist.
     pub fn sketch(&self, known: &[Option<Interface>]) -> Result<Plan, ScenarioError> {
         let mut assumed: Vec<Interface> = known
             .iter()
             .map(|interface| interface.clone().unwrap_or_else(|| Interface::new(Kind::Continuous)))
             .collect();
         let mut ports: Vec<Ports> = assumed.iter().map(Ports::of).collect();
-        // Ports between which fields are named need not be alike: they are assumed last, and to be of any kind.
+        // Ports whose connection names fields need not match: they are assumed last, and with an unknown payload.
         let (fielded, plain): (Vec<_>, Vec<_>) =
             (self.spec.connections.values()).partition(|connection| fields::names_fields(connection));
         for (connection, alike) in plain
@@ -70,11 +70,11 @@ impl Scenario {
         self.plan_for(interfaces, |_| true)
     }
 
-    /// Fields and initial values are read against the ports of those participants that are `certain`.
+    /// Fields and initial values are resolved against the ports of those participants that are `certain`.
     fn plan_for(&self, interfaces: &[Interface], certain: impl Fn(usize) -> bool) -> Result<Plan, ScenarioError> {
         let mut mistakes = Vec::new();
         let mut links = Vec::new();
-        // The connection of each link.
+        // The connection that each link comes from.
         let mut origins: HashMap<String, &str> = HashMap::new();
         let ports: Vec<Ports> = interfaces.iter().map(Ports::of).collect();
         let planner = Planner {
@@ -121,7 +121,8 @@ impl Scenario {
         Ok(plan)
     }
 
-    /// `interfaces` with the inputs that a program sets needing no connection; those that have one, or do not exist, are mistakes.
+    /// `interfaces`, in which the inputs that a program sets need no connection; such inputs that have a connection, or do not
+    /// exist, are mistakes.
     fn with_open_inputs(
         &self,
         interfaces: &[Interface],
@@ -161,7 +162,7 @@ impl Scenario {
     }
 }
 
-/// The key that a plan's error is about, with the connection of each link.
+/// The key to which a plan's error belongs; `origins` has the connection of each link.
 fn place(error: &PlanError, origins: &HashMap<String, &str>) -> String {
     let connection = |link: &str| {
         let origin = origins.get(link);
@@ -194,7 +195,7 @@ fn place(error: &PlanError, origins: &HashMap<String, &str>) -> String {
     }
 }
 
-/// What turns connections into links.
+/// Converts connections into links.
 struct Planner<'a, C> {
     scenario: &'a Scenario,
     interfaces: &'a [Interface],
@@ -240,7 +241,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
                     conversion,
                     faults: self.scenario.faults.of_connection(name),
                 }),
-                // What is wrong with the output is wrong for each input.
+                // A mistake in the output occurs for each input, and is reported once.
                 Err((key, reason)) => {
                     let wrong = mistake(key, reason);
                     if !mistakes.contains(&wrong) {
@@ -252,7 +253,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
         if mistakes.is_empty() { Ok(links) } else { Err(mistakes) }
     }
 
-    /// What becomes of samples on the way from `from` to `to`, and what is there at first.
+    /// The conversion of samples on the way from `from` to `to`, and the start value.
     fn link(
         &self,
         connection: &ConnectionSpec,
@@ -292,7 +293,7 @@ impl<C: Fn(usize) -> bool> Planner<'_, C> {
         Ok((conversion, initial.transpose().map_err(|reason| ("initial", reason))?))
     }
 
-    /// The participant at `end` and the descriptor of its port, where there is one.
+    /// The participant at `end` and the descriptor of its port, if both exist.
     fn port<'a>(
         &'a self,
         end: End<'_>,
@@ -322,7 +323,7 @@ impl Ports {
     }
 }
 
-/// Stands for a payload without a descriptor.
+/// A placeholder for a payload without a descriptor.
 fn unknown_payload() -> Descriptor {
     let byte = Field {
         name: "unknown".into(),

@@ -1,6 +1,6 @@
-//! Names of ports, and of fields of ports, as they stand in a scenario.
+//! Names of ports, and of fields of ports, as written in a scenario.
 
-/// An end of a connection: participant, port, and field or element where one is named.
+/// An end of a connection: participant, port, and field or element if one is named.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct End<'a> {
     pub(super) participant: &'a str,
@@ -9,7 +9,7 @@ pub(super) struct End<'a> {
 }
 
 impl End<'_> {
-    /// Takes `PARTICIPANT.PORT` or `PARTICIPANT.PORT.FIELD` apart.
+    /// Splits `PARTICIPANT.PORT` or `PARTICIPANT.PORT.FIELD`.
     pub(super) fn of(text: &str) -> Option<End<'_>> {
         let mut parts = text.splitn(3, '.');
         let end = End {

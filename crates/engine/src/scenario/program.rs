@@ -1,34 +1,35 @@
-//! The program that runs in a participant's place.
+//! The program that runs as a participant.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// What runs in a participant's place.
+/// The program that runs as a participant.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Program {
     /// A participant that this program contains.
     Builtin(String),
-    /// A participant of a shared library. A host process, which is this program started once more, loads it; or this process does.
+    /// A participant of a shared library. It is loaded by a host process, which is another instance of this program, or by this
+    /// process.
     Library {
         /// The file.
         file: PathBuf,
-        /// Which of its participants; the only one unless given.
+        /// The name of one of its participants; its only one unless given.
         participant: Option<String>,
     },
-    /// An FMU. A host process, which is this program started once more, loads it; or this process does.
+    /// An FMU. It is loaded by a host process, which is another instance of this program, or by this process.
     Fmu {
         /// The file.
         file: PathBuf,
-        /// The keys beside it, as TOML.
+        /// The other keys of the `run` table, as TOML.
         options: String,
     },
-    /// A program of its own.
+    /// An external program.
     External {
         /// The file.
         exe: PathBuf,
         /// Its arguments.
         args: Vec<String>,
-        /// The folder in which it is started: relative paths among its arguments are relative to it.
+        /// The working directory: relative paths among its arguments are relative to it.
         folder: PathBuf,
     },
 }
@@ -39,7 +40,7 @@ impl Program {
         matches!(self, Program::External { .. })
     }
 
-    /// The file that it consists of, if it is not a part of this program.
+    /// Its file, unless it is a part of this program.
     pub fn file(&self) -> Option<&Path> {
         match self {
             Program::Builtin(_) => None,
@@ -49,7 +50,7 @@ impl Program {
         }
     }
 
-    /// The key of a `run` table under which the command line's `file` stands: a library and an FMU by their endings.
+    /// The key of a `run` table for the `file` of a command line: a library and an FMU are recognised by their extensions.
     pub fn key_of(file: &str) -> &'static str {
         match Path::new(file).extension().and_then(|ending| ending.to_str()) {
             Some("so") => "library",
@@ -63,7 +64,7 @@ impl fmt::Display for Program {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Program::Builtin(name) => write!(f, "the builtin `{name}`"),
-            // The name alone: what is on a tape must not depend on where a project lies.
+            // Only the name: the content of a tape must not depend on where a project is stored.
             Program::Library { file, participant } => {
                 if let Some(participant) = participant {
                     write!(f, "`{participant}` of ")?;
@@ -93,7 +94,7 @@ pub(super) fn runs(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|about| about.is_file() && about.permissions().mode() & 0o111 != 0)
 }
 
-/// The file that a bare name stands for.
+/// The file in `PATH` that a bare name refers to.
 pub fn in_path(name: &str) -> Option<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path)

@@ -1,4 +1,4 @@
-//! `[record]`: what is kept of the samples. Everything that is not named is kept whole.
+//! `[record]`: which samples are kept. Streams that are not named are kept whole.
 
 use lockstep::plan::Plan;
 use lockstep::time::{Rational, Timebase};
@@ -10,19 +10,19 @@ use super::source::Source;
 use super::spec::{Entries, RecordPart, RecordSpec, SEEN, ScenarioSpec, Time};
 use crate::run::Kept;
 
-/// What a scenario says of a stream, or of all of a participant's.
+/// The entry of a scenario for a stream, or for all streams of a participant.
 #[derive(Debug, Clone)]
 pub(super) struct Wish {
     /// The key below `record`.
     key: String,
     participant: String,
-    /// All streams of the participant when not given.
+    /// All streams of the participant if not given.
     port: Option<String>,
     part: RecordSpec,
 }
 
-/// Reads what is said, as far as that goes without the ports of the participants. What is said of a participant comes before what is
-/// said of its streams.
+/// Reads the entries, as far as possible without the ports of the participants. The entry for a participant comes before those for
+/// its streams.
 pub(super) fn read(
     source: &Source,
     participants: &Names,
@@ -80,7 +80,7 @@ fn time(time: &Option<Time>) -> Option<Rational> {
     time.as_ref().map(Time::checked)
 }
 
-/// The part of `spec` that `entry` asks for.
+/// The samples of `spec` that `entry` asks for.
 fn kept(spec: &StreamSpec, part: &RecordPart) -> Result<Kept, (&'static str, String)> {
     let (every, from, to) = (time(&part.every), time(&part.from), time(&part.to));
     let times = [spec.offset, spec.period].into_iter();
@@ -118,7 +118,7 @@ fn kept(spec: &StreamSpec, part: &RecordPart) -> Result<Kept, (&'static str, Str
     Ok(Kept::part(every, first + u64::from(early), end))
 }
 
-/// Whether `record` leaves samples of a stream out; `path` is the name of the stream or of a field of it, below `participant`.
+/// Whether `record` leaves samples of a stream out; `path` is the name of the stream, or of a field of it, without the participant.
 pub(super) fn leaves_out(record: &Entries<RecordSpec>, participant: &str, path: &str) -> bool {
     let mut names = path.split('.');
     let stream = match names.next().unwrap_or_default() {
@@ -137,13 +137,14 @@ impl ScenarioSpec {
 }
 
 impl Wish {
-    /// Whether every sample of what it names is kept.
+    /// Whether the entry keeps every sample of the streams that it names.
     pub(super) fn is_whole(&self) -> bool {
         self.part == RecordSpec::Whole
     }
 }
 
-/// What is kept of each of `streams`, those of `plan`; what concerns participants whose ports are not `certain` is left out.
+/// Which samples of each of `streams`, those of `plan`, are kept; entries for participants whose ports are not `certain` are left
+/// out.
 pub(super) fn of_streams(
     wishes: &[Wish],
     source: &Source,
@@ -193,7 +194,7 @@ pub(super) fn of_streams(
     }
 }
 
-/// That `what` needs samples of which `wishes` leave some out.
+/// The error that `what` needs samples and `wishes` leaves some of them out.
 pub(super) fn needed(wishes: &[Wish], source: &Source, what: &str) -> ScenarioError {
     let first = wishes.iter().find(|wish| !wish.is_whole());
     let named = first.map(|wish| format!("record.{}", wish.key)).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! From a scenario file to participants and a plan.
+//! Resolution of a scenario file into participants and a plan.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -24,7 +24,7 @@ use super::source::Source;
 use super::spec::{Changes, FOLDER, Reading, ScenarioSpec};
 use crate::builtins::{Builtins, HasBuiltins};
 
-/// A scenario that has been read and understood, as far as that goes without the participants.
+/// A scenario that has been read and resolved, as far as possible without the participants.
 #[derive(Clone)]
 pub struct Scenario {
     /// The file's name without its ending.
@@ -39,20 +39,20 @@ pub struct Scenario {
     pub participants: Vec<Entry>,
     /// The table `assessment`, if there is one.
     pub assessment: Option<Table>,
-    /// Who takes over in mid-run, in the order of time.
+    /// The substitutions in mid-run, in the order of time.
     pub substitutions: Vec<Substitution>,
     /// The participants' names.
     pub(super) names: Names,
-    /// The inputs that nobody feeds though their participants need them, by participant.
+    /// The unconnected inputs that their participants require, by participant.
     pub(super) inputs: Vec<(usize, String)>,
     pub(super) faults: Faults,
     pub(super) guards: Vec<Guard>,
     pub(super) measures: Vec<DeclaredMeasure>,
     pub(super) pictures: View,
     pub(super) record: Vec<Wish>,
-    /// What it says.
+    /// The content of the scenario.
     pub(super) spec: ScenarioSpec,
-    /// The same as a table, once that was asked for.
+    /// The content as a table, once it was asked for.
     table: OnceLock<Table>,
     pub(super) source: Source,
 }
@@ -68,12 +68,12 @@ impl Scenario {
         Scenario::resolve(catalogue, Reading::of_file(file, changes)?, file)
     }
 
-    /// What `file` would say if `text` stood in it.
+    /// Resolves `text` as if it were the content of `file`.
     pub fn read_text(catalogue: &impl HasBuiltins, file: &Path, text: &str) -> Result<Scenario, ScenarioError> {
         Scenario::changed_text(catalogue, file, text, &Changes::default())
     }
 
-    /// The same with `changes`.
+    /// As [`Scenario::read_text`], with `changes`.
     pub fn changed_text(
         catalogue: &impl HasBuiltins,
         file: &Path,
@@ -83,11 +83,11 @@ impl Scenario {
         Scenario::resolve(catalogue, Reading::of_text(file, text.to_owned(), changes)?, file)
     }
 
-    /// What `spec` means as the scenario in `file`: relative paths are relative to the folder of `file`, its name without the ending is
-    /// the scenario's name, and messages name it. The file need not be there.
+    /// Resolves `spec` as the scenario in `file`: relative paths are relative to the folder of `file`, its name without the ending
+    /// is the scenario's name, and messages name it. The file need not exist.
     ///
     /// # Errors
-    /// Everything that is wrong with it, by key; by line too where it was read from a file.
+    /// All mistakes in it, by key; by line too if it was read from a file.
     pub fn of(catalogue: &impl HasBuiltins, mut spec: ScenarioSpec, file: &Path) -> Result<Scenario, ScenarioError> {
         spec.origin.file = file.to_owned();
         let mut wrong = Vec::new();
@@ -180,12 +180,12 @@ impl Scenario {
         })
     }
 
-    /// What it says, with files and changes filled in.
+    /// The content of the scenario, with files and changes filled in.
     pub fn spec(&self) -> &ScenarioSpec {
         &self.spec
     }
 
-    /// What its participants and its assessment are made of.
+    /// The participants and assessments that the scenario may name.
     pub fn builtins(&self) -> &Arc<Builtins> {
         &self.source.builtins
     }
@@ -203,7 +203,7 @@ impl Scenario {
         })
     }
 
-    /// The files that the scenario names and whose contents it now holds.
+    /// The files that the scenario names, whose contents it now holds.
     pub fn files(&self) -> &[PathBuf] {
         &self.source.origin.files
     }
@@ -213,8 +213,8 @@ impl Scenario {
         self.table.get_or_init(|| self.spec.to_table())
     }
 
-    /// The same with the folder named in full that relative paths are relative to, so that it says the same wherever it stands, and
-    /// with every default. A folder whose name is not text cannot be named; then nothing is said of it.
+    /// The content with the absolute folder for relative paths, so that it has the same meaning wherever it is stored, and with
+    /// every default. A folder whose name is not valid text is left out.
     pub fn written(&self) -> ScenarioSpec {
         let folder = self.source.folder_in_full();
         let mut spec = self.spec.filled();
@@ -236,13 +236,13 @@ impl Scenario {
         own.chain(substitutes).chain(policies)
     }
 
-    /// Whether the run may have to move: for a substitution, or when a participant fails.
+    /// Whether the run may have to move: for a substitution, or after a failure of a participant.
     pub fn moves(&self) -> bool {
         let mut policies = self.participants.iter().map(|entry| &entry.on_failure);
         !self.substitutions.is_empty() || policies.any(|policy| *policy != OnFailure::Stop)
     }
 
-    /// Whether anybody is to be restarted when it fails.
+    /// Whether any participant is to be restarted when it fails.
     pub fn restarts(&self) -> bool {
         let mut policies = self.participants.iter().map(|entry| &entry.on_failure);
         policies.any(|policy| *policy == OnFailure::Restart)
@@ -258,12 +258,12 @@ impl Scenario {
         self.record.iter().all(Wish::is_whole)
     }
 
-    /// Refuses `what`, which a run cannot do that does not keep every sample.
+    /// The error that `what` needs every sample, and the run does not keep every sample.
     pub(crate) fn needs_samples(&self, what: &str) -> ScenarioError {
         recorded::needed(&self.record, &self.source, what)
     }
 
-    /// What is not wrong, but cannot have been meant.
+    /// Remarks about settings that are not wrong, but cannot have been intended.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         let mut remark = |key: &str, reason: String| {
@@ -325,18 +325,18 @@ impl Scenario {
         remarks
     }
 
-    /// A refusal of a parameter of `entry`, with its place in the file.
+    /// The error that a parameter of `entry` is refused, with its place in the file.
     pub fn refusal(&self, entry: &Entry, key: &str, reason: &str) -> ScenarioError {
         self.source.error(vec![self.refused(entry, key, reason)])
     }
 
-    /// A refusal of what stands at `key`.
+    /// The error that the value at `key` is refused.
     pub(crate) fn key_refusal(&self, key: &str, reason: &str) -> ScenarioError {
         self.source.error(vec![self.source.mistake(key, reason)])
     }
 
-    /// A refusal of the sample times of participants, by number, with the reason: of an offset where only that was changed, else of the
-    /// period.
+    /// The error that sample times of participants are refused, by number, with the reason: at the offset if only that was changed,
+    /// otherwise at the period.
     pub(crate) fn sample_time_refusal(&self, wrong: &[(usize, String)]) -> ScenarioError {
         let mistakes = wrong.iter().map(|(number, reason)| {
             let key = |key: &str| format!("participants.{}.{key}", self.participants[*number].setup.name);
@@ -348,7 +348,7 @@ impl Scenario {
         self.source.error(mistakes.collect())
     }
 
-    /// A refusal of the program of `entry`.
+    /// The error that the program of `entry` is refused.
     pub fn program_refusal(&self, entry: &Entry, reason: &str) -> ScenarioError {
         self.source.error(vec![self.source.mistake(&entry.run_key, reason)])
     }

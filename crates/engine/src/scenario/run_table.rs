@@ -1,4 +1,4 @@
-//! `run = { … }`: which program, found and looked at.
+//! `run = { … }`: the program, located and checked.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use super::program::{Program, in_path, runs};
 use super::source::Source;
 use super::spec::RunSpec;
 
-/// Reads a `run` table, which stands at `key`.
+/// Reads a `run` table at `key`.
 pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Program, Mistake> {
     if let (None, None, None, Some(file)) = (&run.builtin, &run.exe, &run.library, &run.fmu) {
         return fmu_program(source, key, file, run);
@@ -64,7 +64,7 @@ pub(super) fn program(source: &Source, key: &str, run: &RunSpec) -> Result<Progr
     }
 }
 
-/// An FMU is read here, so that a file that is none is refused with its line; nothing of it runs.
+/// An FMU is read here, so that a file that is no FMU is refused with its line; none of its code runs.
 fn fmu_program(source: &Source, key: &str, file: &str, run: &RunSpec) -> Result<Program, Mistake> {
     if !run.args.is_empty() {
         return Err(source.mistake(key, "an FMU takes no args: use `parameters`"));
@@ -80,7 +80,7 @@ fn fmu_program(source: &Source, key: &str, file: &str, run: &RunSpec) -> Result<
     Ok(Program::Fmu { file, options })
 }
 
-/// A program named with a slash is relative to the scenario; a bare name is looked for in PATH.
+/// A program named with a slash is relative to the scenario; a bare name is searched for in PATH.
 fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
     if exe.contains('/') {
         let path = folder.join(exe);
@@ -96,7 +96,7 @@ fn find(folder: &Path, exe: &str) -> Result<PathBuf, String> {
         .ok_or_else(|| format!("there is no program `{exe}` in PATH; name a file with its folder, such as \"./{exe}\""))
 }
 
-/// Where a file that is named so is looked for, where that is a question. An option that takes a program names it in full.
+/// A note for relative paths on where such a file is searched for. An option that takes a program names it in full.
 fn from_where(file: &str) -> &'static str {
     match Path::new(file).is_absolute() {
         true => "",
@@ -105,7 +105,7 @@ fn from_where(file: &str) -> &'static str {
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, String> {
-    // The folder of a file that is named without one is the empty path.
+    // The folder of a file named without a folder is the empty path.
     let path = if path.as_os_str().is_empty() {
         Path::new(".")
     } else {

@@ -1,4 +1,4 @@
-//! What a scenario is made of: the parts of the program, and the place of the file, where the lines of mistakes are and relative paths lead.
+//! The context of a scenario: the builtins of the program, and the file, for the lines of mistakes and for relative paths.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use super::error::{Mistake, ScenarioError};
 use super::spec::Origin;
 use crate::builtins::Builtins;
 
-/// The surroundings of a scenario.
+/// The context of a scenario.
 #[derive(Clone)]
 pub(super) struct Source {
     pub(super) builtins: Arc<Builtins>,
@@ -17,12 +17,12 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// The folder from the root on; `None` when there is no current folder.
+    /// The absolute folder; `None` when there is no current folder.
     pub(super) fn folder_in_full(&self) -> Option<PathBuf> {
         std::path::absolute(self.folder.join(".")).ok()
     }
 
-    /// A mistake about `key`, with the line it stands on, or with the change that made it.
+    /// A mistake about `key`, with its line, or with the change that made it.
     pub(super) fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {
         self.origin.mistake(key, reason)
     }

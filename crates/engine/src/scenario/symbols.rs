@@ -1,12 +1,12 @@
-//! Truth values and values of enumerations as scenarios write them: `true`, `"open"`, or the number.
+//! Booleans and enumeration values as scenarios write them: `true`, `"open"`, or the number.
 
 use lockstep::port::{Element, Field};
 use toml::Value;
 
-/// One value of `field`, which is a truth value or an enumeration.
+/// One value of `field`, which is a boolean or an enumeration.
 ///
 /// # Errors
-/// What it is not, and what there is.
+/// The value that the field does not have, and the values that it has.
 pub(super) fn symbol(value: &Value, field: &Field) -> Result<u8, String> {
     let named = match value {
         Value::Boolean(truth) if field.element == Element::Bool => Some(u8::from(*truth)),

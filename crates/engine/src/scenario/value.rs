@@ -1,18 +1,18 @@
-//! Values as a command line has them.
+//! Values as given on a command line.
 
 use toml::{Table, Value};
 
-/// What reads as TOML is taken as TOML; anything else is text, so that quotes need not survive the shell.
+/// Text that is valid TOML is read as TOML; anything else is a string, so that quotes need not survive the shell.
 pub fn value(text: &str) -> Value {
     let read = format!("x = {text}").parse::<Table>().ok();
-    // More than one key: the text had a line of its own.
+    // More than one key: the text contained another line of TOML.
     let one = read
         .filter(|table| table.len() == 1)
         .and_then(|mut table| table.remove("x"));
     one.unwrap_or_else(|| Value::String(text.to_owned()))
 }
 
-/// On a command line 0.0 is written as 0: what was a decimal number `before`, or a list of them, stays one.
+/// On a command line 0.0 is written as 0: a value that was a decimal number, or a list of them, `before` stays one.
 pub(super) fn keep_decimal(value: &mut Value, before: &Value) {
     match (value, before) {
         (value @ Value::Integer(_), Value::Float(_)) => {

@@ -1,4 +1,4 @@
-//! What both versions of the standard have in common: statuses, values, and the calls of an instance.
+//! Common interface to both versions of the standard: statuses, values, and the calls of an instance.
 
 use std::ffi::{CStr, c_void};
 
@@ -6,20 +6,20 @@ use lockstep::port::Element;
 
 use crate::description::{Description, Type, Version};
 
-/// How a call ended.
+/// The status of a call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
-    /// Done.
+    /// Success.
     Ok,
-    /// Done, with a warning in the log.
+    /// Success, with a warning in the log.
     Warning,
-    /// Not done; the FMU is as it was.
+    /// Rejected; the FMU is unchanged.
     Discard,
-    /// Failed; this instance is of no use any more.
+    /// Failed; this instance is unusable.
     Error,
-    /// Failed, and all instances of this FMU with it.
+    /// Failed, and all instances of this FMU are unusable.
     Fatal,
-    /// Under way, which the FMU was not asked for, or no status at all.
+    /// Pending, which is never requested, or an undefined status.
     Odd(i32),
 }
 
@@ -35,7 +35,7 @@ impl Status {
         }
     }
 
-    /// Whether it was done.
+    /// Whether the call succeeded.
     pub fn done(self) -> bool {
         matches!(self, Status::Ok | Status::Warning)
     }
@@ -50,7 +50,7 @@ impl Status {
     }
 }
 
-/// The types of values that functions of the library take: one function for each.
+/// The types of values with a separate function of the library each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[allow(missing_docs, reason = "the names are the standard's")]
 pub enum Native {
@@ -68,14 +68,14 @@ pub enum Native {
     Bool32,
     /// `fmi3Boolean`, a byte.
     Bool8,
-    /// Pointers to texts that end with a zero.
+    /// Pointers to zero-terminated texts.
     Text,
-    /// Pointers to bytes, with their numbers beside them.
+    /// Pointers to bytes, with separate sizes.
     Binary,
 }
 
 impl Native {
-    /// The function for variables of `kind`; nothing for clocks.
+    /// The function for variables of `kind`; none for clocks.
     pub fn of(version: Version, kind: Type) -> Option<Native> {
         Some(match (version, kind) {
             (_, Type::Float64) => Native::F64,
@@ -97,7 +97,7 @@ impl Native {
         })
     }
 
-    /// The number type of a field that has its values byte for byte; nothing for what is no number.
+    /// The number type of a field with the same byte representation; none for values that are not numbers.
     pub const fn element(self) -> Option<Element> {
         Some(match self {
             Native::F64 => Element::F64,
@@ -114,7 +114,7 @@ impl Native {
         })
     }
 
-    /// Bytes of one value; texts and bytes have no fixed number.
+    /// Bytes of one value; texts and bytes have no fixed size.
     pub const fn size(self) -> usize {
         match self {
             Native::F64 | Native::I64 | Native::U64 => 8,
@@ -126,28 +126,28 @@ impl Native {
     }
 }
 
-/// Values of variables of one type, in memory that is aligned for them.
+/// Values of variables of one type, in suitably aligned memory.
 #[derive(Debug, Clone)]
 pub struct Values {
-    /// The function that takes them.
+    /// The function that reads or sets them.
     pub native: Native,
     /// The variables.
     pub references: Vec<u32>,
-    /// How many values they have together.
+    /// The total number of their values.
     pub count: usize,
     words: Vec<u64>,
-    /// Texts, each with a zero at its end, or bytes.
+    /// Zero-terminated texts, or bytes.
     contents: Vec<Vec<u8>>,
 }
 
-/// Pointers to texts or bytes as functions take and give them, with the numbers of bytes.
+/// Pointers to texts or bytes in the form that functions expect and return, with the sizes.
 pub(super) struct Pointers {
     pub(super) pointers: Vec<*const u8>,
     pub(super) sizes: Vec<usize>,
 }
 
 impl Values {
-    /// All zeros.
+    /// Creates values that are all zero.
     pub fn new(native: Native, references: Vec<u32>, count: usize) -> Values {
         let words = vec![0; (count * native.size()).div_ceil(8)];
         Values {
@@ -163,7 +163,7 @@ impl Values {
         }
     }
 
-    /// Pointers to the texts or bytes, which are not changed as long as they are used.
+    /// Pointers to the texts or bytes, which must not be changed while the pointers are used.
     pub(super) fn pointers(&self) -> Pointers {
         Pointers {
             pointers: self.contents.iter().map(|one| one.as_ptr()).collect(),
@@ -171,7 +171,7 @@ impl Values {
         }
     }
 
-    /// Room for the pointers that a function gives.
+    /// Space for the pointers that a function returns.
     pub(super) fn no_pointers(&self) -> Pointers {
         Pointers {
             pointers: vec![std::ptr::null(); self.count],
@@ -179,10 +179,10 @@ impl Values {
         }
     }
 
-    /// Copies what a function gave. A null pointer stands for nothing.
+    /// Copies the texts or bytes that a function returned. A null pointer is an empty value.
     ///
     /// # Safety
-    /// Each pointer is null, or leads to a text with a zero at its end, or to as many bytes as its size says.
+    /// Each pointer is null, or points to a zero-terminated text, or to as many bytes as its size states.
     pub(super) unsafe fn take(&mut self, given: &Pointers) {
         let each = given.pointers.iter().zip(&given.sizes);
         for (own, (pointer, size)) in self.contents.iter_mut().zip(each) {
@@ -190,9 +190,9 @@ impl Values {
             match (pointer.is_null(), self.native) {
                 (true, Native::Text) => own.push(0),
                 (true, _) => {}
-                // SAFETY: as the caller says.
+                // SAFETY: guaranteed by the caller.
                 (false, Native::Text) => own.extend(unsafe { CStr::from_ptr(pointer.cast()) }.to_bytes_with_nul()),
-                // SAFETY: as the caller says.
+                // SAFETY: guaranteed by the caller.
                 (false, _) => own.extend(unsafe { std::slice::from_raw_parts(*pointer, *size) }),
             }
         }
@@ -204,7 +204,7 @@ impl Values {
         &own[..own.len() - usize::from(self.native == Native::Text)]
     }
 
-    /// Puts text or bytes number `index`. There is no zero in a text.
+    /// Sets text or bytes number `index`. A text must contain no zero.
     pub fn put_content(&mut self, index: usize, content: &[u8]) {
         let own = &mut self.contents[index];
         own.clear();
@@ -216,12 +216,12 @@ impl Values {
         self.words.as_mut_ptr().cast()
     }
 
-    /// All values that are no texts, one after the other.
+    /// All values that are not texts, concatenated.
     pub fn as_bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.words)
     }
 
-    /// The same, to be changed.
+    /// The same, mutable.
     pub fn as_bytes_mut(&mut self) -> &mut [u8] {
         bytemuck::cast_slice_mut(&mut self.words)
     }
@@ -235,7 +235,7 @@ impl Values {
         bytes
     }
 
-    /// Puts value number `index`.
+    /// Sets value number `index`.
     pub fn put(&mut self, index: usize, bytes: &[u8]) {
         let size = self.native.size();
         let at = index * size;
@@ -245,7 +245,7 @@ impl Values {
     }
 }
 
-/// The values of text variables, for setting.
+/// The values of text variables to be set.
 pub enum Texts<'a> {
     /// A string.
     String(&'a std::ffi::CStr),
@@ -253,26 +253,26 @@ pub enum Texts<'a> {
     Binary(&'a [u8]),
 }
 
-/// What became of a step.
+/// The result of a step.
 #[derive(Debug, Clone, Copy)]
 pub struct Stepped {
     /// The status.
     pub status: Status,
-    /// The FMU asks for the end of the simulation.
+    /// The FMU requests the end of the simulation.
     pub terminate: bool,
-    /// It came only to [`Stepped::last`], although it must not.
+    /// The step ended early at [`Stepped::last`], which is not permitted.
     pub early: bool,
-    /// How far it came, s, where it says so.
+    /// The instant that the FMU reached, s, where it reports it.
     pub last: Option<f64>,
 }
 
 /// One instance of an FMU for co-simulation.
 pub trait Instance: Send {
-    /// Enters and leaves configuration mode (FMI 3.0) around `work`.
+    /// Calls `work` in configuration mode (FMI 3.0).
     fn configure(&mut self, entering: bool) -> Status;
-    /// Says when the run starts, and enters the initialization mode.
+    /// Sets the start time, and enters initialization mode.
     fn enter_initialisation(&mut self, start: f64, tolerance: Option<f64>) -> Result<(), (&'static str, Status)>;
-    /// Leaves the initialization mode.
+    /// Leaves initialization mode.
     fn exit_initialisation(&mut self) -> Status;
     /// Reads values.
     fn get(&mut self, values: &mut Values) -> Status;
@@ -282,17 +282,17 @@ pub trait Instance: Send {
     fn set_text(&mut self, reference: u32, text: Texts<'_>) -> Status;
     /// From `t` to `t + step`, s.
     fn step(&mut self, t: f64, step: f64) -> Stepped;
-    /// The state as bytes.
+    /// The serialised state.
     fn serialise(&self) -> Result<Vec<u8>, (&'static str, Status)>;
-    /// Puts the state back.
+    /// Restores the state.
     fn deserialise(&mut self, bytes: &[u8]) -> Result<(), (&'static str, Status)>;
-    /// Ends the simulation, where it has begun.
+    /// Terminates the simulation, if it has begun.
     fn terminate(&mut self) -> Status;
-    /// Frees it. Nothing may be called afterwards.
+    /// Frees the instance. No function may be called afterwards.
     fn free(&mut self);
 }
 
-/// The log categories that tell of failures: all others would be formatted and thrown away.
+/// The log categories for failures: messages of all others would be formatted and discarded.
 pub(super) fn failure_categories(description: &Description) -> Vec<std::ffi::CString> {
     let words = ["error", "fatal", "discard", "warning"];
     let failures = description.log_categories.iter().filter(|name| {

@@ -4,13 +4,13 @@ use std::ffi::{CStr, CString, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-/// Why there is no instance.
+/// Why an instance cannot be created.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// The dynamic linker refuses the library.
+    /// The dynamic linker rejects the library.
     #[error("the library cannot be loaded: {0}")]
     Load(String),
-    /// It embeds Python, which is not there.
+    /// The library embeds Python, which is missing.
     #[error(
         "the library embeds Python, and this machine has no libpython3.N.so.1.0 where libraries are looked for: install it (Debian: \
          libpython3-dev), or name its folder in LD_LIBRARY_PATH ({0})"
@@ -19,10 +19,10 @@ pub enum LoadError {
     /// A function of the standard is missing.
     #[error("the library has no function `{0}`, which the standard asks for")]
     Function(&'static str),
-    /// The FMU gave no instance.
+    /// The FMU returned no instance.
     #[error("it could not be instantiated{0}")]
     Instantiate(String),
-    /// A folder that cannot be said in C or as a URI.
+    /// A folder whose path cannot be represented in C or as a URI.
     #[error("`{}` has a zero byte in it", .0.display())]
     Path(PathBuf),
 }
@@ -33,7 +33,7 @@ pub(super) struct Library {
 }
 
 fn last_error() -> String {
-    // SAFETY: dlerror gives null or a text that stays valid until the next call of dl… in this thread.
+    // SAFETY: dlerror returns null or a text that stays valid until the next call of dl… in this thread.
     unsafe {
         let text = libc::dlerror();
         if text.is_null() {
@@ -44,18 +44,19 @@ fn last_error() -> String {
     }
 }
 
-/// Whether what the dynamic linker misses is Python.
+/// Whether the symbol that the dynamic linker misses belongs to Python.
 fn misses_python(reason: &str) -> bool {
     let symbol = reason.split("undefined symbol: ").nth(1);
     symbol.is_some_and(|symbol| symbol.trim_start_matches('_').starts_with("Py"))
 }
 
 fn open(name: &CStr, scope: c_int) -> *mut c_void {
-    // SAFETY: the name ends with zero. What the library does when it is loaded is the FMU's: that is what a process of its own is for.
+    // SAFETY: the name is zero-terminated. The library's initialisers are the FMU's own code, which is why an FMU gets its
+    // own process.
     unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | scope) }
 }
 
-/// Loads the newest Python of this machine for everything that is loaded afterwards, and keeps it.
+/// Loads the newest Python of this machine for all libraries that are loaded afterwards, and keeps it loaded.
 fn load_python() -> bool {
     let names = (8..30)
         .rev()
@@ -72,7 +73,7 @@ impl Library {
             if !misses_python(&reason) {
                 return Err(LoadError::Load(reason));
             }
-            // It embeds Python, and expects that somebody has loaded it.
+            // The library embeds Python, and expects the host to have loaded it.
             if !load_python() {
                 return Err(LoadError::Python(reason));
             }
@@ -87,7 +88,7 @@ impl Library {
     /// The address of a function.
     pub(super) fn function(&self, name: &'static str) -> Result<*mut c_void, LoadError> {
         let text = CString::new(name).map_err(|_| LoadError::Function(name))?;
-        // SAFETY: the library is loaded and the name ends with zero.
+        // SAFETY: the library is loaded and the name is zero-terminated.
         let address = unsafe { libc::dlsym(self.handle, text.as_ptr()) };
         if address.is_null() {
             Err(LoadError::Function(name))
@@ -104,7 +105,7 @@ impl Drop for Library {
     }
 }
 
-/// Declares a struct of the functions of a library, each with its name and type in C, and how it is filled.
+/// Declares a struct of the functions of a library, each with its name and C type, and the code that fills it.
 macro_rules! functions {
     ($(#[$meta:meta])* $name:ident { $($field:ident = $symbol:literal: fn($($argument:ty),*) $(-> $result:ty)?;)* }) => {
         $(#[$meta])*
@@ -117,7 +118,7 @@ macro_rules! functions {
                 Ok($name {
                     $($field: {
                         let address = library.function($symbol)?;
-                        // SAFETY: the standard says that the function of this name has this type.
+                        // SAFETY: the standard defines the type of the function with this name.
                         unsafe {
                             std::mem::transmute::<
                                 *mut std::ffi::c_void,

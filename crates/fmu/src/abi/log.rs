@@ -1,34 +1,34 @@
-//! What an FMU writes into its log.
+//! Log messages of FMUs.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// How many of the newest messages are kept.
+/// Number of newest messages that are kept.
 const KEPT: usize = 8;
 
-/// How many messages of one step are told.
+/// Maximum number of messages of one step that are reported.
 const TOLD: usize = 64;
 
-/// What one instance writes into.
+/// The log of one instance.
 #[derive(Debug, Default)]
 struct Shared {
-    /// Whether something is untold: asked at every step.
+    /// Whether there are unreported messages: checked at every step.
     fresh: AtomicBool,
     written: Mutex<Written>,
 }
 
-/// What one instance has written.
+/// The messages of one instance.
 #[derive(Debug, Default)]
 struct Written {
     newest: VecDeque<String>,
-    /// What was not told yet, and how many more there were than are told.
+    /// The unreported messages, and the number of further ones beyond the maximum.
     untold: Vec<String>,
     more: usize,
 }
 
-/// The environment pointers of living instances. They are numbers: an FMU that mixes them up writes into no memory of ours.
+/// The environment pointers of living instances. They are numbers: an FMU that mixes them up cannot write to our memory.
 static LOGS: Mutex<BTreeMap<usize, Arc<Shared>>> = Mutex::new(BTreeMap::new());
 static NEXT: AtomicUsize = AtomicUsize::new(1);
 static ALOUD: AtomicBool = AtomicBool::new(false);
@@ -37,8 +37,8 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From now on everything that FMUs of this process write into their logs, warnings or worse, goes to standard error too: for a program
-/// that is one participant.
+/// From now on, warnings and errors that FMUs of this process log also go to standard error: for a program that is a single
+/// participant.
 pub fn to_standard_error() {
     ALOUD.store(true, Ordering::Relaxed);
 }
@@ -66,12 +66,12 @@ impl Drop for Log {
 }
 
 impl Log {
-    /// What an instance is given as its environment.
+    /// The environment pointer that is passed to an instance.
     pub(super) fn environment(&self) -> *mut c_void {
         std::ptr::without_provenance_mut(self.number)
     }
 
-    /// The messages as a continuation of a sentence, and forgets them.
+    /// Returns the messages as a continuation of a sentence, and clears them.
     pub fn take(&self) -> String {
         let lines: Vec<String> = locked(&self.shared.written).newest.drain(..).collect();
         if lines.is_empty() {
@@ -80,7 +80,7 @@ impl Log {
         format!("; its log: {}", lines.join(" | "))
     }
 
-    /// What was written since this was asked for last, for the participant's own log. Nothing where it went to standard error.
+    /// The messages since the last call, for the participant's own log. Empty where they went to standard error.
     pub fn tell(&self, mut say: impl FnMut(&str)) {
         if !self.shared.fresh.load(Ordering::Relaxed) {
             return;
@@ -126,7 +126,7 @@ fn record(environment: *mut c_void, status: i32, category: &str, text: &str) {
 }
 
 /// # Safety
-/// `text` is null or ends with zero.
+/// `text` is null or zero-terminated.
 unsafe fn text_of(text: *const c_char) -> String {
     if text.is_null() {
         return String::new();
@@ -143,7 +143,7 @@ unsafe extern "C" fn escapement_fmu_log(
     category: *const c_char,
     text: *const c_char,
 ) {
-    // SAFETY: the standard says that both are texts; the logger formats the second.
+    // SAFETY: according to the standard both are texts; the logger formats the second.
     let (category, text) = unsafe { (text_of(category), text_of(text)) };
     record(environment, status, &category, &text);
 }
@@ -155,7 +155,7 @@ pub(super) unsafe extern "C" fn log_message(
     category: *const c_char,
     text: *const c_char,
 ) {
-    // SAFETY: the standard says that both are texts.
+    // SAFETY: according to the standard both are texts.
     let (category, text) = unsafe { (text_of(category), text_of(text)) };
     record(environment, status, &category, &text);
 }

@@ -1,7 +1,7 @@
-//! The functions of an FMU's library, as the C headers of FMI 2.0 and 3.0 have them.
+//! Bindings to the functions of an FMU's library, according to the C headers of FMI 2.0 and 3.0.
 //!
-//! Only what a co-simulation needs: the bindings are small enough to stand here, so a step calls the FMU and nothing else. All calls of
-//! foreign code are in this module.
+//! Only the functions that co-simulation needs: the bindings are small enough to be written here, so a step calls the FMU
+//! directly. All calls of foreign code are in this module.
 
 mod interface;
 mod library;
@@ -17,10 +17,10 @@ use std::path::Path;
 
 use crate::description::{Description, Version};
 
-/// Loads the library of the FMU that is unpacked in `folder` and makes an instance called `name`.
+/// Loads the library of the FMU that is unpacked in `folder` and creates an instance called `name`.
 ///
 /// # Errors
-/// Names the library or the function, with what the FMU wrote into its log.
+/// Names the library or the function, with the FMU's log.
 pub fn instantiate(
     description: &Description,
     library: &Path,

@@ -1,4 +1,4 @@
-//! FMI 3.0.
+//! Bindings to FMI 3.0.
 
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
@@ -52,7 +52,7 @@ functions! {
 }
 
 functions! {
-    /// Asked for only where texts or bytes are read.
+    /// Loaded only where texts or bytes are read.
     ContentFunctions {
         get_string = "fmi3GetString": fn(Pointer, *const u32, usize, *mut *const c_char, usize) -> c_int;
         get_binary = "fmi3GetBinary": fn(Pointer, *const u32, usize, *mut usize, *mut *const u8, usize) -> c_int;
@@ -60,7 +60,7 @@ functions! {
 }
 
 functions! {
-    /// Asked for only where the description says that they are there.
+    /// Loaded only where the description declares them.
     StateFunctions {
         get = "fmi3GetFMUState": fn(Pointer, *mut Pointer) -> c_int;
         set = "fmi3SetFMUState": fn(Pointer, Pointer) -> c_int;
@@ -77,11 +77,11 @@ pub struct Three {
     functions: Functions,
     state: Option<StateFunctions>,
     contents: Option<ContentFunctions>,
-    /// Last: it is unloaded after everything else.
+    /// Must be the last field: the library is unloaded after everything else.
     library: Library,
 }
 
-// SAFETY: an instance is used by one thread at a time, as the standard asks; it may be another one later.
+// SAFETY: an instance is used by one thread at a time, as the standard requires; the thread may change.
 unsafe impl Send for Three {}
 
 impl Three {
@@ -104,12 +104,12 @@ impl Three {
             CString::new(name).map_err(wrong)?,
             CString::new(description.token.as_str()).map_err(wrong)?,
         );
-        // A native path with a separator at its end.
+        // A native path with a trailing separator.
         let mut resources = folder.join("resources").as_os_str().as_bytes().to_vec();
         resources.push(b'/');
         let resources = CString::new(resources).map_err(wrong)?;
-        // SAFETY: the types are those of the standard; the texts outlive the call. Event mode and early return are declined, so no
-        // intermediate update is called.
+        // SAFETY: the types are those of the standard; the texts outlive the call. Event mode and early return are
+        // declined, so no intermediate update is called.
         let instance = unsafe {
             (functions.instantiate)(
                 name.as_ptr(),
@@ -140,13 +140,13 @@ impl Three {
         Ok(three)
     }
 
-    /// Where the FMU can choose: it formats no messages that nobody reads.
+    /// Where the FMU supports log categories, it then formats only messages that are used.
     fn log_failures_only(&self, description: &Description) {
         type SetLogging = unsafe extern "C" fn(Pointer, bool, usize, *const *const c_char) -> c_int;
         let categories = failure_categories(description);
         if let (false, Ok(address)) = (categories.is_empty(), self.library.function("fmi3SetDebugLogging")) {
             let pointers: Vec<*const c_char> = categories.iter().map(|name| name.as_ptr()).collect();
-            // SAFETY: the standard says that the function of this name has this type; the texts outlive the call.
+            // SAFETY: the standard defines the type of the function with this name; the texts outlive the call.
             unsafe {
                 let set = std::mem::transmute::<*mut c_void, SetLogging>(address);
                 set(self.instance, true, pointers.len(), pointers.as_ptr());
@@ -156,7 +156,8 @@ impl Three {
 
     fn transfer(&self, function: Transfer, values: &mut Values) -> Status {
         let (references, pointer) = (values.references.as_ptr(), values.pointer());
-        // SAFETY: the memory has room for `count` values of the function's type; an FMU that wants another number must say so.
+        // SAFETY: the memory has space for `count` values of the function's type; an FMU that expects another number must
+        // report an error.
         Status::of(unsafe {
             function(
                 self.instance,
@@ -177,7 +178,8 @@ impl Three {
         let (references, count) = (values.references.as_ptr(), values.references.len());
         let mut given = values.no_pointers();
         let (pointers, sizes, room) = (given.pointers.as_mut_ptr(), given.sizes.as_mut_ptr(), values.count);
-        // SAFETY: there is room for `count` pointers and sizes; what they lead to is copied before the FMU is called again.
+        // SAFETY: there is space for `count` pointers and sizes; the data they point to is copied before the next call of
+        // the FMU.
         unsafe {
             let status = Status::of(match values.native {
                 Native::Text => (own.get_string)(self.instance, references, count, pointers.cast(), room),
@@ -195,7 +197,7 @@ impl Three {
         let (references, count) = (values.references.as_ptr(), values.references.len());
         let given = values.pointers();
         let (pointers, sizes, room) = (given.pointers.as_ptr(), given.sizes.as_ptr(), values.count);
-        // SAFETY: texts end with a zero, and the size of bytes stands beside them.
+        // SAFETY: texts are zero-terminated, and the size of bytes is passed as well.
         Status::of(unsafe {
             match values.native {
                 Native::Text => (own.set_string)(self.instance, references, count, pointers.cast(), room),
@@ -274,7 +276,7 @@ impl Instance for Three {
 
     fn set_text(&mut self, reference: u32, text: Texts<'_>) -> Status {
         let reference = &raw const reference;
-        // SAFETY: one reference and one text or one run of bytes, whose size stands beside it.
+        // SAFETY: one reference and one text or one byte array, whose size is passed as well.
         Status::of(unsafe {
             match text {
                 Texts::String(text) => (self.functions.set_string)(self.instance, reference, 1, &text.as_ptr(), 1),
@@ -286,7 +288,7 @@ impl Instance for Three {
     }
 
     fn step(&mut self, t: f64, step: f64) -> Stepped {
-        // Bytes, not `bool`: the FMU may write anything.
+        // Bytes, not `bool`: the FMU may write any value.
         let (mut event, mut terminate, mut early, mut last) = (0_u8, 0_u8, 0_u8, t);
         let do_step = self.functions.do_step;
         // SAFETY: the instance is alive and initialised.
@@ -319,7 +321,7 @@ impl Instance for Three {
             status => Err((name, status)),
         };
         let mut state = std::ptr::null_mut();
-        // SAFETY: the instance is alive; the buffer has the size that the FMU says; the state is freed on every way.
+        // SAFETY: the instance is alive; the buffer has the size that the FMU states; the state is freed on every path.
         unsafe {
             check("fmi3GetFMUState", (own.get)(self.instance, &raw mut state))?;
             let mut size = 0;
@@ -368,7 +370,7 @@ impl Instance for Three {
     }
 
     fn free(&mut self) {
-        // SAFETY: the instance is alive, and nobody uses it afterwards.
+        // SAFETY: the instance is alive, and is not used afterwards.
         unsafe { (self.functions.free_instance)(self.instance) }
     }
 }

@@ -1,4 +1,4 @@
-//! FMI 2.0.
+//! Bindings to FMI 2.0.
 
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::os::unix::ffi::OsStrExt;
@@ -22,7 +22,7 @@ struct Callbacks {
 }
 
 unsafe extern "C" {
-    /// In `logger.c`: variadic, and called by the FMU alone.
+    /// Defined in `logger.c`: variadic, and called by the FMU only.
     fn escapement_fmi2_logger();
 }
 
@@ -48,14 +48,14 @@ functions! {
 }
 
 functions! {
-    /// Asked for only where texts are read.
+    /// Loaded only where texts are read.
     TextFunctions {
         get_string = "fmi2GetString": fn(Component, *const u32, usize, *mut *const c_char) -> c_int;
     }
 }
 
 functions! {
-    /// Asked for only where the description says that they are there.
+    /// Loaded only where the description declares them.
     StateFunctions {
         get = "fmi2GetFMUstate": fn(Component, *mut *mut c_void) -> c_int;
         set = "fmi2SetFMUstate": fn(Component, *mut c_void) -> c_int;
@@ -78,14 +78,14 @@ pub struct Two {
     texts: Option<TextFunctions>,
     // The FMU keeps pointers to these.
     _callbacks: Box<Callbacks>,
-    /// Last: it is unloaded after everything else.
+    /// Must be the last field: the library is unloaded after everything else.
     _library: Library,
 }
 
-// SAFETY: an instance is used by one thread at a time, as the standard asks; it may be another one later.
+// SAFETY: an instance is used by one thread at a time, as the standard requires; the thread may change.
 unsafe impl Send for Two {}
 
-/// A folder as a URI, as the standard asks for the resources.
+/// A folder as a URI, which the standard requires for the resources.
 fn uri(folder: &Path) -> String {
     let bytes = folder.as_os_str().as_bytes().iter();
     let escaped = bytes.map(|&byte| match byte {
@@ -147,13 +147,13 @@ impl Two {
         Ok(two)
     }
 
-    /// Where the FMU can choose: it formats no messages that nobody reads.
+    /// Where the FMU supports log categories, it then formats only messages that are used.
     fn log_failures_only(&self, description: &Description) {
         type SetLogging = unsafe extern "C" fn(Component, c_int, usize, *const *const c_char) -> c_int;
         let categories = failure_categories(description);
         if let (false, Ok(address)) = (categories.is_empty(), self._library.function("fmi2SetDebugLogging")) {
             let pointers: Vec<*const c_char> = categories.iter().map(|name| name.as_ptr()).collect();
-            // SAFETY: the standard says that the function of this name has this type; the texts outlive the call.
+            // SAFETY: the standard defines the type of the function with this name; the texts outlive the call.
             unsafe {
                 let set = std::mem::transmute::<*mut c_void, SetLogging>(address);
                 set(self.component, 1, pointers.len(), pointers.as_ptr());
@@ -169,7 +169,7 @@ impl Two {
             _ => return Status::Error,
         };
         let (references, pointer) = (values.references.as_ptr(), values.pointer());
-        // SAFETY: FMI 2.0 has scalars only: there is one value for each reference, in memory that is aligned for it.
+        // SAFETY: FMI 2.0 has scalars only: there is one value for each reference, in suitably aligned memory.
         Status::of(unsafe { function(self.component, references, values.references.len(), pointer) })
     }
 }
@@ -203,7 +203,8 @@ impl Instance for Two {
             let Some(texts) = &self.texts else { return Status::Error };
             let (references, count) = (values.references.as_ptr(), values.references.len());
             let mut given = values.no_pointers();
-            // SAFETY: there is room for one pointer for each reference; the texts are copied before the FMU is called again.
+            // SAFETY: there is space for one pointer for each reference; the texts are copied before the next call of the
+            // FMU.
             return unsafe {
                 let pointers = given.pointers.as_mut_ptr();
                 let status = Status::of((texts.get_string)(self.component, references, count, pointers.cast()));
@@ -222,7 +223,7 @@ impl Instance for Two {
         if values.native == Native::Text {
             let (references, count) = (values.references.as_ptr(), values.references.len());
             let given = values.pointers();
-            // SAFETY: one text with a zero at its end for each reference.
+            // SAFETY: one zero-terminated text for each reference.
             return Status::of(unsafe {
                 (own.set_string)(self.component, references, count, given.pointers.as_ptr().cast())
             });
@@ -244,7 +245,7 @@ impl Instance for Two {
         let (mut last, mut terminated) = (0.0, 0);
         let mut reached = None;
         if status == Status::Discard {
-            // SAFETY: the instance is alive; the standard has these two functions for exactly this case.
+            // SAFETY: the instance is alive; the standard defines these two functions for exactly this case.
             unsafe {
                 let known = (self.functions.get_real_status)(self.component, LAST_SUCCESSFUL_TIME, &raw mut last);
                 reached = Status::of(known).done().then_some(last);
@@ -268,7 +269,7 @@ impl Instance for Two {
             status => Err((name, status)),
         };
         let mut state = std::ptr::null_mut();
-        // SAFETY: the instance is alive; the buffer has the size that the FMU says; the state is freed on every way.
+        // SAFETY: the instance is alive; the buffer has the size that the FMU states; the state is freed on every path.
         unsafe {
             check("fmi2GetFMUstate", (own.get)(self.component, &raw mut state))?;
             let mut size = 0;
@@ -317,7 +318,7 @@ impl Instance for Two {
     }
 
     fn free(&mut self) {
-        // SAFETY: the instance is alive, and nobody uses it afterwards.
+        // SAFETY: the instance is alive, and is not used afterwards.
         unsafe { (self.functions.free_instance)(self.component) }
     }
 }

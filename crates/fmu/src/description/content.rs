@@ -14,12 +14,12 @@ pub enum Version {
     Three,
 }
 
-/// What the FMU can do in a co-simulation.
+/// The FMU's capabilities in co-simulation.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Abilities {
-    /// The name of the library and, with FMI 2.0, of nothing else.
+    /// The name of the library; with FMI 2.0 it has no other use.
     pub identifier: String,
-    /// It only talks to a tool that must be installed.
+    /// It is a wrapper for a tool that must be installed.
     pub needs_execution_tool: bool,
     /// A process may hold one instance only.
     pub once_per_process: bool,
@@ -27,15 +27,15 @@ pub struct Abilities {
     pub variable_step: bool,
     /// The step of its own solver, s, where it is fixed.
     pub fixed_step: Option<f64>,
-    /// Its state can be taken and put back.
+    /// Its state can be saved and restored.
     pub state: bool,
-    /// Its state can be written as bytes.
+    /// Its state can be serialised.
     pub serialise: bool,
     /// It has an event mode (FMI 3.0).
     pub event_mode: bool,
 }
 
-/// The experiment for which the FMU was made.
+/// The default experiment.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Experiment {
     /// Start, s.
@@ -55,15 +55,15 @@ pub struct Description {
     pub version: Version,
     /// The model's name.
     pub model: String,
-    /// What it is, in the exporter's words.
+    /// The exporter's description.
     pub text: String,
     /// The tool that exported it.
     pub tool: String,
     /// The `guid` or `instantiationToken`.
     pub token: String,
-    /// What it can do in a co-simulation.
+    /// Its capabilities in co-simulation.
     pub abilities: Abilities,
-    /// The experiment for which it was made.
+    /// The default experiment.
     pub experiment: Experiment,
     /// The units by name.
     pub units: BTreeMap<String, Unit>,
@@ -71,7 +71,7 @@ pub struct Description {
     pub variables: Vec<Variable>,
     /// The names of the log categories.
     pub log_categories: Vec<String>,
-    /// What is wrong with it and can be lived with.
+    /// Mistakes in it that can be tolerated.
     pub problems: Vec<String>,
 }
 
@@ -81,7 +81,7 @@ impl Description {
         self.variables.iter().find(|variable| variable.name == name)
     }
 
-    /// The variable's unit, where it has one that the description defines.
+    /// The variable's unit, where the description defines it.
     pub fn unit(&self, variable: &Variable) -> Option<&Unit> {
         variable.unit.as_ref().and_then(|name| self.units.get(name))
     }

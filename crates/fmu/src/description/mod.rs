@@ -1,4 +1,4 @@
-//! What `modelDescription.xml` says of an FMU, in the same terms for FMI 2.0 and 3.0.
+//! Content of `modelDescription.xml`, in the same terms for FMI 2.0 and 3.0.
 
 mod content;
 mod nodes;

@@ -1,4 +1,4 @@
-//! Elements of a model description and their words.
+//! Elements of a model description and their attributes.
 
 use roxmltree::Node;
 
@@ -18,7 +18,7 @@ pub(super) fn range(node: Node<'_, '_>) -> Range {
     let text = |name| node.attribute(name).map(|text| text.trim().to_owned());
     Range {
         min: text("min"),
-        // Of a Binary: the most bytes that it has.
+        // For a Binary: its maximum size, bytes.
         max: text("max").or_else(|| text("maxSize")),
     }
 }

@@ -1,4 +1,4 @@
-//! The reader of `modelDescription.xml`.
+//! Reader of `modelDescription.xml`.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -9,26 +9,26 @@ use super::nodes::{child, elements, range, type_of, words};
 use super::units::{BaseUnit, Unit};
 use super::variable::{Causality, Extent, Initial, Item, Range, Type, Variability, Variable};
 
-/// The largest description, bytes.
+/// Maximum size of a description, bytes.
 pub const SIZE_MAX: usize = 64 << 20;
-/// The most elements of XML in a description.
+/// Maximum number of XML elements in a description.
 const NODES_MAX: u32 = 8_000_000;
 
-/// Why a description is refused.
+/// Why a description is rejected.
 #[derive(Debug, thiserror::Error)]
 pub enum DescriptionError {
     /// Not XML.
     #[error("modelDescription.xml: {0}")]
     Xml(#[from] roxmltree::Error),
-    /// Larger than anything sensible.
+    /// Larger than the limit.
     #[error("modelDescription.xml has {0} bytes; at most {SIZE_MAX} are read")]
     Size(usize),
-    /// Something that is missing or wrong.
+    /// An element or attribute that is missing or wrong.
     #[error("modelDescription.xml:{line}: {reason}")]
     Content {
         /// The line, from 1.
         line: u32,
-        /// What is wrong.
+        /// The mistake.
         reason: String,
     },
 }
@@ -51,7 +51,7 @@ impl Description {
     /// Reads the text of a `modelDescription.xml`.
     ///
     /// # Errors
-    /// What is missing or wrong, with its line. What can be lived with stands in [`Description::problems`].
+    /// The missing or wrong element, with its line. Mistakes that can be tolerated are in [`Description::problems`].
     pub fn read(text: &str) -> Result<Description, DescriptionError> {
         if text.len() > SIZE_MAX {
             return Err(DescriptionError::Size(text.len()));
@@ -268,7 +268,7 @@ impl<'a> Reader<'a> {
     }
 
     fn problem(&mut self, node: Node<'_, '_>, reason: String) {
-        // A thousand problems of one kind say no more than some.
+        // The number of reported problems of one kind is limited.
         if self.problems.len() < 100 {
             let problem = self.error(node, reason).to_string();
             self.problems.push(problem);
@@ -392,7 +392,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// As the file says, else by the standard's table of causality and variability.
+    /// The value in the file, else that of the standard's table of causality and variability.
     fn initial(
         &self,
         node: Node<'_, '_>,
@@ -414,7 +414,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// Which outputs follow from inputs at the same instant. Without `dependencies` an output may depend on everything.
+    /// The outputs with direct feedthrough from inputs. Without `dependencies` an output may depend on all inputs.
     fn structure(&mut self, root: Node<'a, 'a>, variables: &mut [Variable]) -> Result<(), DescriptionError> {
         let structure = child(root, "ModelStructure");
         let two = self.version == Version::Two;

@@ -1,4 +1,4 @@
-//! Units of an FMU, in the words of the framework.
+//! Units of an FMU, converted to those of the framework.
 
 use lockstep::units::UnitError;
 use lockstep::units::convert;
@@ -44,19 +44,19 @@ pub struct Unit {
     pub base: Option<BaseUnit>,
 }
 
-/// What a value of the FMU becomes in a port: factor · value + offset, in `unit`.
+/// The conversion of an FMU's value for a port: factor · value + offset, in `unit`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Conversion {
     /// The unit of the port.
     pub unit: String,
-    /// See above; 1 where the bits are kept.
+    /// See above; 1 where the values are copied unchanged.
     pub factor: f64,
     /// See above.
     pub offset: f64,
 }
 
 impl Conversion {
-    /// The bits are kept.
+    /// The values are copied unchanged.
     pub fn none(unit: impl Into<String>) -> Conversion {
         Conversion {
             unit: unit.into(),
@@ -65,15 +65,15 @@ impl Conversion {
         }
     }
 
-    /// Whether values keep their bits.
+    /// Whether values are copied unchanged.
     pub fn is_none(&self) -> bool {
         self.factor == 1.0 && self.offset == 0.0
     }
 }
 
 impl Unit {
-    /// The unit of a port for values in this unit, and how they become that: the FMU's own unit where the framework knows it
-    /// and the FMU means the same by it, else its base units.
+    /// The unit of a port for values in this unit, and the conversion: the FMU's own unit where the framework knows it with
+    /// the same definition, else its base units.
     pub fn of_port(&self) -> Conversion {
         let spelt = spelt(&self.name);
         match (&self.base, known(&spelt)) {
@@ -94,7 +94,7 @@ impl Unit {
         base.offset == 0.0 && value.is_ok_and(|(values, _)| near(values[0]))
     }
 
-    /// How values become values in `wanted`, a unit that the user names.
+    /// The conversion to `wanted`, a unit that the user names.
     ///
     /// # Errors
     /// When it has another dimension.
@@ -112,7 +112,7 @@ impl Unit {
     }
 }
 
-/// A unit's name as Modelica and FMUs write it, in the framework's spelling: `N.m/s2` is `N m/s^2`.
+/// A unit's name as Modelica and FMUs write it, converted to the framework's spelling: `N.m/s2` is `N m/s^2`.
 fn spelt(name: &str) -> String {
     let mut text = String::new();
     let mut before = ' ';
@@ -131,7 +131,7 @@ fn spelt(name: &str) -> String {
 }
 
 fn known(unit: &str) -> bool {
-    // Of another dimension is known too.
+    // A unit known with another dimension.
     !matches!(convert(&format!("1 {unit}"), "1"), Err(UnitError::Symbol { .. }))
 }
 
@@ -173,7 +173,7 @@ mod tests {
         assert_eq!((celsius.unit.as_str(), celsius.offset), ("K", 273.15));
         let bar = unit("bar", [1, -1, -2, 0, 0, 0, 0, 0], 1e5, 0.0).of_port();
         assert_eq!((bar.unit.as_str(), bar.factor), ("kg m^-1 s^-2", 1e5));
-        // The framework's `h` is an hour.
+        // In the framework, `h` is the hour.
         let planck = unit("h", [1, 2, -1, 0, 0, 0, 0, 0], 6.62607015e-34, 0.0).of_port();
         assert_eq!((planck.unit.as_str(), planck.factor), ("kg m^2 s^-1", 6.62607015e-34));
         let odd = Unit {

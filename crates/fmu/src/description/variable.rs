@@ -64,7 +64,7 @@ impl Type {
     }
 }
 
-/// What a variable is for.
+/// The role of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the names are the standard's")]
 pub enum Causality {
@@ -88,7 +88,7 @@ pub enum Variability {
     Continuous,
 }
 
-/// How a variable gets its first value.
+/// How the initial value of a variable is determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs, reason = "the names are the standard's")]
 pub enum Initial {
@@ -109,13 +109,13 @@ pub struct Item {
 /// The extent of an array in one dimension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
-    /// A fixed one.
+    /// A constant.
     Fixed(u64),
     /// The value of the structural parameter with this reference.
     Parameter(u32),
 }
 
-/// Limits, as text in the file: integers keep all of their digits.
+/// Limits, as in the file: as text, so that integers keep all of their digits.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Range {
     /// The least value.
@@ -129,17 +129,17 @@ pub struct Range {
 pub struct Variable {
     /// Its name.
     pub name: String,
-    /// How functions refer to it.
+    /// Its value reference, which functions use.
     pub reference: u32,
     /// The type of its elements.
     pub kind: Type,
-    /// What it is for.
+    /// Its role.
     pub causality: Causality,
     /// When it may change.
     pub variability: Variability,
-    /// How it gets its first value; nothing for inputs.
+    /// How its initial value is determined; none for inputs.
     pub initial: Option<Initial>,
-    /// Its first values, as text; empty when there is none.
+    /// Its start values, as text; empty when there are none.
     pub start: Vec<String>,
     /// Limits.
     pub range: Range,
@@ -149,9 +149,9 @@ pub struct Variable {
     pub items: Vec<Item>,
     /// Extents, outermost first; empty for a scalar.
     pub extents: Vec<Extent>,
-    /// Whether an output follows from an input at the same instant, as far as the description says.
+    /// Whether an output has direct feedthrough from an input, according to the description.
     pub feedthrough: bool,
-    /// What it means.
+    /// Its description.
     pub text: String,
 }
 

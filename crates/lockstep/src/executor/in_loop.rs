@@ -1,4 +1,4 @@
-//! All participants in one loop, in the order of simulated time.
+//! The single-threaded executor: all participants in one loop, in the order of simulated time.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -11,41 +11,41 @@ use crate::plan::{Plan, Position};
 use crate::stepper::{PositionError, Progress, Stepper};
 use crate::time::Ticks;
 
-/// How far a call of [`InLoop::run_to`] came.
+/// The progress made by a call of [`InLoop::run_to`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reach {
     /// Every activation before the horizon is done.
     Horizon,
-    /// A step is to be done beside those of other loops: [`InLoop::pending`]. The same call again goes on behind it.
+    /// A step is to be executed together with those of other loops: [`InLoop::pending`]. Repeating the same call continues after it.
     Parked,
     /// The participant of [`InLoop::run_before`] is held before its step.
     Held,
 }
 
-/// What happens in a loop.
+/// An event in a loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Moment {
-    /// Somebody begins to work on an activation.
+    /// A participant begins to work on an activation.
     Begins,
-    /// Who began last has completed its activation.
+    /// The participant that began last has completed its activation.
     Stepped {
-        /// Its number.
+        /// The participant's number.
         participant: usize,
         /// The activation.
         activation: u64,
     },
 }
 
-/// A run in one loop of one thread: the fastest way without parallelism, and the measure for the other executors.
+/// A run in one loop of one thread: the fastest executor without parallelism, and the reference for the other executors.
 pub struct InLoop {
     steppers: Vec<Stepper>,
-    /// The next activation of each stepper that has one, the earliest first: an instant costs what its own activations cost, however many
-    /// participants have none there.
+    /// The next activation of each stepper that has one, the earliest first: the cost of an instant depends on its own activations, not
+    /// on the number of participants without one.
     due: BinaryHeap<Reverse<Due>>,
-    /// Those that wait for one of higher rank at the same instant.
+    /// Activations that wait for one of higher rank at the same instant.
     waiting: Vec<Due>,
     started: bool,
-    /// Whose step is to be done by others.
+    /// The participant whose step is left to the caller.
     parked: Option<usize>,
 }
 
@@ -74,10 +74,10 @@ impl InLoop {
         InLoop::of(plan, parts.into_iter().map(Part::stepper).collect())
     }
 
-    /// A loop that goes on where others have done the work before.
+    /// A loop that resumes at `positions`, after earlier activations were done elsewhere.
     ///
     /// # Errors
-    /// When a position does not belong to its part.
+    /// When a position does not fit its part.
     pub fn resume(plan: &Plan, parts: Vec<Part>, positions: Vec<Position>) -> Result<InLoop, PositionError> {
         let steppers = parts.into_iter().zip(positions);
         let steppers = steppers.map(|(part, position)| part.stepper_at(position));
@@ -97,16 +97,16 @@ impl InLoop {
         }
     }
 
-    /// Does every activation before `horizon`, in order. Tells `watch` when a participant begins to work on an activation, and when it
-    /// has completed it. Unless the loop was told to [park](InLoop::park), it reaches the horizon.
+    /// Does every activation before `horizon`, in order. Calls `watch` when a participant begins to work on an activation, and when it
+    /// has completed it. Reaches the horizon unless [`park`](InLoop::park) was called.
     pub fn run_to(&mut self, horizon: Ticks, watch: impl FnMut(Moment)) -> Result<Reach, RunError> {
         self.steppers.iter_mut().for_each(Stepper::let_go);
         self.go(horizon, watch)
     }
 
-    /// As [`InLoop::run_to`], but only until participant number `number` has the inputs of its next activation before `horizon`, and has not
-    /// stepped: then everything before that instant is done, and at the instant what must come before. One that is held already
-    /// steps first.
+    /// Like [`InLoop::run_to`], but only until participant number `number` has the inputs of its next activation before `horizon`, and
+    /// has not been stepped: then everything before that instant is done, and at the instant whatever must come before it. A participant
+    /// that is held already is stepped first.
     pub fn run_before(&mut self, number: usize, horizon: Ticks, watch: impl FnMut(Moment)) -> Result<Reach, RunError> {
         for (other, stepper) in self.steppers.iter_mut().enumerate() {
             if other == number {
@@ -118,11 +118,11 @@ impl InLoop {
         self.go(horizon, watch)
     }
 
-    /// Does every activation before `horizon`, or until a participant is held or its step is left to others.
+    /// Does every activation before `horizon`, or until a participant is held or its step is left to the caller.
     fn go(&mut self, horizon: Ticks, mut watch: impl FnMut(Moment)) -> Result<Reach, RunError> {
         self.parked = None;
         if !self.started {
-            // Before any horizon is given, this publishes what exists before the run starts.
+            // Before any horizon is set, this publishes the samples that exist before the run starts.
             self.settle()?;
             self.started = true;
         }
@@ -141,18 +141,18 @@ impl InLoop {
         self.settle().map(|()| Reach::Horizon)
     }
 
-    /// Leaves the steps of participants that allow it to others, who do them beside those of other loops.
+    /// Leaves the steps of participants that support it to the caller, to be executed together with those of other loops.
     pub fn park(&mut self) {
         self.steppers.iter_mut().for_each(Stepper::park);
     }
 
-    /// The step that waits to be done, if one does.
+    /// The step that is ready to be executed, if there is one.
     pub fn pending(&mut self) -> Option<Pending<'_>> {
         self.steppers[self.parked?].pending()
     }
 
-    /// All activations at `now`. Ranks give the order; where a circle of zero-delay links is open only at this instant,
-    /// a participant may have to wait for one of higher rank, and its turn comes again.
+    /// Does all activations at `now`. Ranks give the order; where a circle of zero-delay links is open only at this instant, a
+    /// participant may have to wait for one of higher rank, and is then polled again.
     fn instant(&mut self, now: Ticks, watch: &mut impl FnMut(Moment)) -> Result<Reach, RunError> {
         loop {
             let mut moved = false;
@@ -190,7 +190,7 @@ impl InLoop {
         }
     }
 
-    /// Hands over what is still on its way to the tape.
+    /// Sends what has not reached the tape yet.
     fn settle(&mut self) -> Result<(), RunError> {
         for stepper in &mut self.steppers {
             match stepper.poll().map_err(|source| RunError::of(stepper, source))? {
@@ -227,53 +227,53 @@ impl InLoop {
         }
     }
 
-    /// Tells participant number `number` that another one takes its place: before that one begins.
+    /// Notifies participant number `number` that another one replaces it, before that one begins.
     pub fn retire(&mut self, number: usize) {
         self.steppers[number].terminate(Termination::Replaced);
     }
 
-    /// Puts `participant` in the place of number `number`, where everybody rests: the others keep what they have. It is as it
-    /// should be there: see [`crate::stepper::settle`].
+    /// Replaces participant number `number` by `participant`, with all participants at rest: the others keep their state. The new one
+    /// must already be prepared: see [`crate::stepper::settle`].
     pub fn replace(&mut self, number: usize, participant: Box<dyn Participant>) {
         self.steppers[number].replace(participant);
-        // Between processes everybody moves when somebody is replaced, and only what was published moves along.
+        // Between processes a replacement moves all participants, and only what was published moves along.
         self.steppers.iter_mut().for_each(Stepper::forget_unpublished);
     }
 
-    /// Sets what an input without a link shows from the next activation of participant number `number` on.
+    /// Sets the value of an input without a link from the next activation of participant number `number` on.
     ///
     /// # Panics
-    /// When the input has a link or `payload` has another size: a mistake of the caller.
+    /// When the input has a link or the size of `payload` is wrong: a mistake of the caller.
     pub fn set_input(&mut self, number: usize, input: usize, payload: &[u8]) {
         self.steppers[number].set_input(input, payload);
         self.steppers.iter_mut().for_each(Stepper::forget_unpublished);
     }
 
-    /// Gives output number `output` of the activation before which participant number `number` is held: see [`Stepper::answer`].
+    /// Provides output number `output` of the activation before which participant number `number` is held: see [`Stepper::answer`].
     ///
     /// # Panics
-    /// As there.
+    /// As for [`Stepper::answer`].
     pub fn answer(&mut self, number: usize, output: usize, payload: &[u8]) {
         self.steppers[number].answer(output, payload);
     }
 
-    /// Where the participants' lines go; without it to standard error.
+    /// Sets the destination of the participants' log lines; without a call they go to standard error.
     pub fn log_to(&mut self, sink: &Arc<dyn Sink>) {
         self.steppers.iter_mut().for_each(|stepper| stepper.log_to(sink));
     }
 
-    /// The participants, without their links. They have not been told that their part is over.
+    /// Returns the participants without their links. They have not been notified that their part is over.
     pub fn into_participants(self) -> Vec<Box<dyn Participant>> {
         self.steppers.into_iter().map(Stepper::into_participant).collect()
     }
 
-    /// The participants, for figures that only they know.
+    /// The steppers, for figures that only they have.
     pub fn steppers(&self) -> &[Stepper] {
         &self.steppers
     }
 }
 
-/// Puts the activation that comes after `done` in its place.
+/// Replaces `done` in the queue by the activation that comes after it.
 fn replace(mut done: PeekMut<'_, Reverse<Due>>, next: Option<Due>) {
     match next {
         Some(next) => done.0 = next,

@@ -12,7 +12,7 @@ pub enum RunError {
     /// A participant failed.
     #[error("participant `{participant}` failed at t = {t} s (activation {activation}): {source}")]
     Participant {
-        /// Who.
+        /// The name of the participant.
         participant: String,
         /// The instant of the activation, s.
         t: f64,
@@ -21,14 +21,14 @@ pub enum RunError {
         /// Why.
         source: StepError,
     },
-    /// Nobody can go on. This is a mistake in the plan, not in a participant.
+    /// No participant can continue. This is a mistake in the plan, not in a participant.
     #[error(
         "nobody can go on at t = {t} s; {waiting} (this is a defect of the planner: please report it with the scenario)"
     )]
     Stuck {
         /// The earliest instant, s.
         t: f64,
-        /// Who waits for what.
+        /// The participants that wait, and what each of them waits for.
         waiting: String,
     },
 }
@@ -44,7 +44,7 @@ impl RunError {
     }
 }
 
-/// A participant with its ends of local links, before it is driven by anybody.
+/// A participant with its ends of local links, before an executor drives it.
 pub struct Part {
     participant: Box<dyn Participant>,
     assignment: Assignment,
@@ -60,7 +60,7 @@ impl Part {
         Stepper::new(participant, assignment, ends)
     }
 
-    /// The stepper of this participant where others have done the work before.
+    /// The stepper of this participant, resumed at `position` after earlier activations were done elsewhere.
     pub fn stepper_at(self, position: Position) -> Result<Stepper, PositionError> {
         let (participant, assignment, ends) = self.ends();
         Stepper::resume(participant, assignment, ends, position)
@@ -85,7 +85,7 @@ impl Part {
     }
 }
 
-/// Connects the participants of a plan inside this process. `recording` gives each its way to the tape.
+/// Connects the participants of a plan inside this process. `recording` returns the recording of each.
 pub fn assemble(
     plan: &Plan,
     participants: Vec<Box<dyn Participant>>,

@@ -1,4 +1,4 @@
-//! A thread for each participant, over local links: the freest interleaving that one process can have.
+//! The multi-threaded executor: a thread for each participant, over local links, with the least constrained interleaving in one process.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -7,8 +7,8 @@ use super::{Part, RunError};
 use crate::stepper::Progress;
 use crate::time::Ticks;
 
-/// Runs every participant in a thread of its own until all activations before `horizon` are complete. The first failure stops
-/// everybody and is returned.
+/// Runs every participant in a thread of its own until all activations before `horizon` are complete. The first failure stops all
+/// participants and is returned.
 pub fn run_in_threads(parts: Vec<Part>, horizon: Ticks) -> Result<(), RunError> {
     let stop = &AtomicBool::new(false);
     let results: Vec<Result<(), RunError>> = thread::scope(|scope| {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::slots::Slot;
 use crate::time::Rational;
 
-/// When a fault is there: from `at` on and before `until`; to the end of the run without it.
+/// The time span of a fault: from `at` on and before `until`, or to the end of the run without `until`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Span {
     /// The first instant with the fault.
@@ -14,32 +14,32 @@ pub struct Span {
     pub until: Option<Rational>,
 }
 
-/// Something is wrong with a link for samples that are stamped within the span.
+/// A fault of a link, for samples that are stamped within the span.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LinkFault {
-    /// The name, unique in the run; the draws are named after it.
+    /// The name, unique in the run; it also names the random stream.
     pub name: String,
-    /// The stamps that it concerns.
+    /// The stamps that are affected.
     pub span: Span,
-    /// The probability in [0, 1] that a sample never arrives, besides what the link drops anyway.
+    /// The probability in [0, 1] that a sample never arrives, in addition to the link's own drops.
     pub drop: f64,
-    /// How much later a sample is visible, s.
+    /// The additional delay of a sample, s.
     pub extra_delay: Rational,
-    /// In words, for events and drawings.
+    /// A description, for events and drawings.
     pub words: String,
 }
 
-/// Where a signal is disturbed.
+/// The port at which a signal fault acts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Place {
-    /// At a participant's input, in its activations within the span: nobody else sees it.
+    /// At a participant's input, in its activations within the span: no other participant sees it.
     Input {
         /// The participant.
         participant: usize,
         /// The input.
         port: usize,
     },
-    /// At a participant's output, in its samples stamped within the span: all readers see the same.
+    /// At a participant's output, in its samples stamped within the span: all consumers see the same.
     Output {
         /// The participant.
         participant: usize,
@@ -48,7 +48,7 @@ pub enum Place {
     },
 }
 
-/// What is done to the chosen elements. Values are in the units of the descriptor, one per element.
+/// The effect on the chosen elements. Values are in the units of the descriptor, one per element.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Effect {
     /// x + amount.
@@ -61,31 +61,31 @@ pub enum Effect {
     Noise(Vec<f64>),
     /// These values; without them, those of the first index within the span.
     Stuck(Option<Vec<f64>>),
-    /// With this probability zero, all elements at once.
+    /// Zero with this probability, all elements at once.
     Dropout(f64),
-    /// With this probability, one bit of one element is turned over; the element is drawn, and so is the bit unless it is
-    /// given (0 is the least).
+    /// With this probability, one bit of one element is flipped; the element is drawn at random, and so is the bit unless it is given (0
+    /// is the least significant).
     BitFlip {
         /// The bit.
         bit: Option<u32>,
-        /// How likely it is for each index.
+        /// The probability for each index.
         probability: f64,
     },
 }
 
-/// Something is wrong with the values of a signal.
+/// A signal fault: it changes the values of a signal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SignalFault {
-    /// The name, unique in the run; the draws are named after it.
+    /// The name, unique in the run; it also names the random stream.
     pub name: String,
-    /// Where.
+    /// The port.
     pub place: Place,
-    /// When.
+    /// The time span.
     pub span: Span,
     /// The elements of the payload.
     pub slots: Vec<Slot>,
-    /// What.
+    /// The effect.
     pub effect: Effect,
-    /// In words, for events and drawings.
+    /// A description, for events and drawings.
     pub words: String,
 }

@@ -1,4 +1,4 @@
-//! Signal faults at work, at one port.
+//! Signal fault injection at one port.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use super::{Effect, Slot};
 use crate::random::Stream;
 use crate::time::{SampleTime, Ticks, Timebase};
 
-/// A signal fault in ticks, as a participant is told of it.
+/// A signal fault in ticks, as a participant receives it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Disturbance {
     /// The name of the fault, for messages.
@@ -15,27 +15,27 @@ pub struct Disturbance {
     pub from: Ticks,
     /// The first instant without it, ticks.
     pub until: Ticks,
-    /// The begin as the user wrote it, s: a ramp is zero there.
+    /// The beginning as the user wrote it, s: a ramp is zero there.
     pub at: f64,
     /// The elements.
     pub slots: Vec<Slot>,
-    /// What is done to them.
+    /// The effect on them.
     pub effect: Effect,
-    /// The draws.
+    /// The random stream.
     pub random: Stream,
 }
 
-/// All signal faults of one port, in the order of the scenario: each finds what those before it have left.
+/// All signal faults of one port, in the order of the scenario: each acts on the result of those before it.
 #[derive(Debug, Clone)]
 pub struct Injector {
     timebase: Timebase,
     faults: Vec<Disturbance>,
-    /// For each fault, the bytes that its elements are stuck at; empty as long as there is nothing to hold.
+    /// For each fault, the bytes at which its elements are stuck; empty as long as there is none.
     held: Vec<Vec<u8>>,
 }
 
 impl Injector {
-    /// `None` when there is nothing to do.
+    /// `None` when there are no faults.
     pub(crate) fn new(faults: &[Disturbance], timebase: Timebase) -> Option<Injector> {
         let room = |fault: &Disturbance| Vec::with_capacity(fault.slots.len() * 8);
         (!faults.is_empty()).then(|| Injector {
@@ -45,8 +45,8 @@ impl Injector {
         })
     }
 
-    /// Changes `payload`, which is number `index` and belongs to the instant `t`. To be called once for each index, in
-    /// order. What it leaves may be NaN or infinite.
+    /// Applies the faults to `payload`, which has the index `index` and belongs to the instant `t`. To be called once for each index, in
+    /// order. The result may be NaN or infinite.
     pub(crate) fn apply(&mut self, index: u64, t: Ticks, payload: &mut [u8]) {
         for (fault, held) in self.faults.iter().zip(&mut self.held) {
             if (fault.from..fault.until).contains(&t) {
@@ -56,8 +56,8 @@ impl Injector {
         }
     }
 
-    /// Gets ready for index `next`, as if all before it had been passed through: what elements are stuck at is looked up
-    /// where that began. `instants` are those of the port, and `truth` gives what there is without faults.
+    /// Prepares for index `next`, as if all earlier ones had been applied: the values at which elements are stuck are looked up at the
+    /// beginning of the fault. `instants` are those of the port, and `truth` returns the values without faults.
     pub(crate) fn recall<E>(
         &mut self,
         next: u64,
@@ -70,7 +70,7 @@ impl Injector {
             let began = first < next && instants.instant(first) < fault.until;
             if fault.effect == Effect::Stuck(None) && began {
                 let mut payload = truth(first)?;
-                // All before it have been recalled, and those behind it have not touched this yet.
+                // All faults before it have been recalled, and those after it have not acted on this payload yet.
                 let rest = self.faults.split_off(number + 1);
                 self.apply(first, instants.instant(first), &mut payload);
                 self.faults.extend(rest);
@@ -79,7 +79,7 @@ impl Injector {
         Ok(&self.held)
     }
 
-    /// Goes on from what [`Injector::recall`] gave; the memory of other faults is ignored.
+    /// Restores the state that [`Injector::recall`] returned; the state of other faults is ignored.
     pub(crate) fn remember(&mut self, memory: &[Vec<u8>]) {
         for ((fault, held), saved) in self.faults.iter().zip(&mut self.held).zip(memory) {
             let size: usize = fault.slots.iter().map(|slot| slot.element.size()).sum();
@@ -123,7 +123,7 @@ impl Disturbance {
         }
     }
 
-    /// Puts `change` of each element in its place. Integers are rounded to the nearest, and stay within their range.
+    /// Replaces each element by its `change`. Integers are rounded to the nearest, and stay within their range.
     fn change(&self, payload: &mut [u8], change: impl Fn(usize, f64) -> f64) {
         for (at, slot) in self.slots.iter().enumerate() {
             let bytes = slot.bytes(payload);
@@ -172,7 +172,7 @@ mod tests {
         Injector::new(&[fault], timebase).unwrap()
     }
 
-    /// What is left of 1.5 + k / 1000 at every instant k of 0 to 29.
+    /// The result of the effect on 1.5 + k / 1000 at every instant k of 0 to 29.
     fn left(effect: Effect) -> Vec<f64> {
         let mut injector = injector(&[SLOT], effect);
         let one = |k: u64| {

@@ -1,9 +1,8 @@
-//! Declared faults: what is done to samples on their way, as a pure function of the scenario and the run's seed.
+//! Declared faults: changes to samples between producer and consumer, as a pure function of the scenario and the run's seed.
 //!
-//! A [`SignalFault`] changes what samples say: where an input reads them, or where an output gives them out. A
-//! [`LinkFault`] changes when they are visible, and belongs to [`crate::link::Visibility`]. No participant takes part in
-//! either: the steppers do it, after everything that came in has been checked and after everything that goes out is on
-//! the tape.
+//! A [`SignalFault`] changes the values of samples: where an input reads them, or where an output sends them. A [`LinkFault`] changes
+//! when they are visible, and belongs to [`crate::link::Visibility`]. No participant is involved in either: the steppers apply them,
+//! after everything received has been checked and after everything sent has been recorded on the tape.
 
 mod declared;
 mod injector;

@@ -1,18 +1,18 @@
-//! The elements of a payload that a fault concerns.
+//! The elements of a payload that a fault affects.
 
 use serde::{Deserialize, Serialize};
 
 use crate::port::{Descriptor, Element, Field};
 
-/// The most elements that are looked at one by one.
+/// The most elements that are addressed individually.
 const ELEMENTS_MAX: usize = 1 << 20;
 
 /// One element of a payload.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Slot {
-    /// Where it starts, bytes.
+    /// Its offset, bytes.
     pub offset: u32,
-    /// What it is.
+    /// Its type.
     pub element: Element,
 }
 
@@ -35,15 +35,15 @@ impl Slot {
         }
     }
 
-    /// The elements that `name` names: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the field they
-    /// are of. `None` when the payload has nothing of that name.
+    /// The elements that `name` refers to: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the field that contains
+    /// them. `None` when the payload has nothing of that name.
     pub fn named<'a>(descriptor: &'a Descriptor, name: &str) -> Option<(&'a Field, Vec<Slot>)> {
         let (field, elements) = descriptor.named(name)?;
         let slots = elements.map(|index| Slot::element_of(field, index)).collect();
         Some((field, slots))
     }
 
-    /// Why the elements that `name` names, or all of them, are not looked at one by one, if there are too many.
+    /// Why the elements that `name` refers to, or all of them, cannot be addressed individually, if there are too many.
     pub fn too_many(descriptor: &Descriptor, name: Option<&str>) -> Option<String> {
         let count = match name {
             Some(name) => descriptor.named(name)?.1.len(),
@@ -59,7 +59,7 @@ impl Slot {
         })
     }
 
-    /// Where the bytes of the element are in a payload.
+    /// The range of the element's bytes in a payload.
     pub fn range(self) -> std::ops::Range<usize> {
         let start = self.offset as usize;
         start..start + self.element.size()
@@ -70,13 +70,13 @@ impl Slot {
         self.element.to_f64(&payload[self.range()])
     }
 
-    /// The element that stands `number` places behind this one.
+    /// The element `number` places after this one.
     pub(crate) fn after(self, number: u32) -> Slot {
         let offset = self.offset + number * self.element.size() as u32;
         Slot { offset, ..self }
     }
 
-    /// Whether this element and those behind it, `count` in all, are neighbours in one field of a payload of `descriptor`.
+    /// Whether this element and those after it, `count` in all, are contiguous in one field of a payload of `descriptor`.
     pub(crate) fn run_fits(self, count: usize, descriptor: &Descriptor) -> bool {
         let size = self.element.size();
         let start = self.offset as usize;

@@ -13,7 +13,7 @@ pub enum HostError {
     /// A service broke.
     #[error("{0}")]
     Broken(#[from] Broken),
-    /// The kernel refused to tie this process to its orchestrator.
+    /// The kernel refused to bind this process's lifetime to its orchestrator.
     #[error("cannot be tied to the orchestrator's life: {0}")]
     Orphan(String),
     /// The participant's own step, or the protocol, failed.

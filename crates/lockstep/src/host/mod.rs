@@ -1,4 +1,4 @@
-//! The life of a participant in a process of its own: from the first request of the orchestrator to the last.
+//! The host of a participant in a process of its own: from the orchestrator's first request to its last.
 
 mod error;
 mod neighbours;
@@ -22,10 +22,10 @@ pub const ADDRESS: &str = "ESCAPEMENT_RUN";
 /// The environment variable with the participant's name.
 pub const PARTICIPANT: &str = "ESCAPEMENT_PARTICIPANT";
 
-/// The `main` of a participant's program: takes its place in the run that the environment names, makes the participant with
-/// `factory`, and stays until it is done or told to leave.
+/// The `main` of a participant's program: joins the run that the environment names, creates the participant with `factory`, and runs
+/// until the participant is done or is ordered to leave.
 ///
-/// Prints the reason of a failure on standard error and returns exit code 1; 2 when it was not started by an orchestrator.
+/// Prints the reason of a failure to standard error and returns exit code 1; 2 when it was not started by an orchestrator.
 pub fn run(
     factory: impl Fn(&Setup) -> Result<Box<dyn Participant>, ParameterError> + Send + Sync + 'static,
     program: &str,
@@ -41,13 +41,13 @@ pub fn run(
         }
     };
     let outcome = address.parse::<Address>().map_err(HostError::from).and_then(|address| {
-        // A participant must not outlive its orchestrator, however that ends.
+        // A participant must not outlive its orchestrator, however the orchestrator ends.
         rustix::process::set_parent_process_death_signal(Some(rustix::process::Signal::KILL))
             .map_err(|error| HostError::Orphan(error.to_string()))?;
         let spans = env::var(SPANS).ok().and_then(|word| Detail::of(&word));
         let mut seat = session::Seat::empty(&name, program, Arc::new(factory), spans);
         let mut address = Some(address);
-        // Whoever is moved leaves everything of the old address first.
+        // A participant that moves releases everything of the old address first.
         while let Some(at) = address {
             (address, seat) = session::Session::open(at, seat)?.run()?;
         }

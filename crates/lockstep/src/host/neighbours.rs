@@ -1,4 +1,4 @@
-//! Those at the other ends of a participant's links, and who of them must be woken.
+//! Neighbours: the participants at the other ends of a participant's links, and waking those that sleep.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -7,7 +7,7 @@ use crate::plan::{Consumer, InputLink};
 use crate::transport::iceoryx::{Domain, DomainError, Sleeping, Waker};
 use crate::transport::{Broken, Header, Receiver, Sender};
 
-/// Something for which a neighbour may sleep, and whether it has come since the neighbour was last looked at.
+/// Something for which a neighbour may sleep, and whether it has happened since the neighbour was last checked.
 struct News {
     what: Sleeping,
     came: Rc<Cell<bool>>,
@@ -19,7 +19,7 @@ struct Neighbour {
     news: Vec<News>,
 }
 
-/// A link's end that notes when something went through it.
+/// A link's end that records when a sample went through it.
 struct Noted<E> {
     end: E,
     came: Rc<Cell<bool>>,
@@ -60,7 +60,7 @@ pub(super) struct Neighbours {
 }
 
 impl Neighbours {
-    /// Of the participant `own`, which has no links yet.
+    /// The neighbours of the participant `own`, which has no links yet.
     pub(super) fn of(own: &str) -> Neighbours {
         Neighbours {
             own: own.to_owned(),
@@ -68,7 +68,7 @@ impl Neighbours {
         }
     }
 
-    /// The end of a link to a neighbour, who may sleep for its samples.
+    /// The end of a link to a neighbour that may sleep for its samples.
     pub(super) fn sender(
         &mut self,
         domain: &Domain,
@@ -79,7 +79,7 @@ impl Neighbours {
         Ok(Box::new(Noted { end, came }))
     }
 
-    /// The end of a link from a neighbour, who may sleep for room on it.
+    /// The end of a link from a neighbour that may sleep for room on it.
     pub(super) fn receiver(
         &mut self,
         domain: &Domain,
@@ -93,7 +93,7 @@ impl Neighbours {
     fn meet(&mut self, domain: &Domain, port: &str, what: Sleeping) -> Result<Rc<Cell<bool>>, DomainError> {
         let name = port.split('.').next().unwrap_or(port);
         let came = Rc::new(Cell::new(false));
-        // Who feeds itself is awake when it does.
+        // A participant that feeds itself is awake when it does.
         if name != self.own {
             let known = self.others.iter().position(|other| other.name == name);
             let at = match known {
@@ -113,7 +113,8 @@ impl Neighbours {
         Ok(came)
     }
 
-    /// Wakes those who sleep for what has come since the last call. Once is enough: who falls asleep later looks again first.
+    /// Wakes the neighbours that sleep for what has happened since the last call. Once is enough: a participant polls again before it
+    /// sleeps.
     pub(super) fn wake(&self) {
         for Neighbour { waker, news, .. } in &self.others {
             if news.iter().any(|news| news.came.get()) {

@@ -1,4 +1,4 @@
-//! A participant with all of its links: stepping, waiting, coming to rest.
+//! A participant with all of its links connected: stepping, waiting, coming to rest.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -20,10 +20,10 @@ use crate::transport::iceoryx::{
     Status, StatusWriter,
 };
 
-/// How long a participant sleeps between two looks when it must hand something over and there is no room.
+/// The time between two polls of a participant that must hand something over when there is no room.
 const NAP: Duration = Duration::from_millis(1);
 
-/// Why a participant cannot take its place.
+/// Why a participant cannot connect.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum ConnectError {
     #[error(transparent)]
@@ -37,27 +37,27 @@ pub(super) struct Ready {
     pub(super) stepper: Stepper,
     pub(super) clock: ClockReader,
     record: SharedRecord,
-    /// Whoever may be waiting for a sample of an output, or for room on the link into an input.
+    /// The participants that may be waiting for a sample of an output, or for room on the link into an input.
     neighbours: Neighbours,
     pub(super) patience: Patience,
     pub(super) timing: Timing,
-    /// What is done when, where somebody asks.
+    /// The spans of wall-clock time, if they were requested.
     pub(super) spans: Option<Spans>,
-    /// Whether the links have what they need.
+    /// Whether the links have been prepared.
     prepared: bool,
     /// Keeps the services of the links open.
     _links: Vec<LinkService>,
 }
 
-/// A wait, up to the last look that was worth a look at the watch.
+/// A wait, up to the last poll at which the clock was read.
 #[derive(Debug, Clone, Copy)]
 struct Waited {
     what: Wait,
     since: Instant,
     until: Instant,
-    /// How often the participant had slept before.
+    /// The participant's total number of sleeps before this wait.
     sleeps: u64,
-    /// `since` on the clock of spans, where somebody asks for them.
+    /// `since` on the clock of spans, if spans were requested.
     since_ns: u64,
 }
 
@@ -68,11 +68,11 @@ pub(super) enum Pause {
     AtHorizon(Ticks),
     /// Everything is done.
     Finished,
-    /// The clock has an order for everybody.
+    /// The clock has an order for all participants.
     Ordered,
 }
 
-/// Opens all links of `participant`; `room` is what its record's ring takes, bytes.
+/// Opens all links of `participant`; `room` is the size of its record's ring, bytes.
 #[allow(
     clippy::too_many_arguments,
     reason = "each is a part of one request, which is taken apart once, by the caller"
@@ -90,7 +90,7 @@ pub(super) fn connect(
     if !cores.is_empty() {
         let mut set = rustix::thread::CpuSet::new();
         cores.iter().for_each(|&core| set.set(core as usize));
-        // A hint: without it the run is slower, not different.
+        // A hint: failure makes the run slower, but does not change it.
         let _ = rustix::thread::sched_setaffinity(None, &set);
     }
     let mut links = Vec::new();
@@ -213,13 +213,13 @@ impl Ready {
                     self.hand_over(&Note::Finished(self.timing.clone()), sleeper)?;
                     return Ok(Pause::Finished);
                 }
-                // Nothing is held or left to others in a process.
+                // In a process, no participant is held and no step is left to the caller.
                 Progress::Waiting(_) | Progress::Held | Progress::Parked => {}
             }
         }
     }
 
-    /// Ends a stretch of steps that has `started` then, with this status.
+    /// Ends the stretch of steps that began at `started`, with this status.
     fn pause(
         &mut self,
         started: Instant,
@@ -232,7 +232,7 @@ impl Ready {
         self.hand_over_spans(sleeper)
     }
 
-    /// Lets some time pass before the next look; whether the clock has an order.
+    /// Pauses before the next poll; returns whether the clock has an order.
     fn wait(
         &mut self,
         wait: Wait,
@@ -277,7 +277,7 @@ impl Ready {
         }
     }
 
-    /// Comes to rest wherever it is, and says where that is.
+    /// Comes to rest at the current activation, and reports which one that is.
     pub(super) fn recall(&mut self, status: &mut StatusWriter, sleeper: &mut Sleeper) -> Result<(), HostError> {
         loop {
             let rests = self.stepper.come_to_rest();
@@ -316,7 +316,7 @@ impl Ready {
         }
     }
 
-    /// Sends a note to the recorder, behind all samples.
+    /// Sends a note to the recorder, after all samples.
     pub(super) fn hand_over(&mut self, note: &Note, sleeper: &mut Sleeper) -> Result<(), Broken> {
         while !self.record.0.borrow_mut().note(note)? && self.clock.order() != Order::Leave {
             sleeper.sleep(NAP)?;
@@ -326,8 +326,8 @@ impl Ready {
 }
 
 impl Ready {
-    /// Keeps what the call of the stepper that began at `begun_ns` and came to `progress` tells of `activation`; before it, `waiting` was
-    /// waited for.
+    /// Records the spans of a call of the stepper for `activation`, which began at `begun_ns` and returned `progress`; `waiting` is the
+    /// wait before it.
     fn keep_spans(&mut self, activation: u64, progress: Progress, waiting: Option<Waited>, begun_ns: u64) {
         let Some(spans) = &mut self.spans else { return };
         let now_for = match progress {
@@ -347,7 +347,7 @@ impl Ready {
         }
         match progress {
             Progress::Stepped => spans.computed(activation, begun_ns, true),
-            // What comes before is the step.
+            // The time before the wait belongs to the step.
             Progress::Waiting(Wait::Room { .. } | Wait::Recording) if over.is_some() || waiting.is_none() => {
                 spans.computed(activation, begun_ns, false);
             }
@@ -355,7 +355,7 @@ impl Ready {
         }
     }
 
-    /// Hands out spans as far as there is room, where it is time.
+    /// Sends spans as far as there is room, when they are due.
     fn hand_out_spans(&mut self) -> Result<(), Broken> {
         while let Some(spans) = self.spans.as_mut().filter(|spans| spans.is_due())
             && let Some(note) = spans.note()
@@ -366,7 +366,7 @@ impl Ready {
         Ok(())
     }
 
-    /// Hands out all spans.
+    /// Sends all spans.
     pub(super) fn hand_over_spans(&mut self, sleeper: &mut Sleeper) -> Result<(), Broken> {
         while let Some(note) = self.spans.as_ref().and_then(Spans::note) {
             self.hand_over(&note, sleeper)?;

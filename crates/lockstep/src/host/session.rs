@@ -1,4 +1,4 @@
-//! One participant's session: requests while it is at rest, steps while it may step.
+//! One participant's session: it serves requests while the participant is at rest, and steps otherwise.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
@@ -15,23 +15,23 @@ use crate::stepper::{settle, terminate};
 use crate::time::Ticks;
 use crate::transport::iceoryx::{Address, ControlServer, Domain, Order, Sleeper, StatusWriter};
 
-/// Who sits at a session, besides everything that belongs to one place in shared memory.
+/// The state of a session that is independent of its address in shared memory.
 pub(super) struct Seat {
     name: String,
     program: String,
     factory: Factory,
     stage: Stage,
     timing: Timing,
-    /// Whether somebody asks what is done when.
+    /// The requested detail of spans, if any.
     spans: Option<Detail>,
-    /// Whether another one takes its place.
+    /// Whether another participant replaces this one.
     replaced: bool,
 }
 
-/// How far a participant has come with its requests.
+/// The participant's progress through the orchestrator's requests.
 enum Stage {
     Unknown,
-    /// Made, or moved here with what it was (`worked`).
+    /// Created, or moved here with its state (`worked`).
     Described {
         participant: Box<dyn Participant>,
         worked: bool,
@@ -61,20 +61,20 @@ impl Drop for Seat {
             worked: true,
         } = &mut self.stage
         {
-            // It was on its way to another place, and has not arrived.
+            // It was moving to another address, and has not arrived.
             terminate(participant.as_mut(), Termination::Stopped, &Log::new(&self.name, None));
         }
     }
 }
 
-/// A seat in one place in shared memory.
+/// A seat at one address in shared memory.
 pub(super) struct Session {
     domain: Domain,
     control: ControlServer,
     status: StatusWriter,
     sleeper: Sleeper,
     seat: Seat,
-    /// Where to go when the clock says leave; to nowhere when it is not known.
+    /// The address to go to when the clock orders to leave; `None` when it is not known.
     destination: Option<Address>,
 }
 
@@ -83,7 +83,7 @@ impl Session {
         let domain = Domain::enter(address, &seat.name)?;
         let status = StatusWriter::open(&domain, &seat.name)?;
         let sleeper = Sleeper::open(&domain, &seat.name)?;
-        // The server last: once it is there the orchestrator asks.
+        // The server comes last: the orchestrator sends requests as soon as it is present.
         let control = ControlServer::open(&domain, &seat.name)?;
         Ok(Session {
             domain,
@@ -95,7 +95,7 @@ impl Session {
         })
     }
 
-    /// Serves requests and steps until told to leave. Gives the address to go to, if there is one, and who goes there.
+    /// Serves requests and steps until ordered to leave. Returns the address to go to, if there is one, and the seat that moves there.
     pub(super) fn run(mut self) -> Result<(Option<Address>, Seat), HostError> {
         let mut rested_at = None;
         let mut recalled = false;
@@ -129,7 +129,7 @@ impl Session {
                     let result = ready.advance(horizon, &mut self.status, &mut self.sleeper);
                     match self.explain(result)? {
                         Pause::AtHorizon(horizon) => rested_at = Some(horizon),
-                        // Stay for requests (a last state to save) until the order or the request to leave.
+                        // Keeps serving requests (such as saving a last state) until the order or the request to leave.
                         Pause::Finished => rested_at = Some(horizon),
                         Pause::Ordered => {}
                     }
@@ -138,7 +138,7 @@ impl Session {
         }
     }
 
-    /// Takes the participant out of its links, for the place where it goes next.
+    /// Takes the participant out of its links, for the address where it goes next.
     fn leave(self) -> (Option<Address>, Seat) {
         let mut seat = self.seat;
         if let Stage::Ready(mut ready) = std::mem::replace(&mut seat.stage, Stage::Leaving) {
@@ -155,7 +155,7 @@ impl Session {
         (self.destination, seat)
     }
 
-    /// Answers one request; whether there was one.
+    /// Answers one request; returns whether there was one.
     fn serve(&mut self) -> Result<bool, HostError> {
         let Session {
             domain,
@@ -222,8 +222,8 @@ impl Session {
         Ok(served)
     }
 
-    /// When `result` is a failure: what was complete reaches the tape, and the orchestrator learns the reason in the
-    /// participant's own words.
+    /// If `result` is a failure, ensures that what was complete reaches the tape and that the orchestrator receives the participant's own
+    /// reason.
     fn explain<T>(&mut self, result: Result<T, HostError>) -> Result<T, HostError> {
         if let (Err(error), Stage::Ready(ready)) = (&result, &mut self.seat.stage) {
             let stepper = &ready.stepper;
@@ -268,7 +268,7 @@ impl Seat {
                 if let Err(error) = settle(participant.as_mut(), t, !*worked, state.as_deref(), &log) {
                     return refused(&error.to_string());
                 }
-                // It has begun.
+                // The participant has begun.
                 *worked = true;
             }
         }

@@ -1,23 +1,23 @@
-//! The spans of one participant on their way to the orchestrator.
+//! The spans of one participant before they are sent to the orchestrator.
 
 use crate::control::Note;
 use crate::span::{Detail, Doing, Span, core, now_ns};
 
-/// Spans that are kept while the recorder has no room for them. What comes then is left out, and counted.
+/// The most spans kept while the recorder has no room for them. Later ones are dropped and counted.
 const KEPT: usize = 4096;
-/// Spans of one note: it is shorter than the longest one.
+/// Spans in one note, which stays below the size of the longest one.
 const TOGETHER: usize = 64;
-/// They are handed out at least this often, ns.
+/// The longest interval between two notes, ns.
 const EVERY_NS: u64 = 20_000_000;
 
-/// What was done and is not handed out yet.
+/// The spans that have not been sent yet.
 pub(super) struct Spans {
     detail: Detail,
     kept: Vec<Span>,
-    /// How many were left out since the last note.
+    /// The number of spans dropped since the last note.
     lost: u64,
     handed_ns: u64,
-    /// When the participant came to the horizon.
+    /// When the participant reached the horizon, ns.
     resting_ns: Option<u64>,
 }
 
@@ -32,7 +32,7 @@ impl Spans {
         }
     }
 
-    /// Part of a step of `activation` was done since `begin_ns`.
+    /// Records that part of a step of `activation` was done since `begin_ns`.
     pub(super) fn computed(&mut self, activation: u64, begin_ns: u64, done: bool) {
         self.keep(Span {
             activation,
@@ -44,7 +44,7 @@ impl Spans {
         });
     }
 
-    /// Something was waited for.
+    /// Records a wait.
     pub(super) fn waited(&mut self, activation: u64, doing: Doing, sleeps: u32, begin_ns: u64, end_ns: u64) {
         if self.detail == Detail::Waits {
             let core = core();
@@ -59,12 +59,12 @@ impl Spans {
         }
     }
 
-    /// The participant has come to the horizon.
+    /// Records that the participant has reached the horizon.
     pub(super) fn rests(&mut self) {
         self.resting_ns = Some(now_ns());
     }
 
-    /// The participant goes on from the horizon with `activation`.
+    /// Records that the participant continues from the horizon with `activation`.
     pub(super) fn goes_on(&mut self, activation: u64) {
         if let Some(begin_ns) = self.resting_ns.take() {
             self.waited(activation, Doing::Horizon, 0, begin_ns, now_ns());
@@ -72,7 +72,7 @@ impl Spans {
     }
 
     fn keep(&mut self, span: Span) {
-        // Once something is missing, so is all that comes before there is room for the rest: what is told has one gap.
+        // Once a span is dropped, all later ones are too until there is room for the rest: the reported spans then have a single gap.
         if self.kept.len() < KEPT && self.lost == 0 {
             self.kept.push(span);
         } else {
@@ -80,23 +80,23 @@ impl Spans {
         }
     }
 
-    /// Whether it is time to hand some of them out.
+    /// Whether a note is due.
     pub(super) fn is_due(&self) -> bool {
         let newest = self.kept.last().map_or(0, |span| span.end_ns);
         self.kept.len() >= TOGETHER || newest > self.handed_ns + EVERY_NS
     }
 
-    /// The next note, if there is anything to tell.
+    /// The next note, if there is anything to report.
     pub(super) fn note(&self) -> Option<Note> {
         let spans = &self.kept[..self.kept.len().min(TOGETHER)];
         (!spans.is_empty() || self.lost > 0).then(|| Note::Spans {
-            // Those that were left out came behind all that are kept.
+            // The dropped spans came after all that are kept.
             lost: if spans.len() == self.kept.len() { self.lost } else { 0 },
             spans: spans.to_vec(),
         })
     }
 
-    /// The note was handed out.
+    /// Records that the note was sent.
     pub(super) fn handed(&mut self) {
         let count = self.kept.len().min(TOGETHER);
         self.handed_ns = self.kept.get(count.saturating_sub(1)).map_or(0, |span| span.end_ns);

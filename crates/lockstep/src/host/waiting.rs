@@ -1,4 +1,4 @@
-//! Spin a little, then yield, then sleep.
+//! Waiting: spin a little, then yield, then sleep.
 
 use std::time::Duration;
 
@@ -6,16 +6,16 @@ use crate::control::Waiting;
 use crate::transport::interface::Broken;
 use crate::transport::lock_free::asleep::{Announce, Sleep, Sleeping};
 
-/// The longest sleep without a look around, so that a waker that died between publishing and waking costs no more.
+/// The longest sleep without a poll, so that a waker that died between publishing and waking costs no more than this.
 const SLEEP_MAX: Duration = Duration::from_millis(20);
 
-/// The patience of one participant.
+/// The waiting strategy of one participant.
 pub(crate) struct Patience {
     strategy: Waiting,
     looks: u32,
     turns: Turns,
     asleep: Option<Sleeping>,
-    /// How often it slept.
+    /// The total number of sleeps.
     pub(crate) sleeps: u64,
 }
 
@@ -30,7 +30,7 @@ impl Patience {
         }
     }
 
-    /// What was waited for has come.
+    /// Ends the wait: what was waited for has arrived.
     pub(crate) fn rest(&mut self, status: &mut impl Announce) {
         let yields = self.looks.saturating_sub(self.strategy.spins);
         if (1..=self.strategy.yields).contains(&yields) {
@@ -42,17 +42,17 @@ impl Patience {
         }
     }
 
-    /// True when it is time to look at the stop flag and to say what is waited for: at every sleep, not at every spin.
+    /// True when it is time to read the stop flag and to publish what is waited for: at every sleep, and at every 64th poll after the spins.
     pub(crate) fn is_long(&self) -> bool {
         self.asleep.is_some() || (self.looks > self.strategy.spins && self.looks.is_multiple_of(64))
     }
 
-    /// Whether the last pause was longer than a look at the watch, or there were enough of them since the last time.
+    /// Whether the last pause took longer than reading the clock, or there were enough pauses since the last time.
     pub(crate) fn took_time(&self) -> bool {
         self.looks > self.strategy.spins || self.looks.is_multiple_of(16)
     }
 
-    /// Lets some time pass before the next look for `what`.
+    /// Pauses before the next poll for `what`.
     pub(crate) fn pause(
         &mut self,
         what: Sleeping,
@@ -68,7 +68,7 @@ impl Patience {
             }
             rustix::thread::sched_yield();
         } else if self.asleep != Some(what) {
-            // Announce it, then look once more: whoever publishes after that look sees the announcement.
+            // Announce the sleep, then poll once more: a process that publishes after that poll sees the announcement.
             self.asleep = Some(what);
             status.set_asleep(self.asleep);
         } else {
@@ -84,26 +84,26 @@ impl Patience {
     }
 }
 
-/// Whether those who share this core take turns in an order that suits them.
+/// Detects an unsuitable wake-up order of the participants that share this core.
 ///
-/// Who yields goes to the end of the kernel's queue, so the order in which a core goes round stays what it happens to be at first. Where
-/// it is that of the work, everybody finds what it waits for at its first look. Where it is not, half of all turns are in vain, for
-/// ever. Then a short sleep deals the order anew.
+/// A participant that yields goes to the end of the kernel's run queue, so the initial order of the participants on a core persists. If
+/// it is the order of the work, every participant finds what it waits for at its first poll. If not, half of all scheduler turns are
+/// wasted for the rest of the run; a short sleep then changes the order.
 #[derive(Debug)]
 struct Turns {
     waits: u32,
     in_vain: u32,
-    /// Waits to look at before the next judgement.
+    /// The number of waits before the next decision.
     window: u32,
     change: bool,
 }
 
 impl Turns {
     const WINDOW: u32 = 16;
-    /// Among several with different rates no order suits everybody: then trying gets rarer.
+    /// With several different rates, no order suits all participants: attempts then become rarer.
     const WINDOW_MAX: u32 = 4096;
 
-    /// What was waited for was there after this many yields.
+    /// Records that a wait ended after this many yields.
     fn came_after(&mut self, yields: u32) {
         self.waits += 1;
         self.in_vain += u32::from(yields > 1);
@@ -118,7 +118,7 @@ impl Turns {
         }
     }
 
-    /// Whether to change the order now; asked for once.
+    /// Whether to change the order now; returns true once per decision.
     fn change(&mut self) -> bool {
         std::mem::take(&mut self.change)
     }
@@ -139,7 +139,7 @@ impl Default for Turns {
 mod tests {
     use super::Turns;
 
-    /// How many of `waits` waits, each over after `yields` yields, ask for another order.
+    /// How many of `waits` waits, each of which ends after `yields` yields, request another order.
     fn changes(turns: &mut Turns, waits: u32, yields: u32) -> usize {
         let change = |_: &u32| {
             turns.came_after(yields);
@@ -159,7 +159,7 @@ mod tests {
         assert_eq!(changes(&mut turns, Turns::WINDOW, 2), 1);
         let later = changes(&mut turns, 100_000, 2);
         assert!((20..=40).contains(&later), "{later}");
-        // As soon as the order suits, the next disorder is seen soon again.
+        // Once the order suits, the next unsuitable one is soon detected again.
         changes(&mut turns, Turns::WINDOW_MAX, 1);
         assert_eq!(changes(&mut turns, 2 * Turns::WINDOW, 2), 1);
     }

@@ -1,45 +1,45 @@
-//! Conversions: what the samples of a link become in the fields of an input that was not made for them.
+//! Conversions: how the samples of a link become fields of an input with a different message.
 
 use serde::{Deserialize, Serialize};
 
 use crate::fault::Slot;
 use crate::port::Descriptor;
 
-/// How the samples of a link become elements of an input. An input with several such links is put together from all of them.
+/// How the samples of a link become elements of an input. An input with several such links is assembled from all of them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Conversion {
-    /// What the link brings.
+    /// The message of the link.
     pub message: Descriptor,
-    /// What becomes of it.
+    /// The elements that are written.
     pub pairs: Vec<Pair>,
 }
 
-/// Neighbouring elements of an input, and what they are made of: the sum of the terms, and the offset.
+/// Consecutive elements of an input and what they are computed from: the sum of the terms, and the offset.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Pair {
     /// The first of them.
     pub to: Slot,
     /// How many there are.
     pub count: u32,
-    /// What they are made of; nothing for constants.
+    /// The terms of the sum; none for constants.
     pub terms: Vec<Term>,
-    /// Is added, in the unit of the elements.
+    /// The constant that is added, in the unit of the elements.
     pub offset: f64,
-    /// Whether this is added to what other pairs give, which all say so. Such a sum starts at zero.
+    /// Whether this is added to the results of other pairs, all of which have this flag set. Such a sum starts at zero.
     pub adds: bool,
 }
 
-/// Neighbouring elements of a sample, and the factor that they are taken with.
+/// Consecutive elements of a sample, and the factor that they are multiplied by.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Term {
     /// The first of them.
     pub from: Slot,
-    /// The factor, which has the conversion of units in it.
+    /// The factor, which includes the conversion of units.
     pub scale: f64,
 }
 
 impl Conversion {
-    /// Why an input that takes `takes` is not put together from fields, if it is too large for that.
+    /// Why an input that takes `takes` is too large to be assembled from fields, if it is.
     pub fn too_large(takes: &Descriptor) -> Option<String> {
         let (size, most) = (takes.size, Descriptor::PARTS_MAX);
         (size > most).then(|| {
@@ -51,7 +51,7 @@ impl Conversion {
         })
     }
 
-    /// Whether it turns samples of its message into elements of `takes`.
+    /// Checks that this conversion turns samples of its message into elements of `takes`.
     ///
     /// # Errors
     /// What is wrong.
@@ -86,18 +86,18 @@ impl Conversion {
         Ok(())
     }
 
-    /// Sets those elements of `payload` to zero to which it and others will add.
+    /// Zeroes the elements of `payload` to which this and other conversions will add.
     pub(crate) fn clear(&self, payload: &mut [u8]) {
         self.pairs.iter().for_each(|pair| pair.clear(payload));
     }
 
-    /// Puts what becomes of `sample` into the payload of the input.
+    /// Converts `sample` into the payload of the input.
     pub(crate) fn apply(&self, sample: &[u8], payload: &mut [u8]) {
         self.pairs.iter().for_each(|pair| pair.apply(sample, payload));
     }
 
-    /// Puts what stands in for a sample into the payload of the input: the elements of `initial`, which is such a payload, and
-    /// constants, which hold always.
+    /// Writes the values that replace a missing sample into the payload of the input: the elements of `initial`, which is such a payload,
+    /// and constants, which always hold.
     pub(crate) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
         self.pairs.iter().for_each(|pair| pair.stand_in(initial, payload));
     }
@@ -110,13 +110,13 @@ impl Pair {
         start..start + self.count as usize * self.to.element.size()
     }
 
-    /// Whether values are taken over as they are.
+    /// Whether values are copied unchanged.
     pub fn copies(&self) -> bool {
         let [term] = self.terms[..] else { return false };
         term.scale == 1.0 && self.offset == 0.0 && !self.adds
     }
 
-    /// Whether what it makes of a sample are the sample's own bytes.
+    /// Whether the result is the sample's own bytes.
     pub(super) fn keeps_bytes(&self) -> bool {
         self.copies() && self.terms[0].from.element == self.to.element
     }
@@ -126,14 +126,14 @@ impl Pair {
         (0..self.count).map(move |number| to.after(number))
     }
 
-    /// Sets elements to zero to which it and others will add.
+    /// Zeroes the elements to which this and other pairs will add.
     pub(super) fn clear(&self, payload: &mut [u8]) {
         if self.adds {
             payload[self.range()].fill(0);
         }
     }
 
-    /// Puts what stands in for a sample into its elements.
+    /// Writes the values that replace a missing sample into its elements.
     pub(super) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
         if self.terms.is_empty() {
             self.apply(&[], payload);
@@ -147,7 +147,7 @@ impl Pair {
         }
     }
 
-    /// Puts what becomes of `sample` into its elements.
+    /// Converts `sample` into its elements.
     pub(super) fn apply(&self, sample: &[u8], payload: &mut [u8]) {
         if self.copies() {
             return self.copy(self.terms[0].from, sample, payload);
@@ -170,7 +170,7 @@ impl Pair {
         }
     }
 
-    /// Values as they are, in elements that hold them.
+    /// Copies values unchanged, into elements that hold them.
     fn copy(&self, from: Slot, sample: &[u8], payload: &mut [u8]) {
         if from.element == self.to.element {
             let start = from.offset as usize;
@@ -182,7 +182,7 @@ impl Pair {
             let (from, to) = (from.after(number), self.to.after(number));
             let bytes = to.bytes(payload);
             if to.element.room().is_some() {
-                // More room behind the same bytes.
+                // The larger element is padded behind the same bytes.
                 bytes.fill(0);
                 bytes[..from.element.size()].copy_from_slice(&sample[from.range()]);
             } else if to.element.is_decimal() {
@@ -204,7 +204,7 @@ mod tests {
         Slot { offset, element }
     }
 
-    /// What becomes of one value.
+    /// The result of converting one value.
     fn converted(from: Element, value: &[u8], to: Element, scale: f64, offset: f64) -> Vec<u8> {
         let pair = Pair {
             to: slot(0, to),
@@ -252,7 +252,7 @@ mod tests {
                 vec![u16::MAX.to_le_bytes().to_vec(), 300_u16.to_le_bytes().to_vec()],
             ),
             (Element::I8, vec![vec![0x80], vec![0x7f]]),
-            // As numbers: that no number is one of them is looked at by type.
+            // As bytes: that no number fits into one of these is decided by type.
             (Element::Bool, vec![vec![0], vec![1]]),
             (Element::Enum, vec![vec![0], vec![255]]),
         ];
@@ -269,10 +269,10 @@ mod tests {
         let new = converted(from, value, to, 1.0, 0.0);
         match (from.is_decimal(), to.is_decimal()) {
             (true, true) => from.to_f64(value).to_bits() == to.to_f64(&new).to_bits(),
-            // Every value of these types is whole, so that a double that is near one is not it.
+            // Every value of these types is an integer, so a double that is only near it differs.
             (false, true) => from.whole(value) == to.to_f64(&new) as i128,
             (false, false) => from.whole(value) == to.whole(&new),
-            // What is no whole number is not kept by any of them.
+            // None of them holds a number that is not an integer.
             (true, false) => false,
         }
     }

@@ -1,9 +1,9 @@
-//! What is read between two samples.
+//! Linear interpolation between two samples.
 
 use crate::port::{Descriptor, Element};
 
-/// Puts into `out` what lies between two payloads of `descriptor`, `weight` of the way from `before` to `after`. Whole numbers and bytes
-/// are those of `before`.
+/// Interpolates linearly between two payloads of `descriptor` into `out`, at the fraction `weight` of the interval from `before` to
+/// `after`. Integers and bytes are those of `before`.
 pub(crate) fn interpolate(descriptor: &Descriptor, before: &[u8], after: &[u8], weight: f64, out: &mut [u8]) {
     out.copy_from_slice(before);
     for field in descriptor.fields.iter().filter(|field| field.element.is_decimal()) {
@@ -22,7 +22,7 @@ pub(crate) fn interpolate(descriptor: &Descriptor, before: &[u8], after: &[u8], 
 fn put_between(element: Element, before: &[u8], after: &[u8], weight: f64, out: &mut [u8]) {
     let (a, b) = (element.to_f64(before), element.to_f64(after));
     let way = b - a;
-    // Where the difference is no double, the two parts are.
+    // Where the difference overflows a double, the two products do not.
     let value = if way.is_finite() {
         a + weight * way
     } else {

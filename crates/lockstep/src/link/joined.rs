@@ -1,18 +1,18 @@
-//! Conversions as they are done with each sample: what is only copied goes over in as few pieces as there are.
+//! Conversions prepared for execution with each sample: bytes that are only copied are merged into as few pieces as possible.
 
 use super::{Conversion, Pair};
 use crate::port::Descriptor;
 
-/// A [`Conversion`] that is made ready to be done many times. No element is fed by two of its pairs, unless both add.
+/// A [`Conversion`] that is prepared for repeated execution. No element is fed by two of its pairs, unless both add.
 #[derive(Debug, Clone)]
 pub(crate) struct Joined {
-    /// What goes over as it is.
+    /// What is copied unchanged.
     copies: Vec<Copied>,
-    /// What is calculated.
+    /// What is computed.
     others: Vec<Pair>,
 }
 
-/// Bytes that stand side by side in the sample and in the payload of the input.
+/// Bytes that are contiguous in the sample and in the payload of the input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Copied {
     from: usize,
@@ -21,12 +21,12 @@ struct Copied {
 }
 
 impl Joined {
-    /// Does what `conversion` does.
+    /// Prepares `conversion`.
     pub(crate) fn new(conversion: &Conversion) -> Joined {
         let (copied, others): (Vec<&Pair>, Vec<&Pair>) = conversion.pairs.iter().partition(|pair| pair.keeps_bytes());
         let each = copied.into_iter().map(Copied::of);
         let mut each: Vec<Copied> = each.collect();
-        // No element is fed twice, so the order is free; names, by which a scenario has them in order, tell nothing of places.
+        // No element is fed twice, so the order is free; the scenario orders by name, which is unrelated to memory layout.
         each.sort_by_key(|copied| copied.to);
         let mut copies: Vec<Copied> = Vec::new();
         for next in each {
@@ -41,7 +41,7 @@ impl Joined {
         }
     }
 
-    /// Whether samples of `message` are payloads of an input that takes `takes`, and nothing else is made of them.
+    /// Whether samples of `message` are payloads of an input that takes `takes` and are not changed.
     pub(crate) fn is_nothing(&self, message: &Descriptor, takes: &Descriptor) -> bool {
         let whole = Copied {
             from: 0,
@@ -51,17 +51,17 @@ impl Joined {
         self.others.is_empty() && message.size == takes.size && self.copies == [whole]
     }
 
-    /// Whether values are taken over as they are, all of them: nothing is calculated, and no type becomes another.
+    /// Whether all values are copied unchanged: nothing is computed, and no type is converted.
     pub(crate) fn keeps_values(&self) -> bool {
         self.others.is_empty()
     }
 
-    /// Sets those elements of `payload` to zero to which it and others will add.
+    /// Zeroes the elements of `payload` to which this and other conversions will add.
     pub(crate) fn clear(&self, payload: &mut [u8]) {
         self.others.iter().for_each(|pair| pair.clear(payload));
     }
 
-    /// Puts what becomes of `sample` into the payload of the input.
+    /// Converts `sample` into the payload of the input.
     pub(crate) fn apply(&self, sample: &[u8], payload: &mut [u8]) {
         for &Copied { from, to, len } in &self.copies {
             payload[to..to + len].copy_from_slice(&sample[from..from + len]);
@@ -69,7 +69,7 @@ impl Joined {
         self.others.iter().for_each(|pair| pair.apply(sample, payload));
     }
 
-    /// Puts what stands in for a sample into the payload of the input: see [`Conversion::stand_in`].
+    /// Writes the values that replace a missing sample into the payload of the input: see [`Conversion::stand_in`].
     pub(crate) fn stand_in(&self, initial: &[u8], payload: &mut [u8]) {
         for &Copied { to, len, .. } in &self.copies {
             payload[to..to + len].copy_from_slice(&initial[to..to + len]);
@@ -79,7 +79,7 @@ impl Joined {
 }
 
 impl Copied {
-    /// What `pair` copies.
+    /// The bytes that `pair` copies.
     fn of(pair: &Pair) -> Copied {
         let range = pair.range();
         Copied {
@@ -89,7 +89,7 @@ impl Copied {
         }
     }
 
-    /// Whether `next` goes on where it ends, here and there.
+    /// Whether `next` begins where this piece ends, at both ends.
     fn is_before(self, next: Copied) -> bool {
         (self.from + self.len, self.to + self.len) == (next.from, next.to)
     }
@@ -160,7 +160,7 @@ mod tests {
         };
         assert!(!whole.is_nothing(&larger, &message()));
         assert!(!whole.is_nothing(&message(), &larger));
-        // Neighbours at one end only, and one that is scaled.
+        // Contiguous at one end only, and one that is scaled.
         let mut pairs = vec![
             pair(double(3), double(0), 2),
             pair(double(5), double(2), 1),
@@ -174,7 +174,7 @@ mod tests {
         assert!(!some.keeps_values());
     }
 
-    /// Pairs for every element of an input, in any order: copies, mostly from the place of the same number, and others.
+    /// Pairs for every element of an input, in any order: copies, mostly from the same position, and others.
     fn pairs() -> impl Strategy<Value = Vec<Pair>> {
         let one = (0..10_u8, 0..ELEMENTS, any::<bool>());
         let each = prop::collection::vec(one, ELEMENTS as usize);
@@ -190,7 +190,7 @@ mod tests {
                         pair.terms.clear();
                         pair.offset = 3.0;
                     }
-                    // Taken over, if anything can be, by two elements of half the size.
+                    // Copied, if possible at all, by two elements of half the size.
                     5 => {
                         pair.to.element = Element::I32;
                         pair.terms[0].from.element = Element::I32;

@@ -1,4 +1,4 @@
-//! The sample every activation of a consumer reads, computed before anything runs.
+//! The sample that every activation of a consumer reads, computed before the run.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,12 +12,12 @@ pub enum Read {
     Initial,
     /// The sample with this index.
     Sample(u64),
-    /// What lies between the samples with these two indices.
+    /// The interpolation between the samples with these two indices.
     Between(u64, u64),
 }
 
 impl Read {
-    /// The samples that it takes, in their order.
+    /// The samples that it needs, in order.
     pub fn samples(self) -> impl Iterator<Item = u64> {
         let (first, second) = match self {
             Read::Initial => (None, None),
@@ -28,30 +28,30 @@ impl Read {
     }
 }
 
-/// The reads of one link, activation by activation. Producer and consumer each run one: the producer to know which samples
-/// anybody will ever read, the consumer to know which one to wait for. It holds no data and depends on nothing but the plan.
+/// The reads of one link, activation by activation. Producer and consumer each run one: the producer to know which samples a consumer
+/// will ever read, the consumer to know which one to wait for. It holds no data and depends only on the plan.
 #[derive(Debug, Clone)]
 pub struct ReadSchedule {
     visibility: Visibility,
     /// The least and the largest delay of the link, ticks.
     delays: (Ticks, Ticks),
-    /// Every sample arrives, each as late as any other: the read follows from one division.
+    /// Every sample arrives, and all have the same delay: the read follows from one division.
     steady: bool,
     consumer: SampleTime,
     /// Read sample 0 while nothing is visible.
     first_sample: bool,
-    /// The next activation to be asked for.
+    /// The next activation of [`ReadSchedule::advance`].
     next: u64,
-    /// Samples up to here (exclusive) have been looked at and are settled: visible or dropped for good.
+    /// Samples up to here (exclusive) are settled: they are visible, or permanently dropped.
     settled: u64,
-    /// The newest settled visible sample, and the newest settled of all.
+    /// The newest settled sample that is visible, and the newest settled sample.
     newest: Option<u64>,
     newest_sent: Option<u64>,
 }
 
 impl ReadSchedule {
-    /// The schedule of a link for a consumer with sample time `consumer`. With `first_sample`, the producer's sample 0
-    /// stands in while nothing is visible; that is allowed only for outputs that exist before the run starts.
+    /// The schedule of a link for a consumer with sample time `consumer`. With `first_sample`, the producer's sample 0 is read while
+    /// nothing is visible; that is allowed only for outputs that exist before the run starts.
     pub fn new(visibility: Visibility, consumer: SampleTime, first_sample: bool) -> ReadSchedule {
         let delays = visibility.delay_bounds();
         ReadSchedule {
@@ -67,7 +67,7 @@ impl ReadSchedule {
         }
     }
 
-    /// The next activation that [`ReadSchedule::advance`] answers for.
+    /// The next activation that [`ReadSchedule::advance`] computes.
     pub fn next_activation(&self) -> u64 {
         self.next
     }
@@ -79,7 +79,7 @@ impl ReadSchedule {
         self.at(t)
     }
 
-    /// Jumps to activation `k` (forward only), for a participant that takes over in mid-run.
+    /// Jumps to activation `k` (forward only), for a participant that takes over during the run.
     pub fn skip_to(&mut self, k: u64) {
         self.next = self.next.max(k);
     }
@@ -123,7 +123,7 @@ impl ReadSchedule {
         after.flatten().map_or(Read::Sample(k), |after| Read::Between(k, after))
     }
 
-    /// Whether sample `k` counts when the newest is looked for: under `Hold::Initial` a dropped sample does, as a gap.
+    /// Whether sample `k` counts in the search for the newest: under `Hold::Initial` a dropped sample does, as a gap.
     fn arrives(&self, k: u64) -> bool {
         self.visibility.hold() == Hold::Initial || !self.visibility.dropped(k)
     }
@@ -154,7 +154,7 @@ mod tests {
     use crate::time::{Rational, Timebase};
     use proptest::prelude::*;
 
-    /// The rule in its plainest words: look at every sample there is.
+    /// A direct implementation of the rule, which tests every sample.
     fn searched(visibility: &Visibility, t: Ticks, first_sample: bool) -> Read {
         let arrived = |k: &u64| visibility.producer().instant(*k) + visibility.delay(*k) <= t;
         let sent = (0..200).rev().filter(arrived);
@@ -167,7 +167,7 @@ mod tests {
         };
         match newest {
             Some(k) if visibility.hold() == Hold::Linear => {
-                // The next sample that is not lost, if it is there by `t` without the delay and was taken before.
+                // The next sample that is not lost, if it has arrived by `t` without the delay and was taken before.
                 let mut without = visibility.clone();
                 without.shift_nothing();
                 let there =

@@ -6,21 +6,21 @@ use crate::fault::LinkFault;
 use crate::random::Stream;
 use crate::time::{Rational, SampleTime, TickError, Ticks, Timebase};
 
-/// What an input sees where the newest sample did not come through.
+/// What an input sees where the newest sample was dropped.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Hold {
-    /// The newest sample that did (zero-order hold).
+    /// The newest sample that arrived (zero-order hold).
     #[default]
     Last,
-    /// The link's initial value, until a sample comes through again ("zeroing" where that value is zero).
+    /// The link's initial value, until a sample arrives again ("zeroing" where that value is zero).
     Initial,
-    /// What lies between two samples, at the instant that is the delay ago. The delay is then a shift of the signal: samples arrive
-    /// without it, as late as jitter and faults make them.
+    /// Linear interpolation between two samples, at the time of reading minus the delay. The delay is then a shift of the signal: samples
+    /// arrive without it, as late as jitter and faults make them.
     Linear,
 }
 
-/// The timing of a link as the user gives it.
+/// The timing of a link as the user wrote it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
     /// The fixed part of the delay, s.
@@ -71,10 +71,10 @@ pub enum TimingError {
     },
 }
 
-/// A link's rule of visibility against the tick of a plan: a pure function of the scenario and the run's seed.
+/// A link's rule of visibility in the ticks of a plan: a pure function of the scenario and the run's seed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Visibility {
-    /// When the samples are stamped: sample k carries the instant k of this sample time.
+    /// The instants of the samples: sample k is stamped with the instant k of this sample time.
     producer: SampleTime,
     /// The delay of a sample with draw r is ceil((base + spread * r) / scale) ticks, r in [0, 2^32); with `Hold::Linear`, the larger
     /// one of ceil(base / scale) and ceil(spread * r / scale).
@@ -88,12 +88,12 @@ pub struct Visibility {
     faults: Vec<Disruption>,
 }
 
-/// A link fault in ticks: what is different for samples stamped from `from` on and before `until`.
+/// A link fault in ticks: it changes the samples stamped from `from` on and before `until`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 struct Disruption {
     from: Ticks,
     until: Ticks,
-    /// Belongs to `base` for these samples.
+    /// Is added to `base` for these samples.
     extra: i128,
     drop_below: u64,
     random: Stream,
@@ -108,7 +108,7 @@ impl Disruption {
 const DRAWS: i128 = 1 << 32;
 
 impl Visibility {
-    /// The rule for a link called `link` that carries the samples of `producer` and suffers from `faults`.
+    /// The rule for a link called `link` that carries the samples of `producer` and has the faults `faults`.
     pub fn new(
         timing: &Timing,
         faults: &[LinkFault],
@@ -171,9 +171,9 @@ impl Visibility {
         })
     }
 
-    /// With tick a/b, delay c/d and jitter e/f: delay + jitter r / 2^32 = (c D/d 2^32 + e D/f r) / (D 2^32) where D is a
-    /// common denominator, and ticks are that times b/a. Extra delays of faults are like the delay. A common factor of all
-    /// changes nothing. Gives base, spread, scale, and the extra of each fault.
+    /// With tick a/b, delay c/d and jitter e/f: delay + jitter r / 2^32 = (c D/d 2^32 + e D/f r) / (D 2^32) where D is a common
+    /// denominator, and ticks are that times b/a. Extra delays of faults are like the delay. A common factor of all changes nothing.
+    /// Returns base, spread, scale, and the extra of each fault.
     fn coefficients(timing: &Timing, faults: &[LinkFault], timebase: &Timebase) -> Option<Vec<i128>> {
         let times = [timing.delay, timing.jitter].into_iter();
         let mut times = times.chain(faults.iter().map(|fault| fault.extra_delay));
@@ -191,7 +191,7 @@ impl Visibility {
         let spread = scaled(times.next()?)?;
         let scale = common.checked_mul(i128::from(tick.numerator()))?.checked_mul(DRAWS)?;
         let mut all = vec![base, spread, scale];
-        // The largest value ever formed must fit, and the largest delay must be a tick count.
+        // The largest intermediate value must fit, and the largest delay must be a tick count.
         let mut largest = base.checked_add(spread.checked_mul(DRAWS)?)?.checked_add(scale)?;
         for extra in times {
             let extra = scaled(extra)?.checked_mul(DRAWS)?;
@@ -222,7 +222,7 @@ impl Visibility {
     }
 
     /// With [`Hold::Linear`]: the sample towards which an activation at `t` interpolates from sample `k`, which it reads: the next one
-    /// that is not lost, if it was taken before `t` and has arrived, and if what is read is not sample `k` itself.
+    /// that is not lost, if it was taken before `t` and has arrived, and if the value read is not sample `k` itself.
     pub fn following(&self, k: u64, t: Ticks) -> Option<u64> {
         let since = i128::from(t) - i128::from(self.producer.instant(k));
         if since == self.base / self.scale && self.base % self.scale == 0 {
@@ -234,7 +234,7 @@ impl Visibility {
         (self.producer.instant(next).saturating_add(late) <= t).then_some(next)
     }
 
-    /// How far the instant that is the delay before `t` lies on the way from sample `before` to sample `after`.
+    /// The interpolation weight: the position of the instant `t` minus the delay between sample `before` (0) and sample `after` (1).
     pub fn weight(&self, t: Ticks, before: u64, after: u64) -> f64 {
         let (from, to) = (self.producer.instant(before), self.producer.instant(after));
         let whole = i128::from(t) - i128::from(from) - self.base / self.scale;
@@ -242,7 +242,7 @@ impl Visibility {
         (whole as f64 - part) / (to - from) as f64
     }
 
-    /// What faults add to the delay of sample `k`, as a part of `base`.
+    /// What faults add to the delay of sample `k`, in the unit of `base`.
     fn extra_at(&self, k: u64) -> i128 {
         if self.faults.is_empty() {
             return 0;
@@ -268,7 +268,7 @@ impl Visibility {
         (scaled / self.scale + i128::from(scaled % self.scale != 0)) as Ticks
     }
 
-    /// Leaves jitter and faults of the delay.
+    /// Sets the fixed delay to zero and keeps jitter and faults.
     #[cfg(test)]
     pub(super) fn shift_nothing(&mut self) {
         self.base = 0;
@@ -276,9 +276,9 @@ impl Visibility {
 
     /// The least and the largest delay that any sample can have, ticks.
     ///
-    /// The least is that without faults: a fault that delays samples for a while makes no algebraic loop and opens none.
+    /// The least is the delay without faults: a fault that delays samples for a while neither closes nor opens an algebraic loop.
     pub fn delay_bounds(&self) -> (Ticks, Ticks) {
-        // Spans that overlap do so where one of them begins.
+        // The largest sum of overlapping spans occurs where one of them begins.
         let most = self.faults.iter().map(|fault| self.extra_of(fault.from)).max();
         (
             self.delay_at(0, 0),

@@ -1,11 +1,11 @@
-//! Conversions in words, for whoever looks at a plan.
+//! Text descriptions of conversions, for printing a plan.
 
 use super::{Conversion, Pair, Term};
 use crate::fault::Slot;
 use crate::port::{Descriptor, Field};
 
 impl Conversion {
-    /// A line for each field, or part of one, of the input that takes `takes`: `u [rad] = 0.017453292519943295 * x [deg]`.
+    /// One line for each field, or part of one, of the input that takes `takes`: `u [rad] = 0.017453292519943295 * x [deg]`.
     pub fn words(&self, takes: &Descriptor) -> Vec<String> {
         self.pairs.iter().map(|pair| self.pair(pair, takes)).collect()
     }
@@ -52,7 +52,7 @@ impl Conversion {
     }
 }
 
-/// ` [m/s]`; nothing for pure numbers.
+/// ` [m/s]`; empty for dimensionless numbers.
 fn unit(field: &Field) -> String {
     if field.unit == "1" {
         String::new()
@@ -61,7 +61,7 @@ fn unit(field: &Field) -> String {
     }
 }
 
-/// The name of `count` elements from `first` on, and the field that they are of.
+/// The name of `count` elements from `first` on, and the field that contains them.
 fn named(descriptor: &Descriptor, first: Slot, count: u32) -> Option<(String, &Field)> {
     let start = first.offset as usize;
     let field = descriptor.fields.iter().find(|field| field.range().contains(&start))?;

@@ -1,14 +1,15 @@
-//! Participants of one kind, of runs that go side by side, stepped by one call.
+//! Batch stepping: participants of one type, from runs that advance side by side, stepped by one call.
 
 use std::any::{Any, TypeId};
 
 use super::buffers::{Inputs, Outputs};
 use super::step::{Failure, Step};
 
-/// A participant of which several can be stepped at once, because that is cheaper than one after the other: a campaign runs points
-/// side by side, and their models are the same with other numbers.
+/// A participant of which several instances can be stepped by one call, where that is cheaper than stepping one after the other: a
+/// campaign runs points side by side, and their models differ only in their numbers.
 ///
-/// Each must come out as [`Participant::step`](super::Participant::step) leaves it alone, state and outputs, to the last bit: nothing says which others it meets.
+/// Each participant must end with the state and the outputs that [`Participant::step`](super::Participant::step) alone would give, to the
+/// last bit. Which participants are stepped together is unspecified.
 ///
 /// ```
 /// use lockstep::participant::{Abreast, Failure, Inputs, Interface, Kind, Member, Outputs, Participant, Step, StepAbreast};
@@ -50,14 +51,14 @@ use super::step::{Failure, Step};
 /// assert!(decay.abreast().is_some());
 /// ```
 pub trait StepAbreast: Sized + 'static {
-    /// What is kept from one call to the next to save work. No result may depend on it: any call may find it new.
+    /// Working data kept from one call to the next to save work. No result may depend on it: any call may receive a new one.
     type Common: Default + 'static;
 
-    /// The step of each of `those`, one or more. They need not be at the same instant, nor have the same period or parameters.
+    /// Steps each of `those`, one or more. They need not be at the same instant, nor have the same period or parameters.
     fn step_abreast(those: &mut [Abreast<'_, Self>], common: &mut Self::Common);
 }
 
-/// A participant that is stepped beside others, with what [`Participant::step`](super::Participant::step) is given.
+/// A participant in a batch, with the arguments of [`Participant::step`](super::Participant::step).
 pub struct Abreast<'a, P> {
     /// The participant.
     pub participant: &'a mut P,
@@ -71,13 +72,13 @@ pub struct Abreast<'a, P> {
 }
 
 impl<P> Abreast<'_, P> {
-    /// This one gives up; the others go on.
+    /// Reports that the step of this participant failed; the others continue.
     pub fn fail(&mut self, failure: Failure) {
         *self.result = Some(Err(failure));
     }
 }
 
-/// A participant as one of a kind whose steps are done together.
+/// A participant that can be stepped together with others of its type.
 pub struct Member<'a> {
     kind: Together,
     itself: &'a mut dyn Any,
@@ -106,7 +107,7 @@ struct Together {
     step: fn(&mut [&mut Pending<'_>], &mut dyn Any),
 }
 
-/// A step that is about to be done: everything has come in.
+/// A step that is ready to be executed: all of its inputs have been received.
 pub struct Pending<'a> {
     pub(crate) member: Member<'a>,
     pub(crate) step: Step,
@@ -133,14 +134,14 @@ fn step<P: StepAbreast>(pending: &mut [&mut Pending<'_>], common: &mut dyn Any) 
     P::step_abreast(&mut those, common.downcast_mut().unwrap_or(&mut afresh));
 }
 
-/// Does steps of different runs together, kind by kind, and keeps what each kind keeps.
+/// Executes steps of different runs together, type by type, and keeps the working data of each type.
 #[derive(Default)]
 pub struct Stride {
     commons: Vec<(TypeId, Box<dyn Any>)>,
 }
 
 impl Stride {
-    /// Does the steps of `pending`, which belong to different participants. A panic leaves all of them half done.
+    /// Executes the steps of `pending`, which belong to different participants. A panic leaves all of them half done.
     pub fn step(&mut self, pending: &mut [Pending<'_>]) {
         let mut left: Vec<&mut Pending<'_>> = pending.iter_mut().collect();
         while let Some(first) = left.first() {

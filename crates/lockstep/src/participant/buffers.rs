@@ -33,7 +33,7 @@ impl Payload {
     /// The payload as the message `M`.
     ///
     /// # Panics
-    /// When `M` has another size, or the bytes are no `M`: compare descriptors first.
+    /// When the size of `M` differs, or the bytes are not a valid `M`: compare descriptors first.
     pub fn get<M: Message>(&self) -> M {
         *bytemuck::checked::from_bytes(self.bytes())
     }
@@ -49,20 +49,20 @@ impl Payload {
     }
 }
 
-/// The bits of a number's exponent, and the lowest of them.
+/// The exponent bits of a floating-point number, and the lowest of them.
 const DOUBLE_EXPONENT: u64 = 0x7ff << 52;
 const DOUBLE_ONE: u64 = 1 << 52;
 const SINGLE_EXPONENT: u32 = 0xff << 23;
 const SINGLE_ONE: u32 = 1 << 23;
 
-/// The elements of a payload that can have values which their type does not allow, merged into runs.
+/// The elements of a payload whose type does not allow every bit pattern, merged into runs.
 #[derive(Debug, Clone)]
 pub(crate) struct ValueCheck {
-    /// Whether a fault on the way may have made numbers NaN or infinite, so that they are not looked at.
+    /// Whether a fault upstream may have made numbers NaN or infinite; numbers are then not checked.
     disturbed: bool,
     doubles: Vec<Range<usize>>,
     singles: Vec<Range<usize>>,
-    /// Truth values and enumerations, each with a bit for every byte that is one of their values.
+    /// Truth values and enumerations, each with a bit for every byte that is a valid value.
     bytes: Vec<(Range<usize>, [u64; 4])>,
     /// Texts and bytes.
     contents: Vec<(Range<usize>, Element)>,
@@ -102,8 +102,8 @@ impl ValueCheck {
 
     /// True when every element is a value of its type.
     pub(crate) fn passes(&self, payload: &[u8]) -> bool {
-        // The exponent alone tells of a number, and only one that is all ones becomes so large with one more that the bit of the sign is
-        // set. Sums are there for two numbers and more at once on every processor; comparisons of this width are not.
+        // The exponent alone decides whether a number is finite. Only an exponent of all ones overflows into the sign bit when one is
+        // added. Every processor has SIMD additions of this width; not every one has SIMD comparisons of it.
         let mut doubles = 0;
         for run in &self.doubles {
             for chunk in payload[run.clone()].as_chunks::<8>().0 {
@@ -129,7 +129,7 @@ impl ValueCheck {
         good
     }
 
-    /// Which element of `payload` does not pass, and why, in words; `what` is what must be finite.
+    /// Describes the element of `payload` that does not pass, and why; `what` names what must be finite.
     pub(crate) fn words(&self, descriptor: &Descriptor, payload: &[u8], what: &str) -> String {
         let mut invalid = descriptor.invalid(payload);
         let found = invalid.find(|one| !self.disturbed || !one.is_number());
@@ -147,7 +147,7 @@ impl Inputs {
     /// The payload of input number `port` as the message `M` that the interface declares for it.
     ///
     /// # Panics
-    /// When there is no such port, `M` has another size, or the bytes are no `M`: a mistake in the participant's own code.
+    /// When there is no such port, the size of `M` differs, or the bytes are not a valid `M`: a mistake in the participant's own code.
     pub fn get<M: Message>(&self, port: usize) -> &M {
         bytemuck::checked::from_bytes(self.payloads[port].bytes())
     }
@@ -158,16 +158,16 @@ impl Inputs {
     }
 }
 
-/// Whether an output is seen.
+/// Whether an output is seen (see [`Outputs::is_seen`]).
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Look {
-    /// Whether the sample under way is seen.
+    /// Whether the current sample is seen.
     pub(crate) now: bool,
     /// Whether any sample of the run is seen.
     pub(crate) ever: bool,
 }
 
-/// The outputs of an activation. What a step does not write keeps its last value.
+/// The outputs of an activation. An output that a step does not write keeps its last value.
 #[derive(Debug)]
 pub struct Outputs {
     pub(crate) payloads: Vec<Payload>,
@@ -179,7 +179,7 @@ impl Outputs {
     /// The payload of output number `port` as the message `M` that the interface declares for it.
     ///
     /// # Panics
-    /// When there is no such port, `M` has another size, or the bytes are no `M`: a mistake in the participant's own code.
+    /// When there is no such port, the size of `M` differs, or the bytes are not a valid `M`: a mistake in the participant's own code.
     pub fn get_mut<M: Message>(&mut self, port: usize) -> &mut M {
         bytemuck::checked::from_bytes_mut(self.payloads[port].bytes_mut())
     }
@@ -189,11 +189,11 @@ impl Outputs {
         self.payloads[port].bytes_mut()
     }
 
-    /// Whether the sample of output number `port` that is under way is seen: read by an input, kept on the tape, measured, assessed,
-    /// guarded, or within reach of a program that drives the run. An unseen sample need not be computed: what is written is not
-    /// recorded, not sent and not checked.
+    /// Whether the current sample of output number `port` is seen: read by an input, kept on the tape, measured, assessed, guarded, or
+    /// accessible to a program that drives the run. An unseen sample need not be computed: what is written is not recorded, not sent and
+    /// not checked.
     ///
-    /// A sample that is seen must not depend on which ones were seen before: the tape has the same bits whatever else is seen.
+    /// A seen sample must not depend on which samples were seen before: the tape has the same bits whatever else is seen.
     ///
     /// # Panics
     /// When there is no such port.
@@ -201,29 +201,29 @@ impl Outputs {
         self.looks[port].now
     }
 
-    /// Writes a line into the participant's log, with the simulated time: `outputs.log(format_args!("the valve opens at {level} m"))`. With
-    /// [`format_args!`] nothing is taken from the heap where nothing is written.
+    /// Writes a line to the participant's log, with the simulated time: `outputs.log(format_args!("the valve opens at {level} m"))`. With
+    /// [`format_args!`] nothing is allocated on the heap when no line is written.
     pub fn log(&self, text: impl Display) {
         self.log.write(text);
     }
 
-    /// The way to the participant's log, for a participant that hosts another one.
+    /// The participant's log, for a participant that hosts another one.
     pub fn log_of(&self) -> &Log {
         &self.log
     }
 
-    /// Sets where lines go: for whatever drives a participant by hand.
+    /// Sets the destination of log lines, for code that drives a participant by hand.
     pub fn set_log(&mut self, log: Log) {
         self.log = log;
     }
 
-    /// Sets the simulated time of lines, s: for whatever drives a participant by hand.
+    /// Sets the simulated time of log lines, s, for code that drives a participant by hand.
     pub fn set_time(&mut self, t: f64) {
         self.log.set_time(t);
     }
 
-    /// Whether any sample of output number `port` is seen in this run. Of an output that never is, not even the state that its later
-    /// samples depend on need be kept up to date.
+    /// Whether any sample of output number `port` is seen in this run. If none is, the participant need not even update the state on
+    /// which later samples of that output depend.
     ///
     /// # Panics
     /// When there is no such port.
@@ -252,7 +252,7 @@ impl Inputs {
         bytemuck::checked::from_bytes_mut(self.payloads[port].bytes_mut())
     }
 
-    /// The raw bytes of input number `port`, for whoever drives a participant by hand.
+    /// The raw bytes of input number `port`, for code that drives a participant by hand.
     pub fn bytes_mut(&mut self, port: usize) -> &mut [u8] {
         self.payloads[port].bytes_mut()
     }
@@ -264,7 +264,7 @@ impl Outputs {
         Outputs::of(interface, Log::new("participant", None))
     }
 
-    /// The same with the way to a log.
+    /// The same, with a log.
     pub(crate) fn of(interface: &super::Interface, log: Log) -> Outputs {
         Outputs {
             looks: vec![Look { now: true, ever: true }; interface.outputs.len()],
@@ -285,12 +285,13 @@ impl Outputs {
         bytemuck::checked::from_bytes(self.payloads[port].bytes())
     }
 
-    /// The raw bytes of output number `port`, for whoever drives a participant by hand.
+    /// The raw bytes of output number `port`, for code that drives a participant by hand.
     pub fn bytes(&self, port: usize) -> &[u8] {
         self.payloads[port].bytes()
     }
 
-    /// Sets whether output number `port` is seen, for a test that drives a participant by hand: the sample under way, and any sample.
+    /// Sets whether the current sample of output number `port` is seen, and whether any sample is, for a test that drives a participant
+    /// by hand.
     pub fn set_seen(&mut self, port: usize, now: bool, ever: bool) {
         self.looks[port] = Look { now, ever };
     }
@@ -313,7 +314,7 @@ mod tests {
         }
     }
 
-    /// Bits of numbers, those around the largest and the smallest more often than all others.
+    /// Bit patterns of numbers; those near the largest and the smallest exponent are more frequent.
     fn bits(exponent: u32, width: u32) -> impl Strategy<Value = u64> {
         let all_ones = ((1_u64 << exponent) - 1) << (width - 1 - exponent);
         let near = prop_oneof![Just(all_ones - 1), Just(all_ones), Just(all_ones + 1), Just(0), Just(1)];
@@ -333,7 +334,7 @@ mod tests {
                 fields: vec![
                     field("a", Element::F64, 3, 0),
                     field("b", Element::F64, 2, 24),
-                    // Whole numbers may have any bits.
+                    // Integers may have any bits.
                     field("c", Element::U64, 1, 40),
                     field("d", Element::F64, 2, 48),
                     field("e", Element::F32, 1, 64),

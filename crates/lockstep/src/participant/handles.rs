@@ -7,7 +7,7 @@ use std::ops::{Index, IndexMut};
 use super::{Inputs, Interface, Kind, Outputs};
 use crate::port::Message;
 
-/// The ports of a participant while they are declared.
+/// The ports of a participant during their declaration.
 ///
 /// ```
 /// use lockstep::participant::{Failure, InputPort, Inputs, Interface, Kind, OutputPort, Outputs, Participant, Ports, Step};
@@ -50,7 +50,7 @@ pub struct Ports {
 }
 
 impl Ports {
-    /// No port yet.
+    /// Starts without ports.
     pub fn new(kind: Kind) -> Ports {
         Ports {
             interface: Interface::new(kind),
@@ -75,7 +75,7 @@ impl Ports {
         OutputPort::new(self.interface.outputs.len() - 1)
     }
 
-    /// What [`super::Participant::interface`] gives.
+    /// The return value of [`super::Participant::interface`].
     pub fn interface(&self) -> Interface {
         self.interface.clone()
     }
@@ -90,8 +90,7 @@ macro_rules! handle {
     ($name:ident, $text:literal) => {
         #[doc = $text]
         ///
-        /// It belongs to the [`Ports`] that gave it: used with another participant's buffers it finds another port, or
-        /// panics.
+        /// It belongs to the [`Ports`] that returned it: used with another participant's buffers it selects another port, or panics.
         pub struct $name<M> {
             number: usize,
             message: PhantomData<fn() -> M>,
@@ -111,7 +110,7 @@ macro_rules! handle {
             }
         }
 
-        // By hand: a derive would ask the same of the message.
+        // Implemented by hand: a derive would require the same trait of the message.
         impl<M> Clone for $name<M> {
             fn clone(&self) -> Self {
                 *self

@@ -23,7 +23,7 @@ pub enum Kind {
 pub struct Input {
     /// The port's name.
     pub name: String,
-    /// The payload it takes.
+    /// The payload it accepts.
     pub descriptor: Descriptor,
     /// Whether the scenario must connect it. An input that is not connected holds zeros.
     pub required: bool,
@@ -34,11 +34,11 @@ pub struct Input {
 pub struct Output {
     /// The port's name.
     pub name: String,
-    /// The payload it gives.
+    /// The payload it delivers.
     pub descriptor: Descriptor,
 }
 
-/// What a participant tells at hello.
+/// What a participant reports about itself in the handshake.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Interface {
     /// How outputs depend on inputs.
@@ -91,7 +91,7 @@ impl Interface {
         self
     }
 
-    /// Checks what a foreign participant says of itself.
+    /// Checks the interface that a foreign participant reports.
     pub fn validate(&self) -> Result<(), InterfaceError> {
         let inputs = self.inputs.iter().map(|port| (&port.name, &port.descriptor));
         let outputs = self.outputs.iter().map(|port| (&port.name, &port.descriptor));
@@ -116,8 +116,8 @@ impl Interface {
         Ok(())
     }
 
-    /// The first difference to the interface that a participant in the same place must have, in words. Which inputs must be
-    /// connected is none.
+    /// Describes the first difference to `expected`, the interface required of a participant at this place. Which inputs must be
+    /// connected does not count as a difference.
     pub fn difference(&self, expected: &Interface) -> Option<String> {
         if self.kind != expected.kind {
             return Some(format!("it is {:?} where {:?} is expected", self.kind, expected.kind));
@@ -160,10 +160,10 @@ impl Interface {
 /// Why an interface cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum InterfaceError {
-    /// More ports than anybody needs.
+    /// More ports than allowed.
     #[error("{0} ports in one direction; at most {PORTS_MAX} are allowed")]
     TooMany(usize),
-    /// A name that cannot stand in a scenario or a file name.
+    /// A name that is not allowed in a scenario or a file name.
     #[error("`{0}` is not a port name: use up to 64 letters, digits, `_` and `-`")]
     Name(String),
     /// A name used twice in one direction.

@@ -1,4 +1,4 @@
-//! What a participant says in words: lines with the simulated time, in its log.
+//! The log of a participant: lines of text with the simulated time.
 
 use std::fmt;
 use std::io::Write;
@@ -11,7 +11,7 @@ pub struct Line<'a> {
     pub participant: &'a str,
     /// The instant, s; none outside of a run.
     pub t: Option<f64>,
-    /// What it says.
+    /// The text.
     pub text: fmt::Arguments<'a>,
 }
 
@@ -24,14 +24,14 @@ impl fmt::Display for Line<'_> {
     }
 }
 
-/// Takes the lines of participants that run in one process.
+/// Receives the log lines of participants that run in one process.
 pub trait Sink: Send + Sync {
-    /// Takes a line.
+    /// Receives a line.
     fn say(&self, line: &Line<'_>);
 }
 
-/// A participant's way to its log, which knows the simulated time. Without a [`Sink`] lines go to standard error: that is the log of a
-/// process that hosts one participant.
+/// A participant's log, which knows the simulated time. Without a [`Sink`], lines go to standard error, which is the log of a process
+/// that hosts one participant.
 #[derive(Clone)]
 pub struct Log {
     participant: Arc<str>,
@@ -56,7 +56,7 @@ impl Log {
         self
     }
 
-    /// The instant of what is written now, s; none outside of a run.
+    /// The simulated time of the lines written now, s; none outside of a run.
     pub fn time(&self) -> Option<f64> {
         self.t
     }
@@ -74,7 +74,7 @@ impl Log {
         };
         match &self.sink {
             Some(sink) => sink.say(&line),
-            // A pipe without a reader is no reason to fail. In one piece: other lines do not come in between.
+            // A pipe without a reader is no reason to fail. The line is written by one call, so that other lines do not interleave.
             None => drop(std::io::stderr().write_all(format!("{line}\n").as_bytes())),
         }
     }

@@ -1,4 +1,4 @@
-//! The state of a participant as bytes, by serde.
+//! Serialisation of a participant's state, by serde.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -26,12 +26,12 @@ use crate::wire;
 /// # Ok::<(), lockstep::participant::Failure>(())
 /// ```
 ///
-/// `None` when `state` has more than 64 MiB or serde refuses it.
+/// `None` when `state` takes more than 64 MiB or serde rejects it.
 pub fn to_bytes<T: Serialize>(state: &T) -> Option<Vec<u8>> {
     wire::encode("the state", state).ok()
 }
 
-/// The state that [`to_bytes`] gave, for [`super::Participant::restore`].
+/// The state that [`to_bytes`] serialised, for [`super::Participant::restore`].
 ///
 /// # Errors
 /// When the bytes are not exactly one `T`.

@@ -1,8 +1,8 @@
-//! The instant of a step, and how it fails.
+//! The instant of a step, and its failure.
 
 use std::error::Error;
 
-/// Why a participant gives up; the text reaches the user, so it should name the quantity, its value and the remedy.
+/// Why a participant failed; the text reaches the user, so it should name the quantity, its value and the remedy.
 pub type Failure = Box<dyn Error + Send + Sync>;
 
 /// The instant of an activation.

@@ -3,16 +3,16 @@
 /// Why a participant's part in a run is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Termination {
-    /// It has done all of its activations.
+    /// The participant has done all of its activations.
     Finished,
-    /// The run ends before that: it was stopped, or something has failed, here or elsewhere.
+    /// The run ends earlier: it was stopped, or the participant or another component has failed.
     Stopped,
-    /// Another one takes its place, and the run goes on.
+    /// Another participant replaces it, and the run continues.
     Replaced,
 }
 
 impl Termination {
-    /// As every language says it.
+    /// The name of the reason, the same in every language.
     pub fn word(self) -> &'static str {
         match self {
             Termination::Finished => "finished",

@@ -1,4 +1,4 @@
-//! What each participant is told of a plan.
+//! Assignments: each participant's part of a plan.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use crate::participant::Interface;
 use crate::port::Descriptor;
 use crate::time::{SampleTime, Ticks, Timebase};
 
-/// The part of a plan that one participant works from: what it is told before the run starts.
+/// The part of a plan that one participant works from; it receives it before the run starts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Assignment {
     /// The participant's name.
@@ -20,19 +20,19 @@ pub struct Assignment {
     pub sample_time: SampleTime,
     /// How many activations lie before the end.
     pub activations: u64,
-    /// The ports, which must be those it told at hello.
+    /// The ports, which must be those that it reported in the handshake.
     pub interface: Interface,
-    /// The links that feed its inputs, in the order of the inputs. Several may feed one, and none.
+    /// The links that feed its inputs, in the order of the inputs. An input may have several links, or none.
     pub inputs: Vec<InputLink>,
     /// One entry per output.
     pub outputs: Vec<OutputPort>,
-    /// The inputs of which the tape has what the participant sees, in their order.
+    /// The inputs whose values, as the participant sees them, are recorded on the tape, in the order of the inputs.
     pub seen: Vec<SeenInput>,
 }
 
 impl Assignment {
-    /// The streams that the participant puts on the tape, in the order in which an activation does, with the bytes of a
-    /// payload.
+    /// The streams that the participant records on the tape, in the order in which an activation appends them, each with the size of a
+    /// payload in bytes.
     pub fn streams(&self) -> impl Iterator<Item = (u32, usize)> + '_ {
         let outputs = self.outputs.iter().zip(&self.interface.outputs);
         let outputs = outputs.map(|(output, port)| (output.stream, port.descriptor.size as usize));
@@ -42,7 +42,7 @@ impl Assignment {
     }
 }
 
-/// What a consumer knows of a link.
+/// A consumer's view of a link.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct InputLink {
     /// The number of the input that it feeds.
@@ -55,22 +55,22 @@ pub struct InputLink {
     pub visibility: Visibility,
     /// What is read before anything is visible.
     pub initial: Initial,
-    /// Samples that fit.
+    /// The number of samples that fit into the link.
     pub capacity: u32,
     /// Whether a fault at the output may have made its samples NaN or infinite.
     pub disturbed: bool,
-    /// How its samples become fields of the input; without one they are the input.
+    /// The conversion of its samples to fields of the input; without one they are the input.
     pub conversion: Option<Conversion>,
 }
 
 impl InputLink {
-    /// What the link brings, for an input that takes `takes`.
+    /// The message of the link, for an input that takes `takes`.
     pub fn message<'a>(&'a self, takes: &'a Descriptor) -> &'a Descriptor {
         self.conversion.as_ref().map_or(takes, |conversion| &conversion.message)
     }
 }
 
-/// An input of which the tape has what the participant sees.
+/// An input whose values, as the participant sees them, are recorded on the tape.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SeenInput {
     /// The number of the input.
@@ -79,41 +79,41 @@ pub struct SeenInput {
     pub stream: u32,
     /// Which of its samples are recorded.
     pub observed: Observed,
-    /// What is wrong at the input itself.
+    /// The signal faults at the input itself.
     pub faults: Vec<Disturbance>,
 }
 
-/// What a producer knows of an output.
+/// A producer's view of an output.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct OutputPort {
     /// The number of the output in the run's list of streams.
     pub stream: u32,
     /// Which of its samples are recorded.
     pub observed: Observed,
-    /// Everybody who reads it.
+    /// The consumers of the output.
     pub consumers: Vec<Consumer>,
-    /// What is done to its samples on the way to them.
+    /// The signal faults that are applied to its samples before they are sent.
     pub faults: Vec<Disturbance>,
 }
 
-/// What a producer knows of a link.
+/// A producer's view of a link.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Consumer {
     /// The number of the link in the plan.
     pub link: u32,
     /// The name of the input, for messages.
     pub to: String,
-    /// The number of the reading participant.
+    /// The number of the consuming participant.
     pub participant: u32,
     /// The rule of visibility.
     pub visibility: Visibility,
-    /// The reader's activations.
+    /// The consumer's activations.
     pub sample_time: SampleTime,
-    /// Whether the reader takes sample 0 before anything is visible.
+    /// Whether the consumer reads sample 0 before anything is visible.
     pub first_sample: bool,
-    /// Samples that fit.
+    /// The number of samples that fit into the link.
     pub capacity: u32,
-    /// No activation of the reader at or after this instant, ticks.
+    /// No activation of the consumer happens at or after this instant, ticks.
     pub end: Ticks,
 }
 
@@ -125,7 +125,7 @@ impl Consumer {
 }
 
 impl Plan {
-    /// The part of the plan that each participant works from: links are looked through once for all of them.
+    /// The parts of the plan, one for each participant: links are traversed once for all of them.
     pub fn assignments(&self) -> impl Iterator<Item = Assignment> {
         let outputs = |own: &Participant| vec![Vec::new(); own.interface.outputs.len()];
         let mut readers: Vec<Vec<Vec<usize>>> = self.participants.iter().map(outputs).collect();

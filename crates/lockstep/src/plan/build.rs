@@ -1,4 +1,4 @@
-//! From what the user wrote to a plan, with every mistake found before anything starts.
+//! Building a plan from the user's specification; every mistake is found before anything starts.
 
 use std::collections::{HashMap, HashSet};
 
@@ -10,7 +10,7 @@ use crate::participant::{Interface, Kind};
 use crate::port::Descriptor;
 use crate::time::{Rational, SampleTime, Timebase};
 
-/// A participant as the user gives it.
+/// A participant as the user specifies it.
 #[derive(Debug, Clone)]
 pub struct ParticipantSpec {
     /// The name.
@@ -23,7 +23,7 @@ pub struct ParticipantSpec {
     pub interface: Interface,
 }
 
-/// A connection as the user gives it.
+/// A connection as the user specifies it.
 #[derive(Debug, Clone)]
 pub struct LinkSpec {
     /// The name.
@@ -34,14 +34,14 @@ pub struct LinkSpec {
     pub to: (String, String),
     /// Delay, jitter, drops.
     pub timing: Timing,
-    /// What is read before anything is visible; zeros unless given. With a conversion it is a payload of the input, of which those
-    /// fields count that the link feeds.
+    /// What is read before anything is visible; zeros by default. With a conversion it is a payload of the input, of which only the
+    /// fields that the link feeds are used.
     pub initial: Option<Initial>,
-    /// How its samples become fields of the input; without one they are the input, and the two ports are described alike.
+    /// The conversion of its samples to fields of the input; without one they are the input, and the two ports have the same description.
     pub conversion: Option<Conversion>,
-    /// What its draws are named after besides the input, where the input has several links.
+    /// The name of its random stream besides the name of the input, where the input has several links.
     pub draws: Option<String>,
-    /// What is wrong with it for a while.
+    /// The link faults.
     pub faults: Vec<LinkFault>,
 }
 
@@ -49,7 +49,7 @@ impl Plan {
     /// Plans a run of `duration`.
     ///
     /// # Errors
-    /// Every mistake that can be told apart, not only the first.
+    /// Every mistake that can be diagnosed independently, not only the first.
     pub fn build(
         participants: Vec<ParticipantSpec>,
         links: &[LinkSpec],
@@ -106,7 +106,7 @@ impl Plan {
             match plan.link(spec, &index) {
                 Ok(link) => plan.add(link, &mut errors),
                 Err(error) => {
-                    // Its input has a connection, which is the one to be mended.
+                    // Its input has a connection, which is the one to be corrected.
                     refused.extend(index.input(&spec.to));
                     errors.push(error);
                 }
@@ -170,7 +170,7 @@ impl Plan {
             });
         }
         let initial = initial(spec, from, to, takes.size as usize)?;
-        // An input that has one source gives its name to the draws: they stay when a connection is renamed or gets more readers.
+        // An input with one source names the random stream: the draws stay the same when a connection is renamed or gets more consumers.
         let draws = match &spec.draws {
             None => format!("{}.{}", spec.to.0, spec.to.1),
             Some(own) => format!("{}.{}.{own}", spec.to.0, spec.to.1),
@@ -202,7 +202,8 @@ impl Plan {
     }
 
     fn add(&mut self, link: Link, errors: &mut Vec<PlanError>) {
-        // A whole link stands alone, so the first one of an input says whether it is fed whole.
+        // A link without a conversion must be the only one of its input, so the first link of an input shows whether the input is fed as
+        // a whole.
         let first = self.participants[link.to.0].inputs[link.to.1].first();
         let whole = |link: &Link| link.conversion.is_none();
         let first = first.map(|&first| &self.links[first]);
@@ -220,7 +221,7 @@ impl Plan {
         }
     }
 
-    /// The inputs that need a connection and have none, not even one of those that were `refused`.
+    /// The inputs that need a connection and have none, not even a `refused` one.
     fn unconnected(&self, refused: &HashSet<(usize, usize)>) -> Vec<PlanError> {
         let mut errors = Vec::new();
         let mut outputs = None;
@@ -239,7 +240,7 @@ impl Plan {
         errors
     }
 
-    /// The names of the outputs with each payload: the first ones of many.
+    /// The names of the outputs with each payload, limited to the first few.
     fn outputs_by_payload(&self) -> HashMap<&Descriptor, Vec<String>> {
         let mut outputs: HashMap<&Descriptor, Vec<String>> = HashMap::new();
         for (number, participant) in self.participants.iter().enumerate() {
@@ -254,10 +255,10 @@ impl Plan {
     }
 }
 
-/// So many names that would fit stand in a message.
+/// The most names of matching outputs in an error message.
 const SHOWN_MAX: usize = 24;
 
-/// What the link from `from` to `to` delivers at first, for payloads of `size` bytes.
+/// The initial value of the link from `from` to `to`, for payloads of `size` bytes.
 fn initial(spec: &LinkSpec, from: &Participant, to: &Participant, size: usize) -> Result<Initial, PlanError> {
     let initial = spec.initial.clone().unwrap_or_else(|| Initial::zero(size));
     match &initial {
@@ -300,7 +301,7 @@ fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     }
 }
 
-/// The numbers of participants and ports by their names: a link needs no search.
+/// The numbers of participants and ports by name, so that a link needs no search.
 struct Index {
     participants: HashMap<String, usize>,
     inputs: Vec<HashMap<String, usize>>,
@@ -326,7 +327,7 @@ impl Index {
 }
 
 impl Index {
-    /// The numbers of a participant and its input of these names.
+    /// The numbers of the participant and the input with these names.
     fn input(&self, (participant, input): &(String, String)) -> Option<(usize, usize)> {
         let participant = *self.participants.get(participant)?;
         Some((participant, *self.inputs[participant].get(input)?))

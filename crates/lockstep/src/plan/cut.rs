@@ -1,8 +1,8 @@
-//! A cut through a run: where every participant stands, and what is still on its way to it.
+//! A cut through a run: the next activation of every participant, and the samples in flight to it.
 //!
-//! Which samples an input still needs is a pure function of the plan, and every sample is on the tape, or beside it where the tape leaves
-//! some out. So the queues of the links need not be saved: they are read back. That makes one way of taking up a run for all who need
-//! it: a resumed run, a restart after a death, a substitute in mid-run.
+//! Which samples an input still needs is a pure function of the plan, and every sample is on the tape, or kept separately where the tape
+//! omits some. So the queues of the links need not be saved: they are read back. All users of a cut therefore resume in the same way: a
+//! resumed run, a restart after a participant has died, a substitution during the run.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ pub struct Cut {
     pub next: Vec<u64>,
 }
 
-/// One sample on its way to an input.
+/// One sample in flight to an input.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Backlog {
     /// Its index in the output's sequence.
@@ -27,7 +27,7 @@ pub struct Backlog {
     pub payload: Vec<u8>,
 }
 
-/// What the faults of each port remember: for each of them, in the order of the plan, what its elements are stuck at.
+/// The state of the faults of each port: for each fault, in the order of the plan, the values at which its elements are stuck.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Held {
     /// For each input.
@@ -36,27 +36,27 @@ pub struct Held {
     pub outputs: Vec<Vec<Vec<u8>>>,
 }
 
-/// Everything besides its own state that a participant needs to go on from a cut.
+/// Everything besides its own state that a participant needs to continue from a cut.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Position {
     /// The next activation; all before it are complete.
     pub next: u64,
-    /// For each link that feeds an input, in the order of the assignment, the samples that were sent before and that it still
-    /// reads, oldest first.
+    /// For each link that feeds an input, in the order of the assignment, the samples that were sent before and that it still reads,
+    /// oldest first.
     pub inputs: Vec<Vec<Backlog>>,
-    /// For each input without a link the value that it holds; empty where it has none, and holds zero bytes.
+    /// For each input without a link, its value; empty where none was set and the input holds zero bytes.
     pub values: Vec<Vec<u8>>,
-    /// What each output holds: its newest sample. Empty where there is none yet.
+    /// The value of each output: its newest sample. Empty where there is none yet.
     pub outputs: Vec<Vec<u8>>,
-    /// What its ports are stuck at.
+    /// The values at which elements of its ports are stuck.
     pub held: Held,
-    /// The participant's own state, as it was saved. `None`: it keeps the state it has; one that has just been made starts
-    /// afresh at this instant.
+    /// The participant's own saved state. `None`: it keeps the state it has, or, if it has just been created, is initialised at this
+    /// instant.
     pub state: Option<Vec<u8>>,
 }
 
 impl Plan {
-    /// The cut at which everybody has done exactly the activations before `horizon`.
+    /// The cut at which every participant has done exactly the activations before `horizon`.
     pub fn cut_at(&self, horizon: Ticks) -> Cut {
         let next = self.participants.iter();
         Cut {
@@ -92,7 +92,7 @@ impl Plan {
         let Some(newest) = sent.checked_sub(1) else {
             return Vec::new();
         };
-        // From here on an activation reads the newest sample that was sent, or a later one, or none of these.
+        // From this instant on, an activation reads the newest sample that was sent, or a later one, or none of these.
         let settled = link
             .visibility
             .producer()
@@ -123,11 +123,11 @@ impl Plan {
         underway
     }
 
-    /// The position of participant number `participant` at `cut`. `sample` reads one sample back from the tape, given the
-    /// number of its stream and its index.
+    /// The position of participant number `participant` at `cut`. `sample` reads one sample back from the tape, by the number of its
+    /// stream and its index.
     ///
     /// # Errors
-    /// What `sample` says.
+    /// The error of `sample`.
     pub fn position<E>(
         &self,
         cut: &Cut,

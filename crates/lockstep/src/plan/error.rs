@@ -4,16 +4,16 @@ use crate::link::TimingError;
 use crate::participant::InterfaceError;
 use crate::time::{Rational, TickError};
 
-/// One reason why a run cannot be planned. A scenario with several mistakes gets all of them at once.
+/// One reason why a run cannot be planned. A scenario with several mistakes yields all of them at once.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PlanError {
-    /// A run needs something to do.
+    /// A run without participants.
     #[error("there are no participants")]
     Empty,
     /// Too many participants.
     #[error("{0} participants; at most {max} are allowed", max = super::limits::PARTICIPANTS_MAX)]
     TooMany(usize),
-    /// Two participants or two links of one name.
+    /// Two participants or two links with the same name.
     #[error("the name `{0}` is used twice")]
     NameTwice(String),
     /// A name that cannot be part of a file name.
@@ -41,7 +41,7 @@ pub enum PlanError {
     /// The times have no common tick.
     #[error(transparent)]
     Ticks(#[from] TickError),
-    /// A participant's own description of its ports is unusable.
+    /// The interface that a participant reports is invalid.
     #[error("participant `{participant}`: {source}")]
     Interface {
         /// The participant.
@@ -49,7 +49,7 @@ pub enum PlanError {
         /// What is wrong.
         source: InterfaceError,
     },
-    /// A link names something that is not there.
+    /// A link names a participant or port that does not exist.
     #[error("connection `{link}`: there is no {what} `{name}`; there is {known}")]
     Unknown {
         /// The link.
@@ -58,10 +58,10 @@ pub enum PlanError {
         what: String,
         /// What was written.
         name: String,
-        /// What could have been written.
+        /// The names that exist.
         known: String,
     },
-    /// The ports at the two ends do not fit.
+    /// The ports at the two ends do not match.
     #[error(
         "connection `{link}`: `{from}` does not fit `{to}`: {difference}; connect ports of one description, or say which fields belong \
          together: map = {{ INPUT-FIELD = \"OUTPUT-FIELD\", … }}"
@@ -86,7 +86,7 @@ pub enum PlanError {
         /// The second link.
         second: String,
     },
-    /// A field of an input with two sources that are no sum.
+    /// An element of an input that has two sources, not both of which are added.
     #[error(
         "`{input}` is fed twice, by connections `{first}` and `{second}`: remove one, or write sum = true in both to add them up"
     )]
@@ -98,7 +98,7 @@ pub enum PlanError {
         /// The second link.
         second: String,
     },
-    /// An input that must be fed, of which some fields are not.
+    /// An input that must be fed in full, but has fields without a source.
     #[error(
         "the input `{input}` is not fed in full: {} is missing; add to a map a field for it or a number that it always is, such as \
          map = {{ \"{}\" = 0 }}, or a connection with to = \"{input}.{}\"",
@@ -107,7 +107,7 @@ pub enum PlanError {
     FieldsNotFed {
         /// The input.
         input: String,
-        /// The fields and elements that are missing: one at least.
+        /// The fields and elements that are missing, at least one.
         fields: Vec<String>,
     },
     /// A required input without a source.
@@ -117,10 +117,10 @@ pub enum PlanError {
         input: String,
         /// The message type it takes.
         message: String,
-        /// The outputs that would fit.
+        /// The outputs that match.
         candidates: Vec<String>,
     },
-    /// A link's timing is unusable.
+    /// A link's timing is invalid.
     #[error("connection `{link}`: {source}")]
     Timing {
         /// The link.
@@ -128,7 +128,7 @@ pub enum PlanError {
         /// What is wrong.
         source: TimingError,
     },
-    /// A fault that cannot be.
+    /// A fault that is not possible.
     #[error("fault `{fault}`: {reason}")]
     Fault {
         /// The fault.
@@ -146,7 +146,7 @@ pub enum PlanError {
         /// Bytes needed.
         needed: usize,
     },
-    /// The first sample of an output that is computed from inputs cannot be there before the run starts.
+    /// The first sample of an output that is computed from inputs cannot exist before the run starts.
     #[error(
         "connection `{link}`: initial = \"first-sample\" needs an output that exists before the run starts, but `{from}` is \
          computed from its inputs: give an initial value instead"
@@ -157,7 +157,7 @@ pub enum PlanError {
         /// The output.
         from: String,
     },
-    /// First sample of an output that starts later than its reader.
+    /// The first sample of an output that starts later than its consumer.
     #[error(
         "connection `{link}`: initial = \"first-sample\", but `{from}` starts at {starts}, after its reader at {reads}: give an \
          initial value or move the offset"
@@ -169,10 +169,10 @@ pub enum PlanError {
         from: String,
         /// When it starts.
         starts: Rational,
-        /// When the reader starts.
+        /// When the consumer starts.
         reads: Rational,
     },
-    /// The delay holds more samples than anybody can buffer.
+    /// The delay covers more samples than a link may hold.
     #[error("connection `{link}`: {samples} samples would be in flight; at most {max} are allowed: shorten the delay", max = super::limits::CAPACITY_MAX)]
     Capacity {
         /// The link.
@@ -180,7 +180,7 @@ pub enum PlanError {
         /// Samples in flight.
         samples: u128,
     },
-    /// Zero-delay feedthrough in a circle.
+    /// A circle of zero-delay links with direct feedthrough.
     #[error(
         "algebraic loop at t = {t}: {members}. Every member needs the output of the one before it at the same instant. \
          A delay on any one of these connections breaks the loop: {links}"
@@ -193,7 +193,7 @@ pub enum PlanError {
         /// The connections in order.
         links: String,
     },
-    /// The search for loops gave up.
+    /// The search for loops was abandoned.
     #[error(
         "the zero-delay connections between sampled participants have too many circles to check: give some of them a delay"
     )]

@@ -1,4 +1,4 @@
-//! Signal faults in a plan: where they act, and the streams that show what came of them.
+//! Signal faults in a plan: where they act, and the streams that record their effect.
 
 use super::{Cut, Held, Plan, PlanError, Seen};
 use crate::fault::{Disturbance, Effect, Injector, Place, SignalFault, Slot};
@@ -8,11 +8,11 @@ use crate::random::Stream;
 use crate::time::{Rational, TickError, Ticks};
 
 impl Plan {
-    /// Adds signal faults. Whatever an input shows, it shows disturbed by them, and every input that they reach gets a
-    /// stream of its own on the tape.
+    /// Adds signal faults. Inputs then see the disturbed values, and every input that a fault reaches gets a stream of its own on the
+    /// tape.
     ///
     /// # Errors
-    /// Every fault that cannot be.
+    /// Every fault that is not possible.
     pub fn disturb(&mut self, faults: Vec<SignalFault>) -> Result<(), Vec<PlanError>> {
         let mut errors = Vec::new();
         for fault in faults {
@@ -79,7 +79,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The inputs that show what happens at `place`.
+    /// The inputs at which a fault at `place` is visible.
     fn reached(&self, place: Place) -> Vec<Seen> {
         match place {
             Place::Input { participant, port } => vec![Seen {
@@ -98,7 +98,7 @@ impl Plan {
         }
     }
 
-    /// For whole ticks t, `at <= t < until` and `ceil(at) <= t < ceil(until)` say the same.
+    /// For whole ticks t, `at <= t < until` and `ceil(at) <= t < ceil(until)` are equivalent.
     fn window(&self, at: Rational, until: Option<Rational>) -> Result<(Ticks, Ticks), TickError> {
         let until = until.map_or(Ok(Ticks::MAX), |until| self.timebase.ceil(until))?;
         Ok((self.timebase.ceil(at)?, until))
@@ -121,7 +121,7 @@ impl Plan {
         .collect()
     }
 
-    /// What readers are sent of sample `index` of an output, of which the tape has `truth`.
+    /// Sample `index` of an output as it is sent to consumers, after signal faults; `truth` reads the output's samples from the tape.
     pub(super) fn sent<E>(
         &self,
         (participant, port): (usize, usize),
@@ -138,7 +138,7 @@ impl Plan {
         Ok(payload)
     }
 
-    /// What came into an input for activation `k`, before anything was done to it there. `sample` reads the tape.
+    /// The value of an input at activation `k` before signal faults at the input. `sample` reads the tape.
     fn came_in<E>(
         &self,
         (participant, port): (usize, usize),
@@ -181,7 +181,7 @@ impl Plan {
         Ok(payload)
     }
 
-    /// What the faults of a participant's ports remember at `cut`. `sample` reads the tape.
+    /// The state of the faults of a participant's ports at `cut`. `sample` reads the tape.
     pub(super) fn held<E>(
         &self,
         cut: &Cut,
@@ -219,7 +219,7 @@ impl Plan {
         self.faults.iter().any(|fault| fault.place == place)
     }
 
-    /// The number of the stream that shows what this input shows.
+    /// The number of the stream that records the values of this input.
     pub(super) fn seen_stream(&self, participant: usize, input: usize) -> Option<u32> {
         let position = self.seen.binary_search(&Seen { participant, input }).ok()?;
         Some((self.output_count() + position) as u32)
@@ -227,7 +227,7 @@ impl Plan {
 }
 
 impl Effect {
-    /// Whether it can be done to `slots`.
+    /// Checks whether the effect can be applied to `slots`.
     fn check(&self, slots: &[Slot]) -> Result<(), String> {
         let finite = |values: &[f64]| {
             if values.len() != slots.len() {

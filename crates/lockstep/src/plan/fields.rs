@@ -1,15 +1,15 @@
-//! Inputs that are put together from fields: which of their elements are fed, and by whom.
+//! Inputs that are assembled from fields: which of their elements are fed, and by which link.
 
 use std::collections::HashSet;
 
 use super::{Plan, PlanError};
 use crate::port::{Descriptor, Field};
 
-/// What feeds an element: a link, and whether it adds to what others give.
+/// The source of an element: a link, and whether it is added to those of other links.
 type Feeder = Option<(usize, bool)>;
 
-/// Elements that are fed twice, and those of inputs that must be fed which are not. What a `refused` link would feed of an input is not
-/// known.
+/// Elements that are fed twice, and elements of required inputs that are not fed. Which elements of an input a `refused` link would feed
+/// is not known.
 pub(super) fn check(plan: &Plan, refused: &HashSet<(usize, usize)>) -> Vec<PlanError> {
     let mut errors = Vec::new();
     for (number, participant) in plan.participants.iter().enumerate() {
@@ -33,7 +33,7 @@ pub(super) fn check(plan: &Plan, refused: &HashSet<(usize, usize)>) -> Vec<PlanE
     errors
 }
 
-/// Notes what `link` feeds; the first element that is fed already, unless both add.
+/// Registers the elements that `link` feeds; returns an error for the first one that is fed already, unless both links add.
 fn feed(plan: &Plan, link: usize, descriptor: &Descriptor, fed: &mut [Feeder]) -> Option<PlanError> {
     let own = &plan.links[link];
     for pair in own.conversion.iter().flat_map(|conversion| &conversion.pairs) {
@@ -53,7 +53,7 @@ fn feed(plan: &Plan, link: usize, descriptor: &Descriptor, fed: &mut [Feeder]) -
     None
 }
 
-/// The fields, or elements of them, that nothing feeds.
+/// The fields, or elements of them, that no link feeds.
 fn left_out(descriptor: &Descriptor, fed: &[Feeder]) -> Vec<String> {
     let mut left = Vec::new();
     for field in descriptor.fields.iter().filter(|field| !field.is_padding()) {

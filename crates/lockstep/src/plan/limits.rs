@@ -1,4 +1,4 @@
-//! The most that a plan may have.
+//! Limits of a plan.
 
 /// The most participants of a run.
 pub const PARTICIPANTS_MAX: usize = 512;

@@ -1,8 +1,7 @@
 //! The plan: everything about a run that can be computed before anything runs.
 //!
-//! Which sample every activation reads, in which order activations at one instant come, how far producers may run ahead, and
-//! which participants can work at the same time. A plan is plain data; the executors, the hosts and the recorder all work
-//! from the same one.
+//! Which sample every activation reads, the order of activations at one instant, how far producers may run ahead, and which participants
+//! can work at the same time. A plan is plain data; the executors, the hosts and the recorder all work from the same one.
 
 mod assignment;
 mod build;

@@ -1,4 +1,4 @@
-//! Participants and links of a plan, with everything that was found out about them.
+//! Participants and links of a plan, with everything derived for them.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,14 +12,14 @@ use crate::time::{Rational, SampleTime, Ticks, Timebase};
 /// What a link delivers before the first sample is visible.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Initial {
-    /// This payload; no bytes stand for the zeros of a large one.
+    /// This payload; an empty one stands for the zeros of a large input.
     Value(Vec<u8>),
     /// The producer's sample 0, which exists before the run starts. Only for outputs without feedthrough.
     FirstSample,
 }
 
 impl Initial {
-    /// Zeros, for an input of `size` bytes. Those of a large one are not written out: they would be in every copy of the plan.
+    /// Zeros, for an input of `size` bytes. Those of a large one are not stored: they would be in every copy of the plan.
     pub fn zero(size: usize) -> Initial {
         match size > Descriptor::PARTS_MAX as usize {
             true => Initial::Value(Vec::new()),
@@ -27,7 +27,7 @@ impl Initial {
         }
     }
 
-    /// Whether it is one of an input of `size` bytes.
+    /// Whether it is an initial value for an input of `size` bytes.
     pub(super) fn fits(&self, size: usize) -> bool {
         match self {
             Initial::Value(bytes) if bytes.is_empty() => *self == Initial::zero(size),
@@ -36,7 +36,7 @@ impl Initial {
         }
     }
 
-    /// The payload of an input of `size` bytes where no sample is read: zero where sample 0 would stand in and is lost.
+    /// The payload of an input of `size` bytes where no sample is read: zero where sample 0 would be read but is lost.
     pub(crate) fn payload(&self, size: usize) -> Vec<u8> {
         match self {
             Initial::Value(bytes) if !bytes.is_empty() => bytes.clone(),
@@ -62,7 +62,7 @@ pub struct Participant {
     pub activations: u64,
     /// Among activations at the same instant, lower ranks come first.
     pub rank: u32,
-    /// The links that feed each input: none, if it need not be connected; one; or several, of which each gives some of its fields.
+    /// The links that feed each input: none, if it need not be connected; one; or several, each of which feeds some of its fields.
     pub inputs: Vec<Vec<usize>>,
     /// The number of the first output in the run's list of streams; the others follow.
     pub first_stream: u32,
@@ -79,19 +79,19 @@ pub struct Link {
     pub to: (usize, usize),
     /// The timing as the user wrote it.
     pub timing: Timing,
-    /// What is wrong with it for a while, as the user wrote it.
+    /// The link faults, as the user wrote them.
     pub faults: Vec<LinkFault>,
     /// The rule of visibility in ticks.
     pub visibility: Visibility,
     /// What is read before anything is visible.
     pub initial: Initial,
-    /// How its samples become fields of the input; without one they are the input.
+    /// The conversion of its samples to fields of the input; without one they are the input.
     pub conversion: Option<Conversion>,
-    /// How many samples may be in flight: enough for the delay, so that nobody ever waits in a circle.
+    /// How many samples may be in flight: enough for the delay, so that no circle of participants ever waits for room.
     pub capacity: usize,
 }
 
-/// An input of which the tape has what the participant saw: a sample for each activation, stamped with its instant.
+/// An input whose values, as the participant saw them, are on the tape: a sample for each activation, stamped with its instant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Seen {
     /// The participant.
@@ -113,11 +113,11 @@ pub struct Plan {
     pub participants: Vec<Participant>,
     /// The links.
     pub links: Vec<Link>,
-    /// What is wrong with signals for a while, in the order of the scenario.
+    /// The signal faults, in the order of the scenario.
     pub faults: Vec<SignalFault>,
-    /// What participants see where a fault is on the way: streams behind those of the outputs, in this order.
+    /// The inputs that a signal fault may change, as participants see them: streams behind those of the outputs, in this order.
     pub seen: Vec<Seen>,
-    /// What is observed of each stream; of those that are missing, everything.
+    /// Which samples of each stream are observed; a stream that is missing is observed in full.
     pub observed: Vec<Observed>,
 }
 
@@ -129,7 +129,7 @@ impl Plan {
         ReadSchedule::new(link.visibility.clone(), consumer, link.initial == Initial::FirstSample)
     }
 
-    /// The links that feed the inputs of participant number `participant`, in the order in which it is told of them.
+    /// The links that feed the inputs of participant number `participant`, in the order of its assignment.
     pub fn links_into(&self, participant: usize) -> impl Iterator<Item = usize> {
         self.participants[participant].inputs.iter().flatten().copied()
     }
@@ -153,12 +153,12 @@ impl Plan {
             .position(|participant| participant.name == name)
     }
 
-    /// What is observed of stream number `stream`.
+    /// Which samples of stream number `stream` are observed.
     pub fn observed(&self, stream: usize) -> Observed {
         self.observed.get(stream).copied().unwrap_or(Observed::ALL)
     }
 
-    /// The bytes of a payload of each stream that participant number `participant` puts on the tape.
+    /// The payload sizes, bytes, of the streams that participant number `participant` records on the tape.
     pub fn recorded_sizes(&self, participant: usize) -> impl Iterator<Item = usize> {
         let Interface { inputs, outputs, .. } = &self.participants[participant].interface;
         let outputs = outputs.iter().map(|port| port.descriptor.size as usize);

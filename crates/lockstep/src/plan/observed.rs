@@ -1,16 +1,16 @@
-//! Which samples of a stream are looked at besides by the inputs that read it.
+//! Which samples of a stream are observed, apart from the inputs that read it.
 
 use serde::{Deserialize, Serialize};
 
 /// The samples of a stream that go to the tape, a measure, an assessment, a guard or a program that asks for them: of every `every`th
-/// sample, counted from sample 0, those with the numbers from `first` to before `end`.
+/// sample, counted from sample 0, those with the numbers from `first` up to, but not including, `end`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Observed {
-    /// The distance of two observed samples, at least 1.
+    /// The distance between two observed samples, at least 1.
     pub every: u64,
     /// The number of the first one.
     pub first: u64,
-    /// Behind the number of the last one.
+    /// The number after the last one.
     pub end: u64,
 }
 
@@ -28,7 +28,7 @@ impl Observed {
         end: 0,
     };
 
-    /// Whether there is no such sample.
+    /// Whether no sample is observed.
     pub fn is_nothing(self) -> bool {
         self.first >= self.end
     }
@@ -37,7 +37,7 @@ impl Observed {
     #[inline]
     pub fn number(self, index: u64) -> Option<u64> {
         let number = match self.every {
-            // Almost every stream is like this. What another process sends may be zero.
+            // This is the usual case. A value from another process may be zero.
             0 | 1 => index,
             every if index.is_multiple_of(every) => index / every,
             _ => return None,
@@ -51,7 +51,7 @@ impl Observed {
         self.number(index).is_some()
     }
 
-    /// What `self` or `other` observe, and maybe more: where both observe parts it is everything.
+    /// All samples that `self` or `other` observes, and possibly more: every sample where the two differ and neither is empty.
     #[must_use]
     pub fn or(self, other: Observed) -> Observed {
         match (self.is_nothing(), other.is_nothing()) {

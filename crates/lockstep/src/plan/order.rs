@@ -1,9 +1,8 @@
 //! The order of activations at one instant, and algebraic loops.
 //!
-//! Only zero-delay links between sampled participants bind activations of one instant to each other: a continuous output
-//! stamped t was computed one period earlier, and a delayed sample earlier still. A circle of such links is a loop exactly
-//! when there is an instant at which all of its members are activated; otherwise one of them reads an older sample and the
-//! circle is open.
+//! Only zero-delay links between sampled participants constrain the order of activations at one instant: a continuous output stamped t
+//! was computed one period earlier, and a delayed sample earlier still. A circle of such links is a loop exactly when there is an instant
+//! at which all of its members are activated; otherwise one of them reads an older sample and the circle is open.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
@@ -12,7 +11,7 @@ use super::{Plan, PlanError};
 use crate::participant::Kind;
 use crate::time::SampleTime;
 
-/// An edge: participant `to` at t may need what `from` computes at t, over link `link`.
+/// An edge: participant `to` at t may need the output that `from` computes at t, over link `link`.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     from: usize,
@@ -22,7 +21,7 @@ struct Edge {
 
 const CIRCLES_MAX: usize = 200_000;
 
-/// The links that can bind activations of one instant.
+/// The links that can constrain the order of activations at one instant.
 fn instant_edges(plan: &Plan) -> Vec<Edge> {
     let sampled = |participant: usize| plan.participants[participant].interface.kind == Kind::Sampled;
     plan.links
@@ -37,9 +36,9 @@ fn instant_edges(plan: &Plan) -> Vec<Edge> {
         .collect()
 }
 
-/// Gives every participant its rank, or names the algebraic loops.
+/// Assigns every participant its rank, or reports the algebraic loops.
 ///
-/// Where a circle is open because its members never meet, no rank can satisfy all of its links, and none needs to: those
+/// Where a circle is open because its members never share an instant, no rank can satisfy all of its links, and none needs to: those
 /// activations are ordered by time. Ranks then follow the remaining links.
 pub(super) fn rank(plan: &mut Plan) -> Vec<PlanError> {
     let edges = instant_edges(plan);
@@ -51,8 +50,8 @@ pub(super) fn rank(plan: &mut Plan) -> Vec<PlanError> {
         errors.extend(loops_in(plan, component, edges));
     }
     if errors.is_empty() {
-        // Components come out of Tarjan's algorithm in reverse topological order. Inside an open circle, an activation
-        // never shares an instant with all the others, but some may meet: order those by a local search.
+        // Tarjan's algorithm yields components in reverse topological order. Inside an open circle, an activation never shares an instant
+        // with all the others, but some may share one: order those by a local search.
         let mut rank = 0;
         for (component, edges) in components.iter().zip(&circles).rev() {
             for member in ordered(plan, component, edges) {
@@ -64,7 +63,7 @@ pub(super) fn rank(plan: &mut Plan) -> Vec<PlanError> {
     errors
 }
 
-/// The edges inside each component, by where they begin, each list in the order of the links.
+/// The edges inside each component, by their first participant, each list in the order of the links.
 fn circles(plan: &Plan, components: &[Vec<usize>], edges: &[Edge]) -> Vec<HashMap<usize, Vec<Edge>>> {
     let mut component_of = vec![0; plan.participants.len()];
     for (number, component) in components.iter().enumerate() {
@@ -81,7 +80,7 @@ fn circles(plan: &Plan, components: &[Vec<usize>], edges: &[Edge]) -> Vec<HashMa
     circles
 }
 
-/// The members of a component in an order that serves every pair that ever meets at one instant, where one exists: of those
+/// The members of a component in an order that satisfies every pair that ever shares an instant, where such an order exists: of those
 /// that wait for no other one, the first.
 fn ordered(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) -> Vec<usize> {
     let binds = |edge: &&Edge| {
@@ -116,7 +115,7 @@ fn ordered(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) 
     order
 }
 
-/// Every circle in a component whose members have an instant in common.
+/// Returns the first cycle found in a component whose members have an instant in common.
 fn loops_in(plan: &Plan, component: &[usize], edges: &HashMap<usize, Vec<Edge>>) -> Option<PlanError> {
     let mut search = Search {
         plan,
@@ -139,14 +138,14 @@ struct Search<'a> {
     plan: &'a Plan,
     edges: &'a HashMap<usize, Vec<Edge>>,
     path: Vec<Edge>,
-    /// Where the edges of the path lead.
+    /// The participants that the edges of the path lead to.
     passed: HashSet<usize>,
     steps: usize,
 }
 
 impl Search<'_> {
-    /// Follows edges from `at`, carrying the instants that the path's members share; members below `start` have been
-    /// starting points already.
+    /// Follows edges from `at`, carrying the instants that the path's members share; members below `start` have already been used as
+    /// starting points.
     fn from(&mut self, start: usize, at: usize, shared: SampleTime) -> Result<(), PlanError> {
         for edge in self
             .edges

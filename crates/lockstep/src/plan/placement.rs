@@ -1,24 +1,25 @@
-//! Which participant runs on which core.
+//! The placement of participants on cores.
 //!
-//! A hand-off costs least between two processes that spin on a core each, a few microseconds between two that yield to each
-//! other on one core, and ten times that when one must be woken on another core. So: a core for everybody where there are
-//! enough; else those who must take turns anyway share a core, and those who can work at the same time get different ones.
+//! A hand-off costs least between two processes that each spin on a core of their own, a few microseconds between two that yield to each
+//! other on one core, and ten times that when one must be woken on another core. So every participant gets a core of its own where there
+//! are enough; otherwise participants that must alternate anyway share a core, and those that can work at the same time get different
+//! ones.
 
 use std::collections::HashMap;
 
 use super::Plan;
 use super::components::strongly_connected;
 
-/// Where the participants of a run go.
+/// The placement of a run's participants.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Placement {
     /// The core of each participant; `None` leaves it to the operating system.
     pub cores: Vec<Option<usize>>,
-    /// With how many a participant shares its core, itself included; alone, it may spin.
+    /// The number of participants on each participant's core, itself included; a participant that is alone may spin.
     pub sharing: Vec<usize>,
-    /// The groups of participants that take turns, each in order of the scenario.
+    /// The groups of participants that alternate, each in the order of the scenario.
     pub groups: Vec<Vec<usize>>,
-    /// The choice in words.
+    /// A description of the choice.
     pub reason: String,
 }
 
@@ -47,7 +48,7 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
     {
         return apart;
     }
-    // The longest list first onto the core with the least work so far; the number of activations stands for the work.
+    // The group with the most work first, onto the core with the least work so far; the number of activations stands for the work.
     let work = |group: &[usize]| {
         group
             .iter()
@@ -91,8 +92,8 @@ pub fn place(plan: &Plan, cores: &[usize]) -> Placement {
     }
 }
 
-/// A core of its own for every participant out of `cores`, for those who spin: one that spins on a core that it shares keeps it
-/// from the one it waits for. Where there is no core to spare, the recorder shares the first one. `None` with fewer cores than
+/// Assigns every participant its own core out of `cores`, for participants that spin: one that spins on a shared core keeps that core
+/// from the participant it waits for. Where there is no spare core, the recorder shares the first one. `None` with fewer cores than
 /// participants.
 pub fn place_apart(plan: &Plan, cores: &[usize]) -> Option<Placement> {
     let count = plan.participants.len();
@@ -106,12 +107,12 @@ pub fn place_apart(plan: &Plan, cores: &[usize]) -> Option<Placement> {
     })
 }
 
-/// The groups that take turns: circles of links whose delay is too short for both ends to work at the same time. A link
-/// lets them when its delay is at least half the longer of the two periods.
+/// The groups that alternate: circles of links whose delay is too short for both ends to work at the same time. A link allows that when
+/// its delay is at least half the longer of the two periods.
 fn turn_taking(plan: &Plan) -> Vec<Vec<usize>> {
     let tight = plan.links.iter().filter(|link| {
         let periods = [link.from.0, link.to.0].map(|end| plan.participants[end].sample_time.period);
-        // In a wide type: half of a period of one tick is no whole tick, and twice a long delay may be no tick count.
+        // In a wider type: half a period of one tick is not a whole tick, and twice a long delay may exceed the range of ticks.
         2 * i128::from(link.visibility.delay_bounds().0) < i128::from(periods[0].max(periods[1]))
     });
     let arrows: Vec<(usize, usize)> = tight.map(|link| (link.from.0, link.to.0)).collect();

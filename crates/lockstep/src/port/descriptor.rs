@@ -18,12 +18,12 @@ pub struct Field {
     /// The extents, row-major; empty for a scalar.
     #[serde(default)]
     pub shape: Vec<u32>,
-    /// The unit of every element, such as `N m` or `rad/s`; `1` for a pure number.
+    /// The unit of every element, such as `N m` or `rad/s`; `1` for a dimensionless number.
     pub unit: String,
-    /// The frame in which a vector's components are given; empty where that means nothing.
+    /// The frame in which a vector's components are given; empty where a frame has no meaning.
     #[serde(default)]
     pub frame: String,
-    /// Where the field starts, bytes.
+    /// The offset of the field, bytes.
     pub offset: u32,
     /// The values of an enumeration with their names; empty for every other type.
     #[serde(default)]
@@ -41,7 +41,7 @@ impl Field {
         self.len() == 0
     }
 
-    /// Whether it only fills the payload up: bytes called `padding`, `padding2`, … mean nothing, and need not be fed.
+    /// Whether the field is padding: bytes called `padding`, `padding2`, … have no meaning, and need not be fed.
     pub fn is_padding(&self) -> bool {
         self.element == Element::U8 && self.name.starts_with("padding")
     }
@@ -52,7 +52,7 @@ impl Field {
         start..start + self.len() * self.element.size()
     }
 
-    /// Where element `index` starts in a payload.
+    /// The offset of element `index` in a payload.
     fn start(&self, index: usize) -> usize {
         self.offset as usize + index * self.element.size()
     }
@@ -62,7 +62,7 @@ impl Field {
         self.element.to_f64(&payload[self.start(index)..])
     }
 
-    /// Whether an element may be `value`: finite, 0 or 1 for a truth value, one with a name for an enumeration.
+    /// Whether `value` is valid for an element: finite, 0 or 1 for a truth value, one with a name for an enumeration.
     pub fn allows(&self, value: f64) -> bool {
         match self.element {
             Element::Bool => value == 0.0 || value == 1.0,
@@ -95,13 +95,13 @@ impl Field {
         }
     }
 
-    /// What an enumeration calls `value`; nothing for other types and for values without a name.
+    /// The name of `value` in an enumeration; `None` for other types and for values without a name.
     pub fn name_of(&self, value: f64) -> Option<&str> {
         let named = self.values.iter().find(|named| f64::from(named.value) == value);
         named.map(|named| named.name.as_str())
     }
 
-    /// The names of the elements for tables: `p_NB_N[0]`, or the bare name of a scalar.
+    /// The name of an element for tables: `p_NB_N[0]`, or just the field's name for a scalar.
     pub fn element_name(&self, index: usize) -> String {
         if self.shape.is_empty() {
             return self.name.clone();
@@ -150,7 +150,7 @@ pub struct Descriptor {
 /// Why a descriptor cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum DescriptorError {
-    /// A payload must have something in it, and at most [`Descriptor::MAX_SIZE`].
+    /// A payload must not be empty, and has at most [`Descriptor::MAX_SIZE`].
     #[error("message `{message}`: a payload of {size} bytes; between 1 and {max} are allowed", max = Descriptor::MAX_SIZE)]
     Size {
         /// The message.
@@ -171,13 +171,13 @@ pub enum DescriptorError {
 }
 
 impl Descriptor {
-    /// The largest payload, bytes: a picture, a point cloud.
+    /// The largest payload, bytes: an image, a point cloud.
     pub const MAX_SIZE: u32 = 64 << 20;
-    /// The largest payload that is put together from fields, bytes. A larger one is connected as it is, and where zeros are meant of it,
-    /// they are not written out.
+    /// The largest payload that is assembled from fields, bytes. A larger one is connected as a whole, and its zeros are not stored where
+    /// it is all zeros.
     pub const PARTS_MAX: u32 = 1 << 20;
 
-    /// Checks what a foreign participant says of its own payload: nothing later needs to be afraid of an offset.
+    /// Checks the descriptor that a foreign participant reports, so that later code can rely on every offset.
     pub fn validate(&self) -> Result<(), DescriptorError> {
         if self.size == 0 || self.size > Self::MAX_SIZE {
             return Err(DescriptorError::Size {
@@ -241,8 +241,8 @@ impl Descriptor {
         self.fields.iter().find(|field| field.name == name)
     }
 
-    /// What `name` names: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the elements that are meant,
-    /// row-major. `None` when the payload has nothing of that name.
+    /// Resolves `name`: a field (`q_m`) or one of its elements (`q_m[3]`, `R[0][2]`), with the selected elements, row-major. `None` when
+    /// the payload has nothing of that name.
     pub fn named(&self, name: &str) -> Option<(&Field, std::ops::Range<usize>)> {
         if let Some(field) = self.field(name) {
             return Some((field, 0..field.len()));
@@ -253,7 +253,7 @@ impl Descriptor {
         for &extent in &field.shape {
             let (digits, behind) = rest.strip_prefix('[')?.split_once(']')?;
             let at: u32 = digits.parse().ok()?;
-            // An element has one name: no sign, no zeros in front.
+            // An element has only one name: no sign, no leading zeros.
             if at >= extent || at.to_string() != digits {
                 return None;
             }
@@ -263,15 +263,14 @@ impl Descriptor {
         (rest.is_empty() && !field.shape.is_empty()).then_some((field, index..index + 1))
     }
 
-    /// A 64-bit FNV-1a hash of names, types, shapes, units, frames and offsets. Equal descriptors have equal hashes on
-    /// every machine and in every language; the text that is hashed is one line per field, as [`Descriptor::canonical`]
-    /// gives it.
+    /// A 64-bit FNV-1a hash of names, types, shapes, units, frames and offsets. Equal descriptors have equal hashes on every machine and
+    /// in every language; the text that is hashed has one line per field, as [`Descriptor::canonical`] returns it.
     pub fn hash64(&self) -> u64 {
         crate::fnv::fnv1a(self.canonical())
     }
 
     /// The text behind [`Descriptor::hash64`]: `name size\n`, then `name|element|extents|unit|frame|offset\n` per field; that of an
-    /// enumeration goes on behind the offset: `|0=closed,1=open\n`.
+    /// enumeration continues after the offset: `|0=closed,1=open\n`.
     pub fn canonical(&self) -> String {
         let mut text = format!("{} {}\n", self.name, self.size);
         for field in &self.fields {
@@ -290,15 +289,15 @@ impl Descriptor {
         text
     }
 
-    /// The elements of `payload`, which has the size of this descriptor, that no element of their type may be: a number that is not
-    /// finite, a truth value that is neither 0 nor 1, a value of an enumeration that has no name, a text that is not UTF-8, a length
-    /// beyond the room.
+    /// The elements of `payload`, which has the size of this descriptor, that are not valid for their type: a number that is not finite,
+    /// a truth value that is neither 0 nor 1, a value of an enumeration that has no name, a text that is not UTF-8, a length beyond the
+    /// room.
     pub fn invalid(&self, payload: &[u8]) -> impl Iterator<Item = InvalidValue> {
         let elements = (self.fields.iter()).flat_map(|field| (0..field.len()).map(move |index| (field, index)));
         elements.filter_map(|(field, index)| field.mistake(payload, index))
     }
 
-    /// The first difference between two descriptors in words, for a user who connected the wrong ports.
+    /// Describes the first difference between two descriptors, for a user who connected the wrong ports.
     pub fn difference(&self, other: &Descriptor) -> Option<String> {
         if self == other {
             return None;

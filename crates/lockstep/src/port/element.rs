@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// The element type of a field. Every one is little-endian and naturally aligned; texts and bytes stand anywhere.
+/// The element type of a field. Every one is little-endian and naturally aligned; texts and bytes have no alignment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Element {
@@ -32,9 +32,9 @@ pub enum Element {
     Bool,
     /// Enumeration: one byte, one of the named values of the field.
     Enum,
-    /// Text of at most so many bytes: UTF-8, with zeros behind its end.
+    /// Text of at most so many bytes: UTF-8, padded with zeros.
     Text(u32),
-    /// At most so many bytes, behind their number (32 bits), with zeros behind them.
+    /// At most so many bytes: their number (32 bits), then the bytes, padded with zeros.
     Bytes(u32),
 }
 
@@ -51,7 +51,7 @@ impl Element {
         }
     }
 
-    /// What an offset is a multiple of, bytes.
+    /// The alignment of its offset, bytes.
     pub const fn align(self) -> usize {
         match self {
             Element::Text(_) | Element::Bytes(_) => 1,
@@ -59,7 +59,7 @@ impl Element {
         }
     }
 
-    /// The name used in files: `f64`, `u8`, `bool`, … Texts and bytes have their room behind it, as it is displayed: `text[64]`.
+    /// The name used in files: `f64`, `u8`, `bool`, … Texts and bytes are displayed with their room after it: `text[64]`.
     pub const fn name(self) -> &'static str {
         match self {
             Element::F64 => "f64",
@@ -84,12 +84,12 @@ impl Element {
         matches!(self, Element::F64 | Element::F32)
     }
 
-    /// Whether it is a number, with which arithmetic makes sense: no truth value, enumeration, text or bytes.
+    /// Whether it is a number, for which arithmetic makes sense: not a truth value, enumeration, text or bytes.
     pub const fn is_number(self) -> bool {
         !matches!(self, Element::Bool | Element::Enum) && self.room().is_none()
     }
 
-    /// The least and the largest value of a type whose values are whole; nothing for floating-point numbers.
+    /// The least and the largest value of an integer type; `None` for floating-point numbers.
     pub const fn range(self) -> Option<(i128, i128)> {
         Some(match self {
             Element::F64 | Element::F32 => return None,
@@ -106,9 +106,9 @@ impl Element {
         })
     }
 
-    /// Whether every value of an `other` is a value of this type too. A truth value and a value of an enumeration are whole numbers
-    /// that other types hold; no number is one of them. That two enumerations name the same values is for their fields to say. A text
-    /// holds texts with no more room, as bytes do bytes.
+    /// Whether every value of an `other` is also a value of this type. A truth value and a value of an enumeration are integers that
+    /// other types hold; no number is valid as one of them. Whether two enumerations name the same values is checked for their fields. A
+    /// text holds texts with no more room, and bytes hold bytes likewise.
     pub fn holds(self, other: Element) -> bool {
         let within =
             |(low, high): (i128, i128)| other.range().is_some_and(|(least, most)| low <= least && most <= high);
@@ -123,7 +123,7 @@ impl Element {
         }
     }
 
-    /// One element of a type whose values are whole, exactly; 0 for texts and bytes. `bytes` starts at the element.
+    /// One element of an integer type, exactly; 0 for texts and bytes. `bytes` starts at the element.
     pub fn whole(self, bytes: &[u8]) -> i128 {
         if self.room().is_some() {
             return 0;
@@ -136,8 +136,8 @@ impl Element {
         i128::from_le_bytes(wide)
     }
 
-    /// One element of this type as a double (integers beyond 2^53 are rounded; of a text or bytes a number that is the same for equal
-    /// ones, and 0 for none). `bytes` starts at the element.
+    /// One element of this type as a double. Integers beyond 2^53 are rounded; for a text or bytes, a number that is the same for equal
+    /// contents, and 0 for empty ones. `bytes` starts at the element.
     pub fn to_f64(self, bytes: &[u8]) -> f64 {
         macro_rules! read {
             ($type:ty) => {{
@@ -161,9 +161,9 @@ impl Element {
         }
     }
 
-    /// Puts a double into the bytes of an element: integers take the nearest whole number that they can hold (NaN is zero).
-    /// A truth value or an enumeration takes the byte, which the caller knows to be one of their values. No double is a text or bytes,
-    /// which become empty.
+    /// Writes a double to the bytes of an element: integers take the nearest value that they can hold (NaN becomes zero). A truth value
+    /// or an enumeration takes the byte, which the caller has ensured to be one of its values. A text or bytes cannot hold a double and
+    /// become empty.
     pub fn put(self, value: f64, bytes: &mut [u8]) {
         let whole = value.round_ties_even();
         match self {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Element;
 
-/// A value of an enumeration, and what it is called.
+/// A value of an enumeration, and its name.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EnumValue {
@@ -15,7 +15,7 @@ pub struct EnumValue {
 }
 
 impl EnumValue {
-    /// Characters that no name has: they separate names where a list of them is a text.
+    /// Characters that no name contains: they separate the entries where a list of names is given as text.
     pub const SEPARATORS: [char; 3] = ['|', ',', '='];
 
     /// A value with its name.
@@ -26,10 +26,10 @@ impl EnumValue {
         }
     }
 
-    /// The list that a text gives: `closed = 0, opening = 1, open = 2`.
+    /// Parses a list of values: `closed = 0, opening = 1, open = 2`.
     ///
     /// # Errors
-    /// What of it is not of this form.
+    /// The part that does not have this form.
     pub fn list(text: &str) -> Result<Vec<EnumValue>, String> {
         let each = text.split(',').map(|part| {
             let pair = part
@@ -47,21 +47,21 @@ impl EnumValue {
     }
 }
 
-/// A value that no element of its type may have.
+/// A value that is not valid for its element type.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InvalidValue {
     /// The element of the payload.
     pub element: String,
-    /// What it is.
+    /// Its value.
     pub value: f64,
-    /// What the type allows; nothing for floating-point numbers, which must be finite.
+    /// What the type allows; `None` for floating-point numbers, which must be finite.
     allowed: Option<String>,
-    /// Whether the value says nothing: that of a text.
+    /// Whether the element is a text or bytes, so that `value` is meaningless.
     content: bool,
 }
 
 impl InvalidValue {
-    /// The element called `name`, of the type `element`, which has the `values` if it is an enumeration.
+    /// The element called `name`, of the type `element`, which has `values` if it is an enumeration.
     pub(super) fn new(name: String, element: Element, values: &[EnumValue], value: f64) -> InvalidValue {
         let allowed = match element {
             Element::Bool => Some("a bool is 0 or 1".to_owned()),
@@ -76,7 +76,7 @@ impl InvalidValue {
         }
     }
 
-    /// The element called `name`, a text or bytes, with what is wrong with it.
+    /// The element called `name`, a text or bytes, with what is wrong with its content.
     pub(super) fn of_content(name: String, reason: String) -> InvalidValue {
         InvalidValue {
             element: name,
@@ -91,7 +91,7 @@ impl InvalidValue {
         self.allowed.is_none()
     }
 
-    /// `q = NaN: a sample must be finite`, `open = 2: a bool is 0 or 1`; `what` is what must be finite.
+    /// `q = NaN: a sample must be finite`, `open = 2: a bool is 0 or 1`; `what` names what must be finite.
     pub fn words(&self, what: &str) -> String {
         let rule = match &self.allowed {
             Some(allowed) => allowed.clone(),
@@ -112,7 +112,7 @@ pub(super) fn words(values: &[EnumValue]) -> String {
     each.join(", ")
 }
 
-/// What stands behind the offset in the text that is hashed.
+/// The part after the offset in the text that is hashed.
 pub(super) fn canonical(values: &[EnumValue]) -> String {
     let each: Vec<String> = (values.iter())
         .map(|named| format!("{}={}", named.value, named.name))
@@ -123,7 +123,7 @@ pub(super) fn canonical(values: &[EnumValue]) -> String {
     }
 }
 
-/// What is wrong with the values and the unit of a field that may be foreign.
+/// What is wrong with the values and the unit of a field, which may come from a foreign participant.
 pub(super) fn mistake(element: Element, unit: &str, values: &[EnumValue]) -> Option<&'static str> {
     if !element.is_number() && unit != "1" {
         return Some("a bool, an enumeration, a text and bytes have no unit: write 1");

@@ -4,7 +4,7 @@ use super::{Descriptor, Element, EnumValue, Field};
 
 /// A payload: plain data, without padding, described field by field. Declared with [`crate::message!`].
 ///
-/// Zero bytes are a message. Not all bytes need be one: a truth value is 0 or 1, and an enumeration has some values only.
+/// All-zero bytes are a valid message. Other bytes need not be: a truth value is 0 or 1, and an enumeration allows only some values.
 pub trait Message: bytemuck::NoUninit + bytemuck::Zeroable + bytemuck::CheckedBitPattern {
     /// The description of the type.
     fn descriptor() -> Descriptor;
@@ -14,20 +14,20 @@ pub trait Message: bytemuck::NoUninit + bytemuck::Zeroable + bytemuck::CheckedBi
 /// bytes ([`super::Bytes`]), or a (nested) array of one of them.
 ///
 /// # Safety
-/// `Bits` has the size and the alignment of the type, which has no bytes without a value; [`FieldType::is_valid`] is true only for bits
-/// that are a value of the type, and is true for zeros.
+/// `Bits` has the size and the alignment of the type, and the type has no uninitialised bytes; [`FieldType::is_valid`] is true only for
+/// bits that are a value of the type, and is true for zeros.
 pub unsafe trait FieldType: Copy + 'static {
-    /// The bits, of which not all need be a value.
+    /// The bit patterns, not all of which need be a value.
     type Bits: bytemuck::Pod;
     /// The type of each element.
     const ELEMENT: Element;
-    /// Puts the extents, outermost first.
+    /// Appends the extents, outermost first.
     fn extents(shape: &mut Vec<u32>);
     /// The values of an enumeration.
     fn values() -> Vec<EnumValue> {
         Vec::new()
     }
-    /// Whether the bits are a value.
+    /// Whether the bits are a valid value.
     #[inline]
     fn is_valid(bits: &Self::Bits) -> bool {
         let _ = bits;
@@ -37,7 +37,7 @@ pub unsafe trait FieldType: Copy + 'static {
 
 macro_rules! scalar {
     ($($type:ty => $element:ident),*) => {$(
-        // SAFETY: all bits are a number.
+        // SAFETY: every bit pattern is a number.
         unsafe impl FieldType for $type {
             type Bits = $type;
             const ELEMENT: Element = Element::$element;
@@ -60,7 +60,7 @@ unsafe impl FieldType for bool {
     }
 }
 
-// SAFETY: an array has nothing between its elements.
+// SAFETY: an array has no padding between its elements.
 unsafe impl<T: FieldType, const N: usize> FieldType for [T; N]
 where
     [T::Bits; N]: bytemuck::Pod,
@@ -80,7 +80,7 @@ where
     }
 }
 
-/// Builds one field of a descriptor; used by the [`crate::message!`] macro.
+/// What the code that [`crate::message!`] writes calls.
 #[doc(hidden)]
 pub mod __private {
     use super::{Field, FieldType};
@@ -88,7 +88,7 @@ pub mod __private {
     pub use bytemuck;
     pub use serde;
 
-    /// As bytes: exact, and the same length for every value.
+    /// As bytes: exact, and of the same length for every value.
     pub fn serialize<M: super::Message, S: serde::Serializer>(message: &M, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_bytes(bytemuck::bytes_of(message))
     }
@@ -145,9 +145,9 @@ pub mod __private {
     }
 }
 
-/// Declares a message: a `#[repr(C)]` struct of plain data whose fields carry a unit and, for vectors, a frame. Fields are numbers of
-/// 8 to 64 bits, `bool`, enumerations of one byte ([`enumeration!`](crate::enumeration)), texts and bytes in fixed room
-/// ([`Text`](crate::port::Text), [`Bytes`](crate::port::Bytes)), and arrays of these. What is no number has the unit `"1"`.
+/// Declares a message: a `#[repr(C)]` struct of plain data whose fields carry a unit and, for vectors, a frame. Fields are numbers of 8
+/// to 64 bits, `bool`, enumerations of one byte ([`enumeration!`](crate::enumeration)), texts and bytes in fixed room
+/// ([`Text`](crate::port::Text), [`Bytes`](crate::port::Bytes)), and arrays of these. Fields that are not numbers have the unit `"1"`.
 ///
 /// ```
 /// lockstep::message! {
@@ -163,9 +163,8 @@ pub mod __private {
 /// assert_eq!(Motor::descriptor().fields[0].unit, "N m s");
 /// ```
 ///
-/// A struct with padding does not compile: make the padding a field. Messages implement `serde::Serialize` and
-/// `serde::Deserialize` as their bytes, so that they can stand in the state of a participant
-/// ([`crate::participant::state`]).
+/// A struct with padding does not compile: make the padding a field. Messages implement `serde::Serialize` and `serde::Deserialize` as
+/// their bytes, so that they can be part of the state of a participant ([`crate::participant::state`]).
 #[macro_export]
 macro_rules! message {
     (
@@ -205,7 +204,7 @@ macro_rules! message {
             unsafe impl $crate::port::__private::bytemuck::Zeroable for $name {}
             // SAFETY: as above; the layout is C without padding, and the struct is `Copy` and has no references.
             unsafe impl $crate::port::__private::bytemuck::NoUninit for $name {}
-            // SAFETY: the bits have the layout of the message, and every field says which of its own are a value.
+            // SAFETY: the bits have the layout of the message, and every field checks which of its own are a valid value.
             unsafe impl $crate::port::__private::bytemuck::CheckedBitPattern for $name {
                 type Bits = Bits;
                 #[inline]
@@ -270,7 +269,7 @@ mod tests {
         }
     }
 
-    /// In a format with bytes and in one that has only lists of numbers.
+    /// In a format with byte strings and in one that has only lists of numbers.
     #[test]
     fn a_message_is_a_state() {
         let sample = Sample {

@@ -1,4 +1,4 @@
-//! Ports: what a participant reads and writes, described so that nobody needs the sender's source code.
+//! Ports: what a participant reads and writes, described so that a consumer does not need the producer's source code.
 
 mod descriptor;
 mod element;

@@ -1,4 +1,4 @@
-//! The declaration of an enumeration, which becomes a type that a field of a message may have.
+//! The declaration of an enumeration type for the fields of messages.
 
 /// Declares an enumeration that a field of a message may have: one byte with named values, one of which is 0.
 ///
@@ -28,8 +28,8 @@
 /// assert_eq!(Tank::descriptor().fields[0].values[2].name, "Open");
 /// ```
 ///
-/// The names in files and on pages are those of the variants. An enumeration without 0 does not compile: zero bytes are what an input
-/// shows before its first sample.
+/// The names in files and on pages are those of the variants. An enumeration without 0 does not compile: an input is all zero bytes
+/// before its first sample.
 #[macro_export]
 macro_rules! enumeration {
     (
@@ -64,7 +64,7 @@ macro_rules! enumeration {
             }
         }
 
-        // SAFETY: one byte; the values are those of the variants, and 0 is one of them, as is asserted above.
+        // SAFETY: one byte; the values are those of the variants, and 0 is one of them, as asserted above.
         unsafe impl $crate::port::FieldType for $name {
             type Bits = u8;
             const ELEMENT: $crate::port::Element = $crate::port::Element::Enum;

@@ -4,8 +4,8 @@ use std::fmt;
 
 use super::{Element, EnumValue, FieldType};
 
-/// A text of at most `N` bytes: UTF-8, with zeros behind its end. In C it is `char name[N]`, which a text fills to the last byte if it
-/// must: a zero at the end is not needed.
+/// A text of at most `N` bytes: UTF-8, padded with zeros. In C it is `char name[N]`, which a text may fill to the last byte: no
+/// terminating zero is needed.
 ///
 /// ```
 /// use lockstep::port::Text;
@@ -17,7 +17,7 @@ use super::{Element, EnumValue, FieldType};
 #[repr(transparent)]
 pub struct Text<const N: usize>([u8; N]);
 
-/// At most `N` bytes: their number, 32 bits, little-endian, then the bytes, with zeros behind them.
+/// At most `N` bytes: their number, 32 bits, little-endian, then the bytes, padded with zeros.
 ///
 /// ```
 /// use lockstep::port::Bytes;
@@ -31,17 +31,17 @@ pub struct Bytes<const N: usize> {
     data: [u8; N],
 }
 
-/// A text or bytes that are longer than their room.
+/// A text or bytes that exceed their room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{length} bytes do not fit into {room}")]
 pub struct TooLong {
-    /// How many bytes there are.
+    /// The actual number of bytes.
     pub length: usize,
-    /// How many there may be.
+    /// The allowed number of bytes.
     pub room: usize,
 }
 
-/// What a field of texts or bytes has for one of its elements.
+/// The content of one element of a field of texts or bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Content<'a> {
     /// A text.
@@ -76,10 +76,10 @@ impl Content<'_> {
 }
 
 impl Element {
-    /// Bytes in front of the room of [`Element::Bytes`]: their number.
+    /// Bytes before the room of [`Element::Bytes`]: their number.
     const LENGTH: usize = 4;
 
-    /// How many bytes a text or bytes may have; nothing for other types.
+    /// The most bytes of a text or bytes; `None` for other types.
     pub const fn room(self) -> Option<usize> {
         match self {
             Element::Text(room) | Element::Bytes(room) => Some(room as usize),
@@ -87,7 +87,7 @@ impl Element {
         }
     }
 
-    /// What an element holds, which is a text or bytes; why it is neither otherwise. `bytes` starts at the element.
+    /// The content of an element that is a text or bytes. `bytes` starts at the element.
     ///
     /// # Errors
     /// What is wrong with the bytes, or that the element is a number.
@@ -122,10 +122,10 @@ impl Element {
         }
     }
 
-    /// Puts a text or bytes into an element, whose bytes these are.
+    /// Writes a text or bytes to the bytes of an element.
     ///
     /// # Errors
-    /// When there is no room for all of it: nothing is cut off.
+    /// When the content does not fit: nothing is truncated.
     pub fn put_content(self, content: &[u8], bytes: &mut [u8]) -> Result<(), TooLong> {
         let room = self.room().unwrap_or(0);
         let length = content.len();
@@ -141,7 +141,7 @@ impl Element {
         Ok(())
     }
 
-    /// A number that is the same for equal contents, and 0 for none: 53 bits of a hash.
+    /// A number that is the same for equal contents, and 0 for empty ones: 53 bits of a hash.
     pub(super) fn fingerprint(self, bytes: &[u8]) -> f64 {
         let bytes = &bytes[..self.size()];
         let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
@@ -153,19 +153,19 @@ impl Element {
 }
 
 impl<const N: usize> Text<N> {
-    /// A text.
+    /// Creates a text.
     ///
     /// # Errors
-    /// When it is longer than `N` bytes. A zero byte inside of it ends it.
+    /// When it is longer than `N` bytes. A zero byte inside the text ends it.
     pub fn new(text: &str) -> Result<Text<N>, TooLong> {
         let mut own = Text([0; N]);
         own.set(text).map(|()| own)
     }
 
-    /// Puts another text in its place.
+    /// Replaces the text.
     ///
     /// # Errors
-    /// As for [`Text::new`]; the text is then as it was.
+    /// As for [`Text::new`]; the text is then unchanged.
     pub fn set(&mut self, text: &str) -> Result<(), TooLong> {
         let text = text.split('\0').next().unwrap_or_default();
         Element::Text(N as u32).put_content(text.as_bytes(), &mut self.0)
@@ -181,7 +181,7 @@ impl<const N: usize> Text<N> {
 }
 
 impl<const N: usize> Bytes<N> {
-    /// Bytes.
+    /// Creates bytes.
     ///
     /// # Errors
     /// When there are more than `N`.
@@ -190,10 +190,10 @@ impl<const N: usize> Bytes<N> {
         own.set(bytes).map(|()| own)
     }
 
-    /// Puts other bytes in their place.
+    /// Replaces the bytes.
     ///
     /// # Errors
-    /// As for [`Bytes::new`]; the bytes are then as they were.
+    /// As for [`Bytes::new`]; the bytes are then unchanged.
     pub fn set(&mut self, bytes: &[u8]) -> Result<(), TooLong> {
         let length = bytes.len();
         if length > N {
@@ -238,7 +238,7 @@ impl<const N: usize> fmt::Debug for Bytes<N> {
     }
 }
 
-// SAFETY: the bits are bytes, and those that are no text are told apart; zeros are the empty text.
+// SAFETY: the bits are bytes, and those that are not a text are rejected; zeros are the empty text.
 unsafe impl<const N: usize> FieldType for Text<N>
 where
     [u8; N]: bytemuck::Pod,
@@ -262,10 +262,10 @@ pub struct BytesBits<const N: usize>([u8; 4], [u8; N]);
 
 // SAFETY: zeros are bytes.
 unsafe impl<const N: usize> bytemuck::Zeroable for BytesBits<N> {}
-// SAFETY: nothing but bytes, one behind the other.
+// SAFETY: only bytes, contiguous.
 unsafe impl<const N: usize> bytemuck::Pod for BytesBits<N> {}
 
-// SAFETY: as for texts: the layout is that of the bits, and a length beyond the room is told apart.
+// SAFETY: as for texts: the layout is that of the bits, and a length beyond the room is rejected.
 unsafe impl<const N: usize> FieldType for Bytes<N> {
     type Bits = BytesBits<N>;
     const ELEMENT: Element = Element::Bytes(N as u32);

@@ -1,4 +1,4 @@
-//! The two newest samples of a link between which is interpolated.
+//! Linear interpolation between the two newest samples of a link.
 
 use super::StepError;
 use super::source::Source;
@@ -33,7 +33,7 @@ impl Between {
         }
     }
 
-    /// Puts what is read at `t` into `out`; the index of the sample that is not there yet, if one is missing.
+    /// Writes the value read at `t` to `out`; returns the index of the sample that has not arrived yet, if one is missing.
     pub(super) fn fetch(
         &mut self,
         source: &mut Source,
@@ -47,7 +47,7 @@ impl Between {
             Read::Between(before, after) => (before, Some(after)),
         };
         if self.before.index != Some(before) {
-            // The sample that was ahead is the one behind now, unless both have been passed.
+            // The later sample becomes the earlier one, unless both have been passed.
             if self.after.index != Some(before) && !self.receive(source, before)? {
                 return Ok(Some(before));
             }

@@ -3,16 +3,16 @@
 use crate::participant::Failure;
 use crate::transport::Broken;
 
-/// Why an activation cannot be completed. Whoever is to blame is named.
+/// Why an activation cannot be completed. The error names the component at fault.
 #[derive(Debug, thiserror::Error)]
 pub enum StepError {
-    /// The participant itself gave up.
+    /// The participant itself reported a failure.
     #[error("{0}")]
     Failed(Failure),
     /// The participant panicked.
     #[error("it panicked: {0}")]
     Panicked(String),
-    /// The participant wrote a NaN, an infinity, or a byte that is no value of a truth value or an enumeration.
+    /// The participant wrote a NaN, an infinity, or a byte that is not a valid truth value or value of the enumeration.
     #[error("its output `{port}` has {what}")]
     Invalid {
         /// The output.
@@ -20,10 +20,10 @@ pub enum StepError {
         /// The element, its value and what it must be.
         what: String,
     },
-    /// A sample that came in breaks the protocol.
+    /// A received sample violates the protocol.
     #[error("`{from}` sent {what}")]
     BadSample {
-        /// The output it came from.
+        /// The output that sent it.
         from: String,
         /// What was wrong with it.
         what: String,
@@ -38,18 +38,18 @@ pub enum StepError {
     },
 }
 
-/// Why a position cannot be taken up: it comes from another process or from a file.
+/// Why a position is rejected: it comes from another process or from a file.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PositionError {
     /// More activations than the run has.
     #[error("the position is at activation {next}; the participant has {activations}")]
     Beyond {
-        /// Where it is to go on.
+        /// The activation at which it continues.
         next: u64,
-        /// How many there are.
+        /// How many activations the run has.
         activations: u64,
     },
-    /// For another number of ports.
+    /// The number of ports differs.
     #[error("the position has {given} {what}; the participant has {own}")]
     Ports {
         /// `links`, `inputs` or `outputs`.
@@ -59,7 +59,7 @@ pub enum PositionError {
         /// In the participant.
         own: usize,
     },
-    /// An output of another size.
+    /// The size of an output differs.
     #[error("the position has {given} bytes for output `{port}`, which has {own}")]
     Size {
         /// The output.
@@ -69,7 +69,7 @@ pub enum PositionError {
         /// In the participant.
         own: usize,
     },
-    /// A value of another size for an input that has no link.
+    /// The size of a value for an input without a link differs.
     #[error("the position has a value of {given} bytes for input `{port}`, which has {own}")]
     Value {
         /// The input.
@@ -85,13 +85,13 @@ pub enum PositionError {
         /// The input.
         port: String,
     },
-    /// It cannot be initialised.
+    /// The participant cannot be initialised.
     #[error("it cannot be initialised: {0}")]
     Initialise(String),
-    /// It does not take the state.
+    /// The participant rejects the state.
     #[error("it cannot take the state: {0}")]
     State(String),
-    /// It panicked over that.
+    /// The participant panicked during initialisation or restore.
     #[error("it panicked: {0}")]
     Panic(String),
 }

@@ -1,26 +1,26 @@
-//! A participant that is held before its step: its inputs can be looked at, and its outputs given in its place.
+//! Holding a participant before its step: a program can look at its inputs and provide its outputs in place of the step.
 
 use super::Stepper;
 use super::progress::Phase;
 
 impl Stepper {
-    /// Holds it before its next step, and before each one after that: [`Stepper::poll`] gathers the inputs and then says
-    /// [`Progress::Held`](super::Progress::Held). One that is held already is let go first.
+    /// Holds the participant before its next step, and before each one after that: [`Stepper::poll`] gathers the inputs and then returns
+    /// [`Progress::Held`](super::Progress::Held). If it is held already, it is first released from that step.
     pub fn hold(&mut self) {
         self.orders.hold = Some(self.next + u64::from(self.is_held()));
     }
 
-    /// Holds it no more.
+    /// Stops holding the participant.
     pub fn let_go(&mut self) {
         self.orders.hold = None;
     }
 
-    /// Whether it has the inputs of its next activation, and has not stepped.
+    /// Whether the participant has the inputs of its next activation and has not been stepped.
     pub fn is_held(&self) -> bool {
         self.phase == Phase::Ready
     }
 
-    /// What input number `input` shows to the activation before which it is held, as the participant sees it.
+    /// The value of input number `input`, as the participant sees it at the activation before which it is held.
     ///
     /// # Panics
     /// When there is no such input.
@@ -28,11 +28,11 @@ impl Stepper {
         self.input_buffers.payloads[input].bytes()
     }
 
-    /// Gives output number `output` of the activation before which it is held: the participant is not stepped then. Outputs that are not given
-    /// keep their last value.
+    /// Provides output number `output` of the activation before which the participant is held: the participant is then not stepped.
+    /// Outputs that are not provided keep their last value.
     ///
     /// # Panics
-    /// When it is not held, or `payload` has another size: a mistake of the caller.
+    /// When the participant is not held, or the size of `payload` is wrong: a mistake of the caller.
     pub fn answer(&mut self, output: usize, payload: &[u8]) {
         assert!(self.is_held(), "it is not held");
         self.output_buffers.payloads[output]

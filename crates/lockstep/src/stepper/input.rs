@@ -1,4 +1,4 @@
-//! The receiving side of a stepper: links with their schedules, and what they make of the participant's inputs.
+//! The receiving side of a stepper: links with their schedules, and the assembly of the participant's inputs.
 
 use std::ops::Range;
 
@@ -19,12 +19,12 @@ pub(super) struct InputState {
     pub(super) port: usize,
     source: Source,
     schedule: ReadSchedule,
-    /// What the input shows where no sample is read.
+    /// The value of the input where no sample is read.
     initial: Vec<u8>,
     shows_initial: bool,
-    /// How samples become fields of the input, and the newest sample. Without one, samples are the input's payload.
+    /// The conversion of samples to fields of the input, and the newest sample. Without one, samples are the input's payload.
     conversion: Option<(Joined, Payload)>,
-    /// The samples between which is interpolated, where that is asked for.
+    /// The interpolation between samples, if the link has it.
     between: Option<Between>,
 }
 
@@ -57,12 +57,13 @@ impl InputState {
         self.source.prepare()
     }
 
-    /// What the next activation reads. To be asked once per activation.
+    /// What the next activation reads. To be called once per activation.
     pub(super) fn next_read(&mut self) -> Read {
         self.schedule.advance()
     }
 
-    /// Gets what `read` names at `t`, into `payload` if that is what the input shows; the index of a sample that is not there yet.
+    /// Fetches what `read` names at `t`, into `payload` if that is what the input shows; returns the index of a sample that has not
+    /// arrived yet.
     pub(super) fn fetch(&mut self, read: Read, t: Ticks, payload: &mut [u8]) -> Result<Option<u64>, StepError> {
         let (Read::Sample(index) | Read::Between(index, _)) = read else {
             if !self.shows_initial && self.conversion.is_none() {
@@ -90,33 +91,34 @@ impl InputState {
     }
 }
 
-/// How samples of `link` become fields of an input that takes `takes`; nothing where they are all of it as they come, by whatever names.
+/// The conversion of samples of `link` to fields of an input that takes `takes`; none where the samples are the payload byte for byte,
+/// even if the names differ.
 fn conversion(link: &InputLink, takes: &Descriptor) -> Option<Joined> {
     let joined = Joined::new(link.conversion.as_ref()?);
     let same = joined.is_nothing(link.message(takes), takes) && keeps_good(link, &joined, takes);
     (!same).then_some(joined)
 }
 
-/// Whether an input that takes `takes` is good where `joined` puts good samples of `link` into it. Enumerations that hold each other's
-/// values need not have the same ones, and what lies between two numbers need not be one.
+/// Whether valid samples of `link`, converted by `joined`, always make an input that takes `takes` valid. Enumerations that accept each
+/// other's values need not have the same ones, and an interpolated value between two numbers need not be a number.
 fn keeps_good(link: &InputLink, joined: &Joined, takes: &Descriptor) -> bool {
     let number = |field: &Field| field.element.is_number();
     joined.keeps_values() && link.visibility.hold() != Hold::Linear && takes.fields.iter().all(number)
 }
 
-/// An input that is put together from what its links bring.
+/// An input that is assembled from the samples of its links.
 pub(super) struct Assembled {
     port: usize,
-    /// Its links among those of all inputs.
+    /// Its links, as a range within the links of all inputs.
     links: Range<usize>,
     descriptor: Descriptor,
     values: ValueCheck,
-    /// Whether it is good where what its links bring is, which has been looked at as it came.
+    /// Whether the input is valid whenever the samples of its links are, which are checked on receipt.
     keeps_good: bool,
 }
 
 impl Assembled {
-    /// Those of a participant with the links `inputs`.
+    /// The assembled inputs of a participant with the links `inputs`.
     pub(super) fn all(assignment: &Assignment, inputs: &[InputState]) -> Vec<Assembled> {
         let port = |link: &InputLink| link.input as usize;
         let mut assembled = Vec::new();
@@ -143,7 +145,7 @@ impl Assembled {
         assembled
     }
 
-    /// Makes the payload out of what `links`, those of all inputs, have brought.
+    /// Assembles the payload from the samples of `links`, which are those of all inputs.
     pub(super) fn assemble(&self, links: &[InputState], buffers: &mut Inputs) -> Result<(), StepError> {
         let payload = buffers.payloads[self.port].bytes_mut();
         let own = &links[self.links.clone()];
@@ -172,12 +174,12 @@ impl Assembled {
     }
 }
 
-/// What the participant sees where that is not what came in.
+/// An input at which signal faults change what the participant sees, or whose value is recorded as the participant saw it.
 pub(super) struct SeenState {
     pub(super) port: usize,
     pub(super) stream: u32,
     pub(super) observed: Observed,
-    /// What came in, as long as the buffer shows what faults have made of it.
+    /// The value before signal faults, kept while the buffer holds the value after them.
     came_in: Payload,
     pub(super) injector: Option<Injector>,
 }
@@ -193,14 +195,14 @@ impl SeenState {
         }
     }
 
-    /// Makes `payload` what came in again. To be called before anything new comes in.
+    /// Restores `payload` to the value before signal faults. To be called before new samples are received.
     pub(super) fn undo(&self, payload: &mut [u8]) {
         if self.injector.is_some() {
             payload.copy_from_slice(self.came_in.bytes());
         }
     }
 
-    /// Makes of what came in what activation `k` at `t` sees. To be called once per activation.
+    /// Applies signal faults to the received value, as activation `k` at `t` sees it. To be called once per activation.
     pub(super) fn disturb(&mut self, k: u64, t: Ticks, payload: &mut [u8]) {
         if let Some(injector) = &mut self.injector {
             self.came_in.bytes_mut().copy_from_slice(payload);

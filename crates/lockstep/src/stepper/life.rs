@@ -1,4 +1,4 @@
-//! The end of a participant's part in a run: it is told once, whatever drives it and whatever has happened.
+//! The end of a participant's part in a run: the participant is notified once, whatever drives it and whatever has happened.
 
 use std::sync::Arc;
 
@@ -7,13 +7,13 @@ use super::{StepError, Stepper};
 use crate::participant::{Failure, Inputs, Interface, Kind, Log, Outputs, Participant, Sink, Step, Termination};
 
 impl Stepper {
-    /// Where the participant's lines go; without it to standard error.
+    /// Sets the destination of the participant's log lines; without a call they go to standard error.
     pub fn log_to(&mut self, sink: &Arc<dyn Sink>) {
         self.output_buffers.log = Log::new(&self.assignment.name, Some(sink.clone()));
     }
 
-    /// Tells the participant that its part is over, unless it was told before. When the stepper is dropped this is done too: the participant has
-    /// finished, or was stopped.
+    /// Notifies the participant that its part is over, unless it has been notified before. Dropping the stepper does this too: the
+    /// participant has then finished, or was stopped.
     pub fn terminate(&mut self, why: Termination) {
         if std::mem::take(&mut self.orders.begun) {
             let log = self.output_buffers.log.clone().at(self.next_seconds());
@@ -21,13 +21,13 @@ impl Stepper {
         }
     }
 
-    /// The participant, without its links. It has not been told that its part is over.
+    /// Returns the participant without its links. It has not been notified that its part is over.
     pub fn into_participant(mut self) -> Box<dyn Participant> {
         self.orders.begun = false;
         std::mem::replace(&mut self.participant, Box::new(Vacant))
     }
 
-    /// `done`; a participant that has panicked may be torn, and is not called again.
+    /// Returns `done`. A participant that has panicked may be in an inconsistent state, and is not called again.
     pub(super) fn whole(&mut self, done: Result<(), StepError>) -> Result<(), StepError> {
         self.orders.begun &= !matches!(done, Err(StepError::Panicked(_)));
         done
@@ -45,7 +45,7 @@ impl Drop for Stepper {
     }
 }
 
-/// What is left where a participant was taken out.
+/// The placeholder for a participant that was taken out.
 struct Vacant;
 
 impl Participant for Vacant {

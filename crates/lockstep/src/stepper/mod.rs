@@ -1,8 +1,8 @@
-//! One participant's way through its activations, without waiting and without I/O of its own.
+//! The execution of one participant's activations, without blocking and without I/O of its own.
 //!
-//! A [`Stepper`] is the whole protocol of a participant: which sample to read, what to check, when to step, what to record
-//! and publish. It never blocks: where it cannot go on it says what it waits for, and whoever drives it decides how to wait.
-//! The loop in one process, the threads and the processes over shared memory all drive this same code.
+//! A [`Stepper`] is the whole protocol of a participant: which sample to read, what to check, when to step, what to record and publish.
+//! It never blocks: when it cannot continue it returns what it waits for, and its caller decides how to wait. The single-process loop,
+//! the threads and the processes over shared memory all drive this same code.
 
 mod between;
 mod error;
@@ -42,9 +42,9 @@ pub struct Stepper {
     assignment: Assignment,
     /// The links that feed the inputs.
     inputs: Vec<InputState>,
-    /// The inputs that are put together from fields.
+    /// The inputs that are assembled from fields.
     assembled: Vec<Assembled>,
-    /// The inputs of which the tape has what they show.
+    /// The inputs whose values, as the participant saw them, are recorded on the tape.
     seen: Vec<SeenState>,
     outputs: Vec<OutputState>,
     recording: Box<dyn Recording>,
@@ -53,7 +53,7 @@ pub struct Stepper {
     horizon: Ticks,
     /// The period, s.
     period_s: f64,
-    /// An activation and its instant, s: the end of one is the begin of the next.
+    /// An activation and its instant, s: the end of one is the beginning of the next.
     known_s: (u64, f64),
     /// The next activation.
     next: u64,
@@ -66,7 +66,7 @@ pub struct Stepper {
 }
 
 impl Stepper {
-    /// A stepper at rest before its first activation, with a horizon that lets nothing happen yet.
+    /// A stepper at rest before its first activation, with a horizon that does not allow any activation yet.
     pub fn new(participant: Box<dyn Participant>, assignment: Assignment, ends: Ends) -> Stepper {
         let nothing = Position {
             inputs: vec![Vec::new(); assignment.inputs.len()],
@@ -176,19 +176,19 @@ impl Stepper {
         self.assignment.timebase.seconds(self.next_instant())
     }
 
-    /// Lets activations before `horizon` happen. The horizon only moves forward; an earlier one changes nothing.
+    /// Allows activations before `horizon`. The horizon only moves forward; an earlier one changes nothing.
     pub fn extend_horizon(&mut self, horizon: Ticks) {
         self.horizon = self.horizon.max(horizon);
     }
 
-    /// The participant inside.
+    /// The participant.
     pub fn participant(&self) -> &dyn Participant {
         &*self.participant
     }
 
-    /// Comes to rest wherever it is: an activation that has been stepped is recorded, one that has not is left for later.
-    /// `false` when the recorder must take something first. Samples that were not sent yet are on the tape; whoever takes up
-    /// the run from here gets them from there.
+    /// Comes to rest at any phase: an activation that has been stepped is recorded, one that has not is left for later. Returns `false`
+    /// when the recorder must make room first. Samples that were not sent yet are on the tape; a stepper that resumes the run from here
+    /// reads them from there.
     pub fn come_to_rest(&mut self) -> Result<bool, StepError> {
         loop {
             match self.phase {
@@ -214,13 +214,13 @@ impl Stepper {
         }
     }
 
-    /// Lets all links take what they need; to be called when everybody is there, before the first activation.
+    /// Prepares all links; to be called when all participants have connected, before the first activation.
     pub fn prepare(&mut self) -> Result<(), StepError> {
         self.inputs.iter_mut().try_for_each(InputState::prepare)?;
         self.outputs.iter_mut().try_for_each(OutputState::prepare)
     }
 
-    /// Works until an activation is complete, or until something is missing. Calling again goes on where it stopped.
+    /// Works until an activation is complete, or until something is missing. Another call continues where this one stopped.
     pub fn poll(&mut self) -> Result<Progress, StepError> {
         loop {
             match self.phase {
@@ -329,7 +329,7 @@ impl Stepper {
         Ok(None)
     }
 
-    /// Everything has come in and has been checked: now faults may change it.
+    /// Applies signal faults to the inputs, once all samples have been received and checked.
     fn disturb_inputs(&mut self) {
         let t = self.next_instant();
         for seen in &mut self.seen {
@@ -338,7 +338,7 @@ impl Stepper {
         }
     }
 
-    /// Puts what the input of `seen` number `number` has shown to this activation on the tape, behind the outputs.
+    /// Appends the value that the input of `seen` number `number` had at this activation to the tape, after the outputs.
     fn look(&mut self, number: usize) -> Result<bool, StepError> {
         let Some(seen) = self.seen.get(number) else {
             self.prepare_to_publish();
@@ -360,7 +360,7 @@ impl Stepper {
         Ok(true)
     }
 
-    /// Finds out whether the samples that come next are seen, and lets the participant know.
+    /// Determines whether the next samples are seen, and shows that to the participant.
     fn look_at_outputs(&mut self) {
         for (output, look) in self.outputs.iter_mut().zip(&mut self.output_buffers.looks) {
             output.look_at(self.sample);
@@ -409,7 +409,7 @@ impl Stepper {
         Ok(appended)
     }
 
-    /// Everything is put onto the tape. Samples that nobody reads need go no further.
+    /// Commits the activation to the tape. Samples that no consumer reads are not sent.
     fn prepare_to_publish(&mut self) {
         self.recording.commit();
         let header = self.header();
@@ -447,7 +447,7 @@ impl Stepper {
     }
 }
 
-/// What a participant does, with a panic of its code as one more way to fail. Whatever it left half done is not used again.
+/// Calls the participant's code and reports a panic as a failure. What a panic left half done is not used again.
 fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), StepError> {
     match catch_unwind(AssertUnwindSafe(work)) {
         Ok(result) => result.map_err(StepError::Failed),

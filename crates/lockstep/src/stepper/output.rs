@@ -12,7 +12,7 @@ use crate::transport::{Broken, Header, Sender};
 pub(super) struct OutputState {
     pub(super) stream: u32,
     pub(super) observed: Observed,
-    /// Whether the sample in work is recorded, and whether it is seen.
+    /// Whether the current sample is recorded, and whether it is seen.
     pub(super) recorded: bool,
     pub(super) seen: bool,
     pub(super) name: String,
@@ -22,7 +22,7 @@ pub(super) struct OutputState {
     pub(super) disturbed: Option<Disturbed>,
 }
 
-/// What goes out where that is not what the participant gave.
+/// The sample sent to consumers after signal faults have been applied.
 pub(super) struct Disturbed {
     pub(super) injector: Injector,
     payload: Payload,
@@ -38,14 +38,14 @@ impl Disturbed {
 }
 
 impl OutputState {
-    /// Finds out whether sample `index`, which is in work from now on, is seen.
+    /// Determines whether sample `index`, the current one from now on, is seen.
     pub(super) fn look_at(&mut self, index: u64) {
         let mut wanted = false;
         for consumer in &mut self.consumers {
             wanted |= consumer.look_at(index);
         }
         self.recorded = self.observed.contains(index);
-        // A fault may remember what it has seen first.
+        // A fault may depend on earlier samples.
         self.seen = self.recorded || wanted || self.disturbed.is_some();
     }
 
@@ -54,17 +54,17 @@ impl OutputState {
         !self.observed.is_nothing() || !self.consumers.is_empty() || self.disturbed.is_some()
     }
 
-    /// Whether any consumer reads the sample in work.
+    /// Whether any consumer reads the current sample.
     pub(super) fn is_wanted(&self) -> bool {
         self.consumers.iter().any(|consumer| consumer.wants)
     }
 
-    /// What goes to the recorder of the sample in work: nothing of one that is not observed.
+    /// The bytes of the current sample for the recorder: none when it is not observed.
     pub(super) fn record<'a>(&self, given: &'a Payload) -> &'a [u8] {
         if self.recorded { given.bytes() } else { &[] }
     }
 
-    /// Makes of sample `header`, which is on the tape, what readers are sent. To be called once for each sample.
+    /// Applies signal faults to sample `header`, which is on the tape, for its consumers. To be called once for each sample.
     pub(super) fn disturb(&mut self, header: Header, given: &[u8]) {
         if let Some(Disturbed { injector, payload }) = &mut self.disturbed {
             payload.bytes_mut().copy_from_slice(given);
@@ -72,7 +72,7 @@ impl OutputState {
         }
     }
 
-    /// Sends what has been made of the sample that the participant gave to one consumer; `false` when there is no room.
+    /// Sends the sample, after signal faults, to one consumer; `false` when there is no room.
     pub(super) fn send(&mut self, consumer: usize, header: Header, given: &[u8]) -> Result<bool, StepError> {
         let reader = &mut self.consumers[consumer];
         let payload = self
@@ -94,22 +94,22 @@ impl OutputState {
 pub(super) struct ConsumerState {
     pub(super) sender: Box<dyn Sender>,
     pub(super) to: String,
-    /// Whether it reads the sample in work.
+    /// Whether the consumer reads the current sample.
     pub(super) wants: bool,
     schedule: ReadSchedule,
     /// Activations of the consumer before the end.
     activations: u64,
-    /// The next sample that it reads, as far as known, and the one that it reads with it.
+    /// The next sample that the consumer reads, as far as known, and the one that it reads together with it.
     next_read: Option<u64>,
     with_it: Option<u64>,
 }
 
 impl ConsumerState {
-    /// For a producer whose next sample is the one stamped `from`; `None` when that is its first.
+    /// For a producer whose next sample is stamped `from`; `None` when that is its first.
     pub(super) fn new(consumer: &Consumer, sender: Box<dyn Sender>, from: Option<Ticks>) -> ConsumerState {
         let mut schedule = consumer.schedule();
         if let Some(from) = from {
-            // Nobody reads a sample before its stamp, so the reads before it need not be gone through.
+            // No consumer reads a sample before its stamp, so the reads before it can be skipped.
             schedule.skip_to(consumer.sample_time.count_before(from));
         }
         ConsumerState {
@@ -130,7 +130,7 @@ impl ConsumerState {
         }
     }
 
-    /// Notes whether any activation reads sample `index`; to be called with rising indices.
+    /// Determines whether any activation reads sample `index`; to be called with rising indices.
     fn look_at(&mut self, index: u64) -> bool {
         self.wants = loop {
             match self.next_read {

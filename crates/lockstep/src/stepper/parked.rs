@@ -1,17 +1,18 @@
-//! A step that is done beside those of other runs.
+//! A step that is executed by the caller, together with steps of other runs.
 
 use super::progress::Phase;
 use super::{StepError, Stepper};
 use crate::participant::Pending;
 
 impl Stepper {
-    /// From now on steps are left to others, if the participant allows it: [`Stepper::poll`] then stops
-    /// at [`Progress::Parked`](super::Progress::Parked) with everything come in, until what [`Stepper::pending`] gives has been stepped.
+    /// From now on leaves steps to the caller, if the participant supports that: [`Stepper::poll`] then stops at
+    /// [`Progress::Parked`](super::Progress::Parked) with all inputs received, until the step that [`Stepper::pending`] returns has been
+    /// executed.
     pub fn park(&mut self) {
         self.parked.wanted = self.participant.abreast().is_some();
     }
 
-    /// The step that waits to be done, if one does.
+    /// The step that is ready to be executed, if there is one.
     pub fn pending(&mut self) -> Option<Pending<'_>> {
         if self.phase != Phase::Parked || self.parked.result.is_some() {
             return None;
@@ -25,7 +26,7 @@ impl Stepper {
         })
     }
 
-    /// Goes on behind a step that others have done. `false` when it has not been done.
+    /// Continues after a step that the caller has executed. `false` when it has not been executed.
     pub(super) fn take_over(&mut self) -> Result<bool, StepError> {
         let Some(result) = self.parked.result.take() else {
             return Ok(false);

@@ -1,4 +1,4 @@
-//! Whether a position belongs to a participant, and bringing one there.
+//! Whether a position fits a participant, and bringing a participant to a position.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -7,11 +7,11 @@ use crate::panic::message;
 use crate::participant::{Log, Outputs, Participant};
 use crate::plan::{Assignment, Position};
 
-/// Brings a participant to where it takes up the work at `t` seconds, with this state or the one it has. A `fresh` one is
-/// initialised there first; what it gives out then is not published, because that instant has its samples already. What it says goes to `log`.
+/// Prepares a participant to resume at `t` seconds, with this state or the one it has. A `fresh` one is initialised there first; its
+/// outputs are then not published, because that instant has its samples already. Its log lines go to `log`.
 ///
 /// # Errors
-/// What the participant says, or its panic.
+/// What the participant reports, or its panic.
 pub fn settle(
     participant: &mut dyn Participant,
     t: f64,

@@ -1,10 +1,10 @@
-//! What a stepper is given, how far it came, and what it waits for.
+//! The ends of a stepper's links, its progress, and what it waits for.
 
 use crate::link::Read;
 use crate::participant::{Failure, Step};
 use crate::transport::{Receiver, Recording, Sender};
 
-/// What a stepper cannot go on without.
+/// What a stepper needs to continue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wait {
     /// Sample `index` of a link that feeds an input.
@@ -14,7 +14,7 @@ pub enum Wait {
         /// The sample.
         index: u64,
     },
-    /// Room on the way to consumer `consumer` of output `output`.
+    /// Room on the link to consumer `consumer` of output `output`.
     Room {
         /// The output.
         output: usize,
@@ -25,20 +25,20 @@ pub enum Wait {
     Recording,
 }
 
-/// How far a call of [`Stepper::poll`](super::Stepper::poll) came.
+/// The progress made by a call of [`Stepper::poll`](super::Stepper::poll).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
     /// One activation is complete: stepped, recorded and published.
     Stepped,
-    /// The next activation lies at or past the horizon; everything before it is complete and handed over.
+    /// The next activation lies at or past the horizon; everything before it is complete and published.
     AtHorizon,
-    /// All activations are complete and handed over.
+    /// All activations are complete and published.
     Finished,
-    /// It has its inputs, and is held before its step: see [`Stepper::hold`](super::Stepper::hold).
+    /// The participant has its inputs, and is held before its step: see [`Stepper::hold`](super::Stepper::hold).
     Held,
-    /// It needs something first.
+    /// The stepper needs something first.
     Waiting(Wait),
-    /// Its step is to be done beside others: see [`Stepper::park`](super::Stepper::park). Without that it never says so.
+    /// The step is to be executed together with others: see [`Stepper::park`](super::Stepper::park). Never returned without that call.
     Parked,
 }
 
@@ -48,46 +48,46 @@ pub struct Ends {
     pub receivers: Vec<Box<dyn Receiver>>,
     /// One sender per consumer of each output.
     pub senders: Vec<Vec<Box<dyn Sender>>>,
-    /// The way to the tape.
+    /// The connection to the tape.
     pub recording: Box<dyn Recording>,
 }
 
-/// What is asked of a stepper from outside, and whether its participant is to be told of the end.
+/// External requests to a stepper, and whether its participant is to be notified of the end.
 #[derive(Debug, Default)]
 pub(super) struct Orders {
-    /// Whether the participant has begun, has not panicked, and is to be told when its part is over.
+    /// Whether the participant has begun, has not panicked, and is to be notified when its part is over.
     pub(super) begun: bool,
-    /// The activation from which on it is held before each step.
+    /// The first activation before whose step the participant is held; it is then held before each one.
     pub(super) hold: Option<u64>,
-    /// Whether the outputs of the activation under way were given from outside.
+    /// Whether the outputs of the current activation were provided from outside.
     pub(super) answered: bool,
 }
 
-/// Where the work on an activation stands.
+/// The phase of the work on an activation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Phase {
-    /// The outputs for the first instant have not been made.
+    /// The outputs for the first instant have not been written.
     Initialise,
     /// Between activations.
     Rest,
-    /// Getting the sample of this link; what it reads is asked once.
+    /// Getting the sample of this link; the schedule is asked once what it reads.
     Gather { input: usize, read: Option<Read> },
-    /// The inputs are there as the participant sees them.
+    /// The inputs are complete, as the participant sees them.
     Ready,
-    /// Everything has come in; the step is done by others.
+    /// All inputs have been received; the caller executes the step.
     Parked,
-    /// Putting this output on the tape.
+    /// Appending this output to the tape.
     Record { output: usize },
-    /// Putting on the tape what an input has shown, where a fault may have changed it.
+    /// Appending to the tape the value that an input had, where a fault may have changed it.
     Look { seen: usize },
     /// Sending this output to this consumer.
     Publish { output: usize, consumer: usize },
 }
 
-/// Where a step stands that others do.
+/// A step that the caller executes.
 #[derive(Default)]
 pub(super) struct Parked {
-    /// Whether steps are done by others at all.
+    /// Whether steps are left to the caller at all.
     pub(super) wanted: bool,
     pub(super) step: Option<Step>,
     pub(super) result: Option<Result<(), Failure>>,

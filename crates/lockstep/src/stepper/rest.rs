@@ -1,4 +1,4 @@
-//! Changes at rest: a position that is taken up, another participant in the place, values of inputs without a link.
+//! Changes at rest: resuming at a position, replacing the participant, setting inputs without a link.
 
 use super::progress::Phase;
 use super::{Ends, PositionError, Stepper};
@@ -6,11 +6,11 @@ use crate::participant::{Kind, Outputs, Participant, Termination};
 use crate::plan::{Assignment, Position};
 
 impl Stepper {
-    /// A stepper at rest at `position`, where others have done the work before. The participant is as it should be there:
-    /// initialised, with the state that `position` asks for.
+    /// A stepper at rest at `position`, after earlier activations were done elsewhere. The participant must already be initialised and
+    /// have the state that `position` requires.
     ///
     /// # Errors
-    /// When the position is not one of this participant.
+    /// When the position does not fit this participant.
     pub fn resume(
         participant: Box<dyn Participant>,
         assignment: Assignment,
@@ -37,25 +37,25 @@ impl Stepper {
         Ok(stepper)
     }
 
-    /// Puts `participant` in the place of the one inside, between two activations: links, schedules and what the ports hold stay
-    /// as they are. The new one is as it should be there: see [`settle`](super::settle). The old one is told.
+    /// Replaces the participant by `participant`, between two activations: links, schedules and the values of the ports stay as they are.
+    /// The new one must already be prepared: see [`settle`](super::settle). The old one is notified.
     pub(crate) fn replace(&mut self, participant: Box<dyn Participant>) {
         self.terminate(Termination::Replaced);
         self.participant = participant;
         self.orders.begun = true;
     }
 
-    /// Makes the outputs what a stepper that has just taken up its work here holds: nothing of what was not published.
+    /// Sets the outputs to what a stepper that has just resumed here holds: nothing that was not published.
     pub(crate) fn forget_unpublished(&mut self) {
         if self.next == 0 && self.assignment.interface.kind == Kind::Sampled {
             self.output_buffers.payloads = Outputs::zeroed(&self.assignment.interface).payloads;
         }
     }
 
-    /// Sets what input number `input`, which has no link, shows from the next activation on.
+    /// Sets the value of input number `input`, which has no link, from the next activation on.
     ///
     /// # Panics
-    /// When the input is fed or `payload` has another size: a mistake of the caller.
+    /// When the input has a link or the size of `payload` is wrong: a mistake of the caller.
     pub(crate) fn set_input(&mut self, input: usize, payload: &[u8]) {
         let fed = self.inputs.iter().any(|link| link.port == input);
         assert!(!fed, "input {input} is fed");

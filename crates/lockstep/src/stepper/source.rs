@@ -1,4 +1,4 @@
-//! Samples as they come in on a link: nothing of them is trusted.
+//! Receiving the samples of a link; every sample is checked.
 
 use std::collections::VecDeque;
 
@@ -16,7 +16,7 @@ pub(super) struct Source {
     values: ValueCheck,
     producer: SampleTime,
     timebase: Timebase,
-    /// The newest sample received: samples come in order, once each.
+    /// The newest sample received: each sample arrives once, in order.
     received: Option<u64>,
     /// Samples that were sent before this participant took over, oldest first.
     backlog: VecDeque<Backlog>,
@@ -63,7 +63,7 @@ impl Source {
         self.received.is_none_or(|received| received < index)
     }
 
-    /// Receives samples into `payload` up to `index`; whether it has come.
+    /// Receives samples into `payload` up to `index`; returns whether that one has arrived.
     pub(super) fn receive_to(&mut self, index: u64, payload: &mut [u8]) -> Result<bool, StepError> {
         while self.is_behind(index) {
             let received = self.receive(payload).map_err(|source| self.broken(source))?;
@@ -74,7 +74,7 @@ impl Source {
         Ok(true)
     }
 
-    /// The next sample: first what was sent before this participant took over, then what comes.
+    /// The next sample: first those sent before this participant took over, then those of the link.
     fn receive(&mut self, payload: &mut [u8]) -> Result<Option<Header>, Broken> {
         let Some(sample) = self.backlog.pop_front() else {
             return self.receiver.try_receive(payload);
@@ -90,8 +90,8 @@ impl Source {
         }))
     }
 
-    /// A producer may send samples that nobody reads; it must not repeat, reorder or leave out, and it must not lie about
-    /// when a sample was taken.
+    /// Checks a sample. A producer may send samples that no consumer reads; it must not repeat, reorder or omit samples, and must give
+    /// the true stamp of each.
     fn check(&self, header: Header, wanted: u64, payload: &[u8]) -> Result<(), StepError> {
         let bad = |what: String| {
             Err(StepError::BadSample {

@@ -1,4 +1,4 @@
-//! The step itself.
+//! The execution of a step.
 
 use super::progress::Phase;
 use super::{StepError, Stepper, guarded};
@@ -6,7 +6,7 @@ use crate::participant::{Kind, Step};
 use crate::plan::Assignment;
 
 impl Stepper {
-    /// The step whose inputs are there: done here, left to others, or given from outside.
+    /// Does the step whose inputs are complete: executed here, left to the caller, or provided from outside.
     pub(super) fn do_step(&mut self) -> Result<(), StepError> {
         let step = self.begin_step();
         if !std::mem::take(&mut self.orders.answered) {
@@ -29,7 +29,7 @@ impl Stepper {
         Ok(())
     }
 
-    /// The activation that is about to be stepped, with the participant told what is seen of it.
+    /// Begins the activation that is about to be stepped, and shows the participant which of its outputs are seen.
     fn begin_step(&mut self) -> Step {
         let Assignment {
             timebase,

@@ -1,4 +1,4 @@
-//! Exact time: rationals for people, integer ticks for the plan.
+//! Exact time: rational numbers for users, integer ticks for the plan.
 
 mod rational;
 mod sample_time;

@@ -8,18 +8,18 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// An instant or a duration in seconds, exactly: `numerator / denominator` in lowest terms, denominator positive.
 ///
-/// Simulated time is never a sum of rounded doubles. A period of `1/300 s` or a rate of `30 Hz` is what the user wrote,
-/// to the last digit, after any number of steps.
+/// Simulated time is never a sum of rounded doubles. A period of `1/300 s` or a rate of `30 Hz` stays exactly what the user wrote, after
+/// any number of steps.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Rational {
     numerator: i64,
     denominator: i64,
 }
 
-/// Why a text is not a time.
+/// Why a text is not a valid time.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TimeError {
-    /// The text has no number and unit of time.
+    /// The text has no number or no unit of time.
     #[error("`{text}` is not a time: write a number and a unit, for example \"10 ms\", \"1/300 s\" or \"30 Hz\"")]
     Syntax {
         /// What was written.
@@ -107,14 +107,14 @@ impl Rational {
         nearest_double(i128::from(self.numerator), i128::from(self.denominator))
     }
 
-    /// The sum, unless it needs more than 63 bits.
+    /// The sum; `None` when it needs more than 63 bits.
     pub fn checked_add(self, other: Rational) -> Option<Rational> {
         let (a, b) = (i128::from(self.numerator), i128::from(self.denominator));
         let (c, d) = (i128::from(other.numerator), i128::from(other.denominator));
         Rational::new(a.checked_mul(d)?.checked_add(c.checked_mul(b)?)?, b.checked_mul(d)?)
     }
 
-    /// A whole multiple, unless it needs more than 63 bits.
+    /// An integer multiple; `None` when it needs more than 63 bits.
     pub fn checked_mul(self, factor: i64) -> Option<Rational> {
         Rational::new(
             i128::from(self.numerator).checked_mul(i128::from(factor))?,
@@ -122,7 +122,7 @@ impl Rational {
         )
     }
 
-    /// The largest duration of which both are whole multiples; `None` when it needs more than 63 bits.
+    /// The largest duration of which both are integer multiples; `None` when it needs more than 63 bits.
     pub fn common_measure(self, other: Rational) -> Option<Rational> {
         let (a, b) = (i128::from(self.numerator), i128::from(self.denominator));
         let (c, d) = (i128::from(other.numerator), i128::from(other.denominator));
@@ -143,7 +143,8 @@ pub(crate) fn nearest_double(numerator: i128, denominator: i128) -> f64 {
     if numerator < 0 { -magnitude } else { magnitude }
 }
 
-/// The same where both are doubles already, so that the one division is the only rounding. Almost every time of a run is like this, and
+/// The same where both are exactly representable as doubles, so that the one division is the only rounding. Almost every time of a run is
+/// of this kind, and 64-bit conversions are one instruction each.
 /// 64-bit conversions are one instruction each.
 #[inline]
 pub(super) fn quotient(numerator: i64, denominator: i64) -> Option<f64> {
@@ -154,8 +155,8 @@ pub(super) fn quotient(numerator: i64, denominator: i64) -> Option<f64> {
 
 fn long_division(n: u128, d: u128) -> f64 {
     let (mut quotient, mut remainder, mut exponent) = (n / d, n % d, 0);
-    // Binary long division until 64 significant bits stand there. The denominator stays below 2^127, so doubling the
-    // remainder cannot overflow.
+    // Binary long division until there are 64 significant bits. The denominator stays below 2^127, so doubling the remainder cannot
+    // overflow.
     while quotient < 1 << 63 && n != 0 {
         remainder <<= 1;
         quotient <<= 1;
@@ -168,7 +169,7 @@ fn long_division(n: u128, d: u128) -> f64 {
     if remainder != 0 {
         quotient |= 1; // sticky: decides ties
     }
-    // The conversion rounds to nearest even once; the scale is a power of two.
+    // The conversion rounds once, to nearest even; the scale is a power of two.
     quotient as f64 * f64::from_bits(((1023 + i64::from(exponent)) as u64) << 52)
 }
 
@@ -200,7 +201,7 @@ const UNITS: [(&str, i128, i128); 7] = [
 impl FromStr for Rational {
     type Err = TimeError;
 
-    /// Reads `"10 ms"`, `"1/300 s"`, `"0.25 s"`, `"1.5e-3 s"`; a rate such as `"30 Hz"` is the period it stands for.
+    /// Reads `"10 ms"`, `"1/300 s"`, `"0.25 s"`, `"1.5e-3 s"`; a rate such as `"30 Hz"` is read as its period.
     fn from_str(text: &str) -> Result<Rational, TimeError> {
         let syntax = || TimeError::Syntax { text: text.to_owned() };
         let range = || TimeError::Range { text: text.to_owned() };
@@ -352,7 +353,7 @@ mod tests {
         }
     }
 
-    /// 2^53 + 1 over a power of two: the integer has no double of its own, and lies in the middle between two.
+    /// 2^53 + 1 over a power of two: the integer is not a double, and lies in the middle between two.
     #[test]
     fn numerator_beyond_doubles_is_rounded_to_even() {
         assert_eq!(nearest_double((1 << 53) + 1, 4096), 2.0_f64.powi(41));

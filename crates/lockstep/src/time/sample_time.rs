@@ -8,7 +8,7 @@ use super::rational::{gcd, nearest_double, quotient};
 /// A count of ticks of a [`Timebase`]: an instant or a duration.
 pub type Ticks = i64;
 
-/// The plan's one unit of time: every period and offset of a run is a whole number of ticks.
+/// The plan's unit of time: every period and offset of a run is a whole number of ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Timebase {
     tick: Rational,
@@ -17,7 +17,7 @@ pub struct Timebase {
 /// Why a set of times has no usable common tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum TickError {
-    /// No 63-bit fraction measures all of the times.
+    /// The times have no common measure that is a 63-bit fraction.
     #[error(
         "the periods and offsets have no common measure that fits 63 bits: choose times with a smaller common denominator"
     )]
@@ -35,7 +35,7 @@ pub enum TickError {
 }
 
 impl Timebase {
-    /// The largest tick that measures every one of `times` (zeros are ignored; one second when nothing is left).
+    /// The largest common measure of `times` (zeros are ignored; one second when nothing is left).
     pub fn measuring(times: impl IntoIterator<Item = Rational>) -> Result<Timebase, TickError> {
         let mut tick: Option<Rational> = None;
         for time in times.into_iter().filter(|time| *time != Rational::ZERO) {
@@ -54,8 +54,8 @@ impl Timebase {
         self.tick
     }
 
-    /// The first whole tick at or after `time`. For an instant t on the tick grid, `t >= time` and `t >= ceil(time)` are
-    /// the same statement, so delays and ends of runs need not be multiples of anything.
+    /// The first whole tick at or after `time`. For an instant t on the tick grid, `t >= time` and `t >= ceil(time)` are equivalent, so
+    /// delays and ends of runs need not be multiples of the tick.
     pub fn ceil(&self, time: Rational) -> Result<Ticks, TickError> {
         let n = i128::from(time.numerator()) * i128::from(self.tick.denominator());
         let d = i128::from(time.denominator()) * i128::from(self.tick.numerator());
@@ -74,7 +74,7 @@ impl Timebase {
         short.unwrap_or_else(|| nearest_double(i128::from(ticks) * i128::from(n), i128::from(d)))
     }
 
-    /// The exact instant; `None` when 63 bits do not hold it.
+    /// The exact instant; `None` when it needs more than 63 bits.
     pub fn time(&self, ticks: Ticks) -> Option<Rational> {
         self.tick.checked_mul(ticks)
     }
@@ -85,7 +85,7 @@ impl Timebase {
 pub struct SampleTime {
     /// The first instant.
     pub offset: Ticks,
-    /// The distance of two instants, positive.
+    /// The distance between two instants, positive.
     pub period: Ticks,
 }
 
@@ -109,14 +109,14 @@ impl SampleTime {
         }
     }
 
-    /// The newest index whose instant is at or before `t`.
+    /// The largest index whose instant is at or before `t`.
     pub fn index_at_or_before(&self, t: Ticks) -> Option<u64> {
-        // From one end of representable time to the other is more than a signed word holds, but not more than an unsigned one.
+        // The distance between the two ends of representable time exceeds a signed word, but not an unsigned one.
         (t >= self.offset).then(|| t.abs_diff(self.offset) / self.period.unsigned_abs())
     }
 
-    /// The instants that two sample times have in common, as a sample time (Chinese remainder theorem); `None` when they
-    /// never meet or first meet beyond representable time.
+    /// The instants that two sample times have in common, as a sample time (Chinese remainder theorem); `None` when they have none, or
+    /// none within representable time.
     pub fn meet(&self, other: &SampleTime) -> Option<SampleTime> {
         let (p, q) = (i128::from(self.period), i128::from(other.period));
         let common = gcd(p, q);
@@ -134,7 +134,7 @@ impl SampleTime {
         }
         Some(SampleTime {
             offset: Ticks::try_from(first).ok()?,
-            // A period beyond representable time means that they meet once.
+            // A period beyond representable time means that they have one instant in common.
             period: Ticks::try_from(period).unwrap_or(Ticks::MAX),
         })
     }

@@ -1,4 +1,4 @@
-//! Links inside one process: a ring in memory that both ends share, by the same rules as between processes.
+//! Links inside one process: a ring in memory that both ends share, with the same rules as between processes.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use super::lock_free::board::{Get, Set};
 use super::lock_free::slots::{SlotReceiver, SlotSender, Slots};
 use super::lock_free::words::Word;
 
-/// What both ends know.
+/// The data shared by both ends.
 struct Ring {
     slots: Slots,
     words: Box<[Word]>,
@@ -43,7 +43,7 @@ pub struct LocalReceiver {
     receiver: SlotReceiver,
 }
 
-/// A link that holds up to `capacity` samples of `size` bytes. All of its memory is taken here.
+/// A link that holds up to `capacity` samples of `size` bytes. All of its memory is allocated here.
 pub fn link(size: usize, capacity: usize) -> (LocalSender, LocalReceiver) {
     let slots = Slots { size, capacity };
     let ring = Arc::new(Ring {

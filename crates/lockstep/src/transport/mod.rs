@@ -1,4 +1,4 @@
-//! What carries samples between participants: one small interface, one implementation a file.
+//! Transports of samples between participants: one small interface, one file for each implementation.
 
 pub mod iceoryx;
 pub(crate) mod interface;

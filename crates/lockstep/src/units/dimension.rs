@@ -26,7 +26,7 @@ impl Dimension {
         }
     }
 
-    /// The product of this and `power` times that; `None` when an exponent leaves the range of anything physical.
+    /// The product of this and `other` to the power `power`; `None` when an exponent exceeds any physical range.
     pub fn times(self, other: Dimension, power: i32) -> Option<Dimension> {
         let add = |a: i32, b: i32| {
             b.checked_mul(power)
@@ -41,7 +41,7 @@ impl Dimension {
         })
     }
 
-    /// Whether both are the same apart from the angle, which mechanics writes or leaves out as it pleases.
+    /// Whether both are the same apart from the angle, which mechanics conventionally writes or omits.
     pub fn same_but_for_angle(self, other: Dimension) -> bool {
         (self.length, self.mass, self.time) == (other.length, other.mass, other.time)
     }

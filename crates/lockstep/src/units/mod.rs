@@ -1,7 +1,7 @@
 //! Physical quantities as users write them, checked for their dimension and converted to SI units and radians.
 //!
-//! A file says `"0.2 deg/s"`, `"10 N m"` or `"[-0.42, 0, -2.85] m"`; a parameter struct says what it needs by the type of
-//! its field, and reads numbers in SI units:
+//! A file has `"0.2 deg/s"`, `"10 N m"` or `"[-0.42, 0, -2.85] m"`; a parameter struct states the required quantity by the type of its
+//! field, and reads numbers in SI units:
 //!
 //! ```
 //! use lockstep::units::{Angle, AngularRate, Quantity, Vector, read};
@@ -26,13 +26,12 @@
 //!
 //! # How a quantity is written
 //!
-//! A number or a list of numbers in brackets, then a unit: factors separated by spaces, `*` or `·`, each with an optional
-//! power (`m^2`, `m2`, `m²`, `s^-1`); a `/` divides by the one factor that follows it, so `kg m^2/s` and `m/s/s` mean what
-//! they say. Known symbols are listed by [`known_symbols`]. A pure number is a plain TOML number and needs nothing of this
-//! module.
+//! A number or a list of numbers in brackets, then a unit: factors separated by spaces, `*` or `·`, each with an optional power (`m^2`,
+//! `m2`, `m²`, `s^-1`); a `/` divides by the one factor that follows it, so `kg m^2/s` and `m/s/s` are read as written. [`known_symbols`]
+//! lists the known symbols. A dimensionless number is a plain TOML number and does not need this module.
 //!
-//! Angles are counted as a dimension of their own as far as that helps: `deg` is refused where no angle belongs, while
-//! `rad` may be left out or added where mechanics does so (`N m s` or `N m s/rad`).
+//! Angles are a dimension of their own where that detects mistakes: `deg` is rejected where no angle belongs, while `rad` may be omitted
+//! or added where mechanics conventionally does so (`N m s` or `N m s/rad`).
 
 mod dimension;
 mod kinds;

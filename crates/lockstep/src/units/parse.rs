@@ -1,4 +1,4 @@
-//! Text to number and unit.
+//! Parsing of numbers with units.
 
 use super::Dimension;
 
@@ -10,7 +10,7 @@ pub enum UnitError {
     Number {
         /// The text.
         text: String,
-        /// A good one.
+        /// A valid example.
         example: &'static str,
     },
     /// A number that is infinite or not a number.
@@ -18,7 +18,7 @@ pub enum UnitError {
     NotFinite {
         /// The text.
         text: String,
-        /// A good one.
+        /// A valid example.
         example: &'static str,
     },
     /// A number without unit.
@@ -28,10 +28,10 @@ pub enum UnitError {
         text: String,
         /// What is needed.
         words: &'static str,
-        /// A good one.
+        /// A valid example.
         example: &'static str,
     },
-    /// A symbol that is no unit.
+    /// An unknown unit symbol.
     #[error("`{symbol}` in `{text}` is not a unit; known are {}", known_symbols())]
     Symbol {
         /// The text.
@@ -50,10 +50,10 @@ pub enum UnitError {
         words: &'static str,
         /// The dimension that is needed.
         needed: Dimension,
-        /// A good one.
+        /// A valid example.
         example: &'static str,
     },
-    /// A value for something whose unit is known only when it is met.
+    /// An invalid value for a unit that is known only at run time.
     #[error("`{text}` is not a value in {unit}: {reason}; write for example \"0.5 {unit}\"")]
     Unit {
         /// The text.
@@ -63,16 +63,16 @@ pub enum UnitError {
         /// What is wrong.
         reason: String,
     },
-    /// A list of another length, or a list where one number belongs, or the other way round.
+    /// A list of the wrong length, a list where one number belongs, or one number where a list belongs.
     #[error("`{text}` has {found}, but {needed} needed; write for example \"{example}\"")]
     Count {
         /// The text.
         text: String,
-        /// What it has.
+        /// What the text has.
         found: String,
         /// How many there should be.
         needed: String,
-        /// A good one.
+        /// A valid example.
         example: String,
     },
 }
@@ -90,7 +90,7 @@ const ONE: Dimension = Dimension::new(0, 0, 0, 0);
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Symbol, factor to SI, dimension. A symbol stands for itself: there are no free prefixes.
+/// Symbol, factor to SI, dimension. Symbols are matched as a whole: prefixes cannot be combined freely.
 const SYMBOLS: [(&str, f64, Dimension); 36] = [
     ("1", 1.0, ONE),
     ("m", 1.0, M),
@@ -136,12 +136,12 @@ pub fn known_symbols() -> String {
     names.join(", ")
 }
 
-/// Reads `text` as numbers in a unit of `dimension` and hands each, in SI units, to `put` with its index.
+/// Reads `text` as numbers in a unit of `dimension` and passes each, in SI units, to `put` with its index.
 ///
-/// Returns the count of numbers, and whether they stood in brackets. `words` and `example` go into the messages.
+/// Returns the count of numbers, and whether they were in brackets. `words` and `example` are used in the messages.
 ///
 /// # Errors
-/// Names the text, what is needed and a good example.
+/// Names the text, what is needed and a valid example.
 pub fn parse(
     text: &str,
     dimension: Dimension,
@@ -191,11 +191,11 @@ pub fn parse(
     Ok((count, listed))
 }
 
-/// Reads `text` as numbers and gives them in the unit called `unit`, with whether they stood in brackets. A unit that this
-/// module does not know, of a message that somebody else defined, must stand in `text` as it is called there.
+/// Reads `text` as numbers and returns them in the unit called `unit`, with whether they were in brackets. A unit that this module does
+/// not know, of a foreign message, must be written in `text` by the same name.
 ///
 /// # Errors
-/// Names the text, the unit that is needed and a good example.
+/// Names the text, the unit that is needed and a valid example.
 pub fn convert(text: &str, unit: &str) -> Result<(Vec<f64>, bool), UnitError> {
     let refuse = |reason: String| UnitError::Unit {
         text: text.to_owned(),
@@ -235,22 +235,22 @@ pub fn convert(text: &str, unit: &str) -> Result<(Vec<f64>, bool), UnitError> {
     Ok((numbers.split(',').map(number).collect::<Result<_, _>>()?, listed))
 }
 
-/// What one of the unit called `unit` is in SI units and radians, and its dimension.
+/// The factor from the unit called `unit` to SI units and radians, and its dimension.
 ///
 /// # Errors
-/// Names a symbol that is no unit.
+/// Names an unknown unit symbol.
 pub fn unit_factor(unit: &str) -> Result<(f64, Dimension), UnitError> {
     let ((factor, _), dimension) = unit_of(unit, unit)?;
     Ok((factor, dimension))
 }
 
-/// The unit that stands in `text` behind a number or a list of numbers, as it is written.
+/// The unit after a number or a list of numbers in `text`, as written.
 pub fn unit_in(text: &str) -> Option<&str> {
     let (_, unit, _) = split(text.trim())?;
     Some(unit.trim()).filter(|unit| !unit.is_empty())
 }
 
-/// Numbers, unit, and whether the numbers stand in brackets.
+/// Numbers, unit, and whether the numbers are in brackets.
 fn split(text: &str) -> Option<(&str, &str, bool)> {
     match text.strip_prefix('[') {
         Some(rest) => rest.split_once(']').map(|(inside, unit)| (inside, unit, true)),
@@ -261,12 +261,12 @@ fn split(text: &str) -> Option<(&str, &str, bool)> {
     }
 }
 
-/// Angles, and rates of angles: there a missing `rad` is a likely mistake.
+/// Angles, and rates of angles, for which a missing `rad` is a likely mistake.
 fn is_angle(dimension: Dimension) -> bool {
     dimension.length == 0 && dimension.mass == 0
 }
 
-/// Where the number at the start of `text` ends.
+/// The end of the number at the start of `text`.
 fn number_end(text: &str) -> usize {
     let bytes = text.as_bytes();
     let mut at = 0;
@@ -284,7 +284,7 @@ fn number_end(text: &str) -> usize {
     at
 }
 
-/// Factor to SI with whether an angle other than the radian is in it, and dimension.
+/// Factor to SI, whether it contains an angle unit other than the radian, and dimension.
 fn unit_of(unit: &str, text: &str) -> Result<((f64, bool), Dimension), UnitError> {
     let unit = unit.replace(['·', '*'], " ").replace('²', "^2").replace('³', "^3");
     let spaced = unit.replace('/', " / ");
@@ -333,7 +333,7 @@ fn split_power(term: &str) -> Option<(&str, i32)> {
     }
 }
 
-/// By repeated multiplication: `powi` may round differently from one target to the next.
+/// By repeated multiplication: `powi` may round differently between targets.
 fn integer_power(base: f64, power: i32) -> f64 {
     let product = (0..power.abs()).fold(1.0, |product, _| product * base);
     if power < 0 { 1.0 / product } else { product }

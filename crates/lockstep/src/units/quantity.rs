@@ -7,7 +7,7 @@ use serde::de::{Deserialize, Deserializer, Error, Visitor};
 
 use super::{Dimension, UnitError, parse};
 
-/// A kind of quantity: its dimension, and how to speak of it.
+/// A kind of quantity: its dimension, and the words for it in messages.
 pub trait Kind {
     /// Its dimension.
     const DIMENSION: Dimension;
@@ -23,11 +23,11 @@ pub struct Quantity<K>(f64, PhantomData<K>);
 /// `N` components in one unit: `"[-0.42, 0, -2.85] m"`.
 pub struct Vector<K, const N: usize>([f64; N], PhantomData<K>);
 
-/// A quantity for each of `N` channels: `"[1, 2, 3] N"`, or `"9 N"` where all are the same.
+/// A quantity for each of `N` channels: `"[1, 2, 3] N"`, or `"9 N"` if all are the same.
 pub struct Each<K, const N: usize>([f64; N], PhantomData<K>);
 
 impl<K> Quantity<K> {
-    /// From a value in SI units and radians.
+    /// Creates it from a value in SI units and radians.
     pub const fn of(si: f64) -> Self {
         Self(si, PhantomData)
     }
@@ -41,7 +41,7 @@ impl<K> Quantity<K> {
 macro_rules! components {
     ($($name:ident),*) => {$(
         impl<K, const N: usize> $name<K, N> {
-            /// From values in SI units and radians.
+            /// Creates it from values in SI units and radians.
             pub const fn of(si: [f64; N]) -> Self {
                 Self(si, PhantomData)
             }
@@ -95,7 +95,7 @@ impl<K> fmt::Debug for Quantity<K> {
     }
 }
 
-/// Reads text as up to `N` numbers; says how many there were and whether they stood in brackets.
+/// Reads text as up to `N` numbers; returns how many there were and whether they were in brackets.
 struct Text<K, const N: usize>(PhantomData<K>);
 
 struct Read<const N: usize> {

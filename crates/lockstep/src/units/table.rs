@@ -1,13 +1,13 @@
-//! A participant's parameters as a struct.
+//! Reading a participant's parameters into a struct.
 
 use serde::de::DeserializeOwned;
 
 use crate::participant::ParameterError;
 
-/// Reads `table` as a `T`. Structs should say `#[serde(deny_unknown_fields)]`, so that a misspelt key is refused.
+/// Reads `table` as a `T`. Structs should have `#[serde(deny_unknown_fields)]`, so that a misspelt key is rejected.
 ///
 /// # Errors
-/// With the dotted key of the value that was refused and the reason.
+/// The dotted key of the value that was rejected, and the reason.
 pub fn read<T: DeserializeOwned>(table: &toml::Table) -> Result<T, ParameterError> {
     serde_path_to_error::deserialize(table.clone()).map_err(|error| {
         let key = error.path().to_string();

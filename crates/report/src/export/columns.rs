@@ -1,4 +1,4 @@
-//! A stream as a table: a column per element, or one for a whole field that is too wide for that.
+//! Tabular layout of a stream: a column per element, or one for a whole field that is too wide.
 
 use std::collections::HashSet;
 
@@ -6,18 +6,18 @@ use lockstep::port::{Content, Element, Field};
 
 use tape::StreamSpec;
 
-/// A field with more elements than this is one column. A picture has a million elements, and no reader opens a table with
-/// a million columns; the largest matrices that are looked at element by element (a covariance of 16 states) stay below.
+/// A field with more elements than this is one column. A picture has a million elements, and no reader opens a table with a
+/// million columns; the largest matrices that users inspect element by element (a covariance of 16 states) stay below.
 pub(super) const WIDEST: usize = 256;
 
 /// A column of a table.
 pub(super) struct Column<'a> {
-    /// The element with its unit: `p_NB_N[0] [m]`. No two columns have the same.
+    /// The element with its unit: `p_NB_N[0] [m]`. Column names are unique.
     pub(super) name: String,
     pub(super) field: &'a Field,
     /// Where the column starts in the payload, bytes.
     pub(super) start: usize,
-    /// How many elements each cell has: one, or all of a wide field.
+    /// The number of elements in each cell: one, or all of a wide field.
     pub(super) elements: usize,
 }
 
@@ -27,12 +27,12 @@ impl Column<'_> {
         self.elements > 1
     }
 
-    /// What an enumeration calls the value in the cell.
+    /// The name of the enumeration value in the cell.
     pub(super) fn name_in(&self, payload: &[u8]) -> Option<&str> {
         self.field.name_of(self.field.element.to_f64(&payload[self.start..]))
     }
 
-    /// The text or the bytes in the cell, as a text in tables: bytes in hexadecimal.
+    /// The text or the bytes in the cell, as text for tables: bytes in hexadecimal.
     pub(super) fn content_in(&self, payload: &[u8]) -> Option<String> {
         Some(match self.field.element.content(&payload[self.start..]).ok()? {
             Content::Text(text) => text.to_owned(),
@@ -46,7 +46,7 @@ impl Column<'_> {
     }
 }
 
-/// Whether the field is one column.
+/// Whether the field is stored as one column.
 pub(super) fn is_wide(field: &Field) -> bool {
     field.len() > WIDEST
 }
@@ -59,7 +59,7 @@ pub(super) fn columns(spec: &StreamSpec) -> Vec<Column<'_>> {
     let mut columns = Vec::new();
     let mut names = vec![("t".to_owned(), "s")];
     for field in &spec.descriptor.fields {
-        // A name or a truth value has no unit.
+        // Names and truth values have no unit.
         let unit = if field.element.is_number() {
             field.unit.as_str()
         } else {
@@ -86,14 +86,14 @@ pub(super) fn columns(spec: &StreamSpec) -> Vec<Column<'_>> {
             });
         }
     }
-    // The stamp comes first, so it keeps its name whatever a field is called.
+    // The stamp comes first, so it keeps its name whatever the fields are called.
     for (column, name) in columns.iter_mut().zip(headings(&names).into_iter().skip(1)) {
         column.name = name;
     }
     columns
 }
 
-/// A name with its unit, as it heads a column; a pure text has none.
+/// A name with its unit, as a column heading; without a unit the name alone.
 pub(super) fn heading(name: &str, unit: &str) -> String {
     if unit.is_empty() {
         name.to_owned()
@@ -102,7 +102,7 @@ pub(super) fn heading(name: &str, unit: &str) -> String {
     }
 }
 
-/// Names with their units as headings that are all different: `t_2 [s]` where `t [s]` stands already.
+/// Names with their units as unique headings: `t_2 [s]` where `t [s]` already exists.
 pub(super) fn headings(columns: &[(String, &str)]) -> Vec<String> {
     let wanted = columns.iter().map(|(name, unit)| heading(name, unit)).collect();
     distinct(wanted, |at, n| {
@@ -110,12 +110,12 @@ pub(super) fn headings(columns: &[(String, &str)]) -> Vec<String> {
     })
 }
 
-/// Names that are all different. The first of several equal ones stays as it is; for the others, which stand at `at`,
-/// `another(at, n)` gives names to try, n = 2, 3, …
+/// Makes names unique. The first of several equal ones is unchanged; for the others, at position `at`, `another(at, n)`
+/// returns names to try, n = 2, 3, …
 pub(super) fn distinct(wanted: Vec<String>, another: impl Fn(usize, usize) -> String) -> Vec<String> {
     let mut taken: HashSet<String> = HashSet::new();
     let repeated: Vec<bool> = wanted.iter().map(|name| !taken.insert(name.clone())).collect();
-    // All wanted names are taken by now: none that is made up gets one that another column has by right.
+    // All wanted names are reserved first: no generated name takes a name that another column already has.
     let named = wanted.into_iter().zip(repeated).enumerate();
     named
         .map(|(at, (name, repeated))| {
@@ -163,7 +163,7 @@ pub(super) fn number(element: Element, payload: &[u8], start: usize) -> Number {
         Element::I8 => Number::I64(i64::from(raw!(i8))),
         Element::U16 => Number::U64(u64::from(raw!(u16))),
         Element::U8 | Element::Bool | Element::Enum => Number::U64(u64::from(payload[start])),
-        // Not asked for: tables have what is in them.
+        // Never requested: tables store the content of texts and bytes.
         Element::Text(_) | Element::Bytes(_) => Number::U64(0),
     }
 }

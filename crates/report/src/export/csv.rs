@@ -9,7 +9,7 @@ use super::file::{Draft, WriteError};
 use super::npy;
 use tape::{Records, Source};
 
-/// The table of a stream, and beside it the array of each field that is too wide for a table. Gives the files.
+/// Writes the table of a stream, and the array of each field that is too wide for a table. Returns the files.
 pub(super) fn write(source: &dyn Source, stream: usize, dir: &Path) -> Result<Vec<PathBuf>, ExportError> {
     let spec = &source.streams()[stream];
     let (wide, columns): (Vec<_>, Vec<_>) = columns(spec).into_iter().partition(Column::is_wide);
@@ -39,7 +39,7 @@ pub(super) fn write(source: &dyn Source, stream: usize, dir: &Path) -> Result<Ve
 
 fn row(table: &mut Draft, columns: &[Column<'_>], stamp_s: f64, payload: &[u8]) -> Result<(), ExportError> {
     table.write(|out| {
-        // `{:?}` of a float is the shortest text that reads back to it, with an exponent where that is shorter.
+        // `{:?}` of a float is the shortest text that parses to the same number, with an exponent where that is shorter.
         write!(out, "{stamp_s:?}")?;
         for column in columns {
             if let Some(name) = column.name_in(payload) {
@@ -61,7 +61,7 @@ fn row(table: &mut Draft, columns: &[Column<'_>], stamp_s: f64, payload: &[u8]) 
     })
 }
 
-/// The fields' names as parts of file names that are all different, also where letters' case does not count.
+/// The fields' names as unique parts of file names, also on case-insensitive file systems.
 fn array_names(wide: &[Column<'_>]) -> Vec<String> {
     let plain = |column: &Column<'_>| -> String {
         let safe = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
@@ -70,7 +70,7 @@ fn array_names(wide: &[Column<'_>]) -> Vec<String> {
     let folded = wide.iter().map(|column| plain(column).to_ascii_lowercase()).collect();
     let numbered = |at: usize, n: usize| format!("{}_{n}", plain(&wide[at]).to_ascii_lowercase());
     let told_apart = distinct(folded, numbered).into_iter();
-    // What was added to tell them apart is added to the name as it is.
+    // The suffix that makes a name unique is appended to the name in its original case.
     let names = told_apart.zip(wide).map(|(name, column)| {
         let plain = plain(column);
         format!("{plain}{}", &name[plain.len()..])
@@ -78,7 +78,7 @@ fn array_names(wide: &[Column<'_>]) -> Vec<String> {
     names.collect()
 }
 
-/// A text that may hold a comma, a quote or a line's end, such as the name of a foreign participant's field.
+/// Quotes a text that may contain a comma, a quote or a newline, such as the name of an external participant's field.
 pub(super) fn quoted(name: &str) -> String {
     if name.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", name.replace('"', "\"\""))

@@ -1,4 +1,4 @@
-//! Why an export failed.
+//! Errors of exports.
 
 use std::io;
 use std::path::PathBuf;
@@ -11,24 +11,24 @@ pub enum ExportError {
     /// The tape cannot be read.
     #[error(transparent)]
     Tape(#[from] ReadError),
-    /// The file system refused.
+    /// An error of the file system.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was tried.
+        /// The attempted operation.
         action: &'static str,
-        /// What the system said.
+        /// The system's message.
         source: io::Error,
     },
-    /// A stream does not go into the format.
+    /// A stream exceeds a limit of the format.
     #[error(
         "stream `{stream}` would be a variable of {bytes} bytes, and a MAT file holds less than 2 GiB of each: choose a part of it with --of, --from and --until, or another format"
     )]
     TooLarge {
         /// The stream.
         stream: String,
-        /// What it would take.
+        /// Its size in the format.
         bytes: u64,
     },
 }

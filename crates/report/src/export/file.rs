@@ -1,4 +1,4 @@
-//! A file that an export writes.
+//! Output files of exports.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -8,10 +8,10 @@ use tape::ReadError;
 
 use super::error::ExportError;
 
-/// What a reader of the files should know of the run: keys and values of their metadata.
+/// Information about the run for readers of the files: keys and values of their metadata.
 pub type About = [(&'static str, String)];
 
-/// What writes one file.
+/// Why a file could not be written.
 pub(super) enum WriteError {
     Tape(ReadError),
     Io(io::Error),
@@ -29,8 +29,8 @@ impl From<io::Error> for WriteError {
     }
 }
 
-/// A file under another name until it is complete: half a file never looks like a whole one. Dropped before that, it is
-/// removed.
+/// A file that has a temporary name until it is complete: a partial file never looks like a complete one. If dropped before
+/// completion, it is removed.
 pub(super) struct Draft {
     path: PathBuf,
     part: PathBuf,
@@ -85,7 +85,7 @@ impl Draft {
 
 impl Drop for Draft {
     fn drop(&mut self) {
-        // Not there any more under this name when it was finished.
+        // After completion the temporary name no longer exists.
         let _ = fs::remove_file(&self.part);
     }
 }
@@ -99,7 +99,7 @@ pub(super) fn whole_file(
     draft.finish().map(|_| ())
 }
 
-/// A writer that knows how far it is.
+/// A writer that counts its position.
 pub(super) struct Counted<'a, W: Write> {
     inner: &'a mut W,
     pub(super) position: u64,

@@ -1,10 +1,10 @@
-//! MAT files of version 5, as far as a tape needs them: structs of arrays and of texts; no compression.
+//! MAT files of version 5, the subset that a tape needs: structs of arrays and of texts; no compression.
 //!
-//! A file is a header of 128 bytes and elements, each with a tag of its type and its length. An array is an element that is made of
-//! elements: what kind of array it is, its extents, its name, its numbers. See MathWorks' "MAT-File Format", "Level 5 MAT-Files".
+//! A file is a header of 128 bytes and elements, each with a tag of its type and its length. An array is an element that
+//! contains other elements: array flags, dimensions, name, numbers. See MathWorks' "MAT-File Format", "Level 5 MAT-Files".
 //!
-//! Arrays lie column by column, and a tape sample by sample. All lengths are known before the first sample is read, so each number has
-//! its place in the file, and the tape is read once.
+//! Arrays are stored column by column, and a tape sample by sample. All lengths are known before the first sample is read,
+//! so the place of each number in the file is known, and the tape is read once.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -28,16 +28,16 @@ const UTF16: u32 = 17;
 const STRUCT: u32 = 2;
 const CHAR: u32 = 4;
 const DOUBLES: u32 = 6;
-/// Beside the class: the numbers are truth values.
+/// Array flag: the numbers are truth values.
 const LOGICAL: u32 = 0x200;
 
-/// The longest name of a variable or field.
+/// Maximum length of the name of a variable or field.
 const NAME: usize = 63;
-/// Room for the name of a field: one byte more ends it.
+/// Size of a field name, including the terminating byte.
 const NAME_ROOM: usize = NAME + 1;
-/// The length of a variable, bytes, stands in 32 bits, and is read with a sign.
+/// The maximum size of a variable, bytes: the size is a 32-bit field, and readers treat it as signed.
 const LARGEST: u64 = i32::MAX as u64;
-/// Bytes of records that are read at once.
+/// Bytes of records read at a time.
 const CHUNK: usize = 8 << 20;
 
 /// Type and class of a field's numbers.
@@ -55,24 +55,24 @@ fn types(element: Element) -> (u32, u32) {
         // The number of an enumeration's value.
         Element::U8 | Element::Enum => (2, 9),
         Element::Bool => (2, 9 | LOGICAL),
-        // As the texts of a struct; bytes have their number in front of them.
+        // Struct values are stored as texts; bytes are preceded by their number.
         Element::Text(_) => (UTF16, CHAR),
         Element::Bytes(_) => (2, 9),
     }
 }
 
-/// What a variable or a field of a struct holds.
+/// The content of a variable or of a field of a struct.
 enum Value<'a> {
     Text(&'a str),
     Struct(Vec<(String, Value<'a>)>),
-    /// The stamps of so many samples.
+    /// The stamps; number of samples.
     Stamps(u64),
-    /// So many values of a field.
+    /// The values of a field; number of samples.
     Samples(&'a Field, u64),
 }
 
 impl Value<'_> {
-    /// What kind of array it is, extents and name: everything in front of what it holds.
+    /// The header of an array: array flags, dimensions and name, before the content.
     fn head(&self, name: &str) -> Vec<u8> {
         let (class, extents) = match self {
             Value::Text(text) => (CHAR, vec![1, units(text).count() as u64]),
@@ -103,7 +103,7 @@ impl Value<'_> {
         }
     }
 
-    /// The length of the element, bytes, behind its tag.
+    /// The length of the element, bytes, after its tag.
     fn size(&self, name: &str) -> u64 {
         let head = self.head(name).len() as u64;
         head + match self {
@@ -116,7 +116,7 @@ impl Value<'_> {
         }
     }
 
-    /// Writes everything but the numbers of arrays, and gives `places` where those belong.
+    /// Writes everything but the numbers of arrays, and records in `places` where those belong.
     fn write(&self, name: &str, out: &mut BufWriter<File>, places: &mut Vec<u64>) -> io::Result<()> {
         out.write_all(&tag(MATRIX, self.size(name)))?;
         out.write_all(&self.head(name))?;
@@ -128,7 +128,7 @@ impl Value<'_> {
                 out.write_all(&whole)
             }
             Value::Struct(fields) => {
-                // The length of names is in the short form: type and length share a word with what they are of.
+                // The length of names uses the short form: type and length share a word with the data.
                 out.write_all(&(INT32 | 4 << 16).to_le_bytes())?;
                 out.write_all(&(NAME_ROOM as u32).to_le_bytes())?;
                 let mut names = vec![0; NAME_ROOM * fields.len()];
@@ -151,7 +151,7 @@ impl Value<'_> {
     }
 }
 
-/// How many numbers an element is in the file, where it is not one itself, and the bytes of each of them.
+/// The number of numbers of an element in the file, where it is not stored as one, and the bytes of each of them.
 fn parts(element: Element) -> (Option<usize>, usize) {
     match element {
         Element::Text(room) => (Some(room as usize), 2),
@@ -160,7 +160,8 @@ fn parts(element: Element) -> (Option<usize>, usize) {
     }
 }
 
-/// The samples of a field along the first extent, as tables have them; along the last one where each is a picture or the like.
+/// The samples of a field are along the first dimension, as in tables; along the last one where each sample is a picture or
+/// similar.
 fn extents(field: &Field, samples: u64) -> Vec<u64> {
     let own = field.shape.iter().map(|&extent| u64::from(extent));
     if let (Some(parts), _) = parts(field.element) {
@@ -174,7 +175,8 @@ fn extents(field: &Field, samples: u64) -> Vec<u64> {
     }
 }
 
-/// The UTF-16 of a text. What takes two units of it would be two characters for some readers and one for others.
+/// The UTF-16 of a text. A character outside the basic plane is replaced, because readers differ in counting it as one or
+/// two.
 fn units(text: &str) -> impl Iterator<Item = u16> {
     text.chars()
         .map(|letter| u16::try_from(u32::from(letter)).unwrap_or(0xfffd))
@@ -197,7 +199,7 @@ fn element(out: &mut Vec<u8>, kind: u32, bytes: &[u8]) {
     out.resize(out.len().next_multiple_of(8), 0);
 }
 
-/// Words that are no names in MATLAB.
+/// Reserved words of MATLAB.
 const KEYWORDS: [&str; 20] = [
     "break",
     "case",
@@ -221,7 +223,7 @@ const KEYWORDS: [&str; 20] = [
     "while",
 ];
 
-/// Names that MATLAB allows, all different: letters, digits and underscores, with a letter in front.
+/// Unique names that MATLAB allows: letters, digits and underscores, starting with a letter.
 fn valid(names: &[&str]) -> Vec<String> {
     let plain = |name: &str, room: usize| {
         let safe = |letter: char| if letter.is_ascii_alphanumeric() { letter } else { '_' };
@@ -238,10 +240,10 @@ fn valid(names: &[&str]) -> Vec<String> {
     })
 }
 
-/// The variable of a stream: its stamps and fields as arrays, and what they are.
+/// The variable of a stream: its stamps and fields as arrays, and their description.
 fn variable<'a>(spec: &'a StreamSpec, name: &'a str, samples: u64) -> Value<'a> {
     let fields = &spec.descriptor.fields;
-    // What every stream has keeps its name whatever a field is called.
+    // The names that every stream has are reserved before those of the fields.
     let own = ["t", "info", "stream"];
     let wanted: Vec<&str> = own.into_iter().chain(fields.iter().map(|field| &*field.name)).collect();
     let names = valid(&wanted).split_off(own.len());
@@ -271,7 +273,7 @@ pub(super) fn too_large(source: &dyn Source) -> Option<(String, u64)> {
     sizes.into_iter().find(|(_, size)| *size > LARGEST)
 }
 
-/// Writes a file with a variable for each stream, and `escapement` for what is known of the run.
+/// Writes a file with a variable for each stream, and `escapement` for the information about the run.
 pub(super) fn write(source: &dyn Source, about: &About, file: &mut BufWriter<File>) -> Result<(), WriteError> {
     let text = "MATLAB 5.0 MAT-file, written by Escapement";
     write!(file, "{text:<124}")?;
@@ -293,7 +295,7 @@ pub(super) fn write(source: &dyn Source, about: &About, file: &mut BufWriter<Fil
     }
     file.flush()?;
     let mut file = file.get_ref();
-    // Behind the last numbers nothing may have been written.
+    // The file may end with numbers that are not yet written.
     file.set_len(file.stream_position()?)?;
     for (stream, places) in all.iter().enumerate() {
         fill(source, stream, places, file)?;
@@ -301,7 +303,7 @@ pub(super) fn write(source: &dyn Source, about: &About, file: &mut BufWriter<Fil
     Ok(())
 }
 
-/// Puts the numbers of a stream into their `places`: those of the stamps and of each field.
+/// Writes the numbers of a stream to their `places`: those of the stamps and of each field.
 fn fill(source: &dyn Source, stream: usize, places: &[u64], file: &File) -> Result<(), WriteError> {
     let spec = &source.streams()[stream];
     let (stride, samples) = (spec.stride(), source.count(stream));
@@ -368,20 +370,20 @@ fn fill(source: &dyn Source, stream: usize, places: &[u64], file: &File) -> Resu
     Ok(())
 }
 
-/// The values of one element of a field, one behind the other.
+/// The values of one element of a field, contiguous in the file.
 struct Column {
-    /// Where in a record, and how many bytes.
+    /// Offset in a record, and size, bytes.
     start: usize,
     size: usize,
-    /// Where in the file.
+    /// Offset in the file.
     at: u64,
-    /// The number of the character or byte that it has of an element, which has so much room in the record.
+    /// For a text or bytes: the number of the character or byte of this column, and the size of the element in the record.
     part: Option<usize>,
     room: usize,
 }
 
 impl Column {
-    /// What it has of a record. A text has zeros behind its end.
+    /// Appends the column's part of a record. A text is padded with zeros.
     fn put(&self, record: &[u8], out: &mut Vec<u8>) {
         match (self.part, self.size) {
             (None, size) => out.extend_from_slice(&record[self.start..self.start + size]),
@@ -398,7 +400,7 @@ impl Column {
     }
 }
 
-/// Where in a sample, which has its last extent fastest, the elements lie in the order in which the first one is fastest.
+/// The row-major offsets (last dimension fastest) of the elements in column-major order (first dimension fastest).
 fn column_major(field: &Field) -> Vec<usize> {
     let place = |mut number: usize| {
         let mut place = 0;

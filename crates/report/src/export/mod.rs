@@ -1,11 +1,11 @@
 //! Tapes as files that other tools open: CSV, Parquet, MAT, MCAP.
 //!
-//! Every export reads the tape once, in order, and holds a few megabytes whatever its length. A file has its final name
-//! only when it is complete.
+//! Every export reads the tape once, in order, and uses a few megabytes of memory whatever its length. A file gets its
+//! final name only when it is complete.
 //!
-//! The writers of Parquet, MAT and MCAP are our own few hundred lines each. What a tape needs of these formats (columns of
-//! numbers without gaps; chunks of messages) is a small corner of them, and the libraries for the whole would more than
-//! double what this crate compiles. The readers that users have are the judges: tests open the files with them.
+//! The writers of Parquet, MAT and MCAP are implemented here, in a few hundred lines each. A tape needs a small subset of
+//! these formats (columns of numbers without gaps; chunks of messages), and the full libraries would more than double the
+//! code that this crate compiles. Tests open the files with the readers that users have.
 
 mod columns;
 mod csv;
@@ -31,19 +31,19 @@ use file::whole_file;
 pub use mcap::Compression;
 pub use sheet::{Cells, Sheet, SheetColumn};
 
-/// One CSV file per stream into the folder `dir`: `<participant>.<port>.csv`. The first line has the columns' names with
-/// their units, numbers are the shortest text that reads back to the same number. Gives the files.
+/// Writes one CSV file per stream into the folder `dir`: `<participant>.<port>.csv`. The first line has the columns' names
+/// with their units; numbers are the shortest text that parses to the same number. Returns the files.
 ///
-/// A field of more than 256 elements, such as a picture, has no place in a table of texts: it is an array of NumPy's in a
-/// file beside the table, `<participant>.<port>.<field>.npy`, with the number of samples before its own shape.
+/// A field of more than 256 elements, such as a picture, is not part of the table: it is a NumPy array in a separate file,
+/// `<participant>.<port>.<field>.npy`, whose first dimension is the number of samples, followed by the field's own shape.
 pub fn csv(source: &dyn Source, dir: &Path) -> Result<Vec<PathBuf>, ExportError> {
     per_stream(source, dir, csv::write)
 }
 
-/// One Parquet file per stream into the folder `dir`: `<participant>.<port>.parquet`, a column of the field's own type per
-/// element. A field of more than 256 elements is one column: bytes of a fixed number for `u8`, a list of a fixed number of
-/// elements for the other types. Unit, frame, field and shape of each column are in the column's metadata as Arrow readers
-/// show it, and `about` in that of the file, each key behind `escapement.`. Gives the files.
+/// Writes one Parquet file per stream into the folder `dir`: `<participant>.<port>.parquet`, a column of the field's own
+/// type per element. A field of more than 256 elements is one column: fixed-length bytes for `u8`, a fixed-length list for
+/// the other types. Unit, frame, field and shape of each column are in the column's metadata as Arrow readers show it, and
+/// `about` in that of the file, with the prefix `escapement.` on each key. Returns the files.
 pub fn parquet(source: &dyn Source, dir: &Path, about: &About) -> Result<Vec<PathBuf>, ExportError> {
     per_stream(source, dir, |source, stream, dir| {
         let path = dir.join(format!("{}.parquet", source.streams()[stream].name()));
@@ -52,9 +52,10 @@ pub fn parquet(source: &dyn Source, dir: &Path, about: &About) -> Result<Vec<Pat
     })
 }
 
-/// One MAT file of version 5 with a struct per stream, `participant_port`: the stamps as `t`, an array per field of the field's own type,
-/// with the samples along the first extent (along the last one for fields of more than 256 elements), `info` with name, unit and frame of
-/// each field, and the stream's name as `stream`. Names that MATLAB does not allow are changed. `about` is the struct `escapement`.
+/// Writes one MAT file of version 5 with a struct per stream, `participant_port`: the stamps as `t`, an array per field of
+/// the field's own type, with the samples along the first dimension (along the last one for fields of more than 256
+/// elements), `info` with name, unit and frame of each field, and the stream's name as `stream`. Names that MATLAB does not
+/// allow are changed. `about` is the struct `escapement`.
 pub fn mat(source: &dyn Source, path: &Path, about: &About) -> Result<(), ExportError> {
     if let Some((stream, bytes)) = mat::too_large(source) {
         return Err(ExportError::TooLarge { stream, bytes });
@@ -62,8 +63,8 @@ pub fn mat(source: &dyn Source, path: &Path, about: &About) -> Result<(), Export
     whole_file(path, |file| mat::write(source, about, file))
 }
 
-/// One MCAP file with every stream as a topic `/participant/port` of a protobuf message that describes itself, the
-/// poses among the fields as frame transforms on `/tf`, and the bodies of `scene` as what Foxglove calls a scene.
+/// Writes one MCAP file with every stream as a topic `/participant/port` of a self-describing protobuf message, the poses
+/// among the fields as frame transforms on `/tf`, and the bodies of `scene` as Foxglove scene entities.
 ///
 /// A pose is a pair of fields `p_XY_X` and `quat_XY`: frame Y in frame X. Log times are the stamps as nanoseconds
 /// since the start of the run. `about` is the metadata record `escapement`.

@@ -1,9 +1,9 @@
-//! NumPy's file of one array, for the fields that no text table can hold.
+//! NumPy's file format for one array, used for fields that are too wide for a text table.
 
 use lockstep::port::{Element, Field};
 
-/// The head of a file with `samples` values of `field`, one behind the other as they lie in the payload: format version 1.0
-/// of NumPy's specification. The array has the field's shape behind the number of samples.
+/// The header of a file with `samples` values of `field`, contiguous as in the payload: format version 1.0 of NumPy's
+/// specification. The array's shape is the number of samples followed by the field's shape.
 pub(super) fn head(field: &Field, samples: u64) -> Vec<u8> {
     let room;
     let kind = match field.element {
@@ -30,7 +30,7 @@ pub(super) fn head(field: &Field, samples: u64) -> Vec<u8> {
     let extents: Vec<String> = field.shape.iter().map(u32::to_string).collect();
     let shape = format!("({samples}, {})", extents.join(", "));
     let mut text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}");
-    // Spaces up to a multiple of 64 bytes, and the end of a line.
+    // Padded with spaces to a multiple of 64 bytes, ending with a newline.
     let before = b"\x93NUMPY\x01\x00".len() + 2;
     while !(before + text.len() + 1).is_multiple_of(64) {
         text.push(' ');

@@ -1,4 +1,4 @@
-//! A small table that is no stream: the rows of a campaign.
+//! Small tables that are not streams: the rows of a campaign.
 
 use super::columns::headings;
 
@@ -7,9 +7,9 @@ use super::columns::headings;
 pub enum Cells {
     /// Whole numbers.
     Whole(Vec<i64>),
-    /// Numbers; `None` where there is none.
+    /// Numbers; `None` where missing.
     Number(Vec<Option<f64>>),
-    /// Texts; `None` where there is none.
+    /// Texts; `None` where missing.
     Text(Vec<Option<String>>),
 }
 
@@ -29,12 +29,12 @@ pub struct SheetColumn {
 pub struct Sheet {
     /// The columns.
     pub columns: Vec<SheetColumn>,
-    /// What a reader of the Parquet file should know: keys and values of its metadata.
+    /// Information for readers of the Parquet file: keys and values of its metadata.
     pub about: Vec<(&'static str, String)>,
 }
 
 impl Sheet {
-    /// What heads the columns: the names with the units, `peak base torque [N m]`; all different.
+    /// The headings of the columns: the names with the units, `peak base torque [N m]`; all different.
     pub fn headings(&self) -> Vec<String> {
         let named = self.columns.iter().map(|column| (column.name.clone(), &*column.unit));
         headings(&named.collect::<Vec<_>>())

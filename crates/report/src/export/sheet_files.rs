@@ -11,11 +11,11 @@ use super::parquet;
 use super::sheet::{Cells, Sheet};
 
 impl Sheet {
-    /// Writes the file `path` as CSV (RFC 4180): a heading, then the rows. A cell without a value is empty; numbers are the
-    /// shortest text that reads back to the same number.
+    /// Writes the file `path` as CSV (RFC 4180): a heading, then the rows. A missing value is an empty cell; numbers are
+    /// the shortest text that parses to the same number.
     ///
     /// # Errors
-    /// When the file system refuses.
+    /// On an error of the file system.
     pub fn csv(&self, path: &Path) -> Result<(), ExportError> {
         whole_file(path, |file| self.write_csv(file).map_err(WriteError::Io))
     }
@@ -23,7 +23,7 @@ impl Sheet {
     /// Writes the file `path` as Parquet: the same columns, with the units in the metadata `escapement.units` as well.
     ///
     /// # Errors
-    /// When the file system refuses.
+    /// On an error of the file system.
     pub fn parquet(&self, path: &Path) -> Result<(), ExportError> {
         whole_file(path, |file| parquet::write_sheet(self, file).map_err(WriteError::Io))
     }

@@ -1,8 +1,8 @@
-//! Round numbers for axes.
+//! Tick positions of axes.
 
-/// Values at round distances inside `lo..=hi`, about `count` of them, with their labels.
+/// Values at round intervals inside `lo..=hi`, about `count` of them, with their labels.
 pub(crate) fn ticks(lo: f64, hi: f64, count: usize) -> Vec<(f64, String)> {
-    // Written so that a NaN ends here too.
+    // Written so that the loop also ends for NaN.
     if !(hi > lo && (hi - lo).is_finite()) {
         return Vec::new();
     }

@@ -4,33 +4,33 @@ use super::axis::{decades, extent, ticks};
 use super::colors::{BROKEN, COLORS, GOOD, GRID, INK, LIMIT, SOFT, Shade};
 use super::drawing::{Anchor, Drawing};
 
-/// Curves over a varied number, with limits, and bands for what became of each point.
+/// Curves over a varied number, with limits, and bands for the outcome of each point.
 #[derive(Debug, Clone, Default)]
 pub struct Chart {
     /// The heading.
     pub title: String,
-    /// What is varied, with its unit.
+    /// The varied quantity, with its unit.
     pub x_label: String,
-    /// What the curves show, with its unit.
+    /// The quantity of the curves, with its unit.
     pub y_label: String,
-    /// Names of the positions 0, 1, 2, … of the horizontal axis where they are no numbers.
+    /// Names of the positions 0, 1, 2, … of the horizontal axis where they are not numbers.
     pub x_names: Vec<String>,
-    /// Whether the horizontal axis is logarithmic; then everything on it is above zero.
+    /// Whether the horizontal axis is logarithmic; then all its values must be above zero.
     pub logarithmic_x: bool,
-    /// Whether the vertical axis is logarithmic. What is not above zero then stands at its lower end.
+    /// Whether the vertical axis is logarithmic. Values that are not above zero are then drawn at its lower end.
     pub logarithmic: bool,
     /// The curves.
     pub curves: Vec<Curve>,
     /// Horizontal lines.
     pub limits: Vec<Limit>,
-    /// Stretches of the horizontal axis.
+    /// Intervals of the horizontal axis.
     pub bands: Vec<Band>,
 }
 
-/// How a curve is drawn.
+/// The style of a curve.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Stroke {
-    /// A line with a mark at each point: each stands for something that was computed by itself.
+    /// A line with a mark at each point: each point was computed separately.
     #[default]
     Marked,
     /// A line.
@@ -42,35 +42,35 @@ pub enum Stroke {
 /// A curve. A NaN is a gap.
 #[derive(Debug, Clone, Default)]
 pub struct Curve {
-    /// What it shows.
+    /// Its label.
     pub name: String,
     /// Its points.
     pub points: Vec<[f64; 2]>,
-    /// How it is drawn.
+    /// Its style.
     pub stroke: Stroke,
 }
 
 /// A horizontal line that curves should stay below.
 #[derive(Debug, Clone)]
 pub struct Limit {
-    /// Where.
+    /// Its value.
     pub value: f64,
-    /// What it is.
+    /// Its label.
     pub name: String,
 }
 
-/// A stretch of the horizontal axis.
+/// An interval of the horizontal axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Band {
-    /// From here.
+    /// Its start.
     pub from: f64,
-    /// To here.
+    /// Its end.
     pub to: f64,
-    /// What became of it.
+    /// The outcome there.
     pub shade: Shade,
 }
 
-/// Where a chart lies on the paper and what it shows; of a logarithmic axis the powers of ten.
+/// Position and axis ranges of a chart; for a logarithmic axis, powers of ten.
 struct Frame {
     left: f32,
     right: f32,
@@ -210,7 +210,7 @@ impl Chart {
 }
 
 impl Curve {
-    /// As curve number `number` of a chart, with its entry in the legend.
+    /// Draws curve number `number` of a chart, with its entry in the legend.
     fn draw(&self, number: usize, drawing: &mut Drawing, frame: &Frame) {
         let ink = COLORS[number % COLORS.len()];
         let clip = Some([frame.left, frame.top, frame.right, frame.bottom]);
@@ -233,7 +233,7 @@ impl Curve {
     }
 }
 
-/// The powers of ten around all values above zero, at least one apart.
+/// The range of powers of ten that includes all values above zero, at least one decade.
 fn whole_decades(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (lo, hi) = extent(values.filter(|value| *value > 0.0).map(f64::log10));
     let (lo, hi) = (lo.floor(), hi.ceil());
@@ -289,7 +289,7 @@ mod tests {
         assert!((frame.x(1.0) - (frame.x(1e-2) + frame.x(1e2)) / 2.0).abs() < 1e-3);
         let text = svg(&chart.drawing());
         assert!(text.contains(">0.01<") && text.contains(">100<"), "{text}");
-        // A rectangle is the paper or a clip, and no mark; one of the curves is dashed.
+        // Rectangles are the background or a clip, not marks; one of the curves is dashed.
         assert_eq!(text.matches("<rect").count(), 1 + 2, "{text}");
         assert_eq!(text.matches("stroke-dasharray").count(), 1, "{text}");
     }

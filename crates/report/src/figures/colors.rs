@@ -1,4 +1,4 @@
-//! The colours of figures, and what they say.
+//! The colours of figures, and their meaning.
 
 /// A colour: red, green, blue.
 pub type Rgb = [u8; 3];
@@ -7,7 +7,7 @@ pub(super) const INK: Rgb = [23, 32, 43];
 pub(super) const SOFT: Rgb = [91, 103, 117];
 pub(super) const GRID: Rgb = [226, 230, 235];
 pub(super) const LIMIT: Rgb = [194, 47, 47];
-/// Distinct also for most colour-blind readers, in print and on screen.
+/// Distinguishable also for most colour-blind readers, in print and on screen.
 pub(super) const COLORS: [Rgb; 8] = [
     [11, 102, 179],
     [212, 84, 26],
@@ -19,17 +19,17 @@ pub(super) const COLORS: [Rgb; 8] = [
     [122, 106, 92],
 ];
 
-/// Where everything is well.
+/// All criteria met.
 pub(super) const GOOD: Rgb = [223, 240, 224];
 /// Where something did not run at all.
 pub(super) const BROKEN: Rgb = [226, 226, 230];
-/// A cell of a map that is not well.
+/// A cell of a map with a criterion not met.
 const BAD: Rgb = [244, 201, 176];
 
-/// What became of a point.
+/// The outcome of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shade {
-    /// All is well; how near to the worst of those that are, from 0 to 1.
+    /// All criteria are met; how near to the worst of the points that are met, from 0 to 1.
     Good(f32),
     /// A criterion is not met.
     Bad,

@@ -1,8 +1,8 @@
-//! A figure that is laid out: areas, lines and texts in points.
+//! Layout of a figure: areas, lines and texts in points.
 
 use super::colors::Rgb;
 
-/// A picture on white, in points; y points down.
+/// A picture on a white background, in points; y points down.
 #[derive(Debug, Clone)]
 pub struct Drawing {
     pub(crate) width: f32,
@@ -30,12 +30,12 @@ pub(crate) enum Item {
         size: f32,
         color: Rgb,
         anchor: Anchor,
-        /// Turned a quarter to the left.
+        /// Rotated by 90° to the left.
         upright: bool,
     },
 }
 
-/// Where a text stands relative to its point.
+/// The alignment of a text relative to its point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Anchor {
     Start,

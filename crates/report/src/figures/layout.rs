@@ -10,21 +10,21 @@ const PANEL: [f32; 2] = [480.0, 260.0];
 const LEFT: f32 = 62.0;
 const RIGHT: f32 = 16.0;
 const TOP: f32 = 38.0;
-/// Distance of two lines of the legend.
+/// Line spacing of the legend.
 const LINE: f32 = 14.0;
-/// Width of a letter of the legend.
+/// Letter width of the legend.
 const LETTER: f32 = 6.2;
 const BOTTOM: f32 = 40.0;
 
-/// What one panel shows.
+/// The content of one panel.
 pub(crate) struct Panel<'a> {
     /// The name of the run, where there are several.
     pub(crate) name: String,
-    /// Curves with their legend, the number of their colour, and whether they are dashed.
+    /// Curves with their labels, the number of their colour, and whether they are dashed.
     pub(crate) series: Vec<(&'a Series, String, usize, bool)>,
 }
 
-/// Panels side by side with one vertical axis.
+/// Panels side by side that share one vertical axis.
 pub(crate) fn layout(figure: &Drawn, panels: &[Panel<'_>]) -> Drawing {
     let mut drawing = Drawing {
         width: panels.len().max(1) as f32 * PANEL[0],
@@ -97,7 +97,7 @@ pub(crate) fn layout(figure: &Drawn, panels: &[Panel<'_>]) -> Drawing {
     drawing
 }
 
-/// The limits that belong into the view, and the others in words: one far from the curves would flatten them.
+/// The limits that are drawn, and the others as text: a limit far from the curves would flatten them.
 fn limits(figure: &Drawn, peak: f64) -> (Vec<f64>, Vec<String>) {
     let (near, far): (Vec<_>, Vec<_>) = figure.limits.iter().partition(|limit| limit.y.abs() <= 4.0 * peak);
     let mut values: Vec<f64> = near.iter().map(|limit| limit.y).collect();
@@ -150,7 +150,7 @@ fn named(name: &str, axis: &Axis, unit: &str) -> String {
     }
 }
 
-/// The same points with each value held up to the next one.
+/// The same points as a zero-order hold.
 fn stairs(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     let mut out: Vec<[f32; 2]> = Vec::with_capacity(2 * points.len());
     for point in points {
@@ -162,7 +162,7 @@ fn stairs(points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     out
 }
 
-/// Where a panel lies on the paper and what it shows.
+/// Position and axis ranges of a panel.
 struct Frame {
     left: f32,
     right: f32,
@@ -222,7 +222,7 @@ impl Drawing {
     }
 }
 
-/// Curves beyond the last colour take the first ones again, dotted.
+/// Curves beyond the last colour reuse the first ones, dotted.
 fn dash(dashed: bool, color: usize) -> Option<[f32; 2]> {
     match (dashed, color >= COLORS.len()) {
         (true, _) => Some([5.0, 2.5]),
@@ -231,7 +231,7 @@ fn dash(dashed: bool, color: usize) -> Option<[f32; 2]> {
     }
 }
 
-/// The entries of a legend: the number of the curve, and where it stands: letters from the left, and the line.
+/// The entries of a legend: the number of the curve, and its position: letters from the left, and the line.
 fn entries(panel: &Panel<'_>) -> Vec<(usize, [usize; 2])> {
     let width = ((PANEL[0] - LEFT - RIGHT) / LETTER) as usize;
     let (mut x, mut line, mut out) = (0, 0, Vec::new());

@@ -8,9 +8,9 @@ use super::drawing::{Anchor, Drawing};
 pub struct Map {
     /// The heading.
     pub title: String,
-    /// What is varied from left to right.
+    /// The quantity varied from left to right.
     pub x_label: String,
-    /// What is varied from bottom to top.
+    /// The quantity varied from bottom to top.
     pub y_label: String,
     /// Values from left to right.
     pub columns: Vec<String>,
@@ -18,7 +18,7 @@ pub struct Map {
     pub rows: Vec<String>,
     /// The lowest row from left to right, then the one above it.
     pub cells: Vec<MapCell>,
-    /// What the shades and the numbers mean, one entry a line.
+    /// The meaning of the shades and the numbers, one entry a line.
     pub legend: Vec<(Option<Shade>, String)>,
 }
 
@@ -27,11 +27,11 @@ pub struct Map {
 pub struct MapCell {
     /// Its colour.
     pub shade: Shade,
-    /// What stands in it.
+    /// Its text.
     pub text: String,
 }
 
-/// Where the cells of a map lie.
+/// Position of the cells of a map.
 struct Grid {
     columns: usize,
     rows: usize,
@@ -47,7 +47,8 @@ impl Map {
     /// The map as a drawing.
     pub fn drawing(&self) -> Drawing {
         let grid = self.grid();
-        // names that are wider than a column stand every second or third column, or upright where that is still too much
+        // names that are wider than a column are drawn at every second or third column, or vertically where that is still
+        // too wide
         let every = ((6.4 * letters(&self.columns)) / grid.cell[0]).ceil().max(1.0) as usize;
         let turned = every > 6;
         let below = if turned {
@@ -140,7 +141,7 @@ impl Map {
         }
     }
 
-    /// An entry a line, the first one at `top`.
+    /// Draws one entry per line, the first one at `top`.
     fn draw_legend(&self, drawing: &mut Drawing, left: f32, top: f32) {
         for (line, (shade, text)) in self.legend.iter().enumerate() {
             let y = top + 16.0 * line as f32;
@@ -184,7 +185,7 @@ impl Grid {
     }
 }
 
-/// Letters of the longest name.
+/// Length of the longest name, letters.
 fn letters(names: &[String]) -> f32 {
     names.iter().map(|name| name.chars().count()).max().unwrap_or(0) as f32
 }

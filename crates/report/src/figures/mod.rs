@@ -1,4 +1,4 @@
-//! Figures as files: laid out once into lines and texts, then written as SVG or painted into a PNG.
+//! Figures as files: each is laid out once as lines and texts, then written as SVG or painted into a PNG.
 
 mod axis;
 mod chart;

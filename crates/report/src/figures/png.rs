@@ -1,4 +1,4 @@
-//! A picture as PNG: painted by tiny-skia, letters from the outlines of the font that is part of the program, so that a
+//! A picture as PNG: painted by tiny-skia, with letters from the outlines of the font that the program contains, so that a
 //! figure looks the same on a machine without fonts.
 
 use tiny_skia::{Color, FillRule, Mask, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, StrokeDash, Transform};
@@ -135,7 +135,7 @@ struct Pen {
 }
 
 impl Pen {
-    /// From the font's units, y up, to points, y down.
+    /// Converts font units, y up, to points, y down.
     fn at(&self, x: f32, y: f32) -> (f32, f32) {
         (self.x + x * self.scale, -y * self.scale)
     }

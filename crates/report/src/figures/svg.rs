@@ -80,7 +80,7 @@ pub fn svg(drawing: &Drawing) -> String {
     out + "</svg>\n"
 }
 
-/// The data of a path through `points`, with a gap at each that is not finite.
+/// The path data through `points`, with a gap at each point that is not finite.
 fn path_of(points: &[[f32; 2]]) -> String {
     let mut path = String::new();
     let mut up = true;

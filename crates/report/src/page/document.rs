@@ -1,4 +1,4 @@
-//! The page: one HTML file with everything in it.
+//! The page: one self-contained HTML file.
 
 use serde_json::{Value, json};
 
@@ -9,9 +9,9 @@ use crate::markup::escape;
 use crate::scene::Motion;
 
 const TEMPLATE: &str = include_str!("assets/page.html");
-/// How pages look.
+/// The style of pages.
 pub(crate) const STYLE: &str = include_str!("assets/style.css");
-/// Small things that every page uses.
+/// Utility functions of every page.
 pub(crate) const TOOLS: &str = include_str!("assets/base.js");
 /// Round numbers for axes, and panels over time.
 pub(crate) const TICKS: &str = include_str!("assets/chart.js");
@@ -27,7 +27,7 @@ const SCRIPTS: [&str; 9] = [
     include_str!("assets/main.js"),
 ];
 
-/// What the page shows, as the page takes it.
+/// The data of the page, in its encoding.
 pub(crate) fn data(title: &str, runs: &[Run], rows: &[Row]) -> Value {
     json!({
         "title": title,
@@ -37,8 +37,8 @@ pub(crate) fn data(title: &str, runs: &[Run], rows: &[Row]) -> Value {
     })
 }
 
-/// Puts the page together. `{{…}}` in the template are the only places where something is filled in. A page that may ask
-/// the server that it came from for news is a `live` one; any other may ask nobody for anything.
+/// Assembles the page. The `{{…}}` in the template are the only places that are filled in. A `live` page may request
+/// updates from the server that it came from; any other page may connect to nothing.
 pub(crate) fn render(title: &str, data: &Value, live: bool) -> String {
     // Inside a script element only `</` and `<!` could end or disturb it; `<` never needs to be literal in JSON.
     let data = data.to_string().replace('<', "\\u003c");
@@ -52,7 +52,7 @@ pub(crate) fn render(title: &str, data: &Value, live: bool) -> String {
     )
 }
 
-/// A template with its places filled in: `data` is JSON without `<`.
+/// A template with its placeholders filled in: `data` is JSON without `<`.
 pub(crate) fn filled(template: &str, title: &str, styles: &[&str], data: &str, scripts: &[&str]) -> String {
     let mut page = String::with_capacity(data.len() + 200_000);
     let mut rest = template;

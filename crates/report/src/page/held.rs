@@ -1,27 +1,27 @@
-//! A stream read at the instants of another one, by the delivery rule: the newest sample stamped at or before.
+//! Resampling of a stream at the instants of another one, by the delivery rule: the newest sample stamped at or before.
 
 use lockstep::time::{SampleTime, Timebase};
 use tape::{ReadError, Source, StreamSpec, split_record};
 
-/// So many records are read at a time.
+/// Number of records read at a time.
 const BLOCK: u64 = 256;
 
-/// One stream as it is seen at the samples of a leading stream.
+/// One stream resampled at the samples of a leading stream.
 pub(super) struct Held<'a> {
     source: &'a dyn Source,
     stream: usize,
-    /// The instants of the leading stream and of this one, in common ticks; `None` where 63 bits do not hold them.
+    /// The instants of the leading stream and of this one, in common ticks; `None` where the ticks exceed 63 bits.
     times: Option<(SampleTime, SampleTime)>,
     first_index: u64,
     count: u64,
     stride: usize,
-    /// Records `start..` are in the buffer.
+    /// The buffer holds the records from `start` on.
     start: u64,
     buffer: Vec<u8>,
 }
 
 impl<'a> Held<'a> {
-    /// The stream number `stream` of `source` at the instants of `lead`, which may belong to another run.
+    /// Stream number `stream` of `source` at the instants of `lead`, which may belong to another run.
     pub(super) fn new(source: &'a dyn Source, stream: usize, lead: &StreamSpec) -> Held<'a> {
         let spec = &source.streams()[stream];
         let times = || {
@@ -46,8 +46,8 @@ impl<'a> Held<'a> {
         }
     }
 
-    /// The payload that is visible at sample `index` of the leading stream; `None` before the first sample, and where the stream has
-    /// ended more than a period before.
+    /// The payload that is visible at sample `index` of the leading stream; `None` before the first sample, and where the
+    /// stream ended more than a period before.
     pub(super) fn at(&mut self, index: u64) -> Result<Option<&[u8]>, ReadError> {
         let newest = self
             .times

@@ -1,8 +1,9 @@
-//! The report of a run that is still going on.
+//! Report of a run in progress.
 //!
-//! Work and memory are bounded whatever the length of the run: of each stream every n-th sample is shown, and the newest one,
-//! with n such that a run of the planned length has at most 1500 of them. So a page asks for what it does not have yet, and
-//! nothing has to be kept for it. The whole picture with all peaks is that of the finished run.
+//! Work and memory are bounded whatever the length of the run: of each stream every n-th sample is shown, and the newest
+//! one, with n such that a run of the planned length has at most 1500 of them. A page therefore requests only the points
+//! that it does not have yet, and the server keeps no state for it. The complete curves with all peaks are on the page of
+//! the finished run.
 
 use std::path::{Path, PathBuf};
 
@@ -19,10 +20,10 @@ use crate::view::{Binding, Views};
 use tape::folder::RunFolder;
 use tape::{Reader, Source, split_record};
 
-/// At most this many points of a curve.
+/// Maximum number of points of a curve.
 const POINTS: u64 = 1500;
 
-/// A run folder that somebody writes.
+/// A run folder that a run is writing.
 pub struct Live {
     folder: PathBuf,
     reader: Reader,
@@ -33,13 +34,13 @@ pub struct Live {
     frames: u64,
 }
 
-/// The points of a stream that a page has not got: how many it keeps, and which records come behind them.
+/// The update of a stream for a page: how many of its points the page keeps, and the records that follow them.
 struct Missing {
     keep: u64,
     picks: Vec<u64>,
 }
 
-/// `have` points of a grid are there already; the newest record stands behind them, on the grid or not.
+/// The page has `have` points of the grid; the newest record follows them, whether it is on the grid or not.
 fn missing(count: u64, stride: u64, have: u64) -> Missing {
     let keep = have.min(count.div_ceil(stride));
     let mut picks: Vec<u64> = (keep * stride..count).step_by(stride as usize).collect();
@@ -50,7 +51,7 @@ fn missing(count: u64, stride: u64, have: u64) -> Missing {
 }
 
 impl Live {
-    /// Opens the folder of a run that is planned to last `duration_s`. Its tape must have been begun.
+    /// Opens the folder of a run with the planned duration `duration_s`. Its tape must exist.
     ///
     /// # Errors
     /// A tape that cannot be read.
@@ -78,14 +79,14 @@ impl Live {
         })
     }
 
-    /// Whether there is something to show: the first sample of what the playback shows.
+    /// Whether there is something to show: the first sample of the streams of the playback.
     pub fn ready(&mut self) -> Result<bool, ReportError> {
         self.reader.refresh()?;
         let lead = self.pictures.scene.as_ref().map(|scene| scene.lead);
         Ok(lead.is_none_or(|lead| self.reader.count(lead) > 0))
     }
 
-    /// The page with what there is now. `about` is what the page is told about the run that it watches.
+    /// The page with the present data. `about` describes the run to the page.
     pub fn page(&mut self, about: &Value) -> Result<String, ReportError> {
         self.reader.refresh()?;
         let scene = match &self.pictures.scene {
@@ -150,7 +151,7 @@ impl Live {
         Ok(figures)
     }
 
-    /// The values of all curves of a binding at these records, and what they are drawn against.
+    /// The values of all curves of a binding at these records, and the values of their horizontal axis.
     fn curves(&self, binding: &Binding, picks: &[u64]) -> Result<(Vec<f64>, Vec<Vec<f64>>), ReportError> {
         let lead = binding.streams[0];
         let spec = &self.reader.streams()[lead];
@@ -169,7 +170,7 @@ impl Live {
         Ok((along, curves))
     }
 
-    /// What a page needs that has `have[s]` points of each stream, and as many frames as the last number says.
+    /// The update for a page that has `have[s]` points of each stream; the last number of `have` is its number of frames.
     pub fn news(&mut self, have: &[u64]) -> Result<Value, ReportError> {
         self.reader.refresh()?;
         let had = |at: usize| have.get(at).copied().unwrap_or(0);
@@ -210,7 +211,7 @@ impl Live {
         Ok(json!({ "have": have, "figures": figures, "motion": motion }))
     }
 
-    /// What the page of the finished run shows.
+    /// The data of the page of the finished run.
     ///
     /// # Errors
     /// A tape or a file of the folder that cannot be read.
@@ -231,7 +232,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Whatever a page had, with what it gets it has every n-th sample and the newest one, each once and in order.
+        /// Whatever points a page had, after the update it has every n-th sample and the newest one, each once and in
+        /// order.
         #[test]
         fn a_page_ends_up_with_the_grid_and_the_newest(
             stride in 1_u64..20,

@@ -1,9 +1,9 @@
 //! The report: one self-contained HTML page about one run or several, and its figures as files.
 //!
-//! The page needs no network, no server and no other file. It draws every field of every stream, and before them the figures
-//! that the scenario's table `[report]` and the program's own views ask for ([`crate::view`]). Its size is bounded whatever
-//! the length of the run: a curve of more than 8192 samples is thinned to the least and greatest sample of each of 2048
-//! buckets, the fields of a tape with hundreds of them to fewer, and the playback to 3000 instants.
+//! The page needs no network, no server and no other file. It draws every field of every stream, and before them the
+//! figures that the scenario's table `[report]` and the program's own views define ([`crate::view`]). Its size is bounded
+//! whatever the length of the run: a curve of more than 8192 samples is thinned to the least and greatest sample of each of
+//! 2048 buckets, the fields of a tape with hundreds of them to fewer, and the playback to 3000 instants.
 
 mod budget;
 mod document;

@@ -1,4 +1,4 @@
-//! What the page of a run is made of: the figures and the scene of its scenario, the views of the program, every field.
+//! Figures and scene of a run's page: those of its scenario, the views of the program, every field.
 
 use std::fs;
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ pub(super) struct Pictures {
     pub(super) notes: Vec<String>,
 }
 
-/// What is known of the pictures of a run: its scenario's, and those of the program's views.
+/// The figures, marks and scene of a run: its scenario's, and those of the program's views.
 pub(super) fn pictures(
     streams: &[StreamSpec],
     plan: &Table,
@@ -27,7 +27,7 @@ pub(super) fn pictures(
     models: &[(String, PathBuf)],
 ) -> Result<Pictures, ReportError> {
     let table = |name: &str| plan.get(name).and_then(Value::as_table);
-    // The plan of a run was understood when the run began; one of a later version is drawn without its panels.
+    // The plan was valid when the run began; a plan of a later version that cannot be read is drawn without its panels.
     let own = table("report")
         .and_then(|table| View::read(table).ok())
         .unwrap_or_default();
@@ -54,10 +54,11 @@ pub(super) fn pictures(
     })
 }
 
-/// The scene of a run as its scenario has it, else as the views of a program do, with other models where `models` names bodies.
+/// The scene of a run from its scenario, else from the views of a program; `models` replaces the models of the bodies it
+/// names.
 ///
 /// # Errors
-/// A model that cannot be read or drawn, or for a body that is not there.
+/// A model that cannot be read or drawn, or for a body that does not exist.
 pub fn scene_of(
     streams: &[StreamSpec],
     plan: &Table,

@@ -1,4 +1,4 @@
-//! What the plans of runs have in common, and in what they differ.
+//! Comparison of the plans of runs.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,14 +10,14 @@ use toml::{Table, Value};
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub(crate) struct Difference {
     pub(crate) key: String,
-    /// One text for each run; empty where a plan does not have the key.
+    /// One text for each run; empty where a plan lacks the key.
     pub(crate) values: Vec<String>,
 }
 
-/// A text longer than this is told by its size.
+/// A longer text is represented by its size.
 const LONG: usize = 120;
 
-/// Every key in which the plans differ, in the order of the keys. Where the scenario lies says nothing of the run.
+/// Every key in which the plans differ, in the order of the keys. The path of the scenario is ignored.
 pub(crate) fn differences(plans: &[Table]) -> Vec<Difference> {
     let flat: Vec<BTreeMap<String, String>> = plans.iter().map(flat).collect();
     let keys: BTreeSet<&String> = flat.iter().flat_map(BTreeMap::keys).collect();
@@ -35,7 +35,7 @@ pub(crate) fn differences(plans: &[Table]) -> Vec<Difference> {
     rows.collect()
 }
 
-/// Names that say in what the runs differ; `None` where that needs more than two keys, or does not tell them apart.
+/// Names that describe how the runs differ; `None` where that needs more than two keys, or the names would not be unique.
 pub(crate) fn names(differences: &[Difference]) -> Option<Vec<String>> {
     let telling: Vec<&Difference> = differences.iter().filter(|one| one.key != "title").collect();
     let runs = telling.first()?.values.len();
@@ -73,7 +73,7 @@ fn shown(value: &str) -> String {
     )
 }
 
-/// Every leaf of a plan under its dotted key; entries of a list go by their names or numbers.
+/// Every leaf of a plan under its dotted key; entries of a list are addressed by name or number.
 fn flat(plan: &Table) -> BTreeMap<String, String> {
     let mut leaves = BTreeMap::new();
     for (key, value) in plan {
@@ -96,7 +96,7 @@ fn leaf(key: &str, value: &Value, leaves: &mut BTreeMap<String, String>) {
                 leaf(&format!("{key}.{name}"), item, leaves);
             }
         }
-        // "20ms" and "20 ms" are one time.
+        // "20ms" and "20 ms" are the same time.
         Value::String(text) => {
             let time = text.parse::<Rational>().map(|time| time.to_string());
             leaves.insert(key.to_owned(), time.unwrap_or_else(|_| text.clone()));

@@ -20,9 +20,9 @@ const PIXELS_PER_POINT: f32 = 2.5;
 /// The report of one run or several.
 pub struct Report {
     pub(super) runs: Vec<Run>,
-    /// In what the scenarios differ.
+    /// The keys in which the scenarios differ.
     differences: Vec<Difference>,
-    /// The keys of the summary that are looked at first.
+    /// The keys of the summary that are shown first.
     first: Vec<String>,
 }
 
@@ -73,8 +73,8 @@ impl Report {
         })
     }
 
-    /// Writes figures of the page as `<id>.svg` and `<id>.png` into the folder `dir`, which is made where it is missing: those
-    /// that somebody chose, or where nobody did, those of all fields. Gives how many there are.
+    /// Writes figures of the page as `<id>.svg` and `<id>.png` into the folder `dir`, which is created if missing: the
+    /// chosen figures, or where none were chosen, those of all fields. Returns their number.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -111,12 +111,12 @@ impl Report {
         Ok(count)
     }
 
-    /// The figures that any run has, those of the first run first, with the limits of all.
+    /// The figures of all runs, those of the first run first, with the limits of all.
     fn figures(&self) -> Vec<Drawn> {
         merged(&self.runs)
     }
 
-    /// One panel for all runs, or one for each where several curves of several runs would be a thicket.
+    /// One panel for all runs, or one for each where several curves of several runs would overlap.
     fn draw(&self, figure: &Drawn) -> figures::Drawing {
         let mine = |run: &'_ Run| run.figures.iter().position(|one| one.drawn.id == figure.id);
         let lists: Vec<(&Run, &[Series])> = self
@@ -158,7 +158,7 @@ impl Report {
         names.join(" · ")
     }
 
-    /// What the page shows, for a page that is open already.
+    /// The data of the page, for a page that is already open.
     pub fn data(&self) -> Value {
         let summaries: Vec<Value> = self.runs.iter().map(|run| run.summary.clone()).collect();
         let mut data = document::data(&self.title(), &self.runs, &summary::rows(&summaries, &self.first));

@@ -1,4 +1,4 @@
-//! One run, as a report has it.
+//! One run of a report.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use crate::view::{Bound, Drawn, Views};
 use tape::folder::RunFolder;
 use tape::{Event, Reader, Source};
 
-/// Everything the page says of one run.
+/// All data of one run on the page.
 pub(crate) struct Run {
     pub(super) name: String,
     pub(super) digest: String,
@@ -29,7 +29,7 @@ pub(crate) struct Run {
     pub(super) figures: Vec<FigureData>,
     pub(super) scene: Option<(BoundScene, Motion)>,
     pub(super) summary: Value,
-    /// What is known of how it came about: the contents of `run.json`.
+    /// The provenance of the run: the contents of `run.json`.
     pub(super) about: Value,
     pub(super) participants: Vec<ParticipantTime>,
 }
@@ -38,7 +38,7 @@ pub(crate) struct Run {
 pub(crate) struct FigureData {
     pub(super) drawn: Drawn,
     pub(super) series: Vec<Series>,
-    /// Less those of the first run, at its instants.
+    /// The differences from the first run, at this run's instants.
     pub(super) differences: Vec<Series>,
 }
 
@@ -50,20 +50,20 @@ pub(crate) struct Mark {
     pub(super) text: String,
 }
 
-/// What a report is made of.
+/// The input of a report.
 #[derive(Default)]
 pub struct Request<'a> {
     /// Run folders, or bare tapes.
     pub folders: &'a [PathBuf],
-    /// Names for the runs, in their order; those without are named by what differs, or by their folders.
+    /// Names for the runs, in their order; runs without one are named by their differences, or by their folders.
     pub labels: &'a [String],
-    /// URDF files for bodies of the playback, in place of what the scene draws of them.
+    /// URDF files that replace the scene's shapes of bodies in the playback.
     pub models: &'a [(String, PathBuf)],
     /// The views of the program's own applications.
     pub views: &'a [Views],
 }
 
-/// The figures that any of the runs has.
+/// The figures of all runs.
 pub(super) fn merged(runs: &[Run]) -> Vec<Drawn> {
     let mut all: Vec<Drawn> = Vec::new();
     for figure in runs.iter().flat_map(|run| &run.figures) {
@@ -78,12 +78,12 @@ pub(super) fn merged(runs: &[Run]) -> Vec<Drawn> {
             }
         }
     }
-    // What somebody chose stands before everything else, whichever run has it.
+    // Chosen figures come first, whichever run has them.
     all.sort_by_key(|figure| figure.signal);
     all
 }
 
-/// How many points the curves of each figure may have.
+/// The maximum number of points of the curves of each figure.
 fn budgets(bound: &Bound, chosen: Budget) -> impl Fn(usize) -> Budget {
     let signal: Vec<bool> = bound.figures.iter().map(|figure| figure.signal).collect();
     let curves = bound.bindings.iter().filter(|binding| signal[binding.figure]);
@@ -92,7 +92,7 @@ fn budgets(bound: &Bound, chosen: Budget) -> impl Fn(usize) -> Budget {
     move |figure| if signal[figure] { others } else { chosen }
 }
 
-/// Gives the figures of `run` their differences to the reference.
+/// Adds to the figures of `run` their differences from the reference.
 pub(super) fn subtract(
     (reference, its): (&Reader, &Bound),
     (reader, bound): (&Reader, &Bound),
@@ -159,7 +159,7 @@ pub(super) fn read_run(root: &Path, request: &Request<'_>) -> Result<(Reader, Bo
     Ok((reader, bound, run))
 }
 
-/// Named instants and events, in the order of time.
+/// Named instants and events, sorted by time.
 pub(super) fn marks_of(named: &[(String, lockstep::time::Rational)], events: &[Event]) -> Vec<Mark> {
     let instants = named.iter().map(|(name, at)| Mark {
         t: at.seconds(),
@@ -195,7 +195,7 @@ pub(super) fn name_of(root: &Path) -> String {
     name.map_or("run".into(), |name| name.to_string_lossy().into_owned())
 }
 
-/// The plan, empty where there is none that can be read.
+/// The plan, empty where it is missing or cannot be read.
 pub(super) fn table_of(plan: &str) -> toml::Table {
     plan.parse().unwrap_or_default()
 }

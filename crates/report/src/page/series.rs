@@ -1,4 +1,4 @@
-//! Curves from records, in one pass over a tape of any length and in bounded memory.
+//! Curves from records, in one pass over a tape of any length and with bounded memory.
 
 use tape::{ReadError, Record, Records, Source};
 
@@ -6,7 +6,7 @@ use super::budget::Budget;
 use super::held::Held;
 use crate::view::{Binding, Bound};
 
-/// How many points a curve has at most that has to be computed, or that is drawn against another one: evenly spaced.
+/// Maximum number of points of a curve that is computed, or drawn against another one: evenly spaced.
 const EVENLY: u64 = 2048;
 
 /// One curve of a figure.
@@ -14,11 +14,11 @@ const EVENLY: u64 = 2048;
 pub(crate) struct Series {
     /// The label in the legend.
     pub(crate) label: String,
-    /// Where it comes from: `participant.port.field`.
+    /// Its source: `participant.port.field`.
     pub(crate) origin: String,
-    /// Whether it holds its value from one sample to the next.
+    /// Whether it is drawn as a zero-order hold.
     pub(crate) step: bool,
-    /// The stamp of index 0, s, and the distance of two samples, s.
+    /// The stamp of index 0, s, and the sampling interval, s.
     pub(crate) offset_s: f64,
     pub(crate) period_s: f64,
     /// Indices of the samples kept; `None` when `y[k]` is sample `first_index + k`.
@@ -26,9 +26,9 @@ pub(crate) struct Series {
     pub(crate) first_index: u64,
     /// In the figure's unit.
     pub(crate) y: Vec<f64>,
-    /// What it is drawn against, in place of time.
+    /// The values of the horizontal axis, where that is not time.
     pub(crate) x: Option<Vec<f64>>,
-    /// How many samples the stream has.
+    /// The number of samples of the stream.
     pub(crate) samples: u64,
 }
 
@@ -42,7 +42,7 @@ impl Series {
         self.offset_s + (self.first_index + index) as f64 * self.period_s
     }
 
-    /// Where point `k` lies along the horizontal axis.
+    /// The position of point `k` along the horizontal axis.
     pub(crate) fn x(&self, k: usize) -> f64 {
         self.x.as_ref().map_or_else(|| self.t(k), |x| x[k])
     }
@@ -81,7 +81,7 @@ impl Thinner {
             self.close(record);
             (self.low, self.high) = ((record, y), (record, y));
         }
-        // A NaN is an extreme of its own: it must show as a gap.
+        // A NaN counts as an extreme: it must show as a gap.
         if y < self.low.1 || y.is_nan() {
             self.low = (record, y);
         }
@@ -132,7 +132,8 @@ impl<'a> Evaluated<'a> {
         }
     }
 
-    /// The values at the sample `index`, at which the binding's first stream has `payload`; gives what they are drawn against.
+    /// The values at the sample `index`, at which the binding's first stream has `payload`; returns the value of the
+    /// horizontal axis.
     pub(super) fn values(&mut self, index: u64, payload: Option<&[u8]>, out: &mut [f64]) -> Result<f64, ReadError> {
         if self.held.is_empty() {
             return Ok(evaluate(self.binding, &[payload], out));
@@ -158,13 +159,13 @@ fn evaluate(binding: &Binding, payloads: &[Option<&[u8]>], out: &mut [f64]) -> f
     x[0]
 }
 
-/// A binding with what has been collected of its curves.
+/// A binding with the curves collected so far.
 struct Collected<'a> {
     binding: &'a Binding,
     evaluated: Evaluated<'a>,
-    /// The same of another run, which this one is subtracted from, and its leading stream there.
+    /// The same of another run, from which this one is subtracted, and its leading stream there.
     other: Option<(Evaluated<'a>, usize)>,
-    /// Every how many-th sample counts.
+    /// Only every n-th sample is evaluated.
     stride: u64,
     thinners: Vec<Thinner>,
     x: Vec<f64>,
@@ -180,8 +181,8 @@ pub(crate) fn extract(
     collect(source, None, pairs, bound.figures.len(), budget)
 }
 
-/// The curves of another run less those of this one, at the samples of this one. A figure that the other run does not have in the
-/// same form has none.
+/// The curves of another run minus those of this one, at the samples of this one. A figure that the other run does not have
+/// in the same form has none.
 pub(crate) fn differences(
     (source, bound): (&dyn Source, &Bound),
     (other, others): (&dyn Source, &Bound),
@@ -273,7 +274,7 @@ fn collect<'a>(
     Ok(out)
 }
 
-/// The number of a record as the page has it.
+/// The number of a record in the page's encoding.
 pub(super) fn whole(record: u64) -> u32 {
     u32::try_from(record).unwrap_or(u32::MAX)
 }
@@ -284,7 +285,7 @@ fn scan(
     stream: usize,
     all: &mut [&mut Collected<'_>],
 ) -> Result<(), ReadError> {
-    // The other run's streams are read once for all curves.
+    // Each stream of the other run is read once for all curves.
     let mut foreign: Vec<(usize, Held<'_>)> = Vec::new();
     for (_, theirs) in all.iter().filter_map(|one| one.other.as_ref()) {
         if let (Some(other), false) = (other, foreign.iter().any(|(known, _)| known == theirs)) {
@@ -447,7 +448,7 @@ mod tests {
                 ..5 => f64::NAN,
                 5..15 => 100.0 * k as f64,
                 15..25 => 100.0 * k as f64 - 1.0,
-                // The last sample of `b` holds for a period, and one more: it may have been the last of the run.
+                // The last sample of `b` is held for a period, and for one more: it may have been the last of the run.
                 _ => 100.0 * k as f64 - 2.0,
             };
             assert!(
@@ -460,7 +461,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// Of a thinned curve every point is a sample at its own stamp, in order, and no bucket lost its extremes.
+        /// Every point of a thinned curve is a sample at its own stamp, in order, and every bucket keeps its extremes.
         #[test]
         fn a_long_curve_keeps_its_peaks(seed in any::<u32>(), count in 8193_usize..30_000, peak in any::<prop::sample::Index>()) {
             let mut values: Vec<f64> = (0..count)

@@ -7,22 +7,22 @@ use serde_json::Value;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Row {
     pub(crate) key: String,
-    /// In words, without the unit.
+    /// Its name in words, without the unit.
     pub(crate) label: String,
     pub(crate) unit: String,
-    /// As text; empty where a run has no such value.
+    /// The values as text; empty where a run has no such value.
     pub(crate) values: Vec<String>,
     /// Whether the value meets its criterion, where there is one.
     pub(crate) met: Vec<Option<bool>>,
     /// The criterion in words, where there is one.
     pub(crate) criterion: String,
-    /// Whether it belongs to what a reader looks for first.
+    /// Whether it is among the rows shown first.
     pub(crate) main: bool,
-    /// Whether it says in a word how the run ended.
+    /// Whether it is the row with the word for how the run ended.
     pub(crate) verdict: bool,
 }
 
-/// Units at the end of a key, longest first, with how they are written.
+/// Unit suffixes of keys, longest first, with their symbols.
 const UNITS: &[(&str, &str)] = &[
     ("_m2_s5", "m²/s⁵"),
     ("_kg_m_s", "kg m/s"),
@@ -42,7 +42,7 @@ const UNITS: &[(&str, &str)] = &[
     ("_j", "J"),
 ];
 
-/// Keys with a line of their own elsewhere on the page, or none at all.
+/// Keys that are shown elsewhere on the page, or not at all.
 const HIDDEN: &[&str] = &[
     "tape_digest",
     "criteria",
@@ -55,10 +55,10 @@ const HIDDEN: &[&str] = &[
     "tape_has_only",
 ];
 
-/// What stands before the name of a measure in the key of its row.
+/// The prefix of a measure's name in the key of its row.
 const MEASURES: &str = "measures.";
 
-/// How a run ended: in words, and whether that is as it should be; nothing of a run that left no summary.
+/// How a run ended: in words, and whether that is as intended; empty for a run without a summary.
 pub(crate) fn outcome(summary: &Value) -> Option<(String, bool)> {
     let status = summary["ending"]["status"].as_str()?;
     if status != "complete" {
@@ -72,7 +72,7 @@ pub(crate) fn outcome(summary: &Value) -> Option<(String, bool)> {
     })
 }
 
-/// One row per key that any summary has; the keys of `first` stand at the top, and one of them that is true or false is the
+/// One row per key of any summary; the keys of `first` come first, and one of them whose value is true or false is the
 /// verdict.
 pub(crate) fn rows(summaries: &[Value], first: &[String]) -> Vec<Row> {
     let mut rows: Vec<Row> = Vec::new();
@@ -155,7 +155,8 @@ struct Judged {
     met: Option<bool>,
 }
 
-/// `criteria` of a summary is a list of `{ name, value, limit, unit, met }`; the name is that of the figure without its unit.
+/// `criteria` of a summary is a list of `{ name, value, limit, unit, met }`; the name is that of the figure without its
+/// unit.
 fn criterion(summary: &Value, key: &str) -> Option<Judged> {
     let key = key.strip_prefix(MEASURES).unwrap_or(key);
     let (stem, _) = split_unit(key);
@@ -181,7 +182,7 @@ fn criterion(summary: &Value, key: &str) -> Option<Judged> {
     })
 }
 
-/// A key of `summary.json` without the unit at its end, and that unit as it is written; empty where it has none.
+/// A key of `summary.json` without its unit suffix, and the symbol of the unit; empty where it has none.
 pub fn split_unit(key: &str) -> (&str, &'static str) {
     let known = |(suffix, unit): &(&str, &'static str)| Some((key.strip_suffix(suffix)?, *unit));
     UNITS.iter().find_map(known).unwrap_or((key, ""))
@@ -207,7 +208,7 @@ fn text(value: &Value) -> String {
     }
 }
 
-/// A number of a list: lists are read for their sizes.
+/// A number of a list, rounded: only the magnitudes of lists matter.
 fn terse(value: &Value) -> String {
     match value.as_f64() {
         Some(x) if x != 0.0 && x.abs() < 1e-4 => format!("{x:.1e}"),
@@ -216,7 +217,7 @@ fn terse(value: &Value) -> String {
     }
 }
 
-/// Five significant digits, without an exponent where a reader would not want one.
+/// Five significant digits, without an exponent where a reader would not expect one.
 fn short(x: f64) -> String {
     if x == x.trunc() && x.abs() < 1e7 {
         return format!("{x}");

@@ -1,22 +1,22 @@
-//! How participants spent the wall time of a run.
+//! Breakdown of the participants' wall-clock time in a run.
 
 use serde::Serialize;
 use serde_json::Value;
 
-/// How a participant spent its wall time; the parts add up to the wall time of the run.
+/// The wall-clock time of a participant by activity; the parts add up to the wall-clock time of the run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct ParticipantTime {
     pub(crate) name: String,
     pub(crate) computing_s: f64,
-    /// Seconds waited, with what was waited for.
+    /// Seconds waited, with the reason.
     pub(crate) waiting: Vec<(String, f64)>,
     /// Before the first step, and after the last one.
     pub(crate) outside_s: f64,
 }
 
-/// `timing` of a summary has, of each participant, `total_ns` between its first and its last step without its pauses, and of
-/// that the time waited for inputs (one number an input, or by name), for room and for the recorder; what is left was
-/// computing. `horizon_ns`, waiting for the clock, lies outside of it, and before the run began too.
+/// `timing` of a summary has for each participant `total_ns`, from its first to its last step without pauses, and its
+/// parts: waiting for inputs (one number per input, or by name), for room and for the recorder; the rest is computing.
+/// `horizon_ns`, waiting for the clock, is not part of it, nor is the time before the run began.
 pub(crate) fn participants(summary: &Value) -> Vec<ParticipantTime> {
     let seconds = |value: &Value| value.as_f64().map(|ns| ns * 1e-9);
     let wall = summary["wall_time_s"].as_f64();

@@ -1,4 +1,4 @@
-//! A scene against the streams of a run.
+//! Binding of a scene to the streams of a run.
 
 use lockstep::units;
 use serde::Serialize;
@@ -9,24 +9,24 @@ use super::model::Model;
 use super::types::{Arrow, Attitude, Axes, Body, Camera, Component, Position, Scene, Shape, Towards};
 use crate::view::{Mistake, Signal};
 
-/// A scene with the channels that move it, as the page takes it.
+/// A scene with the channels that move it, as input of the page.
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct BoundScene {
     pub(crate) frame: String,
     up: [f64; 3],
     bodies: Vec<BoundBody>,
     cameras: Vec<BoundCamera>,
-    /// Whether the first camera is what the page shows at first.
+    /// Whether the first camera is the initial one.
     chosen: bool,
     distances: Vec<BoundDistance>,
     #[serde(skip)]
     pub(crate) channels: Channels,
-    /// The stream that decides about the instants.
+    /// The leading stream, whose samples are the instants.
     #[serde(skip)]
     pub(crate) lead: usize,
 }
 
-/// A body; numbers of channels and bodies are places in their lists.
+/// A body; channels and bodies are given by their index.
 #[derive(Debug, Clone, Default, Serialize)]
 pub(crate) struct BoundBody {
     pub(crate) name: String,
@@ -38,7 +38,7 @@ pub(crate) struct BoundBody {
     paths: Vec<BoundPath>,
     axes: Option<f64>,
     once: bool,
-    /// Whether it is always in one place.
+    /// Whether it never moves.
     fixed: bool,
 }
 
@@ -89,7 +89,7 @@ struct BoundDistance {
     to: usize,
 }
 
-/// Binds a scene. A body whose fields the streams do not have is left out, and told.
+/// Binds a scene. A body whose fields the streams do not have is left out, and reported.
 pub(crate) fn bind(scene: &Scene, streams: &[StreamSpec]) -> (Option<BoundScene>, Vec<Mistake>) {
     let mut binder = Binder {
         streams,
@@ -142,7 +142,7 @@ pub(crate) fn bind(scene: &Scene, streams: &[StreamSpec]) -> (Option<BoundScene>
     (Some(bound), mistakes)
 }
 
-/// A camera; none where the body that carries it or that it looks at is left out.
+/// A camera; none where the body that carries it, or that it looks at, is left out.
 fn bound_camera(camera: &Camera, place: &impl Fn(&String) -> Option<usize>) -> Option<BoundCamera> {
     let on = match &camera.on {
         Some(name) => Some(place(name)?),
@@ -181,7 +181,7 @@ struct Found {
 
 struct Binder<'a> {
     streams: &'a [StreamSpec],
-    /// The frame of the scene, once a position has told it.
+    /// The frame of the scene, once a position has determined it.
     frame: String,
     channels: Channels,
     mistakes: Vec<Mistake>,
@@ -248,7 +248,7 @@ impl Binder<'_> {
         complete.then_some(bound)
     }
 
-    /// What was found; what was not is a mistake.
+    /// Returns the value of a result; records an error as a mistake.
     fn kept<T>(&mut self, key: String, found: Result<T, String>) -> Option<T> {
         found
             .map_err(|reason| self.mistakes.push(Mistake::new(key, reason)))
@@ -295,7 +295,7 @@ impl Binder<'_> {
         })
     }
 
-    /// Refuses a field of another frame than the scene's; the first position that has a frame says which that is.
+    /// Rejects a field of another frame than the scene's; the first position that has a frame determines the scene's.
     fn in_frame(&mut self, found: &Found) -> Result<(), String> {
         if self.frame.is_empty() {
             self.frame.clone_from(&found.frame);

@@ -1,4 +1,4 @@
-//! Channels: the vectors over time that a scene is drawn from, each put together from elements of fields.
+//! Channels: the time-dependent vectors that a scene is drawn from, each assembled from elements of fields.
 
 use lockstep::port::Field;
 use tape::{ReadError, Source, StreamSpec, split_record};
@@ -7,7 +7,7 @@ use tape::{ReadError, Source, StreamSpec, split_record};
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Part {
     Fixed(f64),
-    /// An element of a field, and how many units of the channel one of its units is.
+    /// An element of a field, and the factor from its unit to that of the channel.
     Element {
         stream: usize,
         field: Field,
@@ -16,25 +16,25 @@ pub(crate) enum Part {
     },
 }
 
-/// What the numbers of a channel are.
+/// The meaning of the numbers of a channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Meaning {
-    /// They stand for themselves.
+    /// Plain numbers.
     Vector,
     /// A quaternion, scalar first.
     Attitude,
-    /// An angle about this axis of length one, which is drawn as a quaternion.
+    /// An angle about this unit axis, which is drawn as a quaternion.
     Turn([f64; 3]),
 }
 
-/// A vector that moves.
+/// A time-dependent vector.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Channel {
     pub(crate) meaning: Meaning,
     pub(crate) parts: Vec<Part>,
 }
 
-/// The channels of a scene, each known by its place.
+/// The channels of a scene, referred to by index.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Channels {
     pub(crate) list: Vec<Channel>,
@@ -53,12 +53,12 @@ pub(crate) struct Motion {
 pub(crate) struct Values {
     pub(crate) attitude: bool,
     pub(crate) width: usize,
-    /// `width` numbers an instant, NaN where a stream has no sample yet. Single precision is finer than any pixel.
+    /// `width` numbers per instant, NaN where a stream has no sample yet. Single precision is finer than any pixel.
     pub(crate) numbers: Vec<f32>,
 }
 
 impl Channel {
-    /// What is drawn of the numbers of one instant.
+    /// Converts the numbers of one instant to the drawn values.
     pub(crate) fn drawn(&self, numbers: &[f64], mut put: impl FnMut(f64)) {
         match self.meaning {
             Meaning::Vector | Meaning::Attitude => numbers.iter().for_each(|x| put(*x)),
@@ -80,7 +80,7 @@ impl Channel {
 }
 
 impl Channels {
-    /// The place of a channel, where it is put if it is new.
+    /// The index of a channel, which is added if it is new.
     pub(crate) fn place(&mut self, channel: Channel) -> usize {
         self.list.iter().position(|one| *one == channel).unwrap_or_else(|| {
             self.list.push(channel);
@@ -88,7 +88,7 @@ impl Channels {
         })
     }
 
-    /// The streams that are needed, each once.
+    /// The streams that are needed, without duplicates.
     fn streams(&self) -> Vec<usize> {
         let parts = self.list.iter().flat_map(|channel| &channel.parts);
         let mut streams: Vec<usize> = parts
@@ -102,8 +102,8 @@ impl Channels {
         streams
     }
 
-    /// The stream that decides about the instants: the one with the shortest period. The others are held, as a reader of the port
-    /// would see them.
+    /// The leading stream, which determines the instants: the one with the shortest period. The others are resampled by the
+    /// delivery rule.
     pub(crate) fn lead(&self, specs: &[StreamSpec]) -> Option<usize> {
         self.streams().into_iter().min_by_key(|stream| specs[*stream].period)
     }
@@ -129,7 +129,7 @@ impl Channels {
             let (spec, available) = (&source.streams()[wanted], source.count(wanted));
             let mut record = vec![0; spec.stride()];
             for (at, &instant) in t.iter().enumerate() {
-                // Stamps of two streams that mean the same instant may differ in the last bit.
+                // Stamps of two streams at the same instant may differ in the last bit.
                 let held = (instant - spec.offset.seconds()) / spec.period.seconds() - spec.first_index as f64 + 1e-6;
                 if available == 0 || held < 0.0 {
                     continue;
@@ -161,7 +161,7 @@ impl Channels {
     }
 }
 
-/// Fills in what a channel has from a stream's payload.
+/// Fills in the elements of a channel that a stream's payload has.
 pub(crate) fn put(channel: &Channel, wanted: usize, payload: &[u8], numbers: &mut [f64]) {
     for (part, slot) in channel.parts.iter().zip(numbers) {
         if let Part::Element {

@@ -4,24 +4,24 @@ use toml::{Table, Value};
 
 use crate::view::{Mistake, below};
 
-/// A table whose keys are all known. Written out rather than derived: with some dozen tables the derived readers are the larger part of
-/// what a scene adds to a program.
+/// A table in which only known keys are allowed. Written by hand: with some dozen tables, derived readers would be the
+/// larger part of the code that a scene adds to a program.
 pub(super) struct Keys<'a>(&'a Table);
 
-/// Puts the key of a value to what is wrong with it.
+/// Adds the key of a value to a mistake.
 pub(super) fn at(key: &str) -> impl Fn(String) -> Mistake {
     move |reason| Mistake::new(key.to_owned(), reason)
 }
 
 impl Mistake {
-    /// The same mistake, seen from the table that has the key `above`.
+    /// The same mistake, with the key `above` as a prefix.
     pub(super) fn below(self, above: &str) -> Mistake {
         Mistake::new(below(above, &self.key), self.reason)
     }
 }
 
 impl<'a> Keys<'a> {
-    /// Refuses a key that is not in `known`.
+    /// Rejects a key that is not in `known`.
     pub(super) fn of(table: &'a Table, known: &[&str]) -> Result<Keys<'a>, Mistake> {
         match table.keys().find(|key| !known.contains(&key.as_str())) {
             None => Ok(Keys(table)),
@@ -65,7 +65,7 @@ impl<'a> Keys<'a> {
         }
     }
 
-    /// What `read` makes of a value.
+    /// The result of `read` for a value.
     pub(super) fn value<T>(&self, key: &str, read: impl Fn(&Value) -> Result<T, String>) -> Result<Option<T>, Mistake> {
         self.0.get(key).map(|value| read(value).map_err(at(key))).transpose()
     }

@@ -1,8 +1,8 @@
-//! What the 3-D playback of a run shows, apart from any run: bodies that follow fields of the tape, their shapes, cameras.
+//! Scene of the 3-D playback, independent of any run: bodies that follow fields of the tape, their shapes, cameras.
 //!
-//! A [`Scene`] comes from the table `[scene]` of a scenario ([`Scene::read`]), or from a program that knows its application
+//! A [`Scene`] comes from the table `[scene]` of a scenario ([`Scene::read`]), or from a program for a specific application
 //! ([`crate::view::View::scene`]). Lengths are metres, angles radians, quaternions Hamilton and scalar first; an attitude
-//! turns components in the body's axes into components in the scene's frame.
+//! transforms components in the body's axes into components in the scene's frame.
 
 mod bind;
 mod channel;

@@ -1,4 +1,4 @@
-//! Solids, and the links of a URDF: its visuals where it has any, else shapes that follow from its kinematics and inertias.
+//! Solids, and the links of a URDF: its visuals where it has any, else shapes derived from its kinematics and inertias.
 
 use multibody::nalgebra::{Quaternion, UnitQuaternion};
 use roxmltree::{Document, Node};
@@ -25,7 +25,7 @@ pub struct Model {
 #[derive(Debug, Clone, Serialize)]
 pub(crate) struct Link {
     pub(crate) name: String,
-    /// The parent's place in the list; none for the root.
+    /// The parent's index in the list; none for the root.
     pub(crate) parent: Option<usize>,
     /// Placement of the joint in the parent: metres, and roll, pitch, yaw in radians.
     pub(crate) xyz: [f64; 3],
@@ -33,7 +33,7 @@ pub(crate) struct Link {
     /// The joint's axis in its own frame; none for a fixed joint.
     pub(crate) axis: Option<[f64; 3]>,
     pub(crate) prismatic: bool,
-    /// The place of a moving joint among the moving ones of the file.
+    /// The index of a moving joint among the moving joints of the file.
     pub(crate) joint: Option<usize>,
     pub(crate) shapes: Vec<Solid>,
 }
@@ -41,17 +41,17 @@ pub(crate) struct Link {
 /// A solid in the frame of its body. Cylinders stand along z around their origin.
 #[derive(Debug, Clone, Serialize)]
 pub struct Solid {
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
     /// Box: the extents. Cylinder: radius, radius at the top, length. Sphere: radius. m.
     pub size: [f64; 3],
-    /// Where its middle is, m.
+    /// Its centre, m.
     pub xyz: [f64; 3],
-    /// How it is turned: roll, pitch and yaw about fixed axes, rad.
+    /// Its orientation: roll, pitch and yaw about fixed axes, rad.
     pub rpy: [f64; 3],
     /// Red, green, blue, opacity; none for the colour of the material.
     pub rgba: Option<[f64; 4]>,
-    /// The material, which says how it is shaded: a name of the list in docs/run-folder.md.
+    /// The material, which determines the shading: a name of the list in docs/run-folder.md.
     pub role: &'static str,
 }
 
@@ -74,11 +74,11 @@ impl Solid {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// Along the axes.
+    /// Aligned with the axes.
     Box,
-    /// Around z.
+    /// About z.
     Cylinder,
-    /// Around the origin.
+    /// About the origin.
     Sphere,
 }
 
@@ -119,12 +119,12 @@ impl Model {
     /// Reads a URDF.
     ///
     /// # Errors
-    /// A text that is no XML, or whose links and joints are no tree.
+    /// A text that is not XML, or whose links and joints do not form a tree.
     pub fn read(text: &str) -> Result<Model, ModelError> {
         multibody::read_xml(text, of_document)?
     }
 
-    /// A link alone that these solids belong to.
+    /// A single link with these solids.
     pub(crate) fn of_solids(name: &str, solids: Vec<Solid>) -> Model {
         let link = Link {
             name: name.to_owned(),
@@ -139,12 +139,12 @@ impl Model {
         Model { links: vec![link] }
     }
 
-    /// How many joints move.
+    /// The number of moving joints.
     pub fn moving(&self) -> usize {
         self.links.iter().filter(|link| link.joint.is_some()).count()
     }
 
-    /// For each moving joint in the order of the file, whether it slides.
+    /// For each moving joint in the order of the file, whether it is prismatic.
     pub(crate) fn sliding(&self) -> Vec<bool> {
         let mut moving: Vec<(usize, bool)> = self
             .links
@@ -242,12 +242,12 @@ fn link_of<'a>(link: Node<'a, 'a>, parent: Option<usize>, joint: Option<Node<'a,
     }
 }
 
-/// Names of materials that the playback knows how to shade; others look like paint.
+/// Materials with a shading of their own in the playback; others look like paint.
 const MATERIALS: [&str; 12] = [
     "foil", "silver", "metal", "white", "dark", "ring", "radiator", "cells", "nozzle", "lens", "tank", "bob",
 ];
 
-/// A `<visual>`; meshes are other files, which a self-contained page does not load.
+/// A `<visual>`; meshes are separate files, which a self-contained page does not load.
 fn visual(node: Node<'_, '_>) -> Option<Solid> {
     let geometry = node.children().find(|n| n.has_tag_name("geometry"))?;
     let solid = geometry.children().find(Node::is_element)?;
@@ -262,7 +262,7 @@ fn visual(node: Node<'_, '_>) -> Option<Solid> {
         _ => return None,
     };
     let material = node.children().find(|n| n.has_tag_name("material"));
-    // A material is given in place, or by its name among those of the robot.
+    // A material is defined in place, or by the name of one of the robot's materials.
     let by_name = material.and_then(|m| m.attribute("name")).and_then(|name| {
         let mut all = node.document().root_element().children();
         all.find(|n| n.has_tag_name("material") && n.attribute("name") == Some(name))
@@ -283,7 +283,7 @@ fn visual(node: Node<'_, '_>) -> Option<Solid> {
     })
 }
 
-/// Mass, principal moments as the file has them, and centre of mass of a link.
+/// Mass, principal moments as given in the file, and centre of mass of a link.
 type Inertial = (f64, [f64; 3], [f64; 3]);
 
 fn inertial_of(links: &[Node<'_, '_>], name: &str) -> Option<Inertial> {
@@ -301,7 +301,7 @@ fn inertial_of(links: &[Node<'_, '_>], name: &str) -> Option<Inertial> {
     Some((value("mass", "value")?, moments, origin(inertial).0))
 }
 
-/// Which links are a pendulum: point masses on moving joints, and what carries them and has no inertia of its own.
+/// Which links form a pendulum: point masses on moving joints, and the massless links that carry them.
 fn pendulums(model: &Model, inertials: &[Option<Inertial>]) -> Vec<bool> {
     let mut hangs = vec![false; inertials.len()];
     for at in (1..inertials.len()).rev() {
@@ -318,7 +318,7 @@ fn pendulums(model: &Model, inertials: &[Option<Inertial>]) -> Vec<bool> {
     hangs
 }
 
-/// Shapes for a model that has none: the root as the uniform box of its inertia, joints as drums along their axes, links
+/// Shapes for a model without visuals: the root as the uniform box of its inertia, joints as drums along their axes, links
 /// as tubes from joint to joint, the bob of a pendulum at its centre of mass inside a tank.
 fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
     let inertials: Vec<Option<Inertial>> = model.links.iter().map(|link| inertial_of(links, &link.name)).collect();
@@ -328,7 +328,7 @@ fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
         let size = [side(y + z - x), side(x + z - y), side(x + y - z)];
         model.links[0].shapes.push(solid(Kind::Box, size, at, "bus"));
     }
-    // Radius of the tubes, thinner towards the end of a chain.
+    // Radius of the tubes, decreasing towards the end of a chain.
     let radius = |index: usize| 0.075 - 0.005 * index.min(8) as f64;
     for at in 1..model.links.len() {
         let link = model.links[at].clone();
@@ -354,7 +354,7 @@ fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
                 model.links[parent]
                     .shapes
                     .extend(tube([0.0; 3], link.xyz, radius(7), "tube"));
-                // The tool reaches to the frame behind it, which is usually its tip.
+                // The tool extends to the frame after it, which is usually its tip.
                 let tip = model.links.iter().find(|b| b.parent == Some(at)).map(|b| b.xyz);
                 let tool = tube([0.0; 3], tip.unwrap_or_default(), 0.03, "tool");
                 model.links[at].shapes.extend(tool);
@@ -364,8 +364,8 @@ fn invent_shapes(model: &mut Model, links: &[Node<'_, '_>]) {
     }
 }
 
-/// The bob of a pendulum with its rod, and the tank around its pivot. The tank does not swing: it belongs to the last ancestor that
-/// does not move.
+/// The bob of a pendulum with its rod, and the tank around its pivot. The tank does not swing: it belongs to the nearest
+/// ancestor that does not move.
 fn hang(model: &mut Model, at: usize, centre: [f64; 3]) {
     let length = centre.iter().map(|x| x * x).sum::<f64>().sqrt();
     let ball = [0.36 * length, 0.0, 0.0];
@@ -397,7 +397,7 @@ pub(crate) fn solid(kind: Kind, size: [f64; 3], xyz: [f64; 3], role: &'static st
 fn along(axis: [f64; 3], length: f64, center: [f64; 3], radius: f64, role: &'static str) -> Solid {
     let n = axis.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-12);
     let [x, y, z] = axis.map(|a| a / n);
-    // Pitch and yaw take z to the axis.
+    // Pitch and yaw that rotate z to the axis.
     let (pitch, yaw) = ((x * x + y * y).sqrt().atan2(z), y.atan2(x));
     Solid {
         rpy: [0.0, pitch, yaw],

@@ -10,7 +10,7 @@ use super::types::{Attitude, Body, Camera, Component, Distance, Position, Scene,
 use super::values::{colour, direction, quantity, signal, three};
 use crate::view::Mistake;
 
-/// The colours of bodies that have none, in the order of their names.
+/// The default colours of bodies, in the order of their names.
 const COLOURS: [[f64; 3]; 6] = [
     [0.25, 0.51, 0.84],
     [0.93, 0.52, 0.16],
@@ -21,7 +21,8 @@ const COLOURS: [[f64; 3]; 6] = [
 ];
 
 impl Scene {
-    /// Reads the table `[scene]` as far as that goes without the streams. Files stand in it already.
+    /// Reads the table `[scene]`, checked as far as possible without the streams. Files are already replaced by their
+    /// content.
     ///
     /// # Errors
     /// Every mistake, with its key below the table.
@@ -30,14 +31,14 @@ impl Scene {
         let mut scene = Scene::default();
         let read = top(table, &mut scene, &mut mistakes);
         mistakes.extend(read.err());
-        // Bodies with mistakes of their own are not there to be named.
+        // Bodies with mistakes are missing, so references cannot be checked then.
         if mistakes.is_empty() {
             mistakes = scene.unknown_bodies();
         }
         if mistakes.is_empty() { Ok(scene) } else { Err(mistakes) }
     }
 
-    /// What names a body that is not there.
+    /// The references to bodies that do not exist.
     fn unknown_bodies(&self) -> Vec<Mistake> {
         let names: Vec<String> = self.bodies.iter().map(|body| format!("`{}`", body.name)).collect();
         let mut mistakes = Vec::new();
@@ -67,7 +68,8 @@ impl Scene {
         mistakes
     }
 
-    /// What of the scene does not fit these streams. A field of a participant that is not `certain` is left out.
+    /// The parts of the scene that do not fit these streams. A body with a field of a participant that is not `certain` is
+    /// left out.
     pub fn misfits(&self, streams: &[StreamSpec], certain: &dyn Fn(&str) -> bool) -> Vec<Mistake> {
         if self.participants().all(|(_, name)| certain(name)) {
             return bind(self, streams).1;
@@ -87,7 +89,7 @@ impl Scene {
     }
 }
 
-/// Reads everything; what is wrong with one body or camera does not hide what is wrong with others.
+/// Reads everything; a mistake in one body or camera does not hide those in others.
 fn top(table: &Table, scene: &mut Scene, mistakes: &mut Vec<Mistake>) -> Result<(), Mistake> {
     let keys = Keys::of(table, &["frame", "up", "camera", "cameras", "bodies", "distances"])?;
     scene.frame = keys.text("frame")?.unwrap_or_default().to_owned();

@@ -8,7 +8,7 @@ use super::types::{Arrow, Axes, Path, Shape};
 use super::values::{boolean, colour, direction, positive, quantity, signal, three};
 use crate::view::{Mistake, Signal};
 
-/// The keys of each kind of shape besides its own.
+/// The keys of each kind of shape, besides the key of the kind.
 const KINDS: [(&str, &[&str]); 7] = [
     ("box", &["at", "turn", "colour"]),
     ("sphere", &["at", "turn", "colour"]),
@@ -19,7 +19,7 @@ const KINDS: [(&str, &[&str]); 7] = [
     ("frame", &[]),
 ];
 
-/// The kind of a shape, whose other keys are all of that kind.
+/// The kind of a shape, given that all other keys belong to that kind.
 fn kind_of(table: &Table) -> Result<&'static str, Mistake> {
     let listed = "box, sphere, cylinder, arrow, path, urdf, frame";
     let mut kinds = KINDS.iter().filter(|(kind, _)| table.contains_key(*kind));
@@ -39,7 +39,7 @@ fn kind_of(table: &Table) -> Result<&'static str, Mistake> {
     }
 }
 
-/// Reads one shape; keys are those below it.
+/// Reads one shape; `keys` are relative to it.
 pub(super) fn shape(value: &Value) -> Result<Shape, Mistake> {
     let Value::Table(table) = value else {
         let reason =
@@ -89,7 +89,7 @@ fn solid(kind: &str, table: &Table, keys: &Keys<'_>) -> Result<Shape, Mistake> {
     }))
 }
 
-/// Radius, radius at the end in the direction of z, length.
+/// Radius, radius at the +z end, length.
 fn cylinder(value: &Value) -> Result<[f64; 3], Mistake> {
     let keys = Keys::of_value(value, &["radius", "top", "length"])?;
     let length = |key: &str| {

@@ -1,4 +1,4 @@
-//! What is drawn against what the tape has; what does not fit.
+//! Tests: drawn values against the tape; scenes that do not fit.
 
 use lockstep::port::{Descriptor, Element, Field};
 use lockstep::time::Rational;
@@ -118,7 +118,7 @@ fn every_kind_of_body_is_understood() {
     assert_eq!((bound.lead, &*bound.frame), (0, "hall"), "the faster stream leads");
 }
 
-/// A tape whose numbers are these, one after the other.
+/// A tape with these numbers in sequence.
 fn tape(numbers: &[f64], samples: [u64; 2]) -> MemoryTape {
     let specs = streams();
     let mut tape = MemoryTape::new(specs.clone()).unwrap();
@@ -136,7 +136,7 @@ fn tape(numbers: &[f64], samples: [u64; 2]) -> MemoryTape {
     tape
 }
 
-/// The newest sample of `field` at or before an instant in milliseconds, and where in the payload it is.
+/// The newest sample of `field` at or before an instant in milliseconds, and its offset in the payload.
 fn newest(numbers: &[f64], samples: [u64; 2], stream: usize, at_ms: u64, element: usize) -> Option<f64> {
     let (period, offset, width) = [(10, 0, 14), (25, 40, 6)][stream];
     let index = (at_ms.checked_sub(offset)? / period).min(samples[stream] - 1);
@@ -145,8 +145,8 @@ fn newest(numbers: &[f64], samples: [u64; 2], stream: usize, at_ms: u64, element
 }
 
 proptest! {
-    /// Poses, joints and arrows at every instant are the tape's values, converted and in the order that is drawn; nothing is drawn of a
-    /// stream before its first sample.
+    /// Poses, joints and arrows at every instant are the tape's values, converted and in drawing order; nothing is drawn of
+    /// a stream before its first sample.
     #[test]
     fn what_is_drawn_is_what_the_tape_has(
         numbers in prop::collection::vec(-3.0_f64..3.0, 31..97),
@@ -187,7 +187,7 @@ proptest! {
     }
 }
 
-/// A body, what is said of it, and the mistake; `@` stands for a position.
+/// A body, further keys, and the mistake; `@` is replaced by a position.
 const BODIES: &[(&str, &str)] = &[
     (
         "position = 'mover.now.spot'\nshape = { sphere = 1 }",
@@ -284,7 +284,7 @@ const BODIES: &[(&str, &str)] = &[
     ("shape = { sphere = 1 }", "bodies: nothing in the scene follows a field"),
 ];
 
-/// What is said besides a good body `b`, and the mistake.
+/// Further keys besides a valid body `b`, and the mistake.
 const AROUND: &[(&str, &str)] = &[
     (
         "camera = { towards = 'c' }",

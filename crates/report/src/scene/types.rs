@@ -8,51 +8,51 @@ use crate::view::Signal;
 pub struct Scene {
     /// The frame of all positions; empty for that of the first position that has one.
     pub frame: String,
-    /// Upwards in the scene's frame; a zero vector for z.
+    /// The up direction in the scene's frame; a zero vector for z.
     pub up: [f64; 3],
-    /// What the page shows at first; the whole motion unless given.
+    /// The initial camera; unless given, one that shows the whole motion.
     pub camera: Option<Camera>,
     /// Other cameras, in the order of their buttons.
     pub cameras: Vec<Camera>,
-    /// What is drawn.
+    /// The bodies.
     pub bodies: Vec<Body>,
-    /// What is read off beside the picture.
+    /// The distances and angles displayed next to the picture.
     pub distances: Vec<Distance>,
 }
 
-/// Where somebody looks from.
+/// A camera.
 #[derive(Debug, Clone, Default)]
 pub struct Camera {
-    /// Short and stable.
+    /// Identifier: short and stable.
     pub name: String,
-    /// What its button says.
+    /// The text of its button.
     pub title: String,
-    /// Its place, m; where the whole motion is seen unless given.
+    /// Its position, m; unless given, one from which the whole motion is visible.
     pub at: Option<[f64; 3]>,
-    /// What it looks at.
+    /// The target that it looks at.
     pub towards: Towards,
-    /// Upwards in the picture; the scene's unless given.
+    /// The up direction of the picture; the scene's unless given.
     pub up: Option<[f64; 3]>,
-    /// The body that carries it: place, target and `up` are in the body's axes then.
+    /// The body that carries it: position, target and `up` are then in the body's axes.
     pub on: Option<String>,
 }
 
-/// What a camera looks at.
+/// The target of a camera.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum Towards {
-    /// The middle of the motion.
+    /// The centre of the motion.
     #[default]
     Middle,
     /// A point, m.
     Point([f64; 3]),
-    /// A body: the camera goes along with it, and its place is measured from there.
+    /// A body: the camera moves with it, and its position is relative to it.
     Body(String),
 }
 
 /// The distance between the origins of two bodies, and the angle between their attitudes where both have one.
 #[derive(Debug, Clone)]
 pub struct Distance {
-    /// What it is, in words.
+    /// Its description.
     pub label: String,
     /// One body.
     pub from: String,
@@ -60,54 +60,54 @@ pub struct Distance {
     pub to: String,
 }
 
-/// Something that moves as a whole, or is at rest.
+/// Something that moves as a whole, or is fixed.
 #[derive(Debug, Clone)]
 pub struct Body {
     /// Its name in the scene.
     pub name: String,
-    /// What is written beside it.
+    /// Its label.
     pub label: Option<String>,
-    /// Where its origin is.
+    /// The position of its origin.
     pub position: Position,
-    /// How it is turned; along the scene's axes unless given.
+    /// Its attitude; along the scene's axes unless given.
     pub attitude: Option<Attitude>,
-    /// What is drawn of it.
+    /// Its shapes.
     pub shapes: Vec<Shape>,
-    /// Red, green, blue from 0 to 1, of every shape that has none of its own.
+    /// Red, green, blue from 0 to 1, of every shape without a colour.
     pub colour: Option<[f64; 3]>,
-    /// Whether the first run's alone is drawn where runs lie over each other.
+    /// Whether only that of the first run is drawn where runs are overlaid.
     pub once: bool,
 }
 
-/// Where a body is.
+/// The position of a body.
 #[derive(Debug, Clone)]
 pub enum Position {
     /// A vector of three with the unit of a length.
     Field(Signal),
-    /// x, y and z, each for itself.
+    /// x, y and z separately.
     Components([Component; 3]),
 }
 
 /// One component of a position.
 #[derive(Debug, Clone)]
 pub enum Component {
-    /// m.
+    /// A constant, m.
     Fixed(f64),
     /// A field with one element and the unit of a length.
     Field(Signal),
 }
 
-/// How a body is turned.
+/// The attitude of a body.
 #[derive(Debug, Clone)]
 pub enum Attitude {
     /// A field with a quaternion.
     Quaternion {
         /// Four elements without unit.
         of: Signal,
-        /// Whether the scalar part is the last one.
+        /// Whether the scalar part is last.
         scalar_last: bool,
     },
-    /// A field with an angle about an axis that the body keeps.
+    /// A field with an angle about a fixed axis of the body.
     Angle {
         /// One element with the unit of an angle.
         of: Signal,
@@ -116,7 +116,7 @@ pub enum Attitude {
     },
 }
 
-/// What is drawn of a body.
+/// A shape of a body.
 #[derive(Debug, Clone)]
 pub enum Shape {
     /// A solid.
@@ -125,14 +125,15 @@ pub enum Shape {
     Model {
         /// The links.
         model: Model,
-        /// Fields with the values of its moving joints, one after the other in the order of the file: rad, or m where a joint slides.
+        /// Fields with the values of its moving joints, concatenated in the order of the file: rad, or m for a prismatic
+        /// joint.
         joints: Vec<Signal>,
     },
     /// An arrow at the body's origin.
     Arrow(Arrow),
-    /// Where the body's origin was and will be.
+    /// The past and future path of the body's origin.
     Path(Path),
-    /// The body's axes, this long, m: x red, y green, z blue.
+    /// The body's axes, of this length, m: x red, y green, z blue.
     Frame(f64),
 }
 
@@ -143,19 +144,20 @@ pub struct Arrow {
     pub of: Vec<Signal>,
     /// The direction of a field with one element.
     pub along: Option<[f64; 3]>,
-    /// The axes of the field; unless given, the scene's where the field's frame is that of the scene or not known, else the body's.
+    /// The axes of the components; unless given, the scene's where the field's frame is that of the scene or unknown, else
+    /// the body's.
     pub axes: Option<Axes>,
-    /// How long the greatest value is drawn, m; a part of the whole motion unless given.
+    /// The length of the greatest value, m; unless given, a fraction of the whole motion.
     pub length: Option<f64>,
-    /// Heads: two mark a torque.
+    /// Number of heads: two mark a torque.
     pub heads: u8,
-    /// What it is, in words.
+    /// Its description.
     pub label: String,
     /// Red, green, blue from 0 to 1.
     pub colour: Option<[f64; 3]>,
 }
 
-/// In which axes a vector has its components.
+/// The axes of a vector's components.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Axes {
     /// Those of the scene.
@@ -164,10 +166,10 @@ pub enum Axes {
     Body,
 }
 
-/// A line through the places of a body.
+/// The path of a body.
 #[derive(Debug, Clone, Default)]
 pub struct Path {
-    /// What it is, in words.
+    /// Its description.
     pub label: String,
     /// Red, green, blue from 0 to 1.
     pub colour: Option<[f64; 3]>,
@@ -175,14 +177,14 @@ pub struct Path {
     pub dashed: bool,
     /// Its width, in pixels.
     pub width: f64,
-    /// Opacity from 0 to 1 of what is behind the body.
+    /// Opacity from 0 to 1 of the past path.
     pub opacity: f64,
-    /// Only the places of this long before the instant shown, s; all of the run unless given.
+    /// Only the path within this time before the instant shown, s; all of the run unless given.
     pub last: Option<f64>,
 }
 
 impl Scene {
-    /// The fields that the bodies name, each with its key below the table.
+    /// The fields that the bodies refer to, each with its key in the table.
     fn signals(&self) -> Vec<(String, &Signal)> {
         let mut all = Vec::new();
         for body in &self.bodies {
@@ -208,17 +210,16 @@ impl Scene {
         all
     }
 
-    /// The participants that bodies name, each with the key of the field.
+    /// The participants that bodies refer to, each with the key of the field.
     pub fn participants(&self) -> impl Iterator<Item = (String, &str)> {
         let signals = self.signals().into_iter();
         signals.filter_map(|(key, signal)| Some((key, signal.participant.as_deref()?)))
     }
 
-    /// Puts the URDF `text` in the place of the solids and the model of the body called `name`; it keeps the fields of the
-    /// joints that it had.
+    /// Replaces the solids and the model of the body called `name` by the URDF `text`; the fields of its joints are kept.
     ///
     /// # Errors
-    /// There is no such body, or the text is no model.
+    /// There is no such body, or the text is not a model.
     pub fn replace_model(&mut self, name: &str, text: &str) -> Result<(), String> {
         let names: Vec<String> = self.bodies.iter().map(|body| format!("`{}`", body.name)).collect();
         let Some(body) = self.bodies.iter_mut().find(|body| body.name == name) else {

@@ -1,11 +1,11 @@
-//! Values as a scenario writes them: lengths, angles, directions, colours, fields.
+//! Values in a scenario: lengths, angles, directions, colours, fields.
 
 use lockstep::units;
 use toml::Value;
 
 use crate::view::Signal;
 
-/// A number, or a quantity in a unit that fits `unit`, which is what it is given in.
+/// A number in `unit`, or a quantity with a unit of the same dimension; returned in `unit`.
 pub(super) fn quantity(value: &Value, unit: &str) -> Result<f64, String> {
     let number = match value {
         Value::Float(x) => Some(*x),

@@ -1,4 +1,4 @@
-//! Figures against the streams of a run.
+//! Binding of figures to the streams of a run.
 
 use lockstep::port::{Element, EnumValue};
 use lockstep::units;
@@ -17,26 +17,26 @@ pub(crate) struct Drawn {
     pub(crate) id: String,
     pub(crate) group: String,
     pub(crate) title: String,
-    /// What the vertical axis has.
+    /// The vertical axis.
     #[serde(flatten)]
     pub(crate) axis: Axis,
     pub(crate) limits: Vec<Level>,
-    /// What the horizontal axis has in place of time.
+    /// The horizontal axis, where it is not time.
     pub(crate) against: Option<Axis>,
-    /// Whether it is one field of one stream, which nobody asked for.
+    /// Whether it is an automatic figure of one field of one stream.
     pub(crate) signal: bool,
 }
 
-/// What an axis shows.
+/// An axis.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(crate) struct Axis {
     pub(crate) unit: String,
     pub(crate) frame: String,
-    /// The multiples of the unit that may stand at the axis; one alone where the unit was chosen.
+    /// The multiples of the unit that the axis may use; only one where the unit was chosen.
     pub(crate) scales: Vec<Scale>,
-    /// What runs along it, where that is not the figure's title.
+    /// Its quantity, where that is not the figure's title.
     pub(crate) name: String,
-    /// The values of an enumeration with their names, which stand at the axis in place of numbers.
+    /// The values of an enumeration with their names, which replace numbers at the axis.
     pub(crate) names: Vec<EnumValue>,
 }
 
@@ -51,34 +51,34 @@ pub(crate) struct Level {
 #[derive(Debug, Clone)]
 pub(crate) struct Place {
     pub(crate) label: String,
-    /// Whole numbers hold from one sample to the next.
+    /// Whole numbers are drawn as a zero-order hold.
     pub(crate) step: bool,
 }
 
-/// What gives one curve or several of a figure.
+/// The source of one or several curves of a figure.
 pub(crate) struct Binding {
-    /// The figure's number in [`Bound::figures`].
+    /// The figure's index in [`Bound::figures`].
     pub(crate) figure: usize,
-    /// The streams: the samples of the first are the instants, the others are read there.
+    /// The streams: the samples of the first are the instants, the others are resampled there.
     pub(crate) streams: Vec<usize>,
     pub(crate) evaluate: Evaluate,
     pub(crate) against: Option<(Evaluate, f64)>,
     pub(crate) places: Vec<Place>,
-    /// From the unit of the fields to that of the axis.
+    /// The factor from the unit of the fields to that of the axis.
     pub(crate) scale: f64,
     pub(crate) origin: String,
 }
 
-/// Figures with everything that their curves need.
+/// Figures with all sources of their curves.
 #[derive(Default)]
 pub(crate) struct Bound {
     pub(crate) figures: Vec<Drawn>,
     pub(crate) bindings: Vec<Binding>,
-    /// The place of a figure in the list that it was made of, and what of it does not fit the streams.
+    /// The index of a figure in the input list, and the parts of it that do not fit the streams.
     pub(crate) mistakes: Vec<(usize, Mistake)>,
 }
 
-/// What a curve needs of the streams.
+/// The source of a curve in the streams.
 struct Found {
     streams: Vec<usize>,
     evaluate: Evaluate,
@@ -90,7 +90,8 @@ struct Found {
     origin: String,
 }
 
-/// Binds `figures`; what the streams do not have is left out and told. `limits` are drawn where a figure shows their signal.
+/// Binds `figures`; parts that the streams do not have are left out and reported. `limits` are drawn where a figure shows
+/// their signal.
 pub(crate) fn bind(figures: &[Figure], streams: &[StreamSpec], limits: &[Limit], signal: bool, bound: &mut Bound) {
     for (at, figure) in figures.iter().enumerate() {
         let mut mistakes = Vec::new();
@@ -102,7 +103,7 @@ pub(crate) fn bind(figures: &[Figure], streams: &[StreamSpec], limits: &[Limit],
     }
 }
 
-/// A figure with the curves that fit.
+/// A figure with the curves that fit the streams.
 fn one(
     figure: &Figure,
     streams: &[StreamSpec],
@@ -189,7 +190,7 @@ fn binding(curve: &Curve, found: Found, scale: f64, figure: usize) -> Binding {
     }
 }
 
-/// Puts what runs along the horizontal axis into all bindings of a figure.
+/// Sets the horizontal axis of all bindings of a figure.
 fn along(curve: &Curve, streams: &[StreamSpec], bindings: &mut [Binding]) -> Result<Axis, String> {
     let mut axis = None;
     for binding in bindings {
@@ -200,7 +201,7 @@ fn along(curve: &Curve, streams: &[StreamSpec], bindings: &mut [Binding]) -> Res
                 found.origin, found.width
             ));
         }
-        // Its streams come behind those of the curve.
+        // Its streams follow those of the curve.
         let places: Vec<usize> = found
             .streams
             .iter()
@@ -218,7 +219,7 @@ fn along(curve: &Curve, streams: &[StreamSpec], bindings: &mut [Binding]) -> Res
     axis.ok_or_else(|| "there is no curve to draw against it".to_owned())
 }
 
-/// The place of a stream among those of a binding, where it is put if it is new.
+/// The index of a stream among those of a binding, where it is added if it is new.
 fn slot(streams: &mut Vec<usize>, stream: usize) -> usize {
     streams.iter().position(|one| *one == stream).unwrap_or_else(|| {
         streams.push(stream);
@@ -226,10 +227,10 @@ fn slot(streams: &mut Vec<usize>, stream: usize) -> usize {
     })
 }
 
-/// The signals of a formula among the streams, as they are found one after the other.
+/// The signals of a formula, looked up in the streams one after the other.
 struct Operands<'a> {
     all: &'a [StreamSpec],
-    /// The streams that were found.
+    /// The streams found so far.
     used: Vec<usize>,
     names: Vec<String>,
 }
@@ -262,7 +263,7 @@ impl Operands<'_> {
     }
 }
 
-/// What a formula needs of the streams, and what it gives.
+/// The operands of a formula in the streams, and the properties of its result.
 fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
     let mut found = Operands {
         all: streams,
@@ -344,7 +345,7 @@ fn find(curve: &Curve, streams: &[StreamSpec]) -> Result<Found, String> {
     })
 }
 
-/// The field or the element as the formula has it.
+/// The name of the field or the element as written in the formula.
 fn written(slice: &Slice) -> String {
     let field = &slice.field;
     match slice.len {
@@ -354,7 +355,7 @@ fn written(slice: &Slice) -> String {
     }
 }
 
-/// The unit of an axis, and how many of them one unit of the fields is.
+/// The unit of an axis, and the factor from the unit of the fields.
 fn scale_of(wanted: &Unit, own: &str, known: Option<&str>) -> Result<(String, f64), String> {
     let unit = match (wanted, known) {
         (Unit::Scaled(unit, scale), _) => return Ok((unit.clone(), *scale)),
@@ -405,7 +406,7 @@ fn level(line: &Line, own: &str, unit: &str, wanted: &Unit) -> Result<Level, Str
     Ok(Level { y: y * scale, text })
 }
 
-/// Whether a limit is one of what a curve shows.
+/// Whether a limit applies to the signal of a curve.
 fn concerns(limit: &Limit, curve: &Curve) -> bool {
     let (of, minus, through) = match &curve.formula {
         Formula::Each(of) => (of, None, None),

@@ -1,11 +1,11 @@
-//! What formulas compute from the records of their streams.
+//! Evaluation of formulas on the records of their streams.
 
 use std::sync::Arc;
 
 use super::Computed;
 use super::signal::Slice;
 
-/// Elements of a field, and the place of their stream among those of the binding.
+/// Elements of a field, and the index of their stream among those of the binding.
 pub(crate) type Operand = (usize, Slice);
 
 /// A formula bound to the fields of streams.
@@ -23,7 +23,7 @@ pub(crate) enum Evaluate {
 }
 
 impl Evaluate {
-    /// The curves of one instant into `out`, from the payloads that are read there; NaN where a stream has none yet.
+    /// Writes the curves at one instant to `out`, from the payloads of the streams there; NaN where a stream has none yet.
     pub(crate) fn run(&self, payloads: &[Option<&[u8]>], out: &mut [f64]) {
         if self.values(payloads, out).is_none() {
             out.fill(f64::NAN);
@@ -73,7 +73,7 @@ impl Evaluate {
             }
             Evaluate::AttitudeIn(attitude, axes) => {
                 let [w, x, y, z] = product(conjugate(quaternion(axes)?), quaternion(attitude)?);
-                // Both signs are the same attitude; the shorter turn has a scalar part that is not negative.
+                // q and -q are the same attitude; the shorter rotation has a non-negative scalar part.
                 let sign = if w < 0.0 { -1.0 } else { 1.0 };
                 out.copy_from_slice(&[x, y, z].map(|part| sign * part));
             }
@@ -83,7 +83,7 @@ impl Evaluate {
         Some(())
     }
 
-    /// Gives the operands the places that their streams have in another binding.
+    /// Maps the operands to the indices of their streams in another binding.
     pub(crate) fn renumber(&mut self, places: &[usize]) {
         let operands: Vec<&mut Operand> = match self {
             Evaluate::Each(a) | Evaluate::Norm(a) | Evaluate::RotationVector(a) => vec![a],
@@ -99,7 +99,7 @@ impl Evaluate {
         }
     }
 
-    /// Whether it takes so long that a long stream is computed at some instants only.
+    /// Whether it is so expensive that a long stream is evaluated at some instants only.
     pub(crate) fn is_slow(&self) -> bool {
         matches!(self, Evaluate::Computed(_))
     }
@@ -109,7 +109,7 @@ fn conjugate([w, x, y, z]: [f64; 4]) -> [f64; 4] {
     [w, -x, -y, -z]
 }
 
-/// A vector with world components as components in the frame of this attitude.
+/// Transforms a vector from world components to components in the frame of this attitude.
 fn turned_back(q: [f64; 4], [x, y, z]: [f64; 3]) -> [f64; 3] {
     let [_, x, y, z] = product(product(conjugate(q), [0.0, x, y, z]), q);
     [x, y, z]
@@ -124,7 +124,7 @@ fn product(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
     ]
 }
 
-/// Axis times angle of the shorter turn, rad. The arctangent of two arguments keeps small angles exact, where the
+/// The rotation vector of the shorter rotation, rad. The two-argument arctangent keeps small angles exact, where the
 /// arccosine of the scalar part would lose half the digits.
 fn rotation_vector(q: [f64; 4]) -> [f64; 3] {
     let sign = if q[0] < 0.0 { -1.0 } else { 1.0 };

@@ -1,18 +1,18 @@
-//! A figure for each field of each stream.
+//! Automatic figures: one for each field of each stream.
 
 use lockstep::port::{Element, Field};
 use tape::StreamSpec;
 
 use super::{Curve, Figure, Formula, Signal, Unit};
 
-/// A field with more elements than this is a picture or a cloud of points: a curve for each would say nothing.
+/// A field with more elements than this is a picture or a point cloud: a curve for each element would be useless.
 const WIDEST: usize = 256;
 
 fn is_wide(field: &Field) -> bool {
     field.len() > WIDEST
 }
 
-/// What is said of the fields that have no figure.
+/// The note about fields that have no figure.
 pub(crate) fn left_out(streams: &[StreamSpec]) -> Vec<String> {
     let fields = streams
         .iter()
@@ -32,12 +32,12 @@ pub(crate) fn left_out(streams: &[StreamSpec]) -> Vec<String> {
     words.collect()
 }
 
-/// One figure a field, the components of a vector together, in the order of participants, ports and fields.
+/// One figure per field, with the components of a vector together, in the order of participants, ports and fields.
 pub(crate) fn every_field(streams: &[StreamSpec]) -> Vec<Figure> {
     let fields = streams
         .iter()
         .flat_map(|spec| spec.descriptor.fields.iter().map(move |field| (spec, field)))
-        // A text or bytes have no place on an axis.
+        // Texts and bytes cannot be drawn on an axis.
         .filter(|(_, field)| !field.is_padding() && field.element.room().is_none() && !is_wide(field));
     let figures = fields.map(|(spec, field)| {
         let signal = Signal {
@@ -46,7 +46,7 @@ pub(crate) fn every_field(streams: &[StreamSpec]) -> Vec<Figure> {
             names: vec![field.name.clone()],
             part: None,
         };
-        // A vector of three has the names of the axes; elements of anything else go by their numbers.
+        // The elements of a vector of three are labelled with the axes; elements of other fields with numbers.
         let labels = match field.shape[..] {
             [] | [3] => Vec::new(),
             [4] if field.name.starts_with("quat") => ["w", "x", "y", "z"].map(String::from).into(),

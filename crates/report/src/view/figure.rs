@@ -1,4 +1,4 @@
-//! What a view consists of: figures, their curves and limits.
+//! Parts of a view: figures, their curves and limits.
 
 use std::sync::Arc;
 
@@ -8,38 +8,38 @@ use tape::StreamSpec;
 use super::signal::Signal;
 use crate::scene::Scene;
 
-/// A list of figures and of instants to be marked.
+/// A list of figures and of marked instants.
 #[derive(Clone, Default)]
 pub struct View {
     /// The figures in the order of the page.
     pub figures: Vec<Figure>,
-    /// Named instants, s: marks in every figure.
+    /// Named instants, s: marked in every figure.
     pub marks: Vec<(String, Rational)>,
-    /// The keys of `summary.json` that stand at the top; one that is true or false is the verdict.
+    /// The keys of `summary.json` that are shown first; one whose value is true or false is the verdict.
     pub headline: Vec<String>,
-    /// What the playback shows, where the scenario has no scene of its own.
+    /// The scene of the playback, where the scenario has none.
     pub scene: Option<Scene>,
-    /// What could not be made, in words that stand on the page.
+    /// Errors, as notes on the page.
     pub notes: Vec<String>,
 }
 
-/// Makes the view of an application from the streams of a run and its plan; empty for a run of another kind.
+/// Creates the view of an application from the streams of a run and its plan; empty for a run of another kind.
 pub type Views = Arc<dyn Fn(&[StreamSpec], &toml::Table) -> View + Send + Sync>;
 
 /// A figure.
 #[derive(Clone)]
 pub struct Figure {
-    /// Short and stable: names files and anchors.
+    /// Identifier, short and stable: used in file names and anchors.
     pub id: String,
-    /// The heading under which the figure stands.
+    /// The heading of the figure's section on the page.
     pub group: String,
-    /// What it shows, in words.
+    /// Its title.
     pub title: String,
     /// The unit drawn.
     pub unit: Unit,
-    /// The curves. One whose fields nobody publishes is left out, and a figure without curves too.
+    /// The curves. A curve whose fields no stream has is left out, and a figure without curves too.
     pub curves: Vec<Curve>,
-    /// What runs along the horizontal axis in place of time.
+    /// The quantity of the horizontal axis, where that is not time.
     pub against: Option<Curve>,
     /// Horizontal lines.
     pub limits: Vec<Line>,
@@ -48,39 +48,39 @@ pub struct Figure {
 /// The unit in which a figure is drawn.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Unit {
-    /// That of the first curve's fields, with a prefix that fits the values.
+    /// The unit of the first curve's fields, with a prefix that fits the values.
     Own,
-    /// This one: the fields' unit must have the same dimension.
+    /// This unit: it must have the same dimension as that of the fields.
     Named(String),
-    /// This one, and how many of them one unit of the fields is.
+    /// This unit, and the factor from the unit of the fields.
     Scaled(String, f64),
 }
 
 /// A horizontal line in a figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
-    /// Where it lies: a value in the unit of the first curve's fields, or a quantity as a scenario writes it.
+    /// Its position: a value in the unit of the first curve's fields, or a quantity as written in a scenario.
     pub at: toml::Value,
-    /// What it is, in words.
+    /// Its label.
     pub text: String,
 }
 
-/// Curves that follow from signals.
+/// Curves computed from signals.
 #[derive(Clone)]
 pub struct Curve {
-    /// What is computed of which signals.
+    /// The computation and its signals.
     pub formula: Formula,
-    /// One label for each curve; where they are missing, `x y z` of three, and numbers of more.
+    /// One label for each curve; by default `x y z` for three, and numbers for more.
     pub labels: Vec<String>,
 }
 
-/// What is drawn of signals. The first signal of a formula leads: its samples are the instants of the curve, and the other
-/// signals are read there by the delivery rule: the newest sample stamped at or before.
+/// A formula of signals. Its first signal leads: the samples of that signal are the instants of the curve, and the other
+/// signals are resampled there by the delivery rule: the newest sample stamped at or before.
 #[derive(Clone)]
 pub enum Formula {
     /// Every element.
     Each(Signal),
-    /// Every element of one less the same of the other.
+    /// The element-wise difference of two signals.
     Difference(Signal, Signal),
     /// The Euclidean length.
     Norm(Signal),
@@ -88,30 +88,31 @@ pub enum Formula {
     Distance(Signal, Signal),
     /// The angle between two attitudes (quaternions, scalar first), rad.
     Angle(Signal, Signal),
-    /// A position from an origin, both in world axes, in the axes of an attitude.
+    /// A position relative to an origin, both in world axes, transformed to the axes of an attitude.
     PositionIn(Signal, Signal, Signal),
-    /// The vector part of the quaternion of an attitude in the axes of another, of the shorter turn.
+    /// The vector part of the relative quaternion from one attitude to another, for the shorter rotation.
     AttitudeIn(Signal, Signal),
     /// The rotation vector of an attitude, rad.
     RotationVector(Signal),
-    /// Whatever a program computes from the records of the first stream with that port.
+    /// A user-defined function of the records of the first stream with that port.
     Computed(Arc<dyn Computed>),
 }
 
-/// Curves that a program computes from the payload of one stream. Long streams are asked for at evenly spaced instants only.
+/// Curves that a program computes from the payload of one stream. Long streams are evaluated at evenly spaced instants
+/// only.
 pub trait Computed: Send + Sync {
     /// The stream: participant and port.
     fn stream(&self) -> (&str, &str);
     /// The curves' labels.
     fn labels(&self) -> Vec<String>;
-    /// Where they come from, in words.
+    /// Their origin, in words.
     fn origin(&self) -> String;
     /// The values of all curves in one record, in the order of the labels.
     fn values(&self, payload: &[u8], out: &mut [f64]);
 }
 
 impl Figure {
-    /// A figure without curves in `unit`, which is `scale` times the unit of its fields.
+    /// A figure without curves in `unit`; `scale` is the factor from the unit of its fields.
     pub fn new(group: &str, id: &str, title: &str, unit: (&str, f64)) -> Figure {
         Figure {
             id: id.to_owned(),
@@ -124,7 +125,7 @@ impl Figure {
         }
     }
 
-    /// With curves, and their labels.
+    /// Adds curves, with their labels.
     #[must_use]
     pub fn curve(mut self, formula: Formula, labels: &[&str]) -> Figure {
         let labels = labels.iter().map(|label| (*label).to_owned()).collect();
@@ -132,7 +133,7 @@ impl Figure {
         self
     }
 
-    /// With lines above and below zero at these values in the unit of the fields.
+    /// Adds lines above and below zero at these values in the unit of the fields.
     #[must_use]
     pub fn between(mut self, values: &[f64]) -> Figure {
         for value in values.iter().map(|value| value.abs()) {

@@ -1,21 +1,21 @@
-//! Limits that a scenario sets elsewhere: those of its guards and of its measures.
+//! Limits defined elsewhere in a scenario: those of its guards and of its measures.
 
 use toml::{Table, Value};
 
 use super::{Line, Signal};
 
-/// Lines for every figure that draws a signal as it is, or less another one.
+/// Lines for every figure that draws a signal unchanged, or its difference from another one.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Limit {
     pub(crate) of: Signal,
     pub(crate) minus: Option<Signal>,
-    /// Of the length of a vector (`norm`), or of the angle between two attitudes (`angle`).
+    /// The reduction: the length of a vector (`norm`), or the angle between two attitudes (`angle`).
     pub(crate) through: Option<String>,
     pub(crate) lines: Vec<Line>,
 }
 
-/// The limits of the guards and the measures of a plan. What is no quantity of the signal itself (a duration, an integral) is no
-/// line among its values.
+/// The limits of the guards and the measures of a plan. A limit that is not in the quantity of the signal itself (of a
+/// duration, an integral) is not drawn.
 pub(crate) fn limits_of(plan: &Table) -> Vec<Limit> {
     let section = |name: &str| plan.get(name).and_then(Value::as_table).into_iter().flatten();
     let guards = section("guards").filter_map(|(name, guard)| of_guard(name, guard.as_table()?));

@@ -1,11 +1,11 @@
-//! What is wrong with a view.
+//! Mistakes in a view.
 
 /// A mistake in a table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mistake {
-    /// The key below the table, its parts separated by dots; entries of a list go by their numbers, from 1.
+    /// The key in the table, its parts separated by dots; entries of a list are addressed by number, from 1.
     pub key: String,
-    /// What is wrong with it.
+    /// The description of the mistake.
     pub reason: String,
 }
 

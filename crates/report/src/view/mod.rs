@@ -1,7 +1,8 @@
-//! What a report draws, apart from any run: figures made of signals, with limits and marks.
+//! Views of a report, independent of any run: figures of signals, with limits and marks.
 //!
 //! A [`View`] comes from the table `[report]` of a scenario ([`View::read`]), or from a program that knows which figures
-//! its application needs. Whatever it leaves out is still on the page: each field of each stream has a figure of its own.
+//! its application needs. Fields that it leaves out are still on the page: each field of each stream has a figure of its
+//! own.
 
 mod bind;
 mod evaluate;

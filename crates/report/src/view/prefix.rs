@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// A multiple of a unit: 10^`exponent` of it is called `name`.
+/// A multiple of a unit: 10^`exponent` units are called `name`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub(crate) struct Scale {
     pub(crate) exponent: i32,
@@ -21,15 +21,15 @@ const PREFIXES: [(i32, &str); 9] = [
     (9, "G"),
 ];
 
-/// Symbols that take a prefix, small and large.
+/// Symbols that take small and large prefixes.
 const BOTH: &[&str] = &[
     "m", "g", "N", "J", "W", "Pa", "V", "A", "Hz", "C", "F", "H", "T", "Ω", "ohm", "bar", "K", "mol", "lm", "cd",
 ];
-/// Symbols that are made smaller only.
+/// Symbols that take small prefixes only.
 const SMALL: &[&str] = &["s", "rad"];
 
-/// The multiples in which values of `unit` are written, from small to large. A unit that takes no prefix gets a power of ten
-/// in front; a pure number is that power alone.
+/// The multiples in which values of `unit` are written, in ascending order. A unit that takes no prefix is preceded by a
+/// power of ten; for a pure number it is the power alone.
 pub(crate) fn scales(unit: &str) -> Vec<Scale> {
     let end = unit.find([' ', '/', '*', '·', '^']).unwrap_or(unit.len());
     let (symbol, rest) = unit.split_at(end);
@@ -73,8 +73,8 @@ fn raised(digit: char) -> char {
     }
 }
 
-/// The multiple in which a value of this size reads best: as it is from 0.1 to 10 000, else with 0.1 to 100 before the point.
-/// The page has the same rule.
+/// The multiple that suits a value of this size: the unit itself from 0.1 to 10 000, else one that gives 0.1 to 100. The
+/// page has the same rule.
 pub(crate) fn best(scales: &[Scale], size: f64) -> (f64, &str) {
     let exponent = if size == 0.0 || !size.is_finite() || (0.1..1e4).contains(&size) {
         0

@@ -30,7 +30,7 @@ struct PanelEntry {
     limits: Vec<Value>,
 }
 
-/// A curve that is more than a signal.
+/// A curve that is not a plain signal.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct CurveEntry {
@@ -45,11 +45,11 @@ struct CurveEntry {
     label: Option<String>,
 }
 
-/// The heading of panels that name none.
+/// The default heading of panels.
 const GROUP: &str = "Panels";
 
 impl View {
-    /// Reads the table `[report]` as far as that goes without the streams.
+    /// Reads the table `[report]`, checked as far as possible without the streams.
     ///
     /// # Errors
     /// Every mistake, with its key below the table.
@@ -83,7 +83,7 @@ impl View {
         })
     }
 
-    /// The participants that curves name, each with the key of the curve.
+    /// The participants that curves refer to, each with the key of the curve.
     pub fn participants(&self) -> impl Iterator<Item = (String, &str)> {
         self.figures.iter().enumerate().flat_map(|(at, figure)| {
             let along = figure.against.iter().map(|curve| ("against".to_owned(), curve));
@@ -103,7 +103,8 @@ impl View {
         })
     }
 
-    /// What of the view does not fit these streams. A signal of a participant that is not `certain` is left out.
+    /// The parts of the view that do not fit these streams. A figure with a signal of a participant that is not `certain`
+    /// is left out.
     pub fn misfits(&self, streams: &[StreamSpec], certain: impl Fn(&str) -> bool) -> Vec<Mistake> {
         let known = |signal: &Signal| signal.participant.as_deref().is_none_or(&certain);
         let mut mistakes = Vec::new();
@@ -249,7 +250,7 @@ fn curve(key: &str, value: Value) -> Result<Curve, Mistake> {
     })
 }
 
-/// A signal in a legend: participant and field, since the port says little there.
+/// The label of a signal: participant and field, since the port adds little information.
 fn short(text: &str) -> String {
     let parts: Vec<&str> = text.splitn(3, '.').collect();
     match parts[..] {

@@ -1,4 +1,4 @@
-//! Fields of streams by their names.
+//! Signals: fields of streams, addressed by name.
 
 use lockstep::port::Field;
 use tape::StreamSpec;
@@ -6,17 +6,17 @@ use tape::StreamSpec;
 /// A field of a stream, or some of its elements.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Signal {
-    /// The participant; `None` for the first one that has such a port with such a field.
+    /// The participant; `None` for the first one with such a port and field.
     pub participant: Option<String>,
-    /// The output, or `seen.INPUT` for what was seen at an input that a fault reaches.
+    /// The output, or `seen.INPUT` for the samples received at an input with a fault.
     pub port: String,
-    /// The names the field may have: the first that a stream has is taken. One may end in an element, as `q[2]`.
+    /// The names the field may have: the first that a stream has is used. A name may end in an element, as `q[2]`.
     pub names: Vec<String>,
-    /// The elements `from..to` alone.
+    /// Only the elements `from..to`.
     pub part: Option<(usize, usize)>,
 }
 
-/// A field with the elements of it that are meant.
+/// A field with the selected elements.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Slice {
     pub(crate) field: Field,
@@ -35,7 +35,7 @@ impl Slice {
 }
 
 impl Signal {
-    /// The first of these fields at the port of that name, whoever owns it.
+    /// The first of these fields at the port of that name, of any participant.
     pub fn at(port: &str, names: &[&str]) -> Signal {
         Signal {
             participant: None,
@@ -45,14 +45,14 @@ impl Signal {
         }
     }
 
-    /// The elements `from..to` alone.
+    /// Only the elements `from..to`.
     #[must_use]
     pub fn part(mut self, from: usize, to: usize) -> Signal {
         self.part = Some((from, to));
         self
     }
 
-    /// What `PARTICIPANT.OUTPUT.FIELD` names, or `PARTICIPANT.OUTPUT.FIELD[ELEMENT]`; what was seen at an input is
+    /// Parses `PARTICIPANT.OUTPUT.FIELD` or `PARTICIPANT.OUTPUT.FIELD[ELEMENT]`; samples received at an input are
     /// `PARTICIPANT.seen.INPUT.FIELD`.
     pub fn named(text: &str) -> Option<Signal> {
         let (participant, rest) = text.split_once('.')?;
@@ -79,13 +79,13 @@ impl Signal {
         self.names.iter().find_map(|name| slice(spec, name, self.part))
     }
 
-    /// The first stream that has the signal, and where it is there.
+    /// The first stream that has the signal, and the position in it.
     pub(crate) fn find(&self, streams: &[StreamSpec]) -> Option<(usize, Slice)> {
         let mut all = streams.iter().enumerate().filter(|(_, spec)| self.is_of(spec));
         all.find_map(|(at, spec)| Some((at, self.slice(spec)?)))
     }
 
-    /// What there is in place of a signal that no stream has.
+    /// The available alternatives to a signal that no stream has.
     pub(crate) fn missing(&self, streams: &[StreamSpec]) -> String {
         let listed = |names: Vec<String>| {
             let mut names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
@@ -127,7 +127,7 @@ fn slice(spec: &StreamSpec, name: &str, part: Option<(usize, usize)>) -> Option<
     let (from, to) = match part {
         None => (all.start, all.end),
         Some(part) if field.name == name => part,
-        // An element has no parts.
+        // An element has no sub-elements.
         Some(_) => return None,
     };
     (from < to && to <= field.len()).then(|| Slice {

@@ -1,4 +1,4 @@
-//! A folder for a run that may still be refused, in place of another run's if that is asked for.
+//! A run folder reserved for a run that may still be rejected; it can replace another run's folder on request.
 
 use std::fs::{self, File};
 use std::io;
@@ -8,7 +8,7 @@ use std::time::SystemTime;
 use super::place::{FolderError, RunFolder, io_error, private};
 use super::utc::utc_compact;
 
-/// What a run, its checkpoints and shadows, an export and a report put into a run folder.
+/// The entries that a run, its checkpoints and shadows, an export and a report create in a run folder.
 const OWN: [&str; 9] = [
     "plan.toml",
     "run.json",
@@ -20,15 +20,15 @@ const OWN: [&str; 9] = [
     "export",
     "report.html",
 ];
-/// Where the run that was there before waits until the new one has begun.
+/// The folder that holds the previous run until the new one has begun.
 const BEFORE: &str = ".replaced";
 
-/// Whether a run puts something of this name into its folder. A killed program may leave a draft.
+/// Whether a run creates an entry of this name in its folder. A killed program may leave a draft.
 fn is_own(name: &str) -> bool {
     name == BEFORE || OWN.contains(&name.strip_suffix(".part").unwrap_or(name))
 }
 
-/// The first of the folders on the way to `path` that does not exist yet.
+/// The outermost ancestor of `path`, or `path` itself, that does not exist yet.
 fn outermost_missing(path: &Path) -> Option<PathBuf> {
     let missing = path.ancestors().take_while(|folder| {
         let named = !folder.as_os_str().is_empty();
@@ -37,26 +37,26 @@ fn outermost_missing(path: &Path) -> Option<PathBuf> {
     missing.last().map(Path::to_owned)
 }
 
-/// A run folder for a run that may still be refused. Unless it is kept, everything is as before when this is dropped: what was
-/// made is gone, and what was there is back.
+/// A run folder for a run that may still be rejected. Unless it is kept, dropping this restores the previous state: created entries are
+/// removed, and what was there before is put back.
 #[derive(Debug)]
 pub struct Claim {
     folder: RunFolder,
-    /// The outermost folder that was made for it.
+    /// The outermost folder that was created for it.
     made: Option<PathBuf>,
     /// Whether there is a run to replace.
     replaces: bool,
     kept: bool,
-    /// Locked while a run is under way in it, so that no other one replaces that.
+    /// Locked while a run uses it, so that no other run replaces that run.
     _lock: File,
 }
 
 impl Claim {
-    /// Makes the folder `root` with its parents, for the user alone, or takes an empty one as it is. One with a run in it, and
-    /// nothing else, is taken if it is to be replaced; any other is refused.
+    /// Creates the folder `root` with its parents, accessible only to the user, or takes an empty one unchanged. A folder that contains a
+    /// run and nothing else is taken if `replace` is set; any other is rejected.
     ///
     /// # Errors
-    /// Names what is in the way; then nothing has been changed.
+    /// Names the obstacle; nothing has been changed then.
     pub fn of(root: &Path, replace: bool) -> Result<Claim, FolderError> {
         let made = outermost_missing(root);
         private()
@@ -78,7 +78,7 @@ impl Claim {
         Claim::furnish(root, made, taken, lock)
     }
 
-    /// Takes the folder `root`, which was just made, and `made` with it.
+    /// Takes the folder `root`, which was just created; `made` is the outermost folder created for it.
     fn made(root: &Path, made: Option<PathBuf>) -> Result<Claim, FolderError> {
         Claim::furnish(root, made, false, locked(root)?)
     }
@@ -104,7 +104,7 @@ impl Claim {
         &self.folder
     }
 
-    /// The run has begun: the folder stays, and what was there before goes.
+    /// The run has begun: the folder stays, and the previous content is deleted.
     pub fn settle(&mut self) {
         self.kept = true;
         if std::mem::take(&mut self.replaces) {
@@ -112,7 +112,7 @@ impl Claim {
         }
     }
 
-    /// The folder, which stays.
+    /// Returns the folder, which stays.
     pub fn keep(mut self) -> RunFolder {
         self.settle();
         self.folder.clone()
@@ -155,7 +155,7 @@ impl Claim {
             }
             fs::remove_dir(&before).map_err(io_error(&before, "remove the folder"))?;
         }
-        // Folders that were made for it, from the inside out; what another run has entered meanwhile stays.
+        // Folders that were created for it, from the innermost outwards; one that another run has used in the meantime stays.
         if let Some(made) = &self.made {
             for folder in root.ancestors().take_while(|folder| folder.starts_with(made)) {
                 if fs::remove_dir(folder).is_err() {
@@ -187,14 +187,14 @@ fn locked(root: &Path) -> Result<File, FolderError> {
     }
 }
 
-/// The names in `folder` that a run has put there, but for what is set aside.
+/// The names of the entries in `folder` that a run has created, apart from the previous run that is set aside.
 fn own_entries(folder: &Path) -> Result<Vec<String>, FolderError> {
     let entries = fs::read_dir(folder).map_err(io_error(folder, "list the folder"))?;
     let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
     Ok(names.filter(|name| is_own(name) && name != BEFORE).collect())
 }
 
-/// Refuses a folder that is not the one of a run, or has anything in it that no run has put there.
+/// Rejects a folder that is not a run folder, or contains an entry that no run has created.
 fn only_a_run(root: &Path) -> Result<(), FolderError> {
     let refuse = |reason: String| FolderError::NotARun {
         path: root.to_owned(),
@@ -216,14 +216,14 @@ fn only_a_run(root: &Path) -> Result<(), FolderError> {
 }
 
 impl RunFolder {
-    /// Makes the folder `root` with its parents, for the user alone, or takes an empty one as it is; refuses one that has anything
-    /// in it.
+    /// Creates the folder `root` with its parents, accessible only to the user, or takes an empty one unchanged; rejects one that is not
+    /// empty.
     pub fn create(root: &Path) -> Result<RunFolder, FolderError> {
         Claim::of(root, false).map(Claim::keep)
     }
 
-    /// Makes `<runs>/<scenario>-<UTC time>-<n>` with the first n from 1 that is free. Runs that start in the same instant
-    /// get different folders: whoever creates it has it.
+    /// Creates `<runs>/<scenario>-<UTC time>-<n>` with the first n from 1 that is free. Runs that start in the same instant get different
+    /// folders: a folder belongs to the run that creates it.
     pub fn create_default(runs: &Path, scenario: &str) -> Result<Claim, FolderError> {
         let outermost = outermost_missing(runs);
         private()
@@ -261,7 +261,7 @@ mod tests {
         names
     }
 
-    /// A folder that looks like the one of a run that is over.
+    /// A folder that looks like that of a finished run.
     fn run(root: &Path, plan: &str) {
         let folder = RunFolder::create(root).unwrap();
         folder.write(&folder.plan(), plan).unwrap();
@@ -279,7 +279,7 @@ mod tests {
         claim.folder().write(&claim.folder().plan(), "x").unwrap();
         drop(claim);
         assert_eq!(names(&outermost), Vec::<String>::new());
-        // A folder that was there, and empty, is there and empty.
+        // An existing empty folder still exists, and is empty.
         fs::create_dir_all(&root).unwrap();
         drop(Claim::of(&root, true).unwrap());
         assert_eq!(names(&root), Vec::<String>::new());

@@ -1,4 +1,4 @@
-//! Where each thing of a run lies in its folder.
+//! The paths of a run's files in its folder.
 
 use std::fs::DirBuilder;
 use std::io;
@@ -13,37 +13,37 @@ pub struct RunFolder {
     pub(super) root: PathBuf,
 }
 
-/// Why a run folder cannot be made or written.
+/// Why a run folder cannot be created or written.
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
-    /// The folder has something in it.
+    /// The folder is not empty.
     #[error("{} is not empty: name a new folder with `--out`; `--force` replaces what is in it, if that is a run", path.display())]
     NotEmpty {
         /// The folder.
         path: PathBuf,
     },
-    /// What is in the folder is no run, or not a run alone.
+    /// The content of the folder is not a run, or not only a run.
     #[error("{} is not replaced: {reason}; name a new folder with `--out`", path.display())]
     NotARun {
         /// The folder.
         path: PathBuf,
-        /// What is there, or is not.
+        /// What is there, or is missing.
         reason: String,
     },
-    /// There is something of that name which is not a folder.
+    /// There is an entry of that name that is not a folder.
     #[error("{} is not a folder: name a new one with `--out`", path.display())]
     NotAFolder {
         /// The path.
         path: PathBuf,
     },
-    /// The file system refused.
+    /// The file system returned an error.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What was tried.
+        /// The operation.
         action: &'static str,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
 }
@@ -53,8 +53,8 @@ pub(super) fn io_error(path: &Path, action: &'static str) -> impl FnOnce(io::Err
     move |source| FolderError::Io { path, action, source }
 }
 
-/// Makes folders for the user alone, whatever the user's mask says: what a run holds is for others only when its owner opens it to
-/// them.
+/// Creates folders that only the user can access, whatever the user's umask is: the owner decides whether others may read the files of a
+/// run.
 pub fn private() -> DirBuilder {
     let mut builder = DirBuilder::new();
     builder.mode(0o700);
@@ -62,7 +62,7 @@ pub fn private() -> DirBuilder {
 }
 
 impl RunFolder {
-    /// Takes a folder as it is; nothing needs to be in it.
+    /// Takes a folder unchanged; it may be empty.
     pub fn open(root: &Path) -> RunFolder {
         RunFolder { root: root.to_owned() }
     }
@@ -82,13 +82,13 @@ impl RunFolder {
         self.root.join("run.json")
     }
 
-    /// Since when its plan is that of the run, as `run.json` says it: a run that was taken up with changes was made by another one before.
-    /// From the beginning when nothing is given.
+    /// The instant from which its plan is that of the run, according to `run.json`: a run that was resumed with changes had another plan
+    /// before. From the beginning when there is no value.
     pub fn changed_at(&self) -> Option<String> {
         self.about("changed_at")
     }
 
-    /// The name of the scenario that was run, as `run.json` says it.
+    /// The name of the scenario, according to `run.json`.
     pub fn scenario_name(&self) -> Option<String> {
         self.about("scenario")
     }
@@ -104,22 +104,22 @@ impl RunFolder {
         self.root.join("summary.json")
     }
 
-    /// The tape's folder; [`crate::Writer::create`] makes it.
+    /// The tape's folder; [`crate::Writer::create`] creates it.
     pub fn tape(&self) -> PathBuf {
         self.root.join("tape")
     }
 
-    /// The folder of the checkpoints; there when the first one is.
+    /// The folder of the checkpoints; it exists once there is a checkpoint.
     pub fn checkpoints(&self) -> PathBuf {
         self.root.join("checkpoints")
     }
 
-    /// Where a participant's standard error goes.
+    /// The file for a participant's standard error.
     pub fn stderr(&self, participant: &str) -> PathBuf {
         self.root.join("log").join(format!("{participant}.stderr"))
     }
 
-    /// Writes `text` to `path`, a path of this folder, so that it is there whole or not at all.
+    /// Writes `text` to `path`, a path of this folder, atomically.
     pub fn write(&self, path: &Path, text: &str) -> Result<(), FolderError> {
         crate::write_whole(path, text).map_err(io_error(path, "write the file"))
     }

@@ -1,4 +1,4 @@
-//! Dates in UTC, as folders and files have them.
+//! Dates in UTC, as they appear in the names of folders and in files.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -9,7 +9,7 @@ fn civil(time: SystemTime) -> (i64, i64, i64, i64, i64, i64) {
         Err(before) => -(before.duration().as_secs() as i64) - i64::from(before.duration().subsec_nanos() > 0),
     };
     let (days, of_day) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
-    // Years run from March to February here, so that the leap day is the last of its year; 400 of them are 146,097 days.
+    // Years run from March to February here, so that the leap day is the last day of its year; 400 of them have 146,097 days.
     let from_march = days + 719_468;
     let (era, of_era) = (from_march.div_euclid(146_097), from_march.rem_euclid(146_097));
     let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
@@ -21,13 +21,13 @@ fn civil(time: SystemTime) -> (i64, i64, i64, i64, i64, i64) {
     (year, month, day, of_day / 3600, of_day / 60 % 60, of_day % 60)
 }
 
-/// An instant for names of folders: `20261122T014819Z`.
+/// An instant for the names of folders: `20261122T014819Z`.
 pub fn utc_compact(time: SystemTime) -> String {
     let (year, month, day, hour, minute, second) = civil(time);
     format!("{year:04}{month:02}{day:02}T{hour:02}{minute:02}{second:02}Z")
 }
 
-/// An instant for people and files (RFC 3339, whole seconds): `2026-11-22T01:48:19Z`.
+/// An instant for users and files (RFC 3339, whole seconds): `2026-11-22T01:48:19Z`.
 pub fn utc_text(time: SystemTime) -> String {
     let (year, month, day, hour, minute, second) = civil(time);
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")

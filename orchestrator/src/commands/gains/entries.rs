@@ -1,4 +1,4 @@
-//! The entries of a file of gains, computed: norms, margins, sampled loops, validation; and what contradicts what.
+//! Computed entries of a file of gains: norms, margins, sampled loops, validation; and contradictions between them.
 
 use synthesis::mu::MarginOptions;
 use synthesis::robot::{
@@ -7,7 +7,7 @@ use synthesis::robot::{
 };
 use synthesis::tuner::Evaluation;
 
-/// What in a file of gains contradicts what, or misses what the specification asks for.
+/// Contradictions in a file of gains, and requirements of the specification that it does not meet.
 pub fn contradictions(spec: &Spec, file: &GainsFile) -> Vec<String> {
     let mut out = Vec::new();
     for s in file.sampled.iter().filter(|s| s.spectral_radius >= 1.0) {
@@ -65,7 +65,7 @@ pub fn sampled_entries(spec: &Spec, robot: &Robot, gains: &Gains) -> Result<Vec<
     Ok(all)
 }
 
-/// A validation in the form of the file.
+/// A validation in the file's format.
 pub fn validation_entry(v: &Validation) -> ValidationEntry {
     ValidationEntry {
         samples: v.samples.len(),
@@ -76,7 +76,7 @@ pub fn validation_entry(v: &Validation) -> ValidationEntry {
     }
 }
 
-/// What any controller could reach in every model of the specification and in those of the adversary.
+/// The best performance that any controller can reach in every model of the specification and of the adversary.
 pub fn optima(spec: &Spec, robot: &Robot, adversary: &[ModelSpec]) -> Vec<OptimumEntry> {
     let mut all = Vec::new();
     for model in spec.models.iter().chain(adversary) {
@@ -88,8 +88,8 @@ pub fn optima(spec: &Spec, robot: &Robot, adversary: &[ModelSpec]) -> Vec<Optimu
     all
 }
 
-/// Both margins of the first `count` models of the specification. `next` is told how many of how many are done, and says whether
-/// to stop.
+/// Both margins of the first `count` models of the specification. `next` is called with the number of computed margins and
+/// the total, and returns whether to stop.
 pub fn stated_margins(
     spec: &Spec,
     robot: &Robot,
@@ -116,7 +116,7 @@ pub fn stated_margins(
     Ok(all)
 }
 
-/// Channel norms in the form of the file.
+/// Channel norms in the file's format.
 pub fn channel_entries(evaluation: &Evaluation) -> Vec<ChannelEntry> {
     let entry = |c: &synthesis::tuner::ChannelReport| ChannelEntry {
         model: c.model.clone(),

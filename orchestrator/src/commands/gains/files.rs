@@ -1,4 +1,4 @@
-//! The files of gains: a specification with the robot that it names, and what is written.
+//! Files of gains: a specification with its robot, and output files.
 
 use std::path::Path;
 
@@ -8,8 +8,8 @@ use synthesis::robot::{Robot, Spec};
 
 use crate::commands::model;
 
-/// Reads a specification and the robot it names. The description's path is taken from the working directory, from the
-/// folder of the specification, or from the folder above it, whichever has it.
+/// Reads a specification and the robot it names. The description's path is resolved relative to the working directory, the
+/// folder of the specification, or its parent folder, whichever has it.
 pub fn load(path: &Path, text: &str, allow_unphysical: bool) -> anyhow::Result<(Spec, Robot, String)> {
     let spec: Spec = toml::from_str(text)?;
     let Some(found) = find(path, &spec.robot.urdf) else {
@@ -24,7 +24,7 @@ pub fn load(path: &Path, text: &str, allow_unphysical: bool) -> anyhow::Result<(
     Ok((spec, robot, urdf))
 }
 
-/// Writes a file and the folders that it stands in.
+/// Writes a file, and creates its folder.
 pub fn write(path: &Path, text: &str) -> anyhow::Result<()> {
     if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;

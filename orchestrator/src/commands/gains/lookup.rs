@@ -11,16 +11,16 @@ use tape::{Reader, Source, split_record};
 use crate::catalogue::catalogue;
 use capture::flight::{find, record};
 
-/// The field of the plant's truth that has the joint angles.
+/// The field of the plant's truth with the joint angles.
 const JOINTS: &str = "q";
-/// Digits of the angles, 1/deg: a specification looked up twice gives the same problem although the last digits of a run change
+/// Resolution of the angles, 1/deg: the same specification gives the same problem although the last digits of a run change
 /// with the plant.
 const DIGITS: f64 = 100.0;
 
-/// Puts `--at` of the command line into the specification: `RUN:TIME` for the only model, or `MODEL=RUN:TIME`.
+/// Applies `--at` of the command line to the specification: `RUN:TIME` for the only model, or `MODEL=RUN:TIME`.
 ///
 /// # Errors
-/// Names a model that is not there.
+/// Names a model that does not exist.
 pub fn override_with(spec: &mut Spec, places: &[String]) -> anyhow::Result<()> {
     for place in places {
         let names: Vec<String> = spec.models.iter().map(|model| model.name.clone()).collect();
@@ -45,7 +45,7 @@ pub fn override_with(spec: &mut Spec, places: &[String]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Looks up every situation that has `at` in place of joint angles.
+/// Looks up every situation that has `at` instead of joint angles.
 ///
 /// # Errors
 /// A situation with both or neither, a run that is missing or too short.
@@ -68,7 +68,8 @@ fn look_up_one(specification: &Path, model: &mut ModelSpec) -> anyhow::Result<()
     Ok(())
 }
 
-/// Takes the angles that a file of gains has from its tuning, and looks up the others. Says where the runs now differ.
+/// Uses the angles that a file of gains has from its tuning, and looks up the others. Reports differences from the present
+/// runs.
 ///
 /// # Errors
 /// As [`look_up`].
@@ -140,7 +141,7 @@ fn read(tape: &Path, instant_s: f64) -> anyhow::Result<Vec<f64>> {
         reader.read(stream, index, &mut record)?;
         Ok(split_record(&record, index).stamp_s)
     };
-    // The last sample not after the instant.
+    // The last sample at or before the instant.
     let (mut low, mut high) = (0, reader.count(stream));
     while high - low > 1 {
         let middle = low + (high - low) / 2;

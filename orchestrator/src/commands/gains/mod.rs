@@ -1,4 +1,4 @@
-//! What `tune` and `margins` share: the files of gains, what is computed of them, tables and plots.
+//! Common parts of `tune` and `margins`: files of gains, computed entries, tables and plots.
 
 mod entries;
 mod files;
@@ -16,7 +16,7 @@ pub use reporter::Reporter;
 pub use sliding::{sliding_gain, take_sliding_gain};
 pub use tables::{print_flown, print_margins, print_sampled, print_validation};
 
-/// How many threads to use.
+/// The number of threads to use.
 pub fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }

@@ -58,7 +58,7 @@ fn drawn(title: &str, y_label: &str, mut curves: Vec<Curve>) -> String {
     for curve in &mut curves {
         curve.points.retain(usable);
     }
-    // Curves that fall to nothing would flatten everything else.
+    // Curves that decay to zero would flatten all others.
     let points = || curves.iter().flat_map(|curve| &curve.points);
     let greatest = points().map(|[_, y]| *y).fold(0.0, f64::max);
     let least = 10f64.powf(greatest.log10().ceil() - 6.0);
@@ -133,7 +133,7 @@ fn sensitivity(spec: &Spec, robot: &Robot, closed: &StateSpace) -> anyhow::Resul
     Ok(curves)
 }
 
-/// Mu of the multiplicative errors: both bounds, the largest singular value, and what holds for all frequencies.
+/// Mu of the multiplicative errors: both bounds, the largest singular value, and the bound that holds for all frequencies.
 fn mu(spec: &Spec, robot: &Robot, gains: &Gains) -> anyhow::Result<Vec<Curve>> {
     let (system, structure) = multiplicative_loop(spec, robot, &spec.models[0], gains)?;
     let found = margin(&system, &structure, &MarginOptions::default())?;

@@ -1,4 +1,4 @@
-//! How far the work on gains is, on standard error.
+//! Progress of the work on gains, on standard error.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -8,7 +8,7 @@ use synthesis::tuner::Flow;
 
 use crate::line::Line;
 
-/// Says on standard error how far the work is, and passes on a request for its end.
+/// Reports progress on standard error, and passes on a request to stop.
 pub struct Reporter<'a> {
     stop: &'a AtomicBool,
     line: Mutex<Line>,
@@ -28,7 +28,7 @@ impl<'a> Reporter<'a> {
         self.line.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Says what `text` says, if it is time.
+    /// Shows `text`, if an update is due.
     pub fn say(&self, text: impl FnOnce() -> String) -> Flow {
         self.line()
             .show(|| format!("{}, {:.0} s so far", text(), self.started.elapsed().as_secs_f64()));
@@ -39,12 +39,12 @@ impl<'a> Reporter<'a> {
         }
     }
 
-    /// Whether to stop before `what` number `done` of `all`, which is said.
+    /// Reports `what` number `done` of `all`; returns whether to stop before it.
     pub fn next(&self, what: &str, done: usize, all: usize) -> bool {
         self.say(|| format!("{what} {} of {all}", done + 1)) == Flow::Stop
     }
 
-    /// The work that was reported is over.
+    /// Ends the report.
     pub fn over(&self) {
         self.line().clear();
     }

@@ -8,10 +8,10 @@ use synthesis::robot::{GainTable, GainsFile, Spec};
 use capture::flight::find;
 use capture::provenance::plant_digest;
 
-/// The gains that `gains.ks` of the specification names; `None` when it names none.
+/// The gains that `gains.ks` of the specification names; `None` when it does not name any.
 ///
 /// # Errors
-/// A file that is missing, is no file of gains, or has gains that cannot be K_S of this robot.
+/// A file that is missing, is not a file of gains, or has gains that cannot be K_S of this robot.
 pub fn sliding_gain(specification: &Path, spec: &Spec, urdf: &str) -> anyhow::Result<Option<GainTable>> {
     let Some(named) = &spec.gains.ks else {
         return Ok(None);
@@ -35,10 +35,10 @@ pub fn sliding_gain(specification: &Path, spec: &Spec, urdf: &str) -> anyhow::Re
     Ok(Some(file.gains))
 }
 
-/// Puts K_S beside the tuned gains; gives whether that changed what stood there.
+/// Adds K_S to the tuned gains; returns whether that changed the previous value.
 pub fn take_sliding_gain(file: &mut GainsFile, spec: &Spec, proportional: &GainTable) -> bool {
     let before = (file.gains.ks.clone(), file.gains.ks_matrix.clone());
-    // It was tried when the file was read.
+    // It was validated when the file was read.
     let _ = file.gains.take_sliding_gain(proportional);
     file.provenance.ks.clone_from(&spec.gains.ks);
     before != (file.gains.ks.clone(), file.gains.ks_matrix.clone())

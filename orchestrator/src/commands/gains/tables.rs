@@ -1,10 +1,10 @@
-//! Tables of what gains tolerate.
+//! Tables of the margins and results of gains.
 
 use std::io::Write;
 
 use synthesis::robot::{FlownEntry, MarginEntry, SampledEntry, Spec, ValidationEntry};
 
-/// The table of flights.
+/// The table of closed-loop simulations.
 pub fn print_flown(out: &mut impl Write, list: &[FlownEntry]) -> anyhow::Result<()> {
     if list.is_empty() {
         return Ok(());

@@ -1,11 +1,11 @@
-//! What `tune` takes, and its exit codes.
+//! Arguments and exit codes of `tune`.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use synthesis::tuner::TuneError;
 
-/// Exit code: no stabilising gain was found, or the run broke down.
+/// Exit code: no stabilising gain was found, or the computation failed.
 pub const FAILED: i32 = 1;
 /// Exit code: the specification is wrong.
 pub const REFUSED: i32 = 2;
@@ -62,7 +62,7 @@ pub struct TuneArgs {
     pub json: bool,
 }
 
-/// The exit code for a tuner that gave no gains.
+/// The exit code for a tuner that returned no gains.
 pub fn failure(error: &TuneError) -> i32 {
     match error {
         TuneError::NotStabilised { .. } | TuneError::Stopped(_) | TuneError::Linalg(_) => FAILED,

@@ -13,7 +13,7 @@ use super::arguments::{NOT_MET, REFUSED, TuneArgs, failure};
 use super::progress::progress_line;
 use crate::commands::gains::{Reporter, write};
 
-/// Reads the matrices; an error starts with the line of the key that it is about.
+/// Reads the matrices; an error starts with the line of its key.
 fn read(text: &str) -> Result<Problem, String> {
     let at = |line: Option<usize>, message: String| match line {
         Some(line) => format!("{line}: {message}"),
@@ -25,7 +25,7 @@ fn read(text: &str) -> Result<Problem, String> {
     };
     let plant: PlantMatrices = serde_json::from_str(text).map_err(|error| {
         let message = error.to_string();
-        // What is wrong with a key, and not with the syntax, starts with the key.
+        // The message of an error in a key, rather than in the syntax, starts with the key.
         let line = match error.line() {
             0 => message.split(':').next().and_then(line_of),
             line => Some(line),
@@ -41,7 +41,7 @@ fn read(text: &str) -> Result<Problem, String> {
     })
 }
 
-/// Tunes, prints; gives the exit code.
+/// Tunes and prints; returns the exit code.
 pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<i32> {
     let problem = match read(text) {
         Ok(problem) => problem,
@@ -108,7 +108,7 @@ pub(super) fn tune_matrices(args: &TuneArgs, text: &str, stop: &AtomicBool) -> a
     Ok(code)
 }
 
-/// The result for people.
+/// The result as text.
 fn print(tuned: &Tuned, peak: f64, starts: &[String]) -> anyhow::Result<()> {
     let mut out = crate::output::stdout();
     writeln!(

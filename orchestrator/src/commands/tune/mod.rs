@@ -14,7 +14,7 @@ pub use arguments::TuneArgs;
 use matrices::tune_matrices;
 use robot::tune_robot;
 
-/// Tunes, verifies, writes; gives the exit code.
+/// Tunes, verifies, writes; returns the exit code.
 pub fn run(args: &TuneArgs) -> anyhow::Result<i32> {
     let text = match std::fs::read_to_string(&args.spec) {
         Ok(text) => text,
@@ -24,7 +24,7 @@ pub fn run(args: &TuneArgs) -> anyhow::Result<i32> {
         }
     };
     let stop = Arc::new(AtomicBool::new(false));
-    // The second Ctrl-C finds the flag set and ends the program; the order of these two lines makes it so.
+    // The order of these two lines ensures that the second Ctrl-C finds the flag set and ends the program.
     signal_hook::flag::register_conditional_shutdown(signal_hook::consts::SIGINT, 130, Arc::clone(&stop))?;
     signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::clone(&stop))?;
     if args.spec.extension().is_some_and(|e| e == "json") {

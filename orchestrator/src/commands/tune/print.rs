@@ -1,4 +1,4 @@
-//! What `tune` prints.
+//! Output of `tune`.
 
 use std::io::Write;
 
@@ -7,7 +7,7 @@ use synthesis::robot::{GainsFile, Spec};
 use super::arguments::TuneArgs;
 use crate::commands::gains::{print_flown, print_margins, print_sampled, print_validation};
 
-/// Prints the file as the user asked for it.
+/// Prints the file in the requested form.
 pub(super) fn print(args: &TuneArgs, spec: &Spec, file: &GainsFile, seconds: f64) -> anyhow::Result<()> {
     let mut out = crate::output::stdout();
     if args.json {

@@ -1,8 +1,8 @@
-//! A step of the search in words.
+//! Text of a progress update of the search.
 
 use synthesis::tuner::{Phase, Progress};
 
-/// Which start, what it does, and how far it is.
+/// The number of the start, its phase, and its progress.
 pub fn progress_line(p: Progress, starts: usize) -> String {
     let (start, value) = (p.start + 1, p.value);
     match p.phase {

@@ -13,7 +13,7 @@ use super::verify::verify;
 use crate::commands::gains::{Reporter, load, look_up, override_with, sliding_gain, take_sliding_gain, threads, write};
 use capture::provenance::{digest, plant_digest};
 
-/// Tunes, verifies, writes; gives the exit code.
+/// Tunes, verifies, writes; returns the exit code.
 pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Result<i32> {
     let loaded = load(&args.spec, text, args.allow_unphysical).and_then(|(mut spec, robot, urdf)| {
         override_with(&mut spec, &args.at)?;
@@ -82,7 +82,8 @@ pub fn tune_robot(args: &TuneArgs, text: &str, stop: &AtomicBool) -> anyhow::Res
     Ok(if complaints.is_empty() { 0 } else { NOT_MET })
 }
 
-/// `x.spec.toml` becomes `x.toml`; anything else gets `.gains.toml`, so that a specification is never overwritten.
+/// `x.spec.toml` becomes `x.toml`; for any other name `.gains.toml` is appended, so that a specification is never
+/// overwritten.
 fn gains_path(spec: &Path) -> PathBuf {
     let name = spec
         .file_name()

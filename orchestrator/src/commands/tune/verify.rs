@@ -1,4 +1,4 @@
-//! A design verified: everything that its file claims, computed.
+//! Verification of a design: all claims of its file, computed.
 
 use synthesis::robot::{Design, GainTable, GainsFile, Provenance, Robot, Spec};
 use synthesis::tuner::Verdict;
@@ -10,7 +10,7 @@ use crate::commands::gains::{
 };
 use capture::flight;
 
-/// Margins, sampled loops, flights, validation: the file of gains, and what contradicts what.
+/// Margins, sampled loops, closed-loop simulations, validation: the file of gains, and the contradictions in it.
 pub(super) fn verify(
     args: &TuneArgs,
     spec: &Spec,
@@ -25,7 +25,7 @@ pub(super) fn verify(
     if design.tuned.verdict != Verdict::Attained {
         complaints.push(design.tuned.verdict.to_string());
     }
-    // The gains were expensive: what fails from here on is said beside them, not in place of them.
+    // The gains were expensive: later failures are reported in addition to them and do not discard them.
     if !args.no_margins {
         match stated_margins(spec, robot, &design.gains, usize::MAX, &|done, all| {
             reporter.next("margins of model", done, all)

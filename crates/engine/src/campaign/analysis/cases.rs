@@ -1,4 +1,4 @@
-//! What the page of a list of cases shows. Cases are chosen, not drawn: they are compared one by one, and are no sample of anything.
+//! Page of a list of cases. Cases are chosen, not drawn: they are compared one by one and are not a statistical sample.
 
 use serde_json::{Value, json};
 
@@ -6,7 +6,7 @@ use super::super::point::{Result as PointResult, word};
 use super::super::{Campaign, good_word, verdicts};
 use super::{failures, figure};
 
-/// The cases of a campaign with what became of each, for its page.
+/// The cases of a campaign with the outcome of each, for its page.
 pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
     let samples = figure::samples(results);
     let measures = samples.iter().filter(|sample| !sample.truth);

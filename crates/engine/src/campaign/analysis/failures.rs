@@ -1,4 +1,4 @@
-//! What went wrong, grouped by its reason.
+//! Points that failed, grouped by reason.
 
 use std::collections::BTreeMap;
 
@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 use super::super::point::{Outcome, Result as PointResult};
 
-/// Groups of points that did not go well, the largest first: outcome, an example of the reason, how many, and the first of them.
-/// Reasons that differ in numbers alone are one.
+/// Groups of points that failed, the largest first: outcome, an example of the reason, number of points, and the first of
+/// them. Reasons that differ only in numbers are one group.
 pub(super) fn failures(results: &[Option<PointResult>]) -> Vec<Value> {
     let mut groups: BTreeMap<(&'static str, String), (String, Vec<usize>)> = BTreeMap::new();
     for (at, result) in results.iter().enumerate() {
@@ -15,7 +15,7 @@ pub(super) fn failures(results: &[Option<PointResult>]) -> Vec<Value> {
             continue;
         };
         let reason = result.reason.clone().unwrap_or_default();
-        // Names of criteria may have digits that count.
+        // Digits in the names of criteria may be significant.
         let key = if result.outcome == Outcome::NotMet {
             reason.clone()
         } else {
@@ -37,7 +37,7 @@ pub(super) fn failures(results: &[Option<PointResult>]) -> Vec<Value> {
     rows.collect()
 }
 
-/// A text with `#` in the place of every number.
+/// The text with every number replaced by `#`.
 fn without_numbers(text: &str) -> String {
     let mut out = String::new();
     let mut letters = text.chars().peekable();

@@ -1,4 +1,4 @@
-//! One figure over all points.
+//! Statistics of one figure over all points.
 
 use report::campaign::floats;
 use sampling::statistics::{correlation, indices, moments, percentile, ranks};
@@ -7,17 +7,17 @@ use serde_json::{Value, json};
 use super::super::point::Result as PointResult;
 use super::super::{Column, Figures, wilson};
 
-/// All intervals hold with this probability.
+/// Confidence level of all intervals.
 pub(super) const CONFIDENCE: f64 = 0.95;
 
-/// The parts of a sample whose percentiles are told.
+/// The fractions of a sample whose percentiles are reported.
 const PARTS: [f64; 6] = [0.01, 0.05, 0.5, 0.9, 0.95, 0.99];
 
 /// The values of a figure.
 pub(super) struct Sample {
     pub(super) name: String,
     pub(super) unit: String,
-    /// Whether it is that the criteria are met: 0 or 1.
+    /// Whether the figure is the truth value of the criteria: 0 or 1.
     pub(super) truth: bool,
     /// The limits of its criterion, in its unit.
     pub(super) limits: Vec<f64>,
@@ -42,7 +42,7 @@ impl Ranked<'_> {
     }
 }
 
-/// Whether points are good, where they differ, and every figure.
+/// The truth values of the criteria, where they differ between points, and every figure.
 pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
     let mut all = Vec::new();
     let good: Vec<Option<f64>> = results
@@ -83,7 +83,8 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
     all
 }
 
-/// The limits of the criterion of that name in the unit of the figure: a criterion may count in another one.
+/// The limits of the criterion of that name, converted to the unit of the figure, which may differ from that of the
+/// criterion.
 fn limits<'a>(name: &str, key: &str, all: impl Iterator<Item = &'a Figures>) -> (Vec<f64>, bool) {
     for figures in all {
         let Some(criterion) = figures.criteria.iter().find(|criterion| criterion.name == name) else {
@@ -100,12 +101,12 @@ fn limits<'a>(name: &str, key: &str, all: impl Iterator<Item = &'a Figures>) -> 
 }
 
 impl Sample {
-    /// The values that are there.
+    /// The values that are present.
     pub(super) fn there(&self) -> Vec<f64> {
         self.values.iter().flatten().copied().collect()
     }
 
-    /// What a page draws of it at the points `shown`.
+    /// The data that a page draws of it at the points `shown`.
     pub(super) fn drawn(&self, shown: impl Iterator<Item = usize>) -> Value {
         let values = shown.map(|at| self.values[at].unwrap_or(f64::NAN));
         json!({
@@ -122,7 +123,7 @@ impl Sample {
         moments(&self.there()).map(|(mean, deviation)| [mean, deviation])
     }
 
-    /// A row for each: the part, the percentile, and the ends of its interval.
+    /// A row for each percentile: the fraction, the percentile, and the ends of its interval.
     pub(super) fn percentiles(&self) -> Value {
         let mut sorted = self.there();
         sorted.sort_by(f64::total_cmp);
@@ -133,7 +134,7 @@ impl Sample {
         rows.collect()
     }
 
-    /// The rank correlation with each input; none with texts.
+    /// The rank correlation with each input; inputs that are texts have none.
     pub(super) fn correlations(&self, inputs: &[Option<Ranked<'_>>]) -> Vec<Option<f64>> {
         let whole = self.values.iter().all(Option::is_some);
         let own = ranks(&self.there());
@@ -148,7 +149,8 @@ impl Sample {
         inputs.iter().map(|input| input.as_ref().and_then(with)).collect()
     }
 
-    /// Estimates after more and more points: how many; of a truth its share, else median and 95 %; each with its interval.
+    /// Estimates over a growing number of points: the number; the share of a truth value, else median and 95 %; each with
+    /// its interval.
     pub(super) fn convergence(&self) -> Value {
         let all = self.there();
         let mut sizes = Vec::new();
@@ -184,7 +186,7 @@ impl Sample {
         rows.into()
     }
 
-    /// First-order and total indices with the halves of their intervals; of rows that ran whole. `width` points make a row.
+    /// First-order and total indices with their half-widths, from the rows that ran completely. `width` points make a row.
     pub(super) fn indices(&self, width: usize) -> Option<Value> {
         if width == 0 {
             return None;

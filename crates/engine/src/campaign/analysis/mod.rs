@@ -1,4 +1,4 @@
-//! Statistics of a campaign: everything that its page shows.
+//! Statistics of a campaign: all contents of its page.
 
 mod cases;
 mod failures;
@@ -13,7 +13,7 @@ use super::point::{Result as PointResult, word};
 use super::{Campaign, Column, Figures, Rarely, good_word, verdicts, wilson};
 use figure::Sample;
 
-/// More points than this are thinned out in pictures; the numbers are of all of them.
+/// Pictures are thinned out to this number of points; the numbers use all points.
 const SHOWN_MAX: usize = 5000;
 
 /// The statistics of a campaign, for its page.
@@ -48,8 +48,8 @@ pub fn analysis(title: &str, campaign: &Campaign, results: &[Option<PointResult>
 }
 
 impl Rarely {
-    /// The statistics for its page: of the first level, which is a plain random sample, with what is known of the event, and the worst of
-    /// all points.
+    /// The statistics for the page of a rare-event campaign: those of the first level, which is a plain random sample, with
+    /// the estimate of the event and the worst of all points.
     pub fn analysis(&self, title: &str) -> Value {
         let results = &self.finished.results;
         let sample = self.sample.min(results.len());
@@ -60,13 +60,13 @@ impl Rarely {
     }
 }
 
-/// Whether a column is something that figures may depend on: not the number of a run, and not the same everywhere.
+/// Whether figures may depend on a column: it is not the number of a run and not constant.
 fn counts(column: &Column) -> bool {
     let differs = column.texts.iter().any(|text| *text != column.texts[0]);
     differs && !["seed", "row", "matrix", "level", "parent"].contains(&column.name.as_str())
 }
 
-/// A column as the page draws it: numbers, or which of its texts.
+/// A column as the page draws it: numbers, or indices of its texts.
 fn input(column: &Column, shown: &[usize]) -> Value {
     let mut words: Vec<&String> = Vec::new();
     let numbers: Vec<f64> = match &column.numbers {
@@ -88,7 +88,8 @@ fn input(column: &Column, shown: &[usize]) -> Value {
     })
 }
 
-/// The ten points that are nearest to their limits, or furthest beyond, as parts of them; with what was drawn for each.
+/// The ten points that are nearest to their limits, or furthest beyond, as fractions of the limits; with the values drawn
+/// for each.
 fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
     let mut all: Vec<(f64, &str, usize)> = Vec::new();
     for (at, result) in results.iter().enumerate() {
@@ -119,7 +120,8 @@ fn worst(campaign: &Campaign, results: &[Option<PointResult>]) -> Value {
         .collect()
 }
 
-/// The criterion that comes nearest to its limit, with the part of it that is reached; what could not be measured comes first.
+/// The criterion that comes nearest to its limit, with the fraction of the limit that is reached; a criterion that was not
+/// measured comes first.
 fn part_of_limit(figures: &Figures) -> Option<(f64, &str)> {
     let parts = figures.criteria.iter().filter_map(|criterion| {
         let Some(value) = criterion.value else {

@@ -1,4 +1,4 @@
-//! Figures that are vectors: how far from zero, and from their mean, half of them lie.
+//! Figures that are vectors: median distances from zero and from the mean.
 
 use report::campaign::floats;
 use sampling::statistics::percentile;

@@ -1,4 +1,4 @@
-//! One point under way: what its dispersions give to keys and columns.
+//! One point under construction: the values that its dispersions give to keys and columns.
 
 use std::collections::BTreeMap;
 
@@ -7,10 +7,10 @@ use lockstep::units::{Dimension, unit_factor};
 use crate::campaign::cell::{Cell, Head, Point};
 use crate::campaign::dispersions::{Dispersion, Drawn, Formula, Quantity, Sized};
 
-/// A point under way.
+/// A point under construction.
 pub(super) struct Made<'a> {
     start: &'a BTreeMap<String, Quantity>,
-    /// Keys that have got numbers.
+    /// Keys that have numbers so far.
     numbers: BTreeMap<&'a str, Quantity>,
     pub(super) settings: BTreeMap<String, String>,
     /// The numbers of the dispersions so far, in SI units, for formulas.
@@ -101,7 +101,7 @@ impl<'a> Made<'a> {
         }
     }
 
-    /// A table is set before what is below it.
+    /// Returns the point and the heads. A table is set before the keys below it.
     pub(super) fn finish(mut self) -> (Point, Vec<Head>) {
         for (key, quantity) in std::mem::take(&mut self.numbers) {
             self.settings.insert(key.to_owned(), quantity.text());

@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-/// No such file is larger, bytes.
+/// Maximum size of such a file, bytes.
 const FILE_MAX: u64 = 64 << 20;
 
-/// The cells of the column that is headed `name`, or by `name` with a unit behind it as in `mass [kg]`; with the unit, empty
-/// where there is none.
+/// The cells of the column with the head `name`, or `name` followed by a unit as in `mass [kg]`; with the unit, empty where
+/// there is none.
 ///
 /// # Errors
-/// Says what is wrong with the file.
+/// The mistake in the file.
 pub fn cells(path: &Path, name: &str) -> Result<(Vec<String>, String), String> {
     let about = std::fs::metadata(path).map_err(|error| format!("cannot be read: {error}"))?;
     if !about.is_file() || about.len() > FILE_MAX {
@@ -47,7 +47,7 @@ pub fn cells(path: &Path, name: &str) -> Result<(Vec<String>, String), String> {
     Ok((cells, plain(&heads[at]).1))
 }
 
-/// The fields of a line of CSV; a quote that a field begins with holds commas together.
+/// The fields of a line of CSV; a field in quotes may contain commas.
 fn fields(line: &str) -> Vec<String> {
     let (mut all, mut field, mut quoted) = (Vec::new(), String::new(), false);
     let mut letters = line.chars().peekable();

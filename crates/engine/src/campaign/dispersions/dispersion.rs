@@ -3,7 +3,7 @@
 use super::draws::Draws;
 use super::quantity::{Quantity, Step};
 
-/// A key of the scenario, or one element of what stands there.
+/// A key of the scenario, or one element of the list at a key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Target {
     /// The dotted key.
@@ -15,17 +15,17 @@ pub struct Target {
 /// How a draw becomes the value of a key.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
-    /// It is the value.
+    /// The draw is the value.
     Absolute,
-    /// It is added to the scenario's own value.
+    /// The draw is added to the scenario's own value.
     Offset,
-    /// The scenario's own value grows by this part.
+    /// The scenario's own value grows by this fraction.
     Relative,
-    /// The scenario's own value is multiplied by it.
+    /// The scenario's own value is multiplied by the draw.
     Factor,
 }
 
-/// What a dispersion draws with.
+/// The design that a dispersion is drawn with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Design {
     /// Independent draws.
@@ -34,23 +34,23 @@ pub enum Design {
     LatinHypercube,
     /// A scrambled Sobol' sequence.
     Sobol,
-    /// Every value with every value of the others that are on the grid.
+    /// Every combination with the values of the other dispersions on the grid.
     Grid,
     /// The matrices A, B and AB from which Sobol' indices are estimated.
     Saltelli,
-    /// Levels that come nearer and nearer to an event that is rare.
+    /// Subset simulation: levels that approach a rare event.
     Subset,
 }
 
 impl Design {
-    /// As a campaign file has it.
+    /// The name in a campaign file.
     pub fn word(self) -> &'static str {
         let known = DESIGNS.iter().find(|(_, design)| *design == self);
         known.map_or("", |(word, _)| word)
     }
 }
 
-/// Words for designs.
+/// Names of designs.
 pub const DESIGNS: [(&str, Design); 6] = [
     ("random", Design::Random),
     ("latin-hypercube", Design::LatinHypercube),
@@ -65,28 +65,28 @@ pub const DESIGNS: [(&str, Design); 6] = [
 pub struct Dispersion {
     /// Its name: that of its draws and of its columns.
     pub name: String,
-    /// The keys that it gives a value. None where it only stands in formulas.
+    /// The keys whose values it sets. None where it is used in formulas only.
     pub targets: Vec<Target>,
     /// Where its values come from.
     pub draws: Draws,
-    /// What becomes of a draw.
+    /// How a draw is applied.
     pub mode: Mode,
     /// The unit of the draws; empty where they have none.
     pub unit: String,
-    /// The unit of the values that its keys get.
+    /// The unit of the values at its keys.
     pub made: String,
-    /// What values are rounded to.
+    /// The rounding step of values.
     pub step: Option<Step>,
     /// Drawn once for all points.
     pub once: bool,
-    /// Its own design, where the campaign's is not meant.
+    /// Its own design, where it differs from the campaign's.
     pub design: Option<Design>,
-    /// How many values it takes on a grid, where those are not a list.
+    /// Number of values on a grid, where those are not a list.
     pub levels: Option<usize>,
 }
 
 impl Dispersion {
-    /// The value of a target whose value is `own` before. What is absolute needs none.
+    /// The value of a target whose present value is `own`, which absolute draws do not need.
     pub fn applied(&self, own: Option<&Quantity>, element: Option<usize>, draw: &[f64]) -> Quantity {
         let (Some(own), true) = (
             own,
@@ -119,7 +119,7 @@ impl Dispersion {
         made
     }
 
-    /// Whether what was at a key before is gone.
+    /// Whether the previous value of a key is replaced.
     pub fn replaces(&self) -> bool {
         self.mode == Mode::Absolute && !self.draws.turns()
     }

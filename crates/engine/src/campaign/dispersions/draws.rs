@@ -1,4 +1,4 @@
-//! Where the values of a dispersion come from: distributions, lists, files and formulas.
+//! Sources of a dispersion's values: distributions, lists, files and formulas.
 
 use sampling::distribution::{
     Correlated, Inertia, Quaternion, Scalar, Weights, compose, from_roll_pitch_yaw, in_cone, misalignment, on_sphere,
@@ -9,32 +9,32 @@ use toml::Value;
 use super::formula::Formula;
 use super::quantity::Quantity;
 
-/// How an attitude is written.
+/// Representation of an attitude.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Frame {
     /// Four numbers, the scalar first.
     Quaternion,
     /// Turns about the fixed axes x, y and z in this order, in the dispersion's unit; `per_rad` of it are one radian.
     RollPitchYaw {
-        /// How many of its units are one radian.
+        /// Number of its units in one radian.
         per_rad: f64,
     },
-    /// A vector that is turned.
+    /// A vector to be rotated.
     Direction,
 }
 
-/// Where values come from.
+/// A source of values.
 #[derive(Debug, Clone)]
 pub enum Draws {
     /// A distribution of one number.
     Scalar(Scalar),
-    /// Some of a list: numbers.
+    /// Choices from a list of numbers.
     Numbers(Vec<f64>, Weights),
-    /// Some of a list: any values, with what the table calls them.
+    /// Choices from a list of any values, with their labels in the table.
     Values(Vec<(Value, String)>, Weights),
-    /// The rows of a file's column one after the other.
+    /// The rows of a file's column, one after the other.
     InTurn(Vec<f64>),
-    /// The same with rows that are texts.
+    /// The same with rows of text.
     TextsInTurn(Vec<String>),
     /// A value for all points.
     Constant(Value),
@@ -44,7 +44,7 @@ pub enum Draws {
     Formula(Formula, f64),
     /// Normal numbers with correlations.
     Correlated(Correlated),
-    /// A vector of this length, in any direction.
+    /// A vector of this length, with a uniformly random direction.
     Sphere(f64),
     /// A vector of this length within an angle (rad) of an axis.
     Cone {
@@ -55,25 +55,25 @@ pub enum Draws {
         /// The angle, rad.
         half_angle: f64,
     },
-    /// Any attitude.
+    /// A uniformly random attitude.
     Rotation(Frame),
-    /// The scenario's own attitude or direction, turned a little: the standard deviation about each axis, rad.
+    /// The scenario's own attitude or direction, rotated slightly: the standard deviation about each axis, rad.
     Misalignment(f64, Frame),
-    /// The scenario's own inertia, of another body.
+    /// The scenario's own inertia, changed to that of another body.
     Inertia(Inertia),
 }
 
-/// What was drawn.
+/// The result of a draw.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Drawn {
     /// Numbers in the dispersion's unit.
     Numbers(Vec<f64>),
-    /// Any value, with what the table calls it.
+    /// Any value, with its label in the table.
     Value(Value, String),
 }
 
 impl Draws {
-    /// How many numbers in (0, 1) a draw takes.
+    /// Number of coordinates in (0, 1) that a draw takes.
     pub fn coordinates(&self) -> usize {
         match self {
             Draws::Scalar(_) | Draws::Numbers(..) | Draws::Values(..) => 1,
@@ -91,12 +91,12 @@ impl Draws {
         }
     }
 
-    /// Whether points differ in it by themselves.
+    /// Whether it differs between points by itself.
     pub fn varies(&self) -> bool {
         self.coordinates() > 0 || matches!(self, Draws::InTurn(_) | Draws::TextsInTurn(_))
     }
 
-    /// How many numbers it gives a key, where that does not depend on the key's own value; `None` for any values.
+    /// The number of numbers that it gives a key, where that does not depend on the key's own value; `None` for any values.
     pub fn numbers(&self) -> Option<usize> {
         match self {
             Draws::Values(..) | Draws::TextsInTurn(_) | Draws::Constant(_) => None,
@@ -112,17 +112,17 @@ impl Draws {
         }
     }
 
-    /// Whether its numbers stand in brackets.
+    /// Whether its numbers are written in brackets.
     pub fn listed(&self) -> bool {
         self.numbers().is_some_and(|numbers| numbers > 1)
     }
 
-    /// Whether it is made of the key's own value in a way of its own.
+    /// Whether it transforms the key's own value in a special way.
     pub fn turns(&self) -> bool {
         matches!(self, Draws::Misalignment(..) | Draws::Inertia(_))
     }
 
-    /// How many values it takes on a grid.
+    /// Number of values on a grid.
     pub fn choices(&self) -> Option<usize> {
         match self {
             Draws::Numbers(values, _) => Some(values.len()),
@@ -143,7 +143,7 @@ impl Draws {
         }
     }
 
-    /// The draw of point `k`, which the numbers `u` belong to. `formula` gives the value of a formula.
+    /// The draw of point `k`, with the coordinates `u`. `formula` returns the value of a formula.
     pub fn draw(&self, u: &[f64], k: u64, formula: &dyn Fn(&Formula) -> f64) -> Drawn {
         let three = |from: usize| [u[from], u[from + 1], u[from + 2]];
         Drawn::Numbers(match self {
@@ -170,12 +170,12 @@ impl Draws {
             } => in_cone(*axis, *half_angle, [u[0], u[1]]).map(|x| length * x).to_vec(),
             Draws::Rotation(frame) => written(random_rotation(three(0)), *frame),
             Draws::Misalignment(deviation, _) => misalignment(*deviation, three(0)).to_vec(),
-            // What becomes of it depends on the body.
+            // How the draw is applied depends on the body.
             Draws::Inertia(_) => u.to_vec(),
         })
     }
 
-    /// The value that a draw makes of the key's own one, where it turns that.
+    /// The value that a draw makes of the key's own one, where the draw rotates it.
     pub fn turned(&self, own: &Quantity, draw: &[f64]) -> Option<Vec<f64>> {
         let three = |of: &[f64]| [of[0], of[1], of[2]];
         match self {
@@ -188,7 +188,7 @@ impl Draws {
             }
             Draws::Inertia(inertia) if own.numbers.len() == 6 => {
                 let six: [f64; 6] = std::array::from_fn(|at| own.numbers[at]);
-                // Without a turn there are three numbers; the median of a turn is none.
+                // Without a rotation there are three numbers; the median of a rotation is the identity.
                 let u: [f64; 6] = std::array::from_fn(|at| draw.get(at).copied().unwrap_or(0.5));
                 Some(inertia.matrix(six, u).to_vec())
             }
@@ -198,7 +198,7 @@ impl Draws {
     }
 }
 
-/// An attitude as it is written.
+/// Writes an attitude in its representation.
 fn written(q: Quaternion, frame: Frame) -> Vec<f64> {
     match frame {
         Frame::RollPitchYaw { per_rad } => roll_pitch_yaw(q).map(|angle| angle * per_rad).to_vec(),
@@ -206,7 +206,7 @@ fn written(q: Quaternion, frame: Frame) -> Vec<f64> {
     }
 }
 
-/// What was written, as an attitude.
+/// Reads an attitude from its representation.
 fn attitude(numbers: &[f64], frame: Frame) -> Quaternion {
     match frame {
         Frame::RollPitchYaw { per_rad } => {
@@ -216,7 +216,7 @@ fn attitude(numbers: &[f64], frame: Frame) -> Quaternion {
     }
 }
 
-/// A value as the table calls it: texts without quotes.
+/// The label of a value in the table: texts without quotes.
 pub fn plain(value: &Value) -> String {
     match value {
         Value::String(text) => text.clone(),

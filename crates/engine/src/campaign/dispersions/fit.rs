@@ -1,11 +1,11 @@
-//! Whether draws fit the keys that they are for.
+//! Checks that draws fit their keys.
 
 use toml::Table;
 
 use super::quantity::{Quantity, at_key};
 use super::{Dispersion, Draws, Frame, Mode};
 
-/// Compares a dispersion with what stands at its keys; `owns` are the numbers there.
+/// Compares a dispersion with the values at its keys; `owns` are the numbers there.
 pub(super) fn check(
     dispersion: &Dispersion,
     owns: &[Option<Quantity>],
@@ -68,7 +68,7 @@ pub(super) fn check(
     }
 }
 
-/// What is wrong with so many numbers for a value that is there.
+/// The mistake of giving this many numbers to an existing value.
 fn shapes(dispersion: &Dispersion, own: &Quantity, element: bool, numbers: usize) -> Option<String> {
     let there = || format!("the scenario has {} there", own.text());
     match &dispersion.draws {

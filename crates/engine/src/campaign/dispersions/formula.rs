@@ -2,7 +2,7 @@
 
 use lockstep::units::Dimension;
 
-/// A formula that was read.
+/// A parsed formula.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Formula(Term);
 
@@ -19,14 +19,14 @@ enum Term {
 /// A number in SI units with its dimension.
 pub type Sized = (f64, Dimension);
 
-/// Deeper than a file needs.
+/// Maximum nesting depth.
 const DEPTH_MAX: usize = 64;
 
 impl Formula {
-    /// Reads `0.5 * (mass - dry) * radius^2`: numbers, names, `+ - * /`, whole powers from -9 to 9, and parentheses.
+    /// Parses `0.5 * (mass - dry) * radius^2`: numbers, names, `+ - * /`, whole powers from -9 to 9, and parentheses.
     ///
     /// # Errors
-    /// Says what is there and what was expected.
+    /// States what was found and what was expected.
     pub fn read(text: &str) -> Result<Formula, String> {
         let mut reader = Reader {
             rest: text.trim(),
@@ -60,7 +60,7 @@ impl Formula {
     /// Its value, in SI units.
     ///
     /// # Errors
-    /// When dimensions do not fit, or a name has none.
+    /// When dimensions do not fit, or a name has no value.
     pub fn value(&self, of: &dyn Fn(&str) -> Option<Sized>) -> Result<Sized, String> {
         value(&self.0, of)
     }

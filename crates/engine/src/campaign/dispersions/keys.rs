@@ -8,15 +8,15 @@ use toml::{Table, Value};
 
 use super::quantity::{Step, number};
 
-/// A table, and what is wrong with it so far.
+/// A table, and the mistakes found so far.
 pub(super) struct Keys<'a> {
     table: &'a Table,
     used: BTreeSet<String>,
-    /// What is wrong, by key; the empty key is the whole table.
+    /// Mistakes, by key; the empty key is the whole table.
     pub(super) wrong: Vec<(String, String)>,
     /// The unit of its quantities, once it is known.
     pub(super) unit: Option<String>,
-    /// Its quantities are parts of something: plain numbers, or with `%`.
+    /// Its quantities are fractions: plain numbers, or with `%`.
     pub(super) parts: bool,
 }
 
@@ -35,13 +35,13 @@ impl<'a> Keys<'a> {
         self.wrong.push((key.to_owned(), reason.into()));
     }
 
-    /// What stands at `key`, if anything does.
+    /// The value at `key`, if present.
     pub(super) fn value(&mut self, key: &str) -> Option<&'a Value> {
         self.used.insert(key.to_owned());
         self.table.get(key)
     }
 
-    /// What must stand at `key`.
+    /// The value at `key`, which is required.
     pub(super) fn need(&mut self, key: &str, example: &str) -> Option<&'a Value> {
         let found = self.value(key);
         if found.is_none() {
@@ -91,7 +91,7 @@ impl<'a> Keys<'a> {
         found.map(|(_, one)| *one)
     }
 
-    /// Numbers in the unit of the table, which the first quantity determines where nothing did before.
+    /// Numbers in the unit of the table, which the first quantity determines where it was not determined before.
     pub(super) fn quantity(&mut self, value: &Value) -> Result<(Vec<f64>, bool), String> {
         let plain = match value {
             Value::Array(items) => items
@@ -157,7 +157,7 @@ impl<'a> Keys<'a> {
         }
     }
 
-    /// The number that must stand at `key`.
+    /// The number at `key`, which is required.
     pub(super) fn needed(&mut self, key: &str, example: &str) -> Option<f64> {
         self.need(key, example)?;
         self.number(key)
@@ -192,7 +192,7 @@ impl<'a> Keys<'a> {
         }
     }
 
-    /// A number without a unit at `key`, or a part of something with `%`.
+    /// A number without a unit at `key`, or a fraction with `%`.
     pub(super) fn part(&mut self, key: &str) -> Option<f64> {
         let value = self.value(key)?;
         let share = |text: &str| Some(text.strip_suffix('%')?.trim().parse::<f64>().ok()? / 100.0);
@@ -204,7 +204,7 @@ impl<'a> Keys<'a> {
         found
     }
 
-    /// What values are rounded to, in the unit of the table.
+    /// The rounding step of values, in the unit of the table.
     pub(super) fn step(&mut self, unit: &str) -> Option<Step> {
         let value = self.value("round")?;
         let step = Step::of(value).filter(|step| step.unit == unit);
@@ -222,7 +222,7 @@ impl<'a> Keys<'a> {
         step
     }
 
-    /// Everything that is wrong, with the keys that are not known.
+    /// All mistakes, including unknown keys.
     pub(super) fn finish(mut self) -> Vec<(String, String)> {
         let known: Vec<&str> = self.used.iter().map(String::as_str).collect();
         let known = known.join(", ");
@@ -233,7 +233,7 @@ impl<'a> Keys<'a> {
     }
 }
 
-/// A distribution that could be made; else what was wrong is a mistake at its key.
+/// A distribution that could be constructed; else a mistake is recorded at its key.
 pub(super) fn possible<T>(keys: &mut Keys<'_>, made: Result<T, Impossible>) -> Option<T> {
     made.map_err(|error| keys.refuse(error.parameter, error.reason)).ok()
 }

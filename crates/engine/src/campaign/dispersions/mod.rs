@@ -1,4 +1,4 @@
-//! What varies: dispersions, each of which gives keys of the scenario a value for every point.
+//! Dispersions: each sets keys of the scenario to a value for every point.
 
 mod column;
 mod dispersion;

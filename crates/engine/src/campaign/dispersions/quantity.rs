@@ -10,16 +10,16 @@ use crate::scenario::fault_name;
 pub struct Quantity {
     /// The numbers.
     pub numbers: Vec<f64>,
-    /// Decimals that each is written with; as many as it takes where nothing was rounded.
+    /// Decimals that each is written with; as many as needed where nothing was rounded.
     pub decimals: Vec<Option<usize>>,
     /// Their unit as the user writes it; empty where there is none.
     pub unit: String,
-    /// Whether they stand in brackets.
+    /// Whether they are written in brackets.
     pub listed: bool,
 }
 
 impl Quantity {
-    /// Numbers of which nothing is rounded.
+    /// Numbers without rounding.
     pub fn new(numbers: Vec<f64>, unit: &str, listed: bool) -> Quantity {
         Quantity {
             decimals: vec![None; numbers.len()],
@@ -29,7 +29,8 @@ impl Quantity {
         }
     }
 
-    /// What a scenario says, where that is numbers: `12`, `0.5`, `"10 ms"`, `[1, 2]`, `"[1, 2, 3] m"`. Whole numbers stay whole.
+    /// The value of a scenario's key, where that is numbers: `12`, `0.5`, `"10 ms"`, `[1, 2]`, `"[1, 2, 3] m"`. Whole
+    /// numbers stay whole.
     pub fn of(value: &Value) -> Option<Quantity> {
         match value {
             Value::Integer(whole) => Some(Quantity {
@@ -76,12 +77,12 @@ impl Quantity {
     pub fn round(&mut self, at: usize, step: &Step) {
         self.numbers[at] = libm::round(self.numbers[at] / step.size) * step.size;
         self.decimals[at] = Some(step.decimals);
-        // The number is what is written: seven steps of 0.1 are 0.7.
+        // The written number is exact: seven steps of 0.1 are 0.7.
         self.numbers[at] = self.digits(at).parse().unwrap_or(self.numbers[at]);
     }
 }
 
-/// What values are rounded to multiples of.
+/// The step of which rounded values are multiples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step {
     /// Its size, in `unit`.
@@ -93,7 +94,7 @@ pub struct Step {
 }
 
 impl Step {
-    /// `0.5`, `1`, `"0.1 ms"`; `None` for what is no such number above zero.
+    /// Reads `0.5`, `1`, `"0.1 ms"`; `None` for anything but such a number above zero.
     pub fn of(value: &Value) -> Option<Step> {
         let text = match value {
             Value::String(text) => text.clone(),
@@ -103,7 +104,7 @@ impl Step {
         let digits: String = text.chars().take_while(|c| c.is_ascii_digit() || *c == '.').collect();
         let size: f64 = digits.parse().ok().filter(|size| *size > 0.0)?;
         let unit = text[digits.len()..].trim().to_owned();
-        // An exponent would stand where a unit begins.
+        // An exponent would be read as the start of a unit.
         let plain = unit.chars().next().is_none_or(|c| !matches!(c, 'e' | 'E' | '-' | '+'));
         let decimals = digits.split_once('.').map_or(0, |(_, behind)| behind.len());
         plain.then_some(Step { size, decimals, unit })
@@ -119,7 +120,7 @@ pub fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// What stands at the dotted `key`. Entries of lists of tables go by their names or numbers, from 1.
+/// The value at the dotted `key`. Entries of lists of tables are addressed by name or by number, from 1.
 pub fn at_key<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
     let mut parts = key.split('.');
     let first = table.get(parts.next()?)?;

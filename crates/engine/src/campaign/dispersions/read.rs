@@ -1,4 +1,4 @@
-//! From a table `[vary.NAME]` to a dispersion, with everything that can be refused before anything runs.
+//! Reads a table `[vary.NAME]` into a dispersion, and reports every mistake that can be found before a run.
 
 use std::path::Path;
 
@@ -13,13 +13,13 @@ use super::quantity::{Quantity, Step, at_key};
 use super::vectors::{attitude, correlated, direction, inertia};
 use super::{DESIGNS, Dispersion, Draws, Formula, Mode, Sized, Target};
 
-/// What a dispersion may refer to.
+/// The context of a dispersion.
 pub struct Context<'a> {
-    /// The folder that its files are relative to.
+    /// The folder that paths of its files are relative to.
     pub folder: &'a Path,
     /// The scenario with its files filled in.
     pub scenario: &'a Table,
-    /// The numbers of the dispersions above it, by name, for their dimensions.
+    /// The numbers of the dispersions above it, by name, with their dimensions.
     pub above: &'a dyn Fn(&str) -> Option<Sized>,
 }
 
@@ -48,13 +48,13 @@ const MODES: [(&str, Mode); 4] = [
     ("factor", Mode::Factor),
 ];
 
-/// More values than one axis of a grid has.
+/// Maximum number of values on one axis of a grid.
 const LEVELS_MAX: usize = 10_000;
 
 /// Reads `[vary.NAME]`.
 ///
 /// # Errors
-/// Everything that is wrong with it, by key; the empty key is the whole table.
+/// All mistakes in it, by key; the empty key is the whole table.
 pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Dispersion, Vec<(String, String)>> {
     let mut keys = Keys::new(table);
     if !name.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '-') {
@@ -104,7 +104,7 @@ pub fn dispersion(name: &str, table: &Table, context: &Context<'_>) -> Result<Di
     };
     let (once, design) = (keys.flag("once"), keys.word("design", &DESIGNS));
     let levels = keys.whole("levels", LEVELS_MAX);
-    // What is rounded is the value that the key gets, in its unit.
+    // Rounding applies to the value at the key, in its unit.
     let changed = mode != Mode::Absolute || within || draws.as_ref().is_some_and(Draws::turns);
     let made = if changed {
         own_unit.unwrap_or_default()
@@ -229,7 +229,7 @@ fn scalar(keys: &mut Keys<'_>, kind: &str) -> Option<Draws> {
     Some(Draws::Scalar(made))
 }
 
-/// The mean: where a draw is added to something, or is a part of it, that is zero unless given.
+/// The mean: zero unless given where a draw is added to the key's value or is a fraction of it.
 fn mean(keys: &mut Keys<'_>, example: &str) -> Option<f64> {
     let added = keys.value("as").and_then(Value::as_str);
     match added {
@@ -283,7 +283,7 @@ fn discrete(keys: &mut Keys<'_>) -> Option<Draws> {
         }
     };
     let weights = weights(keys, values.len())?;
-    // Numbers of one unit are numbers; anything else is what it is. A label says what it is not.
+    // Values of one unit and without labels are numbers; all others are taken as they stand.
     let unit = keys.unit.clone();
     let numbers: Option<Vec<f64>> = values
         .iter()
@@ -401,7 +401,7 @@ fn formula(keys: &mut Keys<'_>, context: &Context<'_>) -> Option<Draws> {
     }
 }
 
-/// Whole numbers for a key that has one stay whole.
+/// Whole numbers stay whole for a key that has a whole number.
 fn whole(draws: &Draws, unit: &str, own: Option<&Quantity>) -> Option<Step> {
     let own = own.is_none_or(|own| own.decimals[..] == [Some(0)]);
     let plain = |numbers: &[f64]| numbers.iter().all(|number| number.fract() == 0.0);
@@ -417,7 +417,7 @@ fn whole(draws: &Draws, unit: &str, own: Option<&Quantity>) -> Option<Step> {
     })
 }
 
-/// Whether the draws fit the keys and their own values.
+/// Checks that the draws fit the keys and their own values.
 fn fits(keys: &mut Keys<'_>, dispersion: &Dispersion, owns: &[Option<Quantity>], context: &Context<'_>) {
     super::fit::check(dispersion, owns, context.scenario, &mut |key, reason| {
         keys.refuse(key, reason)

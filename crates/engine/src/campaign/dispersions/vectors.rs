@@ -1,4 +1,4 @@
-//! Dispersions of several numbers: from their keys.
+//! Dispersions of several numbers, read from their keys.
 
 use sampling::distribution::{Correlated, Inertia};
 

@@ -1,4 +1,4 @@
-//! What each engine is asked for.
+//! Dispatch of each request to the selected engine.
 
 use std::collections::BTreeSet;
 
@@ -8,10 +8,10 @@ use super::{hyperqueue, slurm};
 use crate::campaign::CampaignError;
 
 impl Engine {
-    /// The version of the engine that is found.
+    /// The version of the installed engine.
     ///
     /// # Errors
-    /// When there is none.
+    /// When the engine is not installed.
     pub fn version(self) -> Result<String, CampaignError> {
         match self {
             Engine::Shell => Ok("shell".to_owned()),
@@ -20,7 +20,7 @@ impl Engine {
         }
     }
 
-    /// At most so many shards go into one job.
+    /// Maximum number of shards of one job.
     pub(super) fn at_once(self) -> Result<usize, CampaignError> {
         match self {
             Engine::Shell | Engine::Hyperqueue => Ok(usize::MAX),
@@ -30,7 +30,7 @@ impl Engine {
 
     pub(super) fn start(self, order: &Order<'_>) -> Result<Job, CampaignError> {
         let id = match self {
-            // The user starts them.
+            // The user starts the command lines.
             Engine::Shell => String::new(),
             Engine::Slurm => slurm::start(order)?,
             Engine::Hyperqueue => hyperqueue::start(order)?,

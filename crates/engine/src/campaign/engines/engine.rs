@@ -1,4 +1,4 @@
-//! Which engines there are.
+//! The supported engines.
 
 use std::process::{Command, Output};
 use std::str::FromStr;
@@ -11,7 +11,7 @@ use crate::campaign::CampaignError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Engine {
-    /// One command line a shard, for whatever runs command lines.
+    /// Prints one command line per shard, for any system that runs command lines.
     Shell,
     /// `sbatch --array`
     Slurm,
@@ -51,7 +51,7 @@ impl Engine {
         })
     }
 
-    /// Runs a command of the engine to its end.
+    /// Runs a command of the engine to completion.
     pub(super) fn call(self, command: &mut Command, remedy: &str) -> Result<Output, CampaignError> {
         command.output().or_else(|error| {
             let program = command.get_program().to_string_lossy().into_owned();
@@ -60,7 +60,7 @@ impl Engine {
     }
 }
 
-/// The last words of a command.
+/// The last lines of a command's output.
 pub(super) fn last_words(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stderr);
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());

@@ -1,5 +1,5 @@
-//! A campaign on an engine, from the first shard to the table. One that ends when enough is known is given in parts, each twice as large as
-//! what there was.
+//! A campaign on an engine, from the first shard to the table. A campaign with a stopping rule is submitted in batches;
+//! each doubles the number of points.
 
 use std::sync::Arc;
 
@@ -10,25 +10,28 @@ use crate::campaign::merge::merge;
 use crate::campaign::{Campaign, CampaignError, Finished, Options};
 use crate::scenario::Scenario;
 
-/// So many points are given before the first look. A share that is met or not met is not known within some percent with fewer.
+/// Number of points submitted before the first check. With fewer points, a share of met points is not known to within a few
+/// percent.
 const BEGIN: usize = 128;
 
-/// How far the campaign is.
+/// Progress of the campaign.
 #[derive(Debug)]
 pub enum Step {
-    /// Shards were given to the engine, or are with it.
+    /// Shards were submitted to the engine, or are still with it.
     Given(Underway),
-    /// All is there, or enough: the campaign with the points that count, merged.
+    /// All points are complete, or enough: the campaign with the points that count, merged.
     Complete(Box<Campaign>, Box<Finished>),
 }
 
-/// Gives those shards of `campaign` to the engine that are missing and not with it, and merges them when all are complete. With
-/// [`Options::until`] the first points are given, and twice as many where those are complete and not enough; the end is the point at which
-/// one machine would have ended, and where parts end decides only how many points run in vain.
+/// Submits to the engine the shards of `campaign` that are missing and not yet with it, and merges them when all are
+/// complete. With [`Options::until`] the first points are submitted, and twice as many when those are complete and not
+/// enough. The campaign ends at the same point as on one machine; the batch boundaries only decide how many surplus points
+/// run.
 ///
 /// # Errors
-/// When the folder belongs to something else, the engine refuses, or shards do not make a whole. What the engine has taken by then is known to
-/// the next call. With [`Options::until`] also where the points of a smaller campaign are not the first points of a larger one.
+/// When the folder belongs to something else, the engine refuses, or the shards are incomplete or inconsistent. The next
+/// call knows the shards that the engine had accepted before an error. With [`Options::until`] also where the points of a
+/// smaller campaign are not the first points of a larger one.
 pub fn submit(
     catalogue: &Arc<Catalogue>,
     campaign: &Campaign,
@@ -58,7 +61,7 @@ pub fn submit(
     }
 }
 
-/// How many points are given at first: those that the folder is of already, or a few.
+/// Number of points of the first batch: those that the folder already is for, or a few.
 fn begin(
     campaign: &Campaign,
     scenario: &Scenario,
@@ -72,7 +75,7 @@ fn begin(
         );
     }
     let root = place(campaign, &Identity::of(campaign, scenario)?, options)?;
-    // A folder that has more points than are wanted is refused where it is taken.
+    // A folder with more points than are wanted is rejected where it is locked.
     let known = Identity::read(&root).map_or(0, |known| known.points);
     Ok(known.max(BEGIN).min(campaign.points.len()))
 }

@@ -1,4 +1,4 @@
-//! HyperQueue, through its Python package: that has server, worker and client, and needs no command `hq`.
+//! HyperQueue, through its Python package, which contains server, worker and client and needs no command `hq`.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -14,7 +14,7 @@ use crate::campaign::identity::failed;
 const SCRIPT: &str = include_str!("hyperqueue.py");
 const REMEDY: &str = "it is spoken to through its Python package: activate an environment whose `python3` has it (pip install hyperqueue)";
 
-/// Asks the package.
+/// Queries the package.
 fn ask(asked: &Value) -> Result<Value, CampaignError> {
     let engine = Engine::Hyperqueue;
     let mut command = Command::new("python3");
@@ -28,7 +28,7 @@ fn ask(asked: &Value) -> Result<Value, CampaignError> {
         Err(error) => return engine.refuse(format!("`python3` cannot be started ({error}): {REMEDY}")),
     };
     if let Some(mut stdin) = child.stdin.take() {
-        // One that has ended says why below.
+        // The error of a process that has ended is reported below.
         let _ = stdin.write_all(asked.to_string().as_bytes());
     }
     let output = match child.wait_with_output() {

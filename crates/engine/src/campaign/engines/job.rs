@@ -1,28 +1,28 @@
-//! What an engine gets, and what it makes of it.
+//! Jobs of an engine.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-/// Shards that were given to an engine at once.
+/// Shards that were submitted to an engine together.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Job {
-    /// What the engine calls it.
+    /// The engine's identifier of the job.
     pub(super) id: String,
     /// The shards in the order of the job's tasks.
     pub(super) shards: Vec<usize>,
 }
 
-/// What an engine gets.
+/// A job to be submitted.
 pub(super) struct Order<'a> {
-    /// The campaign's folder, from the root on.
+    /// The absolute path of the campaign's folder.
     pub(super) root: &'a Path,
-    /// What the campaign is called.
+    /// The campaign's name.
     pub(super) name: &'a str,
-    /// What runs shard K as `SCRIPT K`.
+    /// The script that runs shard K as `SCRIPT K`.
     pub(super) script: PathBuf,
-    /// Which shards.
+    /// The shards.
     pub(super) shards: &'a [usize],
-    /// What the user says to the engine.
+    /// The user's options for the engine.
     pub(super) args: &'a [String],
 }

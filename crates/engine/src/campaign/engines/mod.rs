@@ -1,7 +1,7 @@
-//! Engines that run the shards of a campaign on other machines.
+//! Engines: they run the shards of a campaign on other machines.
 //!
-//! An engine starts `shard.sh K` somewhere, for each shard K that is missing. What it makes of that is in the shards' folders: an engine that
-//! loses a shard, runs it twice or forgets everything changes no result.
+//! An engine starts `shard.sh K` on some machine for each missing shard K. The results are in the shards' folders: an
+//! engine that loses a shard, runs it twice or loses its state changes no result.
 
 mod dispatch;
 mod engine;

@@ -1,4 +1,4 @@
-//! Slurm: `sbatch --array`, with the array's index as a line of a list of shards.
+//! Slurm: `sbatch --array`; the array index selects a line of a list of shards.
 
 use std::collections::BTreeSet;
 use std::process::Command;
@@ -19,7 +19,7 @@ pub fn version() -> Result<String, CampaignError> {
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// `MaxArraySize` of the cluster: an index is smaller.
+/// `MaxArraySize` of the cluster: array indices must be smaller.
 pub fn array_max() -> Result<usize, CampaignError> {
     let output = call("scontrol", &["show", "config"])?;
     if !output.status.success() {
@@ -63,7 +63,7 @@ pub fn start(order: &Order<'_>) -> Result<String, CampaignError> {
 pub fn alive(job: &Job) -> Result<BTreeSet<usize>, CampaignError> {
     let output = call("squeue", &["--noheader", "--array", "--format=%K", "--jobs", &job.id])?;
     if !output.status.success() {
-        // What it has forgotten has ended.
+        // Jobs that Slurm no longer knows have ended.
         return match last_words(&output) {
             words if words.contains("Invalid job id") => Ok(BTreeSet::new()),
             words => Engine::Slurm.refuse(format!("the cluster does not answer: {words}")),

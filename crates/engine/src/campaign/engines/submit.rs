@@ -1,4 +1,4 @@
-//! What of a campaign is missing is given to an engine.
+//! Submission of the missing shards of a campaign to an engine.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::ffi::OsStrExt;
@@ -24,51 +24,51 @@ use crate::scenario::Scenario;
 pub struct Cluster {
     /// The engine.
     pub engine: Engine,
-    /// How many shards there are; as many as before unless given, or sixteen.
+    /// Number of shards; unless given, the previous number, or sixteen.
     pub shards: Option<usize>,
-    /// What the user says to the engine.
+    /// The user's options for the engine.
     pub args: Vec<String>,
     /// Files and folders that the scenario needs and does not name.
     pub include: Vec<PathBuf>,
 }
 
-/// Shards that were given to the engine, or are with it.
+/// Shards that were submitted to the engine, or are still with it.
 #[derive(Debug)]
 pub struct Underway {
     /// The campaign's folder.
     pub root: PathBuf,
-    /// The command line of each shard that was given.
+    /// The command line of each submitted shard.
     pub lines: Vec<String>,
-    /// What the engine calls the jobs.
+    /// The engine's identifiers of the jobs.
     pub jobs: Vec<String>,
-    /// How many were with it already.
+    /// Number of shards that were already with it.
     pub alive: usize,
-    /// What every machine must have.
+    /// Dependencies that every machine must have.
     pub left: Vec<String>,
 }
 
-/// What was done.
+/// The result of a submission.
 pub(super) enum Gave {
-    /// There is something to wait for.
+    /// Shards are running or waiting.
     Underway(Underway),
     /// All shards are complete: the folders to be merged.
     Complete {
         /// The campaign's folder.
         root: PathBuf,
-        /// Those of the shards.
+        /// The folders of the shards.
         shards: Vec<PathBuf>,
     },
 }
 
-/// `engine.json`: what the campaign's folder knows of an engine.
+/// `engine.json`: the engine's record in the campaign's folder.
 #[derive(Debug, Serialize, Deserialize)]
 struct Given {
     engine: Engine,
     version: String,
-    /// How many shards there are.
+    /// Number of shards.
     of: usize,
     args: Vec<String>,
-    /// Which share of the points is run twice.
+    /// The share of the points that is run twice.
     audit: f64,
     jobs: Vec<Job>,
 }
@@ -91,7 +91,7 @@ impl Given {
         tape::write_whole(&path, text).map_err(failed(&path, "write the file"))
     }
 
-    /// How many shards the jobs have.
+    /// Number of shards of the jobs.
     fn shards(&self) -> usize {
         self.jobs.iter().map(|job| job.shards.len()).sum()
     }
@@ -106,18 +106,18 @@ impl Given {
     }
 }
 
-/// What the campaign in `root` has to do with an engine; `None` where it has none.
+/// The engine state of the campaign in `root`; `None` where it uses no engine.
 #[derive(Debug)]
 pub struct Waiting {
     /// The engine.
     pub engine: Engine,
-    /// How many shards there are.
+    /// Number of shards.
     pub of: usize,
-    /// Those that wait or run, or why the engine does not say.
+    /// The shards that wait or run, or the reason why the engine does not report them.
     pub alive: Result<BTreeSet<usize>, CampaignError>,
 }
 
-/// Asks the engine of the campaign in `root`.
+/// Queries the engine of the campaign in `root`.
 ///
 /// # Errors
 /// When the folder cannot be read.
@@ -130,7 +130,7 @@ pub fn waiting(root: &Path) -> Result<Option<Waiting>, CampaignError> {
     }))
 }
 
-/// A path between quotes that a shell takes as it is.
+/// A path, quoted for a shell.
 fn quoted(path: &Path) -> String {
     format!(
         "'{}'",
@@ -138,16 +138,17 @@ fn quoted(path: &Path) -> String {
     )
 }
 
-/// The folder of `campaign`, from the root on.
+/// The absolute path of the folder of `campaign`.
 pub(super) fn place(campaign: &Campaign, identity: &Identity, options: &Options) -> Result<PathBuf, CampaignError> {
     let root = Folder::place(campaign, identity, options);
     std::path::absolute(&root).map_err(failed(&root, "find the folder"))
 }
 
-/// Gives those shards of `campaign` to the engine that are missing and not with it.
+/// Submits to the engine the shards of `campaign` that are missing and not yet with it.
 ///
 /// # Errors
-/// When the folder belongs to something else, or the engine refuses. What it has taken by then is known to the next call.
+/// When the folder belongs to something else, or the engine refuses. The next call knows the shards that the engine had
+/// accepted before the error.
 pub(super) fn give(
     catalogue: &Arc<Catalogue>,
     campaign: &Campaign,
@@ -158,14 +159,14 @@ pub(super) fn give(
     let version = cluster.engine.version()?;
     let identity = Identity::of(campaign, scenario)?;
     let root = place(campaign, &identity, options)?;
-    // Held to the end: two that give the same shards would run them twice.
+    // Held to the end: two processes that submit the same shards would run them twice.
     let (folder, _) = Folder::take(&root, campaign, &identity)?;
     let before = Given::read(&root)?;
     let mut given = cluster.after(before, campaign.points.len(), options.audit, &root)?;
     given.version = version;
     let of = given.of;
     let alive = given.alive()?;
-    // Jobs that have ended are not asked about again.
+    // Jobs that have ended are not queried again.
     given
         .jobs
         .retain(|job| job.shards.iter().any(|shard| alive.contains(shard)));
@@ -218,7 +219,7 @@ pub(super) fn give(
     }))
 }
 
-/// A refusal of an engine that has taken `count` shards before.
+/// The error of an engine that had accepted `count` shards before.
 fn after_others(error: CampaignError, count: usize) -> CampaignError {
     match error {
         CampaignError::Engine { engine, reason } if count > 0 => {
@@ -230,7 +231,7 @@ fn after_others(error: CampaignError, count: usize) -> CampaignError {
 }
 
 impl Cluster {
-    /// What is given to the engine in the folder `root` after `before`: what the user does not say is what it was.
+    /// The submission options for the folder `root`; options that the user leaves out keep their value in `before`.
     fn after(&self, before: Option<Given>, points: usize, audit: f64, root: &Path) -> Result<Given, CampaignError> {
         let of = self.shards.or(before.as_ref().map(|given| given.of));
         let mut given = Given {
@@ -262,7 +263,7 @@ impl Cluster {
     }
 }
 
-/// The bundle that is there, if it is this campaign's. It is left as it is: shards may run from it.
+/// The existing bundle, if it is of this campaign. It is not changed: shards may run from it.
 fn known(root: &Path, identity: &Identity) -> Option<Bundle> {
     let root = root.join("bundle");
     let known = Identity::read(&root)
@@ -277,7 +278,7 @@ fn known(root: &Path, identity: &Identity) -> Option<Bundle> {
     })
 }
 
-/// Writes what runs shard K as `shard.sh K`.
+/// Writes the script that runs shard K as `shard.sh K`.
 fn script(root: &Path, bundle: &Bundle, of: usize, audit: f64, options: &Options) -> Result<PathBuf, CampaignError> {
     let audit = match audit {
         0.0 => String::new(),
@@ -298,12 +299,12 @@ fn script(root: &Path, bundle: &Bundle, of: usize, audit: f64, options: &Options
     Ok(path)
 }
 
-/// What goes on in the folders of the shards.
+/// State of the shards' folders.
 #[derive(Default)]
 struct Shards {
-    /// Those that are being run, whether the engine knows of it or not.
+    /// Shards that are being run, whether the engine knows of them or not.
     running: BTreeSet<usize>,
-    /// The folders of those that are complete.
+    /// The folders of complete shards.
     complete: BTreeMap<usize, PathBuf>,
 }
 
@@ -314,7 +315,7 @@ impl Shards {
             let Some(Shard { number, .. }) = part.identity.shard.filter(|shard| shard.of == of) else {
                 continue;
             };
-            // One that is of fewer points, or audits others, has more to do.
+            // A folder with fewer points, or with other audits, has points to run.
             let whole = part.identity.digest == identity.digest && part.identity.audit == audit;
             match part.state {
                 State::Complete if whole => {

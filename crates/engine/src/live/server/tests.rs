@@ -1,4 +1,4 @@
-//! Which requests are answered, and with what.
+//! Which requests are answered, and how.
 
 use super::*;
 

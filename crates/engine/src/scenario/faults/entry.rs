@@ -1,10 +1,10 @@
-//! Which sort of fault an entry of `[[faults]]` is.
+//! The type of fault of an entry of `[[faults]]`.
 
 use lockstep::fault::{LinkFault, Span};
 
 use crate::scenario::spec::{FaultSpec, Time};
 
-/// The sorts of faults, by the key that tells them apart.
+/// The types of faults, by the key that distinguishes them.
 pub(super) enum Sort {
     Signal { port: String, output: bool },
     Link { connection: String },
@@ -22,7 +22,7 @@ const SORTS: [(&str, &[&str]); 4] = [
 ];
 
 impl FaultSpec {
-    /// Which sort it is, and that it has no key of another one.
+    /// The type of the fault, after checking that it has no key of another type.
     pub(super) fn sort(&self) -> Result<Sort, Refusal> {
         let given = self.given();
         let marks: Vec<&str> = SORTS

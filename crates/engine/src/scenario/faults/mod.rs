@@ -1,4 +1,4 @@
-//! `[[faults]]`: what shall go wrong, and when.
+//! `[[faults]]`: fault injection, with signal faults, link faults and substitutions.
 
 mod entry;
 mod signal;
@@ -19,43 +19,43 @@ use signal::Signal;
 
 pub(super) use signal::values;
 
-/// The most substitutions of a run: each needs a place of its own in shared memory (`scope`), and restarts need some as well.
+/// The most substitutions of a run: each needs its own place in shared memory (`scope`), and restarts need some as well.
 const SUBSTITUTIONS_MAX: usize = 1000;
 
-/// Another program takes a participant's place in mid-run.
+/// Another program replaces a participant in mid-run.
 #[derive(Debug, Clone)]
 pub struct Substitution {
     /// The fault's name.
     pub name: String,
-    /// When.
+    /// When it takes place.
     pub at: Rational,
     /// The number of the participant that it replaces.
     pub participant: usize,
-    /// What runs from then on.
+    /// The program that runs from then on.
     pub entry: Entry,
-    /// Whether it has parameters of its own; else they are those of the participant as the scenario has it.
+    /// Whether it has its own parameters; otherwise it has those that the scenario declares for the participant.
     pub own_parameters: bool,
-    /// What it starts with.
+    /// The state that it starts with.
     pub state: State,
-    /// Where it stands in the scenario.
+    /// Its key in the scenario.
     pub(super) key: String,
 }
 
-/// The faults that act on samples.
+/// The faults that act on samples: signal faults and link faults.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Faults {
     signals: Vec<Signal>,
-    /// By the connections that they concern.
+    /// The link faults, by connection.
     links: HashMap<String, Vec<LinkFault>>,
 }
 
 impl Faults {
-    /// What is wrong with the connection called `name` for a while.
+    /// The link faults of the connection called `name`.
     pub(super) fn of_connection(&self, name: &str) -> Vec<LinkFault> {
         self.links.get(name).cloned().unwrap_or_default()
     }
 
-    /// The keys of all faults, with their begins.
+    /// The keys of all faults that act on samples, with their start times.
     pub(super) fn begins(&self) -> impl Iterator<Item = (String, Rational)> {
         let signals = self.signals.iter().map(Signal::begin);
         let signals = signals.map(|(key, at)| (key.to_owned(), at));
@@ -63,8 +63,8 @@ impl Faults {
         signals.chain(links.map(|fault| (format!("faults.{}", fault.name), fault.span.at)))
     }
 
-    /// The signal faults against the ports of `plan`; where a participant's ports are not `certain`, what cannot be told
-    /// is left out.
+    /// The signal faults, resolved against the ports of `plan`; a fault that cannot be resolved because a participant's ports are
+    /// not `certain` is left out.
     pub(super) fn signals(
         &self,
         source: &Source,
@@ -82,7 +82,7 @@ impl Faults {
     }
 }
 
-/// Reads all entries, as far as that goes without the ports of the participants.
+/// Reads all entries, as far as possible without the ports of the participants.
 pub(super) fn read(
     source: &Source,
     participants: &Names,
@@ -126,7 +126,7 @@ pub(super) fn read(
 struct Reader<'a> {
     source: &'a Source,
     participants: &'a Names,
-    /// The participants; `None` for one that has mistakes of its own.
+    /// The participants; `None` for one that has mistakes itself.
     resolved: &'a [Option<Entry>],
     connections: &'a Names,
     faults: Faults,

@@ -1,4 +1,4 @@
-//! Signal faults: from names and units to the elements and numbers of a payload.
+//! Signal faults: resolving names and units into the elements and numbers of a payload.
 
 use lockstep::fault::{Effect, Place, SignalFault, Slot, Span};
 use lockstep::plan::Plan;
@@ -11,11 +11,11 @@ use super::entry::Refusal;
 use crate::scenario::ports::{not_a_port, port};
 use crate::scenario::spec::{FaultKind, FaultSpec};
 
-/// A signal fault that has been understood as far as that goes without the message that it disturbs.
+/// A signal fault, resolved as far as possible without the message that it disturbs.
 #[derive(Debug, Clone)]
 pub(super) struct Signal {
     name: String,
-    /// Where it stands in the scenario.
+    /// Its key in the scenario.
     pub(super) key: String,
     span: Span,
     /// Participant and port.
@@ -64,12 +64,12 @@ impl Signal {
         Ok(signal)
     }
 
-    /// Its key, and when it begins.
+    /// Its key, and its start time.
     pub(super) fn begin(&self) -> (&str, Rational) {
         (&self.key, self.span.at)
     }
 
-    /// That everything is there that its kind needs, and nothing else.
+    /// Checks that all keys that its kind needs are given, and no others.
     fn check(&self, entry: &FaultSpec) -> Result<(), Refusal> {
         let kind = self.kind.name();
         let chance = self.kind.may_spare();
@@ -105,7 +105,8 @@ impl Signal {
         Ok(())
     }
 
-    /// The fault against the ports of `plan`; `None` where the participant's ports are not certain and nothing can be told.
+    /// The fault, resolved against the ports of `plan`; `None` if the participant's ports are not certain and it cannot be
+    /// resolved.
     pub(super) fn resolve(
         &self,
         plan: &Plan,

@@ -1,4 +1,4 @@
-//! What the user writes to say which fields belong together.
+//! The `map` and field names of a connection: which fields belong together.
 
 use serde::Deserialize;
 use toml::Value;
@@ -9,12 +9,12 @@ use crate::scenario::spec::ConnectionSpec;
 /// The key of the connection that is wrong, and why.
 pub(in crate::scenario) type Refusal = (&'static str, String);
 
-/// What an element or a field of the input is made of.
+/// How an element or a field of the input is composed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Recipe {
     pub(super) terms: Vec<Part>,
     pub(super) offset: Option<Value>,
-    /// What it always is.
+    /// Its constant value.
     pub(super) value: Option<Value>,
 }
 
@@ -25,14 +25,14 @@ pub(super) struct Part {
     pub(super) factor: Option<Value>,
 }
 
-/// Which fields of the input are made of what.
+/// How the fields of the input are composed.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Wiring {
-    /// The ports as they are.
+    /// The payload is passed on unchanged.
     Whole,
     /// Every field of the input from the field of the same name.
     ByName,
-    /// Fields or elements of the input, with what each is made of.
+    /// Fields or elements of the input, with how each is composed.
     Named(Vec<(String, Recipe)>),
 }
 
@@ -47,12 +47,12 @@ struct Written {
 }
 
 impl Wiring {
-    /// Whether fields are named at all.
+    /// Whether no fields are named.
     pub(super) fn is_whole(&self) -> bool {
         *self == Wiring::Whole
     }
 
-    /// What `connection` says of its link from `from` to `to`.
+    /// The wiring that `connection` declares for its link from `from` to `to`.
     pub(super) fn of(connection: &ConnectionSpec, from: End<'_>, to: End<'_>) -> Result<Wiring, Refusal> {
         let fields = from.field.is_some() || to.field.is_some();
         if let (Some(_), true) = (&connection.map, fields) {

@@ -1,4 +1,4 @@
-//! Connections by fields: from names and units to the elements of payloads.
+//! Connections by fields: resolving names and units into the elements of payloads.
 
 mod entry;
 mod pairs;
@@ -13,19 +13,20 @@ pub(super) use entry::Refusal;
 use entry::Wiring;
 use pairs::Ports;
 
-/// What is known of the ports at the ends of a link.
+/// The known ports at the ends of a link.
 pub(super) struct Known<'a> {
     pub(super) sends: Option<&'a Descriptor>,
     pub(super) takes: Option<&'a Descriptor>,
 }
 
-/// Whether `connection` is between fields, whatever the ports are.
+/// Whether `connection` names fields, whatever the ports are.
 pub(super) fn names_fields(connection: &ConnectionSpec) -> bool {
     let named = |text: &str| End::of(text).is_some_and(|end| end.field.is_some());
     connection.map.is_some() || named(&connection.from) || connection.to.iter().any(|to| named(to))
 }
 
-/// How samples of `from` become fields of `to`; `None` where no fields are named, and they are the input as they are. Where one of the ports is not `known`, only what can be told: which elements are fed.
+/// How samples of `from` become fields of `to`; `None` if no fields are named, and samples become the input unchanged. If one of
+/// the ports is not `known`, the result has only what can be determined: which elements are fed.
 pub(super) fn conversion(
     connection: &ConnectionSpec,
     from: End<'_>,
@@ -67,7 +68,7 @@ pub(super) fn conversion(
     }))
 }
 
-/// That what an input shows at first is only said of what the link feeds.
+/// Checks that a start value sets only elements that the link feeds.
 pub(super) fn check_initial(initial: &Initial, conversion: &Conversion, takes: &Descriptor) -> Result<(), String> {
     let Initial::Value(bytes) = initial else { return Ok(()) };
     for field in &takes.fields {

@@ -1,4 +1,4 @@
-//! What each element of an input is made of.
+//! How each element of an input is composed.
 
 use lockstep::fault::Slot;
 use lockstep::link::{Pair, Term};
@@ -10,7 +10,7 @@ use super::entry::{Part, Recipe, Wiring};
 use crate::scenario::faults::values;
 use crate::scenario::symbols::symbols;
 
-/// The ports at the ends of a link, and what the connection says of all of its fields.
+/// The ports at the ends of a link, and the settings of the connection for all of its fields.
 pub(super) struct Ports<'a> {
     pub(super) sends: &'a Descriptor,
     pub(super) takes: &'a Descriptor,
@@ -18,7 +18,7 @@ pub(super) struct Ports<'a> {
     pub(super) any_frames: bool,
 }
 
-/// Neighbouring elements of a field.
+/// Adjacent elements of a field.
 struct Run<'a> {
     name: &'a str,
     field: &'a Field,
@@ -49,7 +49,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// What is fed where the fields that it is made of are not known: as if it were constant.
+/// The elements that are fed when the source fields are not known: as if they were constant.
 pub(super) fn targets(wiring: &Wiring, takes: &Descriptor, adds: bool) -> Vec<Pair> {
     let names: Vec<&str> = match wiring {
         Wiring::Whole => Vec::new(),
@@ -85,7 +85,7 @@ impl Ports<'_> {
         Ok(each.collect::<Result<Vec<Vec<Pair>>, String>>()?.concat())
     }
 
-    /// The field or element `to` of the input.
+    /// The pairs for the field or element `to` of the input.
     pub(super) fn pairs(&self, to: &str, recipe: &Recipe) -> Result<Vec<Pair>, String> {
         let run = Run::find(self.takes, to)?;
         let terms = recipe.terms.iter().map(|part| self.term(&run, part));
@@ -200,7 +200,7 @@ fn elements(count: usize) -> String {
     }
 }
 
-/// What values of `from` are multiplied with.
+/// The factor by which values of `from` are multiplied.
 fn scale(part: &Part, from: &Field, to: &Field) -> Result<f64, String> {
     let one = |text: &str| {
         let (values, listed) = units::convert(text, &to.unit).map_err(|error| {
@@ -237,7 +237,7 @@ fn product(factor: &str, unit: &str) -> String {
     }
 }
 
-/// What the elements of `run` always are.
+/// The constant values of the elements of `run`.
 fn constants(run: &Run<'_>, value: &Value) -> Result<Vec<f64>, String> {
     if run.field.element.room().is_some() {
         return Err(format!(
@@ -248,7 +248,7 @@ fn constants(run: &Run<'_>, value: &Value) -> Result<Vec<f64>, String> {
     if !run.field.element.is_number() {
         return symbols(value, run.field, run.count).map_err(|reason| format!("`{}`: {reason}", run.field));
     }
-    // A number stands in the unit of the field, as in an initial value.
+    // A plain number is in the unit of the field, as in a start value.
     let unit = if value.is_str() { run.field.unit.as_str() } else { "1" };
     let numbers = values(value, unit, run.count).map_err(|reason| format!("`{}`: the value {reason}", run.name))?;
     let element = run.field.element;

@@ -1,4 +1,4 @@
-//! From `PARTICIPANT.OUTPUT.FIELD` to elements of a stream.
+//! Resolution of `PARTICIPANT.OUTPUT.FIELD` into elements of a stream.
 
 use lockstep::fault::Slot;
 use lockstep::port::{Element, Field};
@@ -9,7 +9,7 @@ use super::refusal::{Refusal, converted, refusal};
 use crate::measures::Reading;
 use crate::scenario::symbols::symbol;
 
-/// One or several elements that a user has named.
+/// One or several elements named by the user.
 pub(super) struct Chosen<'a> {
     pub(super) path: &'a str,
     stream: usize,
@@ -20,7 +20,7 @@ pub(super) struct Chosen<'a> {
 }
 
 impl<'a> Chosen<'a> {
-    /// `path` is `PARTICIPANT.OUTPUT.FIELD`, or an element of it.
+    /// Resolves `path`, which is `PARTICIPANT.OUTPUT.FIELD`, or an element of it.
     pub(super) fn find(streams: &'a [StreamSpec], key: &str, path: &'a str) -> Result<Chosen<'a>, Refusal> {
         let names = || streams.iter().map(StreamSpec::name);
         let rest = |name: &String| path.strip_prefix(name.as_str()).and_then(|rest| rest.strip_prefix('.'));
@@ -65,7 +65,7 @@ impl<'a> Chosen<'a> {
         if self.whole { &self.field.shape } else { &[] }
     }
 
-    /// What one of this is in the unit of `of`, from which it is taken.
+    /// The factor from the unit of this into the unit of `of`, from which this is subtracted.
     pub(super) fn beside(&self, of: &Chosen<'_>) -> Result<f64, Refusal> {
         if self.shape() != of.shape() {
             let reason = format!(
@@ -107,7 +107,7 @@ impl<'a> Chosen<'a> {
         refusal(key, reason)
     }
 
-    /// The value of an enumeration that `is` asks for.
+    /// The value of an enumeration that `is` names.
     pub(super) fn is(&self, is: Option<&Value>) -> Result<Option<f64>, Refusal> {
         let Some(is) = is else { return Ok(None) };
         if self.field.element != Element::Enum {
@@ -121,7 +121,7 @@ impl<'a> Chosen<'a> {
         Ok(Some(f64::from(byte)))
     }
 
-    /// That arithmetic makes sense.
+    /// Checks that the elements are numbers, so that arithmetic makes sense.
     pub(super) fn is_number(&self, key: &str) -> Result<(), Refusal> {
         if self.field.element.room().is_some() {
             let reason = format!(

@@ -1,4 +1,4 @@
-//! What the words and quantities of `[measures.NAME]` mean.
+//! The meaning of the words and quantities of `[measures.NAME]`.
 
 use lockstep::units;
 use toml::Value;
@@ -35,7 +35,7 @@ impl MeasureKind {
 }
 
 impl MeasureSpec {
-    /// That everything is there that the computation needs, and nothing that it does not know.
+    /// Checks that all keys that the computation needs are given, and none that it does not have.
     pub(super) fn check(&self) -> Result<(), Refusal> {
         let threshold = matches!(
             self.compute,
@@ -98,7 +98,7 @@ impl MeasureSpec {
         Ok(())
     }
 
-    /// What is computed of a signal in `unit`.
+    /// The computation on a signal in `unit`.
     pub(super) fn computed(&self, unit: &str) -> Result<Compute, Refusal> {
         let threshold = || single("threshold", self.threshold.as_ref(), unit);
         Ok(match self.compute {

@@ -1,4 +1,4 @@
-//! `[measures.NAME]`: figures that the scenario declares, and their limits.
+//! `[measures.NAME]`: figures declared by the scenario, and their limits.
 
 mod chosen;
 mod entry;
@@ -20,7 +20,7 @@ use refusal::{converted, refusal};
 
 use crate::measures::{Definition, Through};
 
-/// A measure that has been understood as far as that goes without the streams.
+/// A measure, resolved as far as possible without the streams.
 #[derive(Debug, Clone)]
 pub struct DeclaredMeasure {
     name: String,
@@ -62,7 +62,7 @@ impl DeclaredMeasure {
         })
     }
 
-    /// The measure over `streams`.
+    /// The measure, resolved for `streams`.
     ///
     /// # Errors
     /// The key that does not fit them, and why.
@@ -124,13 +124,13 @@ impl DeclaredMeasure {
         })
     }
 
-    /// The participants whose streams it reads, as far as that can be told.
+    /// The participants whose streams it reads, as far as that can be determined.
     fn participants(&self) -> impl Iterator<Item = &str> {
         let paths = std::iter::once(&self.entry.of).chain(&self.entry.minus);
         paths.map(|path| path.split('.').next().unwrap_or_default())
     }
 
-    /// The key and the instant of a window that no sample can lie in when the run ends at `end`.
+    /// The key and the instant of a window that cannot contain any sample when the run ends at `end`.
     pub(in crate::scenario) fn late(&self, end: Rational) -> Option<(String, Rational)> {
         let time = |time: &Option<Time>| time.as_ref().map(Time::checked);
         let (key, time) = match (time(&self.entry.from), time(&self.entry.at)) {
@@ -146,7 +146,7 @@ impl DeclaredMeasure {
     }
 }
 
-/// Reads all sections, as far as that goes without the streams.
+/// Reads all sections, as far as possible without the streams.
 pub(in crate::scenario) fn read(
     origin: &Origin,
     sections: &Entries<MeasureSpec>,
@@ -169,7 +169,7 @@ pub(in crate::scenario) fn read(
     }
 }
 
-/// The measures over `streams`; those that read a participant whose ports are not `certain` are left out.
+/// The measures, resolved for `streams`; those that read a participant whose ports are not `certain` are left out.
 pub(in crate::scenario) fn definitions(
     origin: &Origin,
     declared: &[DeclaredMeasure],
@@ -193,19 +193,19 @@ pub(in crate::scenario) fn definitions(
     }
 }
 
-/// The measures that the table `measures` of `file` declares, over `streams`. The rest of the file does not matter.
+/// The measures that the table `measures` of `file` declares, resolved for `streams`. The rest of the file does not matter.
 ///
 /// # Errors
-/// Names the lines and keys that are wrong, or do not fit the streams.
+/// Reports the lines and keys that are wrong, or that do not fit the streams.
 pub fn measures_of_file(file: &Path, streams: &[StreamSpec]) -> Result<Vec<Definition>, ScenarioError> {
     let (declared, Measured { origin, .. }) = declared(file)?;
     definitions(&origin, &declared, streams, |_| true)
 }
 
-/// The measures of the run whose `plan.toml` is `file`, over the `streams` of its tape.
+/// The measures of the run whose `plan.toml` is `file`, resolved for the `streams` of its tape.
 ///
 /// # Errors
-/// As [`measures_of_file`], and where the tape does not have what the run measured.
+/// As [`measures_of_file`], and if the tape does not have the samples that the run measured.
 pub fn measures_of_plan(file: &Path, streams: &[StreamSpec]) -> Result<Vec<Definition>, ScenarioError> {
     let (declared, Measured { origin, record, .. }) = declared(file)?;
     let mistakes = declared.iter().filter_map(|measure| {
@@ -228,7 +228,7 @@ pub fn measures_of_plan(file: &Path, streams: &[StreamSpec]) -> Result<Vec<Defin
     definitions(&origin, &declared, streams, |_| true)
 }
 
-/// What `file` declares, of which there must be something.
+/// The measures that `file` declares; there must be at least one.
 fn declared(file: &Path) -> Result<(Vec<DeclaredMeasure>, Measured), ScenarioError> {
     let found = measured(file)?;
     if found.measures.is_empty() {

@@ -1,4 +1,4 @@
-//! What is wrong with a measure, and units that fit or do not.
+//! Errors in a measure, and conversion between units.
 
 use lockstep::units;
 
@@ -9,7 +9,7 @@ pub(super) fn refusal<T>(key: &str, reason: impl Into<String>) -> Result<T, Refu
     Err((key.to_owned(), reason.into()))
 }
 
-/// What `text` is one of, in the unit `unit`.
+/// The factor from the unit `text` into the unit `unit`.
 pub(super) fn converted(text: &str, unit: &str) -> Result<f64, String> {
     if text == unit {
         return Ok(1.0);

@@ -9,7 +9,7 @@ use crate::scenario::error::Mistake;
 use crate::scenario::names::fault_name;
 use crate::scenario::value::{keep_decimal, value};
 
-/// How a change was made, as a message about it ends.
+/// How a change was made: the end of a message about it.
 pub(super) const WITH_SET: &str = "given with --set";
 pub(super) const VARIED: &str = "varied by the campaign";
 pub(super) const IN_CODE: &str = "set in code";
@@ -22,7 +22,7 @@ fn refuse(key: &str, reason: String) -> Mistake {
     }
 }
 
-/// Makes a change in a scenario's table, which was made as `how` says: `key.path=value` or `faults+=entry`.
+/// Makes a change in a scenario's table: `key.path=value` or `faults+=entry`. `how` says how the change was made.
 pub(super) fn change(table: &mut Table, origin: &mut Origin, one: &str, how: &'static str) -> Result<(), Mistake> {
     if let Some(entry) = one.strip_prefix("faults+=") {
         return add_fault(table, origin, entry, how);
@@ -34,7 +34,7 @@ pub(super) fn change(table: &mut Table, origin: &mut Origin, one: &str, how: &'s
     set(table, origin, key.trim(), value(text.trim()), how)
 }
 
-/// Puts `value` at `key`; `how` says where the change comes from.
+/// Sets `key` to `value`; `how` says where the change comes from.
 pub(super) fn set(
     mut table: &mut Table,
     origin: &mut Origin,
@@ -54,8 +54,8 @@ pub(super) fn set(
     let mut way = above.iter().enumerate();
     while let Some((depth, part)) = way.next() {
         let known: Vec<String> = table.keys().map(|name| format!("`{name}`")).collect();
-        // Names of participants and connections must exist; what is below may be a default that the file leaves out. A
-        // guard, a measure, what the report or the playback draws or what is recorded may be new.
+        // Names of participants and connections must exist; keys below may be defaults that the file leaves out. A guard, a
+        // measure, an entry of the report or the playback, or an entry of the recording may be new.
         if depth < 2
             && !["guards", "measures", "report", "scene", "record"].contains(&above[0])
             && !table.contains_key(*part)

@@ -1,4 +1,4 @@
-//! What options say of a scenario besides its file.
+//! Changes of a scenario by options.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,29 +8,29 @@ use super::time::Time;
 use super::whole::ScenarioSpec;
 use crate::scenario::error::{Mistake, ScenarioError};
 
-/// How a change was made, as a message about it ends.
+/// How a change was made: the end of a message about it.
 pub(super) const WITH_SUBSTITUTE: &str = "given with --substitute";
 pub(super) const WITH_FAULT: &str = "given with --fault";
 pub(super) const WITH_SEED: &str = "given with --seed";
 pub(super) const WITH_DURATION: &str = "given with --duration";
 
-/// Changes of a scenario, in the order in which they act.
+/// Changes of a scenario, in the order in which they are applied.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Changes {
-    /// Other programs in the places of participants.
+    /// Programs that replace those of participants.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub substitutes: Vec<(String, RunSpec)>,
     /// Keys, each `key.path=value` or `faults+=key=value,…`.
     #[serde(rename = "changes")]
     pub set: Vec<String>,
-    /// What goes wrong besides.
+    /// Additional faults.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultSpec>,
-    /// Another seed.
+    /// A different seed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// Another length of the run.
+    /// A different length of the run.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub duration: Option<Time>,
 }
@@ -45,7 +45,7 @@ impl From<&[String]> for Changes {
 }
 
 impl Changes {
-    /// Whether `key` is given another value.
+    /// Whether the changes give `key` another value.
     pub fn fixes(&self, key: &str) -> bool {
         let own = match key {
             "seed" => self.seed.is_some(),
@@ -55,7 +55,7 @@ impl Changes {
         own || self.set.iter().any(|one| key_of(one) == key)
     }
 
-    /// Whether a key that is set is about the program of a substitute, which it then changes or replaces.
+    /// Whether a key that is set belongs to the program of a substitute, which it then changes or replaces.
     pub(super) fn set_a_substitute(&self) -> bool {
         let runs = self.substitutes.iter().map(|(name, _)| run_of(name));
         let below = |key: &str, table: &str| {
@@ -76,7 +76,7 @@ fn key_of(one: &str) -> &str {
 }
 
 impl ScenarioSpec {
-    /// Puts `run` in the place of `participant`, as `how` says.
+    /// Replaces the program of `participant` by `run`; `how` says where the change comes from.
     ///
     /// # Errors
     /// When there is no such participant.

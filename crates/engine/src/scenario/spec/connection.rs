@@ -15,34 +15,34 @@ pub struct ConnectionSpec {
     /// `PARTICIPANT.INPUT`, or fields; in a file one text or a list.
     #[serde(deserialize_with = "one_or_many", serialize_with = "as_few")]
     pub to: Vec<String>,
-    /// How long a sample takes.
+    /// The delay of a sample.
     #[serde(default)]
     pub delay: Time,
-    /// How much longer it takes at most, drawn for each sample.
+    /// The largest additional delay, drawn for each sample.
     #[serde(default)]
     pub jitter: Time,
     /// The probability that a sample is lost.
     #[serde(default)]
     pub drop: f64,
-    /// What the input sees where no newer sample came through.
+    /// What the input shows when no newer sample has arrived.
     #[serde(default)]
     pub hold: Hold,
-    /// What the input sees at first: `"zero"`, `"first-sample"`, or a table of fields with units.
+    /// The start value of the input: `"zero"`, `"first-sample"`, or a table of fields with units.
     #[serde(default = "zero")]
     pub initial: Value,
-    /// Which fields of the input are made of which fields of the output: `"by-name"`, or a table.
+    /// How the fields of the input are composed of fields of the output: `"by-name"`, or a table.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<Value>,
-    /// What a field is multiplied by.
+    /// The factor by which a field is multiplied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub factor: Option<Value>,
-    /// What is added to a field.
+    /// The offset that is added to a field.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<Value>,
-    /// Whether it adds to what other connections give to the same fields.
+    /// Whether the values are added to those of other connections to the same fields.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub sum: bool,
-    /// Which frames the fields at the two ends may be in; the same one unless given.
+    /// Which frames the fields at the two ends may be in; unless given, both must be in the same frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<Frames>,
 }
@@ -51,9 +51,9 @@ pub struct ConnectionSpec {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Frames {
-    /// The same one.
+    /// The same frame.
     Same,
-    /// Whichever they are in.
+    /// Any frames.
     Any,
 }
 
@@ -82,7 +82,7 @@ fn as_few<S: Serializer>(to: &[String], serializer: S) -> Result<S::Ok, S::Error
 }
 
 impl ConnectionSpec {
-    /// From an output to an input, both `PARTICIPANT.PORT` or `PARTICIPANT.PORT.FIELD`, without delay.
+    /// A connection from an output to an input, both `PARTICIPANT.PORT` or `PARTICIPANT.PORT.FIELD`, without delay.
     pub fn new(from: &str, to: &str) -> ConnectionSpec {
         ConnectionSpec {
             from: from.to_owned(),
@@ -100,63 +100,63 @@ impl ConnectionSpec {
         }
     }
 
-    /// One more input.
+    /// Adds another input.
     #[must_use]
     pub fn and_to(mut self, to: &str) -> ConnectionSpec {
         self.to.push(to.to_owned());
         self
     }
 
-    /// How long a sample takes.
+    /// Sets the delay of a sample.
     #[must_use]
     pub fn delay(mut self, delay: impl Into<Time>) -> ConnectionSpec {
         self.delay = delay.into();
         self
     }
 
-    /// How much longer it takes at most.
+    /// Sets the largest additional delay.
     #[must_use]
     pub fn jitter(mut self, jitter: impl Into<Time>) -> ConnectionSpec {
         self.jitter = jitter.into();
         self
     }
 
-    /// The probability that a sample is lost.
+    /// Sets the probability that a sample is lost.
     #[must_use]
     pub fn dropping(mut self, probability: f64) -> ConnectionSpec {
         self.drop = probability;
         self
     }
 
-    /// What the input sees where no newer sample came through.
+    /// Sets what the input shows when no newer sample has arrived.
     #[must_use]
     pub fn hold(mut self, hold: Hold) -> ConnectionSpec {
         self.hold = hold;
         self
     }
 
-    /// What the input sees at first: a table of fields with units.
+    /// Sets the start value of the input: a table of fields with units.
     #[must_use]
     pub fn initial(mut self, initial: impl Into<Value>) -> ConnectionSpec {
         self.initial = initial.into();
         self
     }
 
-    /// At first the input sees the output's first sample.
+    /// The output's first sample becomes the start value of the input.
     #[must_use]
     pub fn first_sample(self) -> ConnectionSpec {
         self.initial("first-sample")
     }
 
-    /// Every field of the input is the output's field of the same name.
+    /// Every field of the input becomes the output's field of the same name.
     #[must_use]
     pub fn by_name(mut self) -> ConnectionSpec {
         self.map = Some("by-name".into());
         self
     }
 
-    /// The input's field `to` is made of `from`: the name of a field, a table with `from`, `factor` and `offset`, a list of them for
-    /// their sum, or a constant.
+    /// Composes the input's field `to` of `from`: the name of a field, a table with `from`, `factor` and `offset`, a list of them
+    /// for their sum, or a constant.
     #[must_use]
     pub fn field(mut self, to: &str, from: impl Into<Value>) -> ConnectionSpec {
         let mut map = match self.map {
@@ -168,28 +168,28 @@ impl ConnectionSpec {
         self
     }
 
-    /// What the one field is multiplied by.
+    /// Sets the factor by which the single field is multiplied.
     #[must_use]
     pub fn factor(mut self, factor: impl Into<Value>) -> ConnectionSpec {
         self.factor = Some(factor.into());
         self
     }
 
-    /// What is added to the one field.
+    /// Sets the offset that is added to the single field.
     #[must_use]
     pub fn offset(mut self, offset: impl Into<Value>) -> ConnectionSpec {
         self.offset = Some(offset.into());
         self
     }
 
-    /// It adds to what other connections give to the same fields.
+    /// Adds the values to those of other connections to the same fields.
     #[must_use]
     pub fn sum(mut self) -> ConnectionSpec {
         self.sum = true;
         self
     }
 
-    /// The fields at the two ends may be in any frames.
+    /// Allows the fields at the two ends to be in any frames.
     #[must_use]
     pub fn in_any_frames(mut self) -> ConnectionSpec {
         self.frames = Some(Frames::Any);

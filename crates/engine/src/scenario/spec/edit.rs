@@ -1,4 +1,4 @@
-//! Reading a scenario as a value, and changing it by key paths.
+//! Reading a scenario as a value, and editing it by key paths.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ impl ScenarioSpec {
     /// `faults+=key=value,…` as `--set` and `--fault` take them.
     ///
     /// # Errors
-    /// Everything that is wrong with the form of it, with lines and keys.
+    /// All mistakes in its form, with lines and keys.
     pub fn read(file: &Path, changes: &[String]) -> Result<ScenarioSpec, ScenarioError> {
         ScenarioSpec::changed(file, &changes.into())
     }
@@ -28,7 +28,7 @@ impl ScenarioSpec {
         Reading::of_file(file, changes)?.whole()
     }
 
-    /// What `file` would say if `text` stood in it.
+    /// Reads `text` as if it were the content of `file`.
     ///
     /// # Errors
     /// As [`ScenarioSpec::read`].
@@ -36,8 +36,8 @@ impl ScenarioSpec {
         Reading::of_text(file, text.to_owned(), &Changes::default())?.whole()
     }
 
-    /// Puts `value` at a key such as `participants.tank.parameters.depth`, by the rules of `--set`: participants and connections must
-    /// be there.
+    /// Sets a key such as `participants.tank.parameters.depth` to `value`, by the rules of `--set`: participants and connections
+    /// must exist.
     ///
     /// # Errors
     /// When there is no such key, or the value does not fit it.
@@ -46,20 +46,20 @@ impl ScenarioSpec {
         self.edit(|table, origin| change::set(table, origin, key, value, IN_CODE))
     }
 
-    /// Makes changes as texts, each `key.path=value` or `faults+=key=value,…` as `--set` and `--fault` take them.
+    /// Makes changes given as texts, each `key.path=value` or `faults+=key=value,…` as `--set` and `--fault` take them.
     ///
     /// # Errors
-    /// When one of them is none, or the whole does not fit together afterwards.
+    /// When one of them is not a valid change, or the resulting scenario is inconsistent.
     pub fn change(&mut self, changes: &[String]) -> Result<(), ScenarioError> {
         self.change_as(changes, IN_CODE)
     }
 
-    /// The same for what a campaign varies from point to point.
+    /// As [`ScenarioSpec::change`], for what a campaign varies from point to point.
     pub(crate) fn vary(&mut self, changes: &[String]) -> Result<(), ScenarioError> {
         self.change_as(changes, VARIED)
     }
 
-    /// The same for changes that were made as `how` says, with which a message about one of them ends.
+    /// As [`ScenarioSpec::change`], for changes that were made as `how` says; a message about one of them ends with `how`.
     pub(crate) fn change_as(&mut self, changes: &[String], how: &'static str) -> Result<(), ScenarioError> {
         if changes.is_empty() {
             return Ok(());
@@ -73,7 +73,7 @@ impl ScenarioSpec {
     /// Makes all of `changes`, or none.
     ///
     /// # Errors
-    /// When one of them does not fit, or the whole does not fit together afterwards.
+    /// When one of them does not fit, or the resulting scenario is inconsistent.
     pub fn apply(&mut self, changes: &Changes) -> Result<(), ScenarioError> {
         *self = Reading::complete(self.clone()).changed(changes)?.whole()?;
         Ok(())

@@ -1,11 +1,11 @@
-//! Entries of a scenario by their names.
+//! The named entries of a scenario's sections.
 
 use std::collections::{BTreeMap, btree_map};
 use std::ops::{Deref, DerefMut, Index, IndexMut};
 
 use crate::scenario::names::unknown;
 
-/// Entries by their names, in the order of those. They are a `BTreeMap` whose entries can also be changed as `entries["name"]`.
+/// Entries in the order of their names: a `BTreeMap` whose entries can also be changed as `entries["name"]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entries<T>(BTreeMap<String, T>);
 
@@ -33,7 +33,7 @@ impl<T> Index<&str> for Entries<T> {
     type Output = T;
 
     /// # Panics
-    /// When there is no such entry; `get` asks.
+    /// When there is no such entry; `get` checks for that.
     fn index(&self, name: &str) -> &T {
         match self.0.get(name) {
             Some(entry) => entry,
@@ -44,7 +44,7 @@ impl<T> Index<&str> for Entries<T> {
 
 impl<T> IndexMut<&str> for Entries<T> {
     /// # Panics
-    /// When there is no such entry; `get_mut` asks.
+    /// When there is no such entry; `get_mut` checks for that.
     fn index_mut(&mut self, name: &str) -> &mut T {
         let none = (!self.0.contains_key(name)).then(|| unknown("entry", name, self.0.keys()));
         match self.0.get_mut(name) {

@@ -6,19 +6,19 @@ use toml::{Table, Value};
 use super::run::RunSpec;
 use super::time::Time;
 
-/// What a program that takes over in mid-run starts with.
+/// The state with which a substitute starts in mid-run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum State {
-    /// Nothing: as at the start of a run.
+    /// A cold start, as at the start of a run.
     #[default]
     Cold,
-    /// What the one before had saved.
+    /// The state that its predecessor has saved.
     Keep,
 }
 
 impl State {
-    /// As it is written.
+    /// The name in a scenario.
     pub fn name(self) -> &'static str {
         match self {
             State::Cold => "cold",
@@ -33,13 +33,13 @@ impl State {
 pub enum FaultKind {
     /// Adds a value.
     Bias,
-    /// Multiplies by a value.
+    /// Multiplies by a factor.
     Scale,
-    /// Adds a value that grows.
+    /// Adds a value that grows with time.
     Ramp,
-    /// Adds what is drawn.
+    /// Adds random values.
     Noise,
-    /// Stays as it was, or is a value.
+    /// Keeps its last value, or takes a given one.
     Stuck,
     /// Samples are lost.
     Dropout,
@@ -48,12 +48,12 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// Whether it comes to some samples and spares others.
+    /// Whether it affects some samples and leaves others unchanged.
     pub(in crate::scenario) fn may_spare(self) -> bool {
         matches!(self, FaultKind::Dropout | FaultKind::BitFlip)
     }
 
-    /// As it is written.
+    /// The name in a scenario.
     pub fn name(self) -> &'static str {
         match self {
             FaultKind::Bias => "bias",
@@ -67,12 +67,12 @@ impl FaultKind {
     }
 }
 
-/// A fault of an input, an output or a connection, or a program that takes a participant's place: exactly one of `input`, `output`,
-/// `connection` and `substitute` is given, and what belongs to it.
+/// A fault of an input, an output or a connection, or a substitution of a participant: exactly one of `input`, `output`,
+/// `connection` and `substitute` is given, with the keys that belong to it.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct FaultSpec {
-    /// Its name; its number in the list unless given.
+    /// Its name; a name made of its number in the list unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// When it begins.
@@ -92,13 +92,13 @@ pub struct FaultSpec {
     /// What it does to the signal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<FaultKind>,
-    /// How much, with its unit.
+    /// The size of the fault, with its unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub value: Option<Value>,
-    /// Which bit is flipped; any unless given.
+    /// The bit that is flipped; any bit unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bit: Option<u32>,
-    /// How probable it is for each sample.
+    /// The probability for each sample.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
     /// The name of a connection.
@@ -107,25 +107,25 @@ pub struct FaultSpec {
     /// The probability that the connection loses a sample.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub drop: Option<f64>,
-    /// How much longer samples take.
+    /// The additional delay of samples.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub extra_delay: Option<Time>,
     /// The participant that is replaced.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substitute: Option<String>,
-    /// What takes its place.
+    /// The program that replaces it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub run: Option<RunSpec>,
-    /// What it is told; what the participant was told unless given.
+    /// The parameters of the substitute; those of the participant unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parameters: Option<Table>,
-    /// What it starts with.
+    /// The state with which the substitute starts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub state: Option<State>,
 }
 
 impl FaultSpec {
-    /// A fault of the input `port`, of which one participant sees something else from `at` on.
+    /// A fault of the input `port`: one participant sees disturbed values from `at` on.
     pub fn input(port: &str, at: impl Into<Time>, kind: FaultKind) -> FaultSpec {
         FaultSpec {
             at: at.into(),
@@ -135,7 +135,7 @@ impl FaultSpec {
         }
     }
 
-    /// A fault of the output `port`, of which all participants see something else from `at` on.
+    /// A fault of the output `port`: all participants that read it see disturbed values from `at` on.
     pub fn output(port: &str, at: impl Into<Time>, kind: FaultKind) -> FaultSpec {
         FaultSpec {
             at: at.into(),
@@ -145,7 +145,7 @@ impl FaultSpec {
         }
     }
 
-    /// A fault of the connection called `name`, which loses samples or is late from `at` on.
+    /// A fault of the connection called `name`, which loses or delays samples from `at` on.
     pub fn connection(name: &str, at: impl Into<Time>) -> FaultSpec {
         FaultSpec {
             at: at.into(),
@@ -154,7 +154,7 @@ impl FaultSpec {
         }
     }
 
-    /// `run` in the place of `participant` from `at` on.
+    /// Replaces `participant` by `run` from `at` on.
     pub fn substitute(participant: &str, at: impl Into<Time>, run: RunSpec) -> FaultSpec {
         FaultSpec {
             at: at.into(),
@@ -164,70 +164,70 @@ impl FaultSpec {
         }
     }
 
-    /// Its name.
+    /// Sets its name.
     #[must_use]
     pub fn named(mut self, name: &str) -> FaultSpec {
         self.name = Some(name.to_owned());
         self
     }
 
-    /// When it ends.
+    /// Sets when it ends.
     #[must_use]
     pub fn until(mut self, until: impl Into<Time>) -> FaultSpec {
         self.until = Some(until.into());
         self
     }
 
-    /// The field or element that it is of.
+    /// Sets the field or element that it affects.
     #[must_use]
     pub fn field(mut self, field: &str) -> FaultSpec {
         self.field = Some(field.to_owned());
         self
     }
 
-    /// How much, with its unit, such as `"0.2 deg"`.
+    /// Sets its size, with its unit, such as `"0.2 deg"`.
     #[must_use]
     pub fn value(mut self, value: impl Into<Value>) -> FaultSpec {
         self.value = Some(value.into());
         self
     }
 
-    /// How probable it is for each sample.
+    /// Sets the probability for each sample.
     #[must_use]
     pub fn probability(mut self, probability: f64) -> FaultSpec {
         self.probability = Some(probability);
         self
     }
 
-    /// The bit that is flipped.
+    /// Sets the bit that is flipped.
     #[must_use]
     pub fn bit(mut self, bit: u32) -> FaultSpec {
         self.bit = Some(bit);
         self
     }
 
-    /// The probability that the connection loses a sample.
+    /// Sets the probability that the connection loses a sample.
     #[must_use]
     pub fn dropping(mut self, probability: f64) -> FaultSpec {
         self.drop = Some(probability);
         self
     }
 
-    /// How much longer samples take.
+    /// Sets the additional delay of samples.
     #[must_use]
     pub fn extra_delay(mut self, delay: impl Into<Time>) -> FaultSpec {
         self.extra_delay = Some(delay.into());
         self
     }
 
-    /// What the substitute is told.
+    /// Sets the parameters of the substitute.
     #[must_use]
     pub fn parameters(mut self, parameters: Table) -> FaultSpec {
         self.parameters = Some(parameters);
         self
     }
 
-    /// What the substitute starts with.
+    /// Sets the state with which the substitute starts.
     #[must_use]
     pub fn state(mut self, state: State) -> FaultSpec {
         self.state = Some(state);

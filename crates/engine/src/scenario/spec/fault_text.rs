@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 use super::fault::FaultSpec;
 
-/// The entry of `[[faults]]` that `text` stands for. Values are read as TOML if they are TOML, else as text; commas inside
+/// Parses `text` into an entry of `[[faults]]`. Values are read as TOML if they are valid TOML, otherwise as text; commas inside
 /// brackets, braces and quotes belong to the value.
 pub(super) fn table(text: &str) -> Result<Table, String> {
     let mut entry = Table::new();
@@ -42,7 +42,7 @@ impl FromStr for FaultSpec {
     }
 }
 
-/// The text between commas that stand in nothing.
+/// The parts between commas that are in no brackets, braces or quotes.
 fn parts(text: &str) -> Vec<&str> {
     let (mut parts, mut start, mut depth, mut quote) = (Vec::new(), 0, 0_i32, None);
     for (at, c) in text.char_indices() {
@@ -63,7 +63,7 @@ fn parts(text: &str) -> Vec<&str> {
     parts
 }
 
-/// The entry as `--set` would write it, for a scenario's list of faults.
+/// Appends the entry to a scenario's list of faults, in the form that `--set` would write.
 pub(super) fn append(table: &mut Table, entry: Table) -> Result<(), String> {
     let list = table.entry("faults").or_insert_with(|| Value::Array(Vec::new()));
     match list {

@@ -1,4 +1,4 @@
-//! Files whose contents take the places of their names: `{ file = "…" }`.
+//! Inclusion of files: `{ file = "…" }` is replaced by the content of the file.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use super::whole::ScenarioSpec;
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::names::fault_name;
 
-/// Puts files in their places in a scenario's table; relative paths are relative to `folder`.
+/// Includes files in a scenario's table; relative paths are relative to `folder`.
 pub(super) fn fill_in_files(table: &mut Table, folder: &Path, origin: &mut Origin) -> Result<(), ScenarioError> {
     let mut mistakes = Vec::new();
     let mut files = Vec::new();
@@ -45,7 +45,7 @@ pub(super) fn fill_in_files(table: &mut Table, folder: &Path, origin: &mut Origi
 }
 
 impl ScenarioSpec {
-    /// Puts files in the places that the fields of a scenario have for them.
+    /// Includes files in the fields of a scenario that may refer to files.
     pub(in crate::scenario) fn fill_in_files(&mut self, folder: &Path) -> Result<(), ScenarioError> {
         let mut tables: Vec<(String, &mut Table)> = Vec::new();
         for (name, own) in &mut self.participants {
@@ -74,7 +74,7 @@ impl ScenarioSpec {
         self.origin.files.extend(files);
         let wrong = wrong.into_iter();
         let mut mistakes: Vec<Mistake> = wrong.map(|(key, reason)| self.origin.mistake(&key, reason)).collect();
-        // Shapes of a scene stand in lists.
+        // The shapes of a scene are in lists.
         if let Some(scene) = self.scene.take() {
             let mut alone = Table::from_iter([("scene".to_owned(), Value::Table(scene))]);
             if let Err(error) = fill_in_files(&mut alone, folder, &mut self.origin) {
@@ -93,7 +93,7 @@ impl ScenarioSpec {
     }
 }
 
-/// The tables of an FMU's `run`, which stands below `key`.
+/// The tables in an FMU's `run`, which is below `key`.
 fn of_fmu<'a>(run: &'a mut RunSpec, key: &str) -> Vec<(String, &'a mut Table)> {
     let given = run.keys_beside_fmu().into_iter();
     let tables = given.filter_map(|(name, value)| Some((name, value.as_mut()?.as_table_mut()?)));
@@ -126,7 +126,7 @@ fn fill_in(
     }
 }
 
-/// No file that belongs to a scenario is larger, bytes.
+/// The largest file of a scenario, bytes.
 const FILE_MAX: u64 = 64 << 20;
 
 /// The text of a file. A device or a pipe might never end, and is refused.

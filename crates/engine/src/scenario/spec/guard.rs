@@ -5,7 +5,7 @@ use toml::Value;
 
 use super::time::Time;
 
-/// What an output must never show.
+/// Conditions that an output must never violate.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct GuardSpec {
@@ -17,16 +17,16 @@ pub struct GuardSpec {
     /// The bounds of a field, with its unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<Value>,
-    /// Values of an enumeration or a truth value that must not come.
+    /// Values of an enumeration or a boolean that must not occur.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub never: Option<Value>,
-    /// How long it must not stand still.
+    /// The time for which the output must not stay unchanged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frozen_for: Option<Time>,
 }
 
 impl GuardSpec {
-    /// A guard of an output, which guards against nothing yet.
+    /// A guard of an output, without any condition yet.
     pub fn new(output: &str) -> GuardSpec {
         GuardSpec {
             output: output.to_owned(),
@@ -34,28 +34,28 @@ impl GuardSpec {
         }
     }
 
-    /// The field or element that it looks at.
+    /// Sets the field or element that it checks.
     #[must_use]
     pub fn field(mut self, field: &str) -> GuardSpec {
         self.field = Some(field.to_owned());
         self
     }
 
-    /// The bounds of the field, such as `"[-10, 10] N m"`.
+    /// Sets the bounds of the field, such as `"[-10, 10] N m"`.
     #[must_use]
     pub fn range(mut self, range: impl Into<Value>) -> GuardSpec {
         self.range = Some(range.into());
         self
     }
 
-    /// Values that must not come.
+    /// Sets the values that must not occur.
     #[must_use]
     pub fn never(mut self, never: impl Into<Value>) -> GuardSpec {
         self.never = Some(never.into());
         self
     }
 
-    /// How long it must not stand still.
+    /// Sets the time for which the output must not stay unchanged.
     #[must_use]
     pub fn frozen_for(mut self, time: impl Into<Time>) -> GuardSpec {
         self.frozen_for = Some(time.into());

@@ -5,7 +5,7 @@ use toml::Value;
 
 use super::time::Time;
 
-/// What is computed of a signal.
+/// The computation on a signal.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MeasureKind {
@@ -24,13 +24,13 @@ pub enum MeasureKind {
     Final,
     /// The value at one instant.
     At,
-    /// The largest value less the least one.
+    /// The largest value minus the least one.
     Range,
     /// The integral over time.
     Integral,
     /// The integral of the magnitude.
     IntegralAbs,
-    /// The largest change per time.
+    /// The largest rate of change.
     Rate,
     /// How long it is above a threshold.
     TimeAbove,
@@ -38,15 +38,15 @@ pub enum MeasureKind {
     TimeBelow,
     /// When it first crosses a threshold.
     FirstCrossing,
-    /// From when on it stays in a band.
+    /// The time from which on it stays in a band.
     SettlingTime,
     /// How often it changes.
     Changes,
-    /// The value that so many percent do not exceed.
+    /// The value that a given percentage does not exceed.
     Percentile,
 }
 
-/// What becomes of the elements of a field.
+/// How the elements of a field are reduced to one signal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ThroughKind {
@@ -62,51 +62,51 @@ pub enum ThroughKind {
 pub struct MeasureSpec {
     /// `PARTICIPANT.OUTPUT.FIELD`
     pub of: String,
-    /// One value of an enumeration or a truth value, which is then 1 or 0.
+    /// A value of an enumeration: the signal is 1 while the field has this value, and 0 otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub is: Option<Value>,
-    /// What is subtracted, as `of`.
+    /// A signal that is subtracted, as in `of`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub minus: Option<String>,
-    /// What becomes of the elements.
+    /// How the elements are reduced to one signal.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub through: Option<ThroughKind>,
-    /// What is computed.
+    /// The computation.
     pub compute: MeasureKind,
-    /// From when on.
+    /// The start of the window.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from: Option<Time>,
-    /// Until when.
+    /// The end of the window.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub to: Option<Time>,
-    /// At which instant.
+    /// The instant.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at: Option<Time>,
-    /// What is crossed, with its unit.
+    /// The threshold, with its unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub threshold: Option<Value>,
-    /// Where it settles, with its unit.
+    /// The band in which it settles, with its unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub band: Option<Value>,
-    /// Which percentile.
+    /// The percentage.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub percent: Option<f64>,
     /// The unit of the figure; that of the field unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unit: Option<String>,
-    /// The most that is good.
+    /// The largest acceptable value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_most: Option<Value>,
-    /// The least that is good.
+    /// The least acceptable value.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_least: Option<Value>,
-    /// Both.
+    /// Both limits.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within: Option<Value>,
 }
 
 impl MeasureSpec {
-    /// What is computed of the field `of`, over the whole run and without a limit.
+    /// A measure of the field `of`, over the whole run and without a limit.
     pub fn new(of: &str, compute: MeasureKind) -> MeasureSpec {
         MeasureSpec {
             of: of.to_owned(),
@@ -115,63 +115,63 @@ impl MeasureSpec {
         }
     }
 
-    /// What is subtracted, as `PARTICIPANT.OUTPUT.FIELD`.
+    /// Subtracts another signal, `PARTICIPANT.OUTPUT.FIELD`.
     #[must_use]
     pub fn minus(mut self, other: &str) -> MeasureSpec {
         self.minus = Some(other.to_owned());
         self
     }
 
-    /// What becomes of the elements.
+    /// Sets how the elements are reduced to one signal.
     #[must_use]
     pub fn through(mut self, through: ThroughKind) -> MeasureSpec {
         self.through = Some(through);
         self
     }
 
-    /// From when on.
+    /// Sets the start of the window.
     #[must_use]
     pub fn from(mut self, time: impl Into<Time>) -> MeasureSpec {
         self.from = Some(time.into());
         self
     }
 
-    /// Until when.
+    /// Sets the end of the window.
     #[must_use]
     pub fn to(mut self, time: impl Into<Time>) -> MeasureSpec {
         self.to = Some(time.into());
         self
     }
 
-    /// At which instant.
+    /// Sets the instant.
     #[must_use]
     pub fn at(mut self, time: impl Into<Time>) -> MeasureSpec {
         self.at = Some(time.into());
         self
     }
 
-    /// What is crossed, such as `"5 mm"`.
+    /// Sets the threshold, such as `"5 mm"`.
     #[must_use]
     pub fn threshold(mut self, threshold: impl Into<Value>) -> MeasureSpec {
         self.threshold = Some(threshold.into());
         self
     }
 
-    /// Where it settles, such as `"[-2, 2] mm"`.
+    /// Sets the band in which it settles, such as `"[-2, 2] mm"`.
     #[must_use]
     pub fn band(mut self, band: impl Into<Value>) -> MeasureSpec {
         self.band = Some(band.into());
         self
     }
 
-    /// The most that is good.
+    /// Sets the largest acceptable value.
     #[must_use]
     pub fn at_most(mut self, limit: impl Into<Value>) -> MeasureSpec {
         self.at_most = Some(limit.into());
         self
     }
 
-    /// The least that is good.
+    /// Sets the least acceptable value.
     #[must_use]
     pub fn at_least(mut self, limit: impl Into<Value>) -> MeasureSpec {
         self.at_least = Some(limit.into());

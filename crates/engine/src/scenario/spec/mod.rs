@@ -1,4 +1,4 @@
-//! A scenario as a value: what a file says, to be made, changed and written in code.
+//! A scenario as a value: the content of a file, which can be created, changed and written in code.
 
 mod change;
 mod changes;

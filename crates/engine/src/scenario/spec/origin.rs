@@ -1,4 +1,4 @@
-//! Where a scenario was read: what names the line of a mistake, or the change that made it.
+//! The origin of a scenario: the line of a mistake, or the change that caused it.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -10,14 +10,14 @@ use toml::Value;
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::lines::Lines;
 
-/// The file and the changes that a scenario was made of. Nothing of it changes what the scenario says.
+/// The file and the changes from which a scenario was made. They have no influence on the scenario's content.
 #[derive(Debug, Clone, Default)]
 pub(in crate::scenario) struct Origin {
     pub(in crate::scenario) file: PathBuf,
     text: Arc<Text>,
-    /// The keys that were changed since, and how.
+    /// The keys that were changed afterwards, and how.
     changed: HashMap<String, &'static str>,
-    /// The files whose contents stand in the scenario.
+    /// The files whose contents were included in the scenario.
     pub(in crate::scenario) files: Vec<PathBuf>,
 }
 
@@ -29,7 +29,7 @@ struct Text {
 }
 
 impl PartialEq for Origin {
-    /// Two scenarios that say the same are the same, wherever they were read.
+    /// Scenarios with the same content are equal, wherever they were read.
     fn eq(&self, _: &Origin) -> bool {
         true
     }
@@ -47,7 +47,7 @@ impl Origin {
         }
     }
 
-    /// Notes that `key` was changed, as `how` says.
+    /// Registers that `key` was changed, as `how` says.
     pub(super) fn change(&mut self, key: String, how: &'static str) {
         self.changed.insert(key, how);
     }
@@ -57,11 +57,11 @@ impl Origin {
         self.changed.contains_key(key)
     }
 
-    /// A mistake about `key`, with the line it stands on, or with the change that made it. What was changed below the key, where no line
-    /// has it, is named too.
+    /// A mistake about `key`, with its line, or with the change that made it. Changes below the key are named too if the file has
+    /// no line for it.
     pub(in crate::scenario) fn mistake(&self, key: &str, reason: impl Into<String>) -> Mistake {
         let reason = reason.into();
-        // The key itself, then the tables around it.
+        // The key itself, then the tables that contain it.
         let ends = key.rmatch_indices('.').map(|(at, _)| at);
         let mut around = std::iter::once(key.len()).chain(ends).map(|end| &key[..end]);
         if let Some(how) = around.find_map(|key| self.changed.get(key)) {
@@ -82,7 +82,7 @@ impl Origin {
         }
     }
 
-    /// What was changed below `key`, and how; the first ones of many.
+    /// The changes below `key`, and how they were made; only the first ones if there are many.
     fn changed_below(&self, key: &str) -> String {
         const SHOWN_MAX: usize = 3;
         let below = |(changed, how): (&String, &&str)| {
@@ -107,7 +107,7 @@ impl Origin {
     }
 }
 
-/// Reads one section; a mistake gets the key that it is about.
+/// Reads one section; a mistake is reported with its key.
 pub(super) fn typed<T: DeserializeOwned>(origin: &Origin, key: &str, value: Value) -> Result<T, Mistake> {
     serde_path_to_error::deserialize(value).map_err(|error| {
         let path = error.path().to_string();

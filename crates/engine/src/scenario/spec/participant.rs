@@ -6,11 +6,11 @@ use toml::{Table, Value};
 use super::run::RunSpec;
 use super::time::Time;
 
-/// A participant: its program, when it is activated, and what it is told.
+/// A participant: its program, its sample time, and its parameters.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParticipantSpec {
-    /// The program. A file may leave it to `--substitute`.
+    /// The program. A file may leave it to `--substitute` to name it.
     #[serde(default)]
     pub run: RunSpec,
     /// The time between two activations.
@@ -18,7 +18,7 @@ pub struct ParticipantSpec {
     /// The first activation.
     #[serde(default)]
     pub offset: Time,
-    /// What it is told, as far as it understands that.
+    /// Its parameters, in the form that it understands.
     #[serde(default)]
     pub parameters: Table,
     /// What happens when it fails.
@@ -36,9 +36,9 @@ pub enum OnFailureSpec {
     /// The run ends.
     #[default]
     Stop,
-    /// All go back to the last checkpoint, the participant in a new process.
+    /// All participants go back to the last checkpoint, the failed one in a new process.
     RestartFromCheckpoint,
-    /// Another program takes its place, from afresh.
+    /// Another program replaces it, with a cold start.
     Substitute(Box<RunSpec>),
 }
 
@@ -86,7 +86,7 @@ impl From<OnFailureSpec> for Written {
 }
 
 impl ParticipantSpec {
-    /// What `run` names, without a period yet.
+    /// A participant that runs `run`, without a period yet.
     pub fn new(run: RunSpec) -> ParticipantSpec {
         ParticipantSpec {
             run,
@@ -94,49 +94,49 @@ impl ParticipantSpec {
         }
     }
 
-    /// The participant called `name` of the program itself.
+    /// The builtin participant called `name`.
     pub fn builtin(name: &str) -> ParticipantSpec {
         ParticipantSpec::new(RunSpec::builtin(name))
     }
 
-    /// The time between two activations.
+    /// Sets the time between two activations.
     #[must_use]
     pub fn every(mut self, period: impl Into<Time>) -> ParticipantSpec {
         self.period = period.into();
         self
     }
 
-    /// The first activation.
+    /// Sets the first activation.
     #[must_use]
     pub fn offset(mut self, offset: impl Into<Time>) -> ParticipantSpec {
         self.offset = offset.into();
         self
     }
 
-    /// All that it is told: whatever serde makes a table of.
+    /// Sets all parameters, from any value that serde serialises as a table.
     ///
     /// # Errors
-    /// When serde makes no table of it.
+    /// When serde does not serialise it as a table.
     pub fn parameters(mut self, parameters: &impl Serialize) -> Result<ParticipantSpec, toml::ser::Error> {
         self.parameters = Table::try_from(parameters)?;
         Ok(self)
     }
 
-    /// One thing that it is told.
+    /// Sets one parameter.
     #[must_use]
     pub fn parameter(mut self, key: &str, value: impl Into<Value>) -> ParticipantSpec {
         self.parameters.insert(key.to_owned(), value.into());
         self
     }
 
-    /// What happens when it fails.
+    /// Sets what happens when it fails.
     #[must_use]
     pub fn on_failure(mut self, on_failure: OnFailureSpec) -> ParticipantSpec {
         self.on_failure = on_failure;
         self
     }
 
-    /// How long its program may take to enter the run and to answer a request.
+    /// Sets how long its program may take to enter the run and to answer a request.
     #[must_use]
     pub fn start_within(mut self, time: impl Into<Time>) -> ParticipantSpec {
         self.start_within = Some(time.into());

@@ -1,4 +1,4 @@
-//! From a table to the value of a scenario, with all mistakes.
+//! Reading: from a table to the value of a scenario, with all mistakes.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -22,7 +22,7 @@ use super::whole::{FOLDER, ScenarioSpec, folder_of};
 use crate::scenario::error::{Mistake, ScenarioError};
 use crate::scenario::names::fault_name;
 
-/// The keys that stand at the top of the file.
+/// The keys at the top level of the file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Top {
@@ -62,7 +62,7 @@ fn one() -> u64 {
     1
 }
 
-/// A seed is a whole number. TOML's end at 2^63; what is larger is written as text.
+/// A seed is an integer. TOML's integers end at 2^63; larger ones are written as text.
 fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
     struct Seed;
     impl Visitor<'_> for Seed {
@@ -87,24 +87,24 @@ fn seed<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u64, D::Error> {
     deserializer.deserialize_any(Seed)
 }
 
-/// What was read: the scenario as far as it can be read, and what is wrong with the rest.
+/// The result of reading: the scenario as far as it can be read, and the mistakes in the rest.
 pub(in crate::scenario) struct Reading {
     pub(in crate::scenario) spec: ScenarioSpec,
     pub(in crate::scenario) broken: Broken,
     pub(in crate::scenario) mistakes: Vec<Mistake>,
 }
 
-/// The entries that could not be read, so that what names them is not refused for that.
+/// The entries that could not be read, so that references to them are not refused.
 #[derive(Default)]
 pub(in crate::scenario) struct Broken {
     pub(in crate::scenario) participants: BTreeSet<String>,
     pub(in crate::scenario) connections: BTreeSet<String>,
-    /// Their places in the list.
+    /// Their positions in the list.
     pub(in crate::scenario) faults: BTreeSet<usize>,
 }
 
 impl Reading {
-    /// Reads what `file` says, or would say if `text` stood in it: with files in place of their names, and with `changes`.
+    /// Reads `text` as if it were the content of `file`, with files included, and with `changes`.
     pub(in crate::scenario) fn of_text(file: &Path, text: String, changes: &Changes) -> Result<Reading, ScenarioError> {
         if changes.set_a_substitute() {
             let mut reading = Reading::of_text(file, text, &Changes::default())?.changed(changes)?;
@@ -133,7 +133,7 @@ impl Reading {
         Reading::of_text(file, text::read(file)?, changes)
     }
 
-    /// The same with `changes`, one after the other: a key that is set may be about a substitute, which must be there first.
+    /// Applies `changes` in order: a key that is set may belong to a substitute, which must be there first.
     pub(super) fn changed(mut self, changes: &Changes) -> Result<Reading, ScenarioError> {
         let first = Changes {
             substitutes: changes.substitutes.clone(),
@@ -152,7 +152,7 @@ impl Reading {
         Reading::of_table(origin, table, &rest)
     }
 
-    /// Reads a table, and makes those of `changes` that are not made in a table.
+    /// Reads a table, and applies those of `changes` that are not made in a table.
     pub(super) fn of_table(origin: Origin, table: Table, changes: &Changes) -> Result<Reading, ScenarioError> {
         if table.contains_key("scenario") && !table.contains_key("participants") {
             let reason = "this is a campaign file: run it with `sweep`, or give the scenario that it names";
@@ -215,7 +215,7 @@ impl Reading {
         Ok(reading)
     }
 
-    /// Makes those of `changes` that are values.
+    /// Applies those of `changes` that are values.
     fn options(&mut self, changes: &Changes) {
         let spec = &mut self.spec;
         for (participant, run) in &changes.substitutes {
@@ -241,7 +241,7 @@ impl Reading {
         }
     }
 
-    /// A scenario of which nothing is missing.
+    /// A reading of a scenario that is complete.
     pub(in crate::scenario) fn complete(spec: ScenarioSpec) -> Reading {
         Reading {
             spec,
@@ -250,7 +250,7 @@ impl Reading {
         }
     }
 
-    /// What was read, if nothing is wrong with it so far.
+    /// The scenario, if no mistake has been found so far.
     pub(super) fn whole(self) -> Result<ScenarioSpec, ScenarioError> {
         if self.mistakes.is_empty() {
             Ok(self.spec)
@@ -260,7 +260,7 @@ impl Reading {
     }
 }
 
-/// The entries of a section; those that cannot be read are named among the `broken` ones.
+/// The entries of a section; those that cannot be read are added to the `broken` ones.
 fn section<T: DeserializeOwned>(
     origin: &Origin,
     key: &str,
@@ -283,14 +283,14 @@ fn section<T: DeserializeOwned>(
     all
 }
 
-/// What a file says of measures and of what is kept. The rest of the file does not matter.
+/// The content of a file as far as it concerns measures and recording. The rest of the file does not matter.
 pub(in crate::scenario) struct Measured {
     pub(in crate::scenario) origin: Origin,
     pub(in crate::scenario) measures: Entries<MeasureSpec>,
     pub(in crate::scenario) record: Entries<RecordSpec>,
 }
 
-/// Reads what `file` says of measures and of what is kept.
+/// Reads the measures and the recording of `file`.
 pub(in crate::scenario) fn measured(file: &Path) -> Result<Measured, ScenarioError> {
     let text = text::read(file)?;
     let mut table = text::parse(file, &text)?;

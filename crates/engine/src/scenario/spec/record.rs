@@ -1,4 +1,4 @@
-//! `[record]`: a part of what is kept.
+//! `[record]`: which samples are kept.
 
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
@@ -8,10 +8,10 @@ use super::origin::{Origin, typed};
 use super::time::Time;
 use crate::scenario::error::Mistake;
 
-/// What stands before an input in the name of the stream that has what a participant saw there.
+/// The prefix of an input in the name of the stream that holds what a participant saw at that input.
 pub(in crate::scenario) const SEEN: &str = "seen";
 
-/// What is kept of a stream, or of all of a participant's.
+/// Which samples of a stream, or of all streams of a participant, are kept.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RecordSpec {
     /// Every sample.
@@ -22,23 +22,23 @@ pub enum RecordSpec {
     Part(RecordPart),
 }
 
-/// The samples that are kept of a stream.
+/// Which samples of a stream are kept.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordPart {
-    /// One in this time, a multiple of the stream's period.
+    /// The interval between samples, a multiple of the stream's period.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub every: Option<Time>,
-    /// From when on.
+    /// The start of the recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from: Option<Time>,
-    /// Until when.
+    /// The end of the recording.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub to: Option<Time>,
 }
 
 impl RecordSpec {
-    /// One sample in `time`.
+    /// One sample per `time`.
     pub fn every(time: impl Into<Time>) -> RecordSpec {
         RecordSpec::Part(RecordPart {
             every: Some(time.into()),
@@ -69,7 +69,7 @@ impl RecordSpec {
     }
 }
 
-/// Reads the table: what it says by `PARTICIPANT`, `PARTICIPANT.OUTPUT` or `PARTICIPANT.seen.INPUT`.
+/// Reads the table, with entries for `PARTICIPANT`, `PARTICIPANT.OUTPUT` or `PARTICIPANT.seen.INPUT`.
 pub(super) fn read(origin: &Origin, table: Table, mistakes: &mut Vec<Mistake>) -> Entries<RecordSpec> {
     let mut all = Entries::default();
     let mut add = |key: String, value: Value| match RecordSpec::read(origin, &format!("record.{key}"), value) {
@@ -96,7 +96,7 @@ pub(super) fn read(origin: &Origin, table: Table, mistakes: &mut Vec<Mistake>) -
     all
 }
 
-/// The table that says `all`.
+/// The table for `all`.
 pub(super) fn written(all: &Entries<RecordSpec>) -> Table {
     let mut table = Table::new();
     for (key, part) in all {

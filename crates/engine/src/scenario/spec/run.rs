@@ -1,4 +1,4 @@
-//! `run = { … }`: which program stands in a participant's place.
+//! `run = { … }`: the program that runs as a participant.
 
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
@@ -9,43 +9,43 @@ use crate::scenario::program::Program;
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunSpec {
-    /// A participant of the program that reads the scenario, by its name.
+    /// The name of a participant that the program reading the scenario contains.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub builtin: Option<String>,
-    /// A program of its own: a file, or a name in `PATH`.
+    /// An external program: a file, or a name in `PATH`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exe: Option<String>,
     /// A shared library with participants.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub library: Option<String>,
-    /// Which participant of a library; the only one unless given.
+    /// Which participant of a library; its only one unless given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub participant: Option<String>,
-    /// Arguments of a program of its own.
+    /// The arguments of an external program.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub args: Vec<String>,
     /// An FMU.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fmu: Option<String>,
-    /// Which variables of an FMU make which ports.
+    /// Which variables of an FMU form which ports.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ports: Option<Value>,
     /// The messages that ports of an FMU carry.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub messages: Option<Value>,
-    /// Variables of an FMU that are recorded besides.
+    /// Additional variables of an FMU that are recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub record: Option<Value>,
-    /// Whether outputs of an FMU depend on inputs at once.
+    /// Whether outputs of an FMU have direct feedthrough from inputs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub feedthrough: Option<Value>,
-    /// The tolerance that an FMU is given.
+    /// The tolerance that is passed to an FMU.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<Value>,
 }
 
 impl RunSpec {
-    /// The participant called `name` of the program itself.
+    /// The builtin participant called `name`.
     pub fn builtin(name: &str) -> RunSpec {
         RunSpec {
             builtin: Some(name.to_owned()),
@@ -78,7 +78,7 @@ impl RunSpec {
         }
     }
 
-    /// What `file` is by its name: a library (`.so`), an FMU (`.fmu`), or else a program.
+    /// The type of `file` by its name: a library (`.so`), an FMU (`.fmu`), or otherwise a program.
     pub fn of_file(file: &str) -> RunSpec {
         match Program::key_of(file) {
             "library" => RunSpec::library(file),
@@ -96,7 +96,7 @@ impl RunSpec {
             .collect()
     }
 
-    /// The same, to be changed.
+    /// As [`RunSpec::beside_fmu`], but mutable.
     pub(in crate::scenario) fn keys_beside_fmu(&mut self) -> [(&'static str, &mut Option<Value>); 5] {
         [
             ("ports", &mut self.ports),

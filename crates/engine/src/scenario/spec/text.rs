@@ -1,4 +1,4 @@
-//! The text of a scenario as a table.
+//! The text of a scenario, parsed into a table.
 
 use std::ops::Range;
 use std::path::Path;
@@ -12,7 +12,7 @@ pub(super) fn read(file: &Path) -> Result<String, ScenarioError> {
     std::fs::read_to_string(file).map_err(|error| whole(file, None, format!("cannot be read: {error}")))
 }
 
-/// The table that `text`, which stands in `file`, is.
+/// Parses `text`, the content of `file`, into a table.
 pub(super) fn parse(file: &Path, text: &str) -> Result<Table, ScenarioError> {
     text.parse::<Table>().map_err(|error| {
         let line = error.span().map(|span| line_of(text, &span));

@@ -1,4 +1,4 @@
-//! Times as a scenario has them: exact, and as they were written.
+//! Times in scenarios: exact, and with their original text.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A time in a scenario: `"10 ms"`, `"1/300 s"`, `"30 Hz"`, or a [`Rational`].
 ///
-/// A text that is no time stays what it is until the scenario is made, which then names its key.
+/// A text that is no valid time is kept until the scenario is made, which then reports its key.
 ///
 /// ```
 /// use engine::scenario::Time;
@@ -20,7 +20,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 #[derive(Debug, Clone)]
 pub struct Time {
     text: String,
-    /// What the text says, if it is a time.
+    /// The value, if the text is a valid time.
     exact: Option<Rational>,
 }
 
@@ -33,12 +33,12 @@ impl Time {
         self.exact.map_or_else(|| self.text.parse(), Ok)
     }
 
-    /// The same once all times of a scenario have been looked at; zero for what is none.
+    /// As [`Time::exact`], once all times of a scenario have been checked; zero for an invalid text.
     pub(in crate::scenario) fn checked(&self) -> Rational {
         self.exact.unwrap_or(Rational::ZERO)
     }
 
-    /// The time in its shortest text, for what is compared as text.
+    /// Writes the time in its shortest text, for comparisons as text.
     pub(in crate::scenario) fn shorten(&mut self) {
         if let Some(exact) = self.exact {
             self.text = exact.to_string();

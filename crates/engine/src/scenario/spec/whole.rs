@@ -21,7 +21,7 @@ use crate::scenario::names::fault_name;
 /// The key of the folder that relative paths are relative to.
 pub(in crate::scenario) const FOLDER: &str = "folder";
 
-/// Everything that a scenario says, as a value: read from a file, or made in code, changed, and written again.
+/// The complete content of a scenario as a value: read from a file or created in code, changed, and written again.
 ///
 /// ```
 /// use engine::scenario::{ConnectionSpec, GuardSpec, ParticipantSpec, ScenarioSpec};
@@ -40,13 +40,13 @@ pub(in crate::scenario) const FOLDER: &str = "folder";
 /// # Ok::<(), engine::scenario::ScenarioError>(())
 /// ```
 ///
-/// What is wrong with it is told when [`Scenario::of`](crate::scenario::Scenario::of) makes a scenario of it, by key and, where it was
-/// read from a file, by line.
+/// Mistakes are reported when [`Scenario::of`](crate::scenario::Scenario::of) makes a scenario of it: by key and, if it was read
+/// from a file, by line.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ScenarioSpec {
     /// The one-line description.
     pub title: String,
-    /// The folder that relative paths are relative to, as the file says; the file's own unless given.
+    /// The folder for relative paths, as given in the file; the file's own folder unless given.
     pub folder: Option<String>,
     /// How long the run is.
     pub duration: Time,
@@ -56,30 +56,30 @@ pub struct ScenarioSpec {
     pub participants: Entries<ParticipantSpec>,
     /// The connections.
     pub connections: Entries<ConnectionSpec>,
-    /// Inputs that nothing feeds though their participants need them: a program that drives the run sets them.
+    /// Unconnected inputs that their participants require: a program that drives the run sets them.
     pub inputs: Vec<String>,
-    /// What the run is judged by, as the assessment of that `kind` understands it.
+    /// The assessment of the run, in the form of its `kind`.
     pub assessment: Option<Table>,
-    /// What goes wrong.
+    /// The faults.
     pub faults: Vec<FaultSpec>,
-    /// What must never happen.
+    /// The guards.
     pub guards: Entries<GuardSpec>,
-    /// Figures and their limits.
+    /// The measures: figures and their limits.
     pub measures: Entries<MeasureSpec>,
-    /// Which figures the report draws, as [`crate::view::View`] reads it.
+    /// The figures in the report, in the form of [`crate::view::View`].
     pub report: Option<Table>,
-    /// What the playback shows, as [`crate::scene::Scene`] reads it.
+    /// The playback, in the form of [`crate::scene::Scene`].
     pub scene: Option<Table>,
-    /// What varies in a campaign: no run depends on it.
+    /// What a campaign varies: no run depends on it.
     pub campaign: Option<Table>,
-    /// What is kept of the samples of a `PARTICIPANT`, a `PARTICIPANT.OUTPUT`, or of what is seen at an input,
-    /// `PARTICIPANT.seen.INPUT`. What is not named is kept whole; of all of a participant there is everything or nothing.
+    /// Which samples are kept of a `PARTICIPANT`, a `PARTICIPANT.OUTPUT`, or of what is seen at an input, `PARTICIPANT.seen.INPUT`.
+    /// Streams that are not named are kept whole; for a whole participant only all or nothing can be kept.
     pub record: Entries<RecordSpec>,
     pub(in crate::scenario) origin: Origin,
 }
 
 impl ScenarioSpec {
-    /// A run of this length, without participants yet.
+    /// A scenario for a run of this length, without participants yet.
     pub fn new(duration: impl Into<Time>) -> ScenarioSpec {
         ScenarioSpec {
             duration: duration.into(),
@@ -88,72 +88,72 @@ impl ScenarioSpec {
         }
     }
 
-    /// The one-line description.
+    /// Sets the one-line description.
     #[must_use]
     pub fn title(mut self, title: &str) -> ScenarioSpec {
         self.title = title.to_owned();
         self
     }
 
-    /// The seed of every random stream.
+    /// Sets the seed of every random stream.
     #[must_use]
     pub fn seed(mut self, seed: u64) -> ScenarioSpec {
         self.seed = seed;
         self
     }
 
-    /// One more participant, or another one of that name.
+    /// Adds a participant, or replaces the one of that name.
     #[must_use]
     pub fn participant(mut self, name: &str, participant: ParticipantSpec) -> ScenarioSpec {
         self.participants.insert(name.to_owned(), participant);
         self
     }
 
-    /// One more connection, or another one of that name.
+    /// Adds a connection, or replaces the one of that name.
     #[must_use]
     pub fn connection(mut self, name: &str, connection: ConnectionSpec) -> ScenarioSpec {
         self.connections.insert(name.to_owned(), connection);
         self
     }
 
-    /// `PARTICIPANT.INPUT`, which a program that drives the run sets.
+    /// Adds `PARTICIPANT.INPUT` to the inputs that a program driving the run sets.
     #[must_use]
     pub fn input(mut self, port: &str) -> ScenarioSpec {
         self.inputs.push(port.to_owned());
         self
     }
 
-    /// What the run is judged by: whatever serde makes a table of.
+    /// Sets the assessment of the run, from any value that serde serialises as a table.
     ///
     /// # Errors
-    /// When serde makes no table of it.
+    /// When serde does not serialise it as a table.
     pub fn assessment(mut self, assessment: &impl Serialize) -> Result<ScenarioSpec, toml::ser::Error> {
         self.assessment = Some(Table::try_from(assessment)?);
         Ok(self)
     }
 
-    /// One more thing that goes wrong.
+    /// Adds a fault.
     #[must_use]
     pub fn fault(mut self, fault: FaultSpec) -> ScenarioSpec {
         self.faults.push(fault);
         self
     }
 
-    /// One more guard.
+    /// Adds a guard, or replaces the one of that name.
     #[must_use]
     pub fn guard(mut self, name: &str, guard: GuardSpec) -> ScenarioSpec {
         self.guards.insert(name.to_owned(), guard);
         self
     }
 
-    /// One more figure.
+    /// Adds a measure, or replaces the one of that name.
     #[must_use]
     pub fn measure(mut self, name: &str, measure: MeasureSpec) -> ScenarioSpec {
         self.measures.insert(name.to_owned(), measure);
         self
     }
 
-    /// What is kept of a `PARTICIPANT`, a `PARTICIPANT.OUTPUT` or a `PARTICIPANT.seen.INPUT`.
+    /// Sets which samples are kept of a `PARTICIPANT`, a `PARTICIPANT.OUTPUT` or a `PARTICIPANT.seen.INPUT`.
     #[must_use]
     pub fn record(mut self, of: &str, part: RecordSpec) -> ScenarioSpec {
         self.record.insert(of.to_owned(), part);
@@ -172,12 +172,12 @@ impl ScenarioSpec {
         own.chain(self.faults.iter_mut().filter_map(|fault| fault.run.as_mut()))
     }
 
-    /// The folder that relative paths are relative to when this is what `file` says.
+    /// The folder for relative paths when this is the content of `file`.
     pub(in crate::scenario) fn folder_at(&self, file: &Path) -> PathBuf {
         folder_of(file, self.folder.as_deref())
     }
 
-    /// Shows `visit` every time with its key.
+    /// Calls `visit` with every time and its key.
     pub(in crate::scenario) fn each_time(&mut self, visit: &mut dyn FnMut(String, &mut Time)) {
         visit("duration".into(), &mut self.duration);
         let mut below = |section: &str, name: &str, times: &mut [(&str, Option<&mut Time>)]| {
@@ -229,19 +229,19 @@ impl ScenarioSpec {
         }
     }
 
-    /// How long the run is, once all times have been looked at.
+    /// How long the run is, once all times have been checked.
     pub(in crate::scenario) fn length(&self) -> Rational {
         self.duration.checked()
     }
 }
 
-/// The folder that relative paths of a scenario in `file` are relative to: the file's own unless the scenario names another.
+/// The folder for relative paths of a scenario in `file`: the file's own unless the scenario names another.
 pub(super) fn folder_of(file: &Path, named: Option<&str>) -> PathBuf {
     let own = file.parent().unwrap_or(Path::new(""));
     named.map_or_else(|| own.to_owned(), |named| own.join(named))
 }
 
-/// A seed as TOML has it, whose whole numbers end at 2^63.
+/// A seed in TOML, whose integers end at 2^63.
 pub(super) fn seed_value(seed: u64) -> Value {
     i64::try_from(seed).map_or_else(|_| Value::String(seed.to_string()), Value::Integer)
 }

@@ -1,4 +1,4 @@
-//! From the value of a scenario to a table.
+//! Writing: from the value of a scenario to a table.
 
 use serde::Serialize;
 use toml::{Table, Value};
@@ -10,7 +10,7 @@ use super::whole::{FOLDER, ScenarioSpec, seed_value};
 use crate::scenario::names::fault_name;
 
 impl ScenarioSpec {
-    /// The table of the scenario's file, with the defaults of participants and connections, the title and the seed.
+    /// The table for the scenario's file, with the defaults of participants and connections, the title and the seed.
     pub fn to_table(&self) -> Table {
         let mut table = Table::new();
         let mut put = |key: &str, value: Value| {
@@ -52,7 +52,7 @@ impl ScenarioSpec {
         table
     }
 
-    /// The same with every default that the form leaves out, and each time in its shortest text.
+    /// The scenario with every default that was left out, and each time in its shortest text.
     pub(in crate::scenario) fn filled(&self) -> ScenarioSpec {
         let mut spec = self.clone();
         spec.each_time(&mut |_, time| time.shorten());
@@ -81,7 +81,7 @@ fn section<T: Serialize>(entries: &Entries<T>) -> Table {
         .collect()
 }
 
-/// An entry as TOML has it. All of them are tables of texts, numbers and values of TOML.
+/// An entry as TOML. All entries are tables of texts, numbers and TOML values.
 fn value<T: Serialize>(entry: &T) -> Value {
     Value::try_from(entry).expect("an entry is a table")
 }

@@ -1,4 +1,4 @@
-//! The shortest round trip that iceoryx2 can do, as the measure for ours: a typed payload, two services, polling, nothing else.
+//! The shortest round trip that iceoryx2 can do, as the reference for this transport: a typed payload, two services, polling only.
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -8,7 +8,7 @@ use super::domain::{Domain, DomainError};
 use super::ipc::{Ipc, broken};
 use crate::transport::interface::Broken;
 
-/// What goes each way: as many doubles as a measured state of the stock plant.
+/// The payload in each direction: as many doubles as a measured state of the stock plant.
 pub type Payload = [f64; 27];
 
 /// One end of a bare ping-pong.
@@ -19,7 +19,7 @@ pub struct Bare {
 }
 
 impl Bare {
-    /// Opens one of the two ends; both may come first.
+    /// Opens one of the two ends; either may be opened first.
     pub fn open(domain: &Domain, first: bool) -> Result<Bare, DomainError> {
         let service = |name: &str| {
             let builder = domain
@@ -47,7 +47,7 @@ impl Bare {
         })
     }
 
-    /// Sends; whether anybody was there to take it.
+    /// Sends; returns whether a receiver took the payload.
     pub fn send(&self, payload: &Payload) -> Result<bool, Broken> {
         let sample = self
             .publisher
@@ -60,7 +60,7 @@ impl Bare {
             > 0)
     }
 
-    /// Looks once.
+    /// Polls once.
     pub fn receive(&self) -> Result<Option<Payload>, Broken> {
         Ok(self
             .subscriber

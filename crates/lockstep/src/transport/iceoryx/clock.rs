@@ -1,4 +1,5 @@
-//! The horizon and what everybody is to do: one small board that everyone reads at any time and only the orchestrator writes.
+//! The horizon and the order to all participants: a small blackboard that all processes read at any time and only the orchestrator
+//! writes.
 
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
@@ -13,7 +14,7 @@ const SERVICE: &str = "clock";
 const HORIZON: u64 = 0;
 const ORDER: u64 = 1;
 
-/// The orchestrator's end. Before the horizon is moved for the first time nobody does anything.
+/// The orchestrator's end. No participant does anything before the horizon is moved for the first time.
 pub struct ClockWriter {
     horizon: EntryHandleMut<Ipc, u64, i64>,
     order: EntryHandleMut<Ipc, u64, u64>,
@@ -50,17 +51,17 @@ impl ClockWriter {
         self.now.extend(&self.horizon, horizon);
     }
 
-    /// Where the horizon is.
+    /// The horizon.
     pub fn horizon(&self) -> Ticks {
         self.now.now()
     }
 
-    /// Tells everybody to leave at the next opportunity.
+    /// Orders all participants to leave at the next opportunity.
     pub fn stop(&mut self) {
         clock::give(&self.order, Order::Leave);
     }
 
-    /// Tells everybody to come to rest wherever they are.
+    /// Orders all participants to come to rest at their current activation.
     pub fn recall(&mut self) {
         clock::give(&self.order, Order::Rest);
     }
@@ -92,12 +93,12 @@ impl ClockReader {
         })
     }
 
-    /// Where the horizon is; [`Ticks::MIN`] before the run starts.
+    /// The horizon; [`Ticks::MIN`] before the run starts.
     pub fn horizon(&self) -> Ticks {
         *self.horizon.get()
     }
 
-    /// What everybody is to do.
+    /// The order to all participants.
     pub fn order(&self) -> Order {
         clock::order(&self.order)
     }

@@ -18,9 +18,9 @@ use crate::wire;
 
 type Factory = PortFactory<Ipc, [u8], (), [u8], ()>;
 
-/// What is reserved for a request or a reply at first; larger ones make room for themselves.
+/// The initial reservation for a request or a reply; a larger one allocates more.
 const USUAL: usize = 64 * 1024;
-/// The pause between two looks for a reply.
+/// The pause between two polls for a reply.
 const LOOK: Duration = Duration::from_micros(200);
 
 fn name(participant: &str) -> String {
@@ -62,13 +62,13 @@ impl ControlClient {
         Ok(ControlClient { client, service })
     }
 
-    /// Whether the participant's server is there.
+    /// Whether the participant's server is present.
     pub fn present(&self) -> bool {
         self.service.dynamic_config().number_of_servers() > 0
     }
 
-    /// Sends `request` and looks for the reply until `abandon`, which is called before each pause, returns true. `Ok(None)`
-    /// when no reply came.
+    /// Sends `request` and polls for the reply until `abandon`, which is called before each pause, returns true. `Ok(None)` when no reply
+    /// came.
     pub fn ask(&self, request: &Request, mut abandon: impl FnMut() -> bool) -> Result<Option<Reply>, Broken> {
         let mut asked = self.begin(request)?;
         loop {
@@ -82,7 +82,7 @@ impl ControlClient {
         }
     }
 
-    /// Begins to ask: others may be asked before the reply is there. There is one request at a time.
+    /// Sends a request without waiting: other participants can be asked before the reply has arrived. Only one request at a time.
     pub fn begin(&self, request: &Request) -> Result<Asked<'_>, Broken> {
         let bytes = wire::encode("a request", request).map_err(|error| Broken(error.to_string()))?;
         Ok(Asked {
@@ -93,22 +93,22 @@ impl ControlClient {
     }
 }
 
-/// What a reply comes into.
+/// The pending reply.
 type Awaited = PendingResponse<Ipc, [u8], (), [u8], ()>;
 
-/// A request under way.
+/// A pending request.
 pub struct Asked<'a> {
     client: &'a Client<Ipc, [u8], (), [u8], ()>,
     bytes: Vec<u8>,
-    /// Since the request has reached a server.
+    /// Set once the request has reached a server.
     pending: Option<Awaited>,
 }
 
 impl Asked<'_> {
-    /// The pause between two looks for a reply.
+    /// The pause between two polls for a reply.
     pub const LOOK: Duration = LOOK;
 
-    /// The reply, once it is there. Sends the request first where it has reached no server yet.
+    /// Returns the reply once it has arrived. Sends the request first if it has not reached a server yet.
     pub fn reply(&mut self) -> Result<Option<Reply>, Broken> {
         if self.pending.is_none() {
             let message = self
@@ -117,7 +117,7 @@ impl Asked<'_> {
                 .map_err(|error| broken("no memory", error))?;
             let sent = message.write_from_slice(&self.bytes).send();
             let pending = sent.map_err(|error| broken("asking", error))?;
-            // A server is counted before a client can reach it. What reached no server has not been sent.
+            // A server is counted before a client can reach it. A request that reached no server has not been sent.
             self.pending = (pending.number_of_server_connections() > 0).then_some(pending);
         }
         let Some(pending) = &self.pending else {
@@ -126,7 +126,7 @@ impl Asked<'_> {
         let Some(reply) = pending.receive().map_err(|error| broken("receiving a reply", error))? else {
             return Ok(None);
         };
-        // A copy, so that what is decoded does not change meanwhile.
+        // A copy, so that the bytes do not change during decoding.
         let bytes = reply.payload().to_vec();
         let reply = wire::decode("a reply", &bytes).map_err(|error| Broken(error.to_string()))?;
         Ok(Some(reply))
@@ -140,7 +140,7 @@ pub struct ControlServer {
 }
 
 impl ControlServer {
-    /// Opens the control service of `participant`. From now on the orchestrator knows that it is there.
+    /// Opens the control service of `participant`. From now on the orchestrator knows that the participant is present.
     pub fn open(domain: &Domain, participant: &str) -> Result<ControlServer, DomainError> {
         let failed =
             |error: &dyn std::fmt::Debug| domain.failed(format!("opening the control of `{participant}`"), error);
@@ -163,14 +163,14 @@ impl ControlServer {
         })
     }
 
-    /// Answers one request, if there is one, with what `answer` makes of it. Whether there was one.
+    /// Answers one request, if there is one, with the result of `answer`. Returns whether there was one.
     pub fn serve(&self, answer: impl FnOnce(Request) -> Reply) -> Result<bool, Broken> {
         self.serve_bytes(|request| {
             let reply = match wire::decode("a request", request) {
                 Ok(request) => answer(request),
                 Err(error) => refused(error.to_string()),
             };
-            // A reply too large for the wire (a state, say) is told, not sent.
+            // A reply too large for the wire (a state, say) is reported, not sent.
             wire::encode("a reply", &reply)
                 .or_else(|error| wire::encode("a reply", &refused(error.to_string())))
                 .unwrap_or_default()
@@ -186,7 +186,7 @@ impl ControlServer {
         else {
             return Ok(false);
         };
-        // A copy, so that what is decoded does not change meanwhile.
+        // A copy, so that the bytes do not change during decoding.
         let request = active.payload().to_vec();
         let bytes = answer(&request);
         let message = active

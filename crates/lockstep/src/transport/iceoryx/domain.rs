@@ -18,14 +18,14 @@ pub enum DomainError {
     /// The path is too long for shared memory.
     #[error("the folder `{}` has a name that shared memory cannot use: it is too long or has other characters than letters, digits, `/`, `_` and `-`", .0.display())]
     Folder(PathBuf),
-    /// iceoryx2 refused.
+    /// iceoryx2 returned an error.
     #[error("shared memory of the run under `{}`: {what} failed: {reason}", .folder.display())]
     Service {
         /// The run's folder for the files that are not shared memory.
         folder: PathBuf,
         /// The operation.
         what: String,
-        /// What iceoryx2 said.
+        /// The message of iceoryx2.
         reason: String,
     },
 }
@@ -33,9 +33,9 @@ pub enum DomainError {
 /// The address of a run in shared memory: an unguessable prefix of every name, and a folder that only the user can enter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Address {
-    /// Every shared memory object of the run starts with this.
+    /// The prefix of every shared memory object of the run.
     pub prefix: String,
-    /// The files beside shared memory.
+    /// The folder of the files that are not shared memory.
     pub folder: PathBuf,
 }
 
@@ -62,14 +62,14 @@ impl FromStr for Address {
     }
 }
 
-/// A process's place in a run's part of shared memory.
+/// A process's access to a run's part of shared memory.
 pub struct Domain {
     address: Address,
     node: Node<Ipc>,
 }
 
-/// Takes all permissions of others from the run's objects in shared memory. iceoryx2 gives its objects to the user alone, except
-/// for one counter that the first node of a prefix makes, which everybody may write whatever the umask says.
+/// Removes all permissions of other users from the run's objects in shared memory. iceoryx2 restricts its objects to the user, except for
+/// one counter that the first node of a prefix creates, which all users may write whatever the umask is.
 fn shut(prefix: &str) -> std::io::Result<()> {
     use std::os::unix::fs::{MetadataExt, PermissionsExt};
     for entry in std::fs::read_dir("/dev/shm")? {
@@ -77,7 +77,7 @@ fn shut(prefix: &str) -> std::io::Result<()> {
         if !entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()) {
             continue;
         }
-        // What has gone meanwhile is open to nobody.
+        // An object that has been removed in the meantime needs no change.
         let Ok(about) = entry.metadata() else { continue };
         if about.mode() & 0o077 != 0 {
             std::fs::set_permissions(entry.path(), std::fs::Permissions::from_mode(about.mode() & 0o700))?;
@@ -86,7 +86,7 @@ fn shut(prefix: &str) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Which of the machine's means is used up, where one is: iceoryx2 reports that as a corrupted service or an internal failure.
+/// Which resource of the machine is exhausted, if one is: iceoryx2 reports that as a corrupted service or an internal failure.
 fn exhausted() -> String {
     use rustix::io::Errno;
     match std::fs::File::open("/dev/null")
@@ -113,14 +113,14 @@ fn exhausted() -> String {
 impl Domain {
     /// Enters the domain at `address` under the name `process`.
     pub fn enter(address: Address, process: &str) -> Result<Domain, DomainError> {
-        // What iceoryx2 has to say reaches the user as the errors of this crate.
+        // Messages of iceoryx2 reach the user as the errors of this crate.
         set_log_level(LogLevel::Fatal);
         let folder = |_| DomainError::Folder(address.folder.clone());
         let mut config = Config::default();
         config.global.prefix = FileName::new(address.prefix.as_bytes()).map_err(folder)?;
         let bytes = address.folder.as_os_str().as_encoded_bytes();
         config.global.set_root_path(&Path::new(bytes).map_err(folder)?);
-        // Who is dead is for the orchestrator to find and say; nobody else cleans up in the meantime.
+        // Only the orchestrator finds and reports dead processes; no other process cleans up in the meantime.
         config.global.node.cleanup_dead_nodes_on_creation = false;
         config.global.node.cleanup_dead_nodes_on_destruction = false;
         config.global.service.cleanup_dead_nodes_on_open = false;
@@ -140,7 +140,7 @@ impl Domain {
         Ok(Domain { address, node })
     }
 
-    /// The address, as it is handed to participants.
+    /// The address that is passed to participants.
     pub fn address(&self) -> &Address {
         &self.address
     }

@@ -1,7 +1,7 @@
-//! What a run takes of the machine: bytes of shared memory and open files.
+//! The resources that a run needs from the machine: bytes of shared memory and open files.
 //!
-//! Nearly every object of iceoryx2 in shared memory fits into one page, so what services take is counted in pages. The counts were
-//! measured with iceoryx2 0.10.0; `tests/tests/scarcity.rs::rings_shrink_where_shared_memory_is_small` holds them.
+//! Nearly every object of iceoryx2 in shared memory fits into one page, so the memory of services is counted in pages. The counts were
+//! measured with iceoryx2 0.10.0; `tests/tests/scarcity.rs::rings_shrink_where_shared_memory_is_small` checks them.
 
 use std::ops::RangeInclusive;
 
@@ -9,40 +9,40 @@ use super::link::ring_bytes;
 use crate::plan::Plan;
 use crate::transport::lock_free::entries::record_room;
 
-/// What shared memory is given out in.
+/// The allocation unit of shared memory.
 const PAGE: u64 = 4096;
 /// Pages of a run: its folder, the orchestrator's node, the clock.
 const RUN: u64 = 10;
 /// Pages of a participant: its services with the orchestrator's and its own ends, and its node.
 const PARTICIPANT: u64 = 46;
-/// Bytes more for each other participant: its places in the services.
+/// Additional bytes for each other participant: its places in the services.
 const PLACE: u64 = 512;
-/// Pages of a link beside its ring.
+/// Pages of a link besides its ring.
 const LINK: u64 = 8;
-/// The largest object of a participant beside its record, bytes. Only what is used of it takes memory.
+/// The largest object of a participant besides its record, bytes. Only the part in use takes memory.
 const CONTROL: u64 = 516 * 1024;
 
-/// Open files of the orchestrator: for itself, a participant, a link, a stream of the tape.
+/// Open files of the orchestrator: for itself, for each participant, for each link, for each stream of the tape.
 const FILES: [u64; 4] = [24, 32, 11, 1];
 /// Open files of a participant: for itself, and for each end of a link.
 const FILES_OF_PARTICIPANT: [u64; 2] = [50, 20];
 
-/// What a run takes of the machine.
+/// The resources that a run needs from the machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Footprint {
-    /// Shared memory of all services beside the rings of records, bytes.
+    /// Shared memory of all services besides the rings of records, bytes.
     pub services: u64,
-    /// The size of each participant's record, bytes: from what the participant needs to what serves it best.
+    /// The size of each participant's record, bytes: from the minimum that the participant needs to the optimum.
     pub records: Vec<RangeInclusive<u64>>,
-    /// The largest object in shared memory beside records, bytes.
+    /// The largest object in shared memory besides records, bytes.
     pub largest: u64,
-    /// Files that the orchestrator has open at a time.
+    /// Files that the orchestrator has open at the same time.
     pub files: u64,
-    /// Files that the participant with the most links has open at a time.
+    /// Files that the participant with the most links has open at the same time.
     pub participant_files: u64,
 }
 
-/// What a run of `plan` takes.
+/// The footprint of a run of `plan`.
 pub fn footprint(plan: &Plan) -> Footprint {
     let (participants, links) = (plan.participants.len(), plan.links.len());
     let count = participants as u64;
@@ -76,11 +76,11 @@ pub fn footprint(plan: &Plan) -> Footprint {
 impl Footprint {
     /// Shared memory of a record with a ring of `ring` bytes.
     pub fn record(ring: u64) -> u64 {
-        // One line for the count, and what iceoryx2 keeps of a segment.
+        // One line for the count, and the overhead of iceoryx2 for a segment.
         (ring + 1024).next_multiple_of(PAGE)
     }
 
-    /// The least shared memory of the run, bytes.
+    /// The minimum shared memory of the run, bytes.
     pub fn least(&self) -> u64 {
         self.services
             + self
@@ -90,7 +90,7 @@ impl Footprint {
                 .sum::<u64>()
     }
 
-    /// The shared memory of the run with the rings that serve it best, bytes.
+    /// The shared memory of the run with rings of the optimum size, bytes.
     pub fn best(&self) -> u64 {
         self.services
             + self

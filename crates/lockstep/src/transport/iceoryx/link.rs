@@ -6,12 +6,12 @@ use crate::transport::interface::{Broken, Header, Receiver, Sender};
 use crate::transport::lock_free::slots::{SlotReceiver, SlotSender, Slots};
 use crate::transport::lock_free::words::LINE;
 
-/// The bytes of the ring of a link for `capacity` samples of `size` bytes.
+/// The size of the ring of a link for `capacity` samples of `size` bytes, bytes.
 pub(super) fn ring_bytes(size: usize, capacity: usize) -> u64 {
     8 * Slots { size, capacity }.words() as u64
 }
 
-/// The service of one link. Whoever holds it keeps the service alive.
+/// The service of one link. It exists as long as this value is held.
 pub struct LinkService {
     ring: RingService,
     slots: Slots,
@@ -117,7 +117,7 @@ mod tests {
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 for value in (0..).take_while(|_| !done.load(Ordering::Relaxed)) {
-                    // All payloads: what stands in front of them is what makes them samples.
+                    // All payloads: the words in front of them are what identifies samples.
                     for slot in words.chunks(receiver_stride()) {
                         slot[HEAD..HEAD + 8].iter().for_each(|word| word.set(value));
                     }

@@ -1,4 +1,4 @@
-//! Shared memory: iceoryx2, each messaging pattern for what it is for. No other module names iceoryx2.
+//! Shared memory by iceoryx2, with one messaging pattern for each purpose. No other module names iceoryx2.
 //!
 //! | need | pattern | service |
 //! |---|---|---|

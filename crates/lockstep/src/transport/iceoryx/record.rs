@@ -1,4 +1,4 @@
-//! Everything a participant has for the tape: a ring of entries in one sample of publish-subscribe, which the recorder holds.
+//! The record: everything a participant sends to the tape, as a ring of entries in one publish-subscribe sample that the recorder holds.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -22,8 +22,8 @@ pub struct RecordSender {
 }
 
 impl RecordSender {
-    /// Opens the way to the recorder for a participant whose activations append payloads of `sizes` bytes, that of stream
-    /// `first` at first, with a ring of `room` bytes, or of what four activations take if that is more.
+    /// Opens the record of a participant whose activations append payloads of `sizes` bytes, starting with that of stream `first`, with a
+    /// ring of `room` bytes, or of the size of four activations if that is more.
     pub fn open(
         domain: &Domain,
         participant: &str,
@@ -35,7 +35,7 @@ impl RecordSender {
         let size = ring_words(sizes, room);
         let lines = 1 + size / LINE;
         let mut ring = service.writer(domain, lines, lines)?;
-        // The recorder is there. Its memory is touched now, which takes time, rather than in the run.
+        // The recorder is present. The memory is touched now, because that takes time which the run should not lose.
         let what = || format!("handing over the record of `{participant}`");
         match ring.memory() {
             Ok(Some(_)) => {}
@@ -56,14 +56,14 @@ impl RecordSender {
         }
     }
 
-    /// Everything so far is there for the recorder.
+    /// Makes everything appended so far available to the recorder.
     fn commit(&mut self) {
         if let Ok(Some((words, _))) = self.ring.memory() {
             self.sender.commit(words);
         }
     }
 
-    /// Puts a note behind the samples so far. `false` when there is no room now.
+    /// Appends a note after the samples so far. `false` when there is no room now.
     pub fn note(&mut self, note: &Note) -> Result<bool, Broken> {
         match self.ring.memory()? {
             Some((words, count)) => self.sender.note(words, count, note),
@@ -72,7 +72,7 @@ impl RecordSender {
     }
 }
 
-/// A [`RecordSender`] that the stepper and the host share: samples from the one, notes from the other.
+/// A [`RecordSender`] that the stepper and the host share: the stepper appends samples, the host appends notes.
 #[derive(Clone)]
 pub struct SharedRecord(pub Rc<RefCell<RecordSender>>);
 
@@ -94,9 +94,9 @@ pub struct RecordReceiver {
 }
 
 impl RecordReceiver {
-    /// Creates the way from `participant` to the recorder.
+    /// Creates the record of `participant`.
     pub fn create(domain: &Domain, participant: &str) -> Result<RecordReceiver, DomainError> {
-        // One writer; who opens another one is told so, which needs a place for it.
+        // One writer is expected; a second one gets a place so that its error can be reported.
         let service = RingService::create(domain, &name(participant), 2)?;
         Ok(RecordReceiver {
             ring: service.reader(domain)?,
@@ -105,19 +105,19 @@ impl RecordReceiver {
         })
     }
 
-    /// The processes that write records here, as they say themselves: that of the participant, if all is well.
+    /// The processes that have opened this record for writing, according to themselves: normally only that of the participant.
     pub fn writers(&self) -> Vec<u32> {
         self.service.writers()
     }
 
-    /// Takes the memory of the record; `false` while it has not come. To be called when the participant has sent it: it is lost with
-    /// a participant that leaves before it was taken.
+    /// Takes the memory of the record; `false` while it has not arrived. To be called when the participant has sent it: it is lost with a
+    /// participant that leaves before it was taken.
     pub fn take_memory(&mut self) -> Result<bool, Broken> {
         Ok(self.ring.memory()?.is_some())
     }
 
-    /// Hands the entries that have come to `take`, a batch of them at most; `false` when there is none. They come from
-    /// another process: whatever they hold, this ends, and says what is wrong with it.
+    /// Passes the entries that have arrived to `take`, at most one batch; `false` when there is none. They come from another process:
+    /// whatever they contain, this call returns, and reports what is wrong with it.
     pub fn receive<E: From<Broken>>(&mut self, take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<bool, E> {
         let Some((words, count)) = self.ring.memory()? else {
             return Ok(false);
@@ -129,7 +129,7 @@ impl RecordReceiver {
         Ok(received)
     }
 
-    /// Who opens a second way to the recorder would be heard no more on the first or on the second, so that is told.
+    /// Reports a second record of the participant: without this check, samples on one of the two would be lost.
     fn look_for_another(&self) -> Result<(), Broken> {
         if self.ring.is_offered_more()? {
             return Err(Broken(
@@ -165,7 +165,7 @@ mod tests {
                 scope.spawn(|| {
                     for at in (0..).take_while(|_| !done.load(Ordering::Relaxed)) {
                         let draw = |which: u64| draws.bits((1 << 32) | (round << 20) | ((3 * at + which) % (1 << 20)));
-                        // Anywhere near, the count of what is committed too.
+                        // Anywhere near, including the count of committed words.
                         words[draw(0) as usize % 512].set(draw(1) >> (draw(2) % 64));
                     }
                 });

@@ -1,7 +1,7 @@
-//! Memory that one process writes and another reads, and how much of it has been read.
+//! A ring buffer: memory that one process writes and another reads, and the amount that has been read.
 //!
-//! The memory is one sample of publish-subscribe. It is sent once, while it is empty, and written while the reader holds it. So what
-//! goes through it costs no call of iceoryx2, which would take a handle from the heap for every sample. How far the reader is stands on a
+//! The memory is one publish-subscribe sample. It is sent once, while it is empty, and written while the reader holds it. So data passing
+//! through it needs no call of iceoryx2, which would allocate a handle on the heap for every sample. The reader's progress is on a
 //! blackboard: a reader of iceoryx2 cannot write into a sample.
 
 use std::ptr::NonNull;
@@ -24,15 +24,15 @@ use crate::transport::lock_free::words::{LINE, Word};
 
 /// Lines of a page of memory.
 const PAGE: usize = 64;
-/// The key of the reader's count.
+/// The key of the reader's progress on the blackboard.
 const TAKEN: u64 = 0;
 
-/// A cache line of words: what shared memory is counted in.
+/// A cache line of words: the unit of shared memory.
 #[derive(Debug)]
 #[repr(transparent)]
 pub(super) struct Line([Word; LINE]);
 
-// SAFETY: 64-bit integers in a row: no pointers, no padding, no drop.
+// SAFETY: consecutive 64-bit integers: no pointers, no padding, no drop.
 unsafe impl ZeroCopySend for Line {
     unsafe fn type_name() -> &'static str {
         "EscapementLine"
@@ -54,12 +54,12 @@ impl<T: ZeroCopySend + Copy + std::fmt::Debug + 'static> Set<T> for EntryHandleM
     }
 }
 
-/// The memory of a ring, and one end of the reader's count.
+/// The memory of a ring, and one end of the reader's progress.
 type Shared<'a, Count> = (&'a [Word], &'a Count);
 type CountReader = EntryHandle<Ipc, u64, u64>;
 type CountWriter = EntryHandleMut<Ipc, u64, u64>;
 
-/// The two services of one ring. Whoever holds them keeps them alive.
+/// The two services of one ring. They exist as long as this value is held.
 pub(super) struct RingService {
     memory: publish_subscribe::PortFactory<Ipc, [Line], ()>,
     taken: blackboard::PortFactory<Ipc, u64>,
@@ -110,7 +110,7 @@ impl RingService {
         Ok(RingService { memory, taken, name })
     }
 
-    /// The processes that have opened a writing end, as they say themselves.
+    /// The processes that have opened a writing end, according to themselves.
     pub(super) fn writers(&self) -> Vec<u32> {
         let mut writers = Vec::new();
         self.memory.dynamic_config().list_publishers(|writer| {
@@ -121,7 +121,7 @@ impl RingService {
         writers
     }
 
-    /// The writing end of `lines`. The first word of every line whose number is a multiple of `cleared` is zero at first.
+    /// The writing end of a ring of `lines`. The first word of every line whose number is a multiple of `cleared` is initialised to zero.
     pub(super) fn writer(&self, domain: &Domain, lines: usize, cleared: usize) -> Result<RingWriter, DomainError> {
         let failed =
             |error: &dyn std::fmt::Debug| domain.failed(format!("opening the writer of `{}`", self.name), error);
@@ -131,7 +131,7 @@ impl RingService {
             .initial_max_slice_len(lines)
             .max_loaned_samples(1)
             .override_sample_preallocation(|_| 1)
-            // Memory that nobody takes is not lost: `memory` sees that, and sends it again.
+            // Memory without a reader is not lost: `memory` detects that, and sends it again.
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .set_degradation_handler(|_, _| DegradationAction::DegradeAndFail)
             .create()
@@ -180,14 +180,14 @@ pub(super) struct RingWriter {
 }
 
 impl RingWriter {
-    /// The memory, and what the reader has counted; `None` while nobody is there to read it.
+    /// The memory, and the reader's progress; `None` while there is no reader.
     #[inline]
     pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, CountReader>>, Broken> {
         if self.words.is_none() {
             self.words = self.hand_over()?;
         }
-        // SAFETY: the words lie in the publisher's segment, which is mapped as long as the publisher lives and of fixed size. Nobody
-        // reuses them: a sample that was taken is the last one that the publisher sends, and the reader holds it to its end.
+        // SAFETY: the words lie in the publisher's segment, which is mapped as long as the publisher lives and of fixed size. They are
+        // not reused: a sample that was taken is the last one that the publisher sends, and the reader holds it to its end.
         Ok(self.words.map(|words| (unsafe { words.as_ref() }, &self.count)))
     }
 
@@ -198,13 +198,13 @@ impl RingWriter {
             .map_err(|error| broken("no memory", error))?;
         let lines = NonNull::from(sample.payload_mut());
         let words = NonNull::slice_from_raw_parts(lines.cast::<Word>(), LINE * self.lines);
-        // Every page of it is touched now: memory that cannot be had is missed here, not in a step.
+        // Every page is touched now, so that a lack of memory is detected here and not in a step.
         let pages = (0..words.len()).step_by(LINE * PAGE);
         for first in (0..words.len()).step_by(LINE * self.cleared).chain(pages) {
-            // SAFETY: within the loan, which is this process's alone until it is sent.
+            // SAFETY: within the loan, which only this process can access until it is sent.
             unsafe { words.cast::<Word>().add(first).write(Word::new(0)) };
         }
-        // SAFETY: shared memory is zero or what was there before, and every bit pattern is a `Line`.
+        // SAFETY: shared memory contains zeros or earlier data, and every bit pattern is a `Line`.
         let sample = unsafe { sample.assume_init() };
         let taken_by = sample.send().map_err(|error| broken("sending", error))?;
         Ok((taken_by > 0).then_some(words))
@@ -219,15 +219,15 @@ pub(super) struct RingReader {
     subscriber: Subscriber<Ipc, [Line], ()>,
 }
 
-/// Memory that has come.
+/// Memory that the reader has received.
 struct Held {
-    /// Where it is and how much, asked for once: iceoryx2 looks that up in a header that the writer could change.
+    /// Its address and size, read once: iceoryx2 looks them up in a header that the writer could change.
     words: NonNull<[Word]>,
     _sample: Sample<Ipc, [Line], ()>,
 }
 
 impl RingReader {
-    /// The memory when it has come, and where to count what has been taken.
+    /// The memory, once it has arrived, and the place where the reader counts its progress.
     #[inline]
     pub(super) fn memory(&mut self) -> Result<Option<Shared<'_, CountWriter>>, Broken> {
         if self.held.is_none() {
@@ -244,7 +244,7 @@ impl RingReader {
         Ok((self.held.as_ref()).map(|held| (unsafe { held.words.as_ref() }, &self.taken)))
     }
 
-    /// Whether more memory has been sent, which nobody will read.
+    /// Whether more memory has been sent, which will not be read.
     pub(super) fn is_offered_more(&self) -> Result<bool, Broken> {
         self.subscriber
             .has_samples()

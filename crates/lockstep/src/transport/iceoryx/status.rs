@@ -1,4 +1,4 @@
-//! What a participant is doing, for those who may have to wake it or to explain why nothing moves.
+//! A participant's status, for processes that may have to wake it or to explain a stall.
 
 use iceoryx2::port::reader::{EntryHandle, Reader};
 use iceoryx2::port::writer::{EntryHandleMut, Writer};
@@ -12,7 +12,7 @@ use crate::transport::lock_free::asleep::{self, Announce, Sleeping};
 const ASLEEP: u64 = 0;
 const STATUS: u64 = 1;
 
-/// What a participant does at the moment.
+/// The current activity of a participant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Activity {
     /// Not ready yet.
@@ -41,7 +41,7 @@ pub enum Activity {
     Finished,
 }
 
-/// A participant's row on the board: four 64-bit words.
+/// A participant's row on the blackboard: four 64-bit words.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[repr(C)]
 struct Row {
@@ -58,12 +58,12 @@ unsafe impl ZeroCopySend for Row {
     }
 }
 
-/// What a participant is doing, as read by somebody else.
+/// A participant's status, as other processes read it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Status {
     /// Its next activation: all before it are complete.
     pub next: u64,
-    /// What it does.
+    /// Its current activity.
     pub activity: Activity,
 }
 
@@ -77,7 +77,7 @@ pub struct StatusService {
 }
 
 impl StatusService {
-    /// Creates the row of `participant` for up to `readers` others.
+    /// Creates the row of `participant` for up to `readers` other processes.
     pub fn create(domain: &Domain, participant: &str, readers: usize) -> Result<StatusService, DomainError> {
         let service = domain
             .service(&name(participant))?
@@ -121,7 +121,7 @@ impl StatusWriter {
         })
     }
 
-    /// Says what the participant does now.
+    /// Publishes the participant's status.
     pub fn set(&mut self, status: Status) {
         let (activity, first, second) = match status.activity {
             Activity::Starting => (0, 0, 0),
@@ -147,7 +147,7 @@ impl Announce for StatusWriter {
     }
 }
 
-/// Somebody else's end.
+/// The reading end, for other processes.
 pub struct StatusReader {
     asleep: EntryHandle<Ipc, u64, u64>,
     row: EntryHandle<Ipc, u64, Row>,
@@ -174,17 +174,17 @@ impl StatusReader {
         })
     }
 
-    /// For what the participant sleeps, or is about to.
+    /// What the participant sleeps for, or is about to sleep for.
     pub fn asleep(&self) -> Option<Sleeping> {
         asleep::asleep(&self.asleep)
     }
 
-    /// Whether the participant must be woken for something that `came` and has been published.
+    /// Whether the participant must be woken for something for which `came` is true and which has been published.
     pub(super) fn must_be_woken(&self, came: impl Fn(Sleeping) -> bool) -> bool {
         asleep::must_be_woken(&self.asleep, came)
     }
 
-    /// What it does. The row is written by another process, so an unknown word is taken for `Starting`.
+    /// The participant's status. The row is written by another process, so an unknown word is read as `Starting`.
     pub fn get(&self) -> Status {
         let row = *self.row.get();
         let activity = match row.activity {

@@ -1,4 +1,4 @@
-//! Waking a participant that sleeps.
+//! Waking a sleeping participant.
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ fn name(participant: &str) -> String {
 pub struct WakeService(PortFactory<Ipc>);
 
 impl WakeService {
-    /// Creates the event of `participant` for up to `wakers` others.
+    /// Creates the event of `participant` for up to `wakers` other processes.
     pub fn create(domain: &Domain, participant: &str, wakers: usize) -> Result<WakeService, DomainError> {
         let service = domain
             .service(&name(participant))?
@@ -35,7 +35,7 @@ impl WakeService {
         })?))
     }
 
-    /// A notifier that wakes the participant whatever it does, for the orchestrator.
+    /// A notifier that wakes the participant whatever it is doing, for the orchestrator.
     pub fn bell(&self, domain: &Domain) -> Result<Bell, DomainError> {
         Ok(Bell(
             self.0
@@ -50,9 +50,9 @@ impl WakeService {
 pub struct Bell(Notifier<Ipc>);
 
 impl Bell {
-    /// Wakes the participant if it sleeps.
+    /// Notifies the participant, whether it sleeps or not.
     pub fn ring(&self) {
-        // Nobody there to be woken is no failure: a participant that has left needs no waking.
+        // A missing listener is not an error: a participant that has left needs no waking.
         let _ = self.0.notify();
     }
 }
@@ -83,7 +83,7 @@ impl Sleeper {
     /// Sleeps until woken, or for `limit`.
     pub fn sleep(&mut self, limit: Duration) -> Result<(), Broken> {
         match self.listener.timed_wait(|_| {}, limit) {
-            // A signal, such as that of a debugger, is as good as a wake-up.
+            // A signal, such as that of a debugger, counts as a wake-up.
             Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
             Err(error) => Err(broken("sleeping", error)),
         }
@@ -96,7 +96,7 @@ impl Sleep for Sleeper {
     }
 }
 
-/// The end of somebody for whom the participant may be waiting.
+/// The end of a process for which the participant may be waiting.
 pub struct Waker {
     status: StatusReader,
     notifier: Notifier<Ipc>,
@@ -121,8 +121,8 @@ impl Waker {
         })
     }
 
-    /// Wakes the participant if it sleeps for something that `came`. To be called after that has been published; costs a look
-    /// at its row while it is awake.
+    /// Wakes the participant if it sleeps for something for which `came` is true. To be called after that has been published; costs one
+    /// read of its row while it is awake.
     pub fn wake(&self, came: impl Fn(Sleeping) -> bool) {
         if self.status.must_be_woken(came) {
             let _ = self.notifier.notify();

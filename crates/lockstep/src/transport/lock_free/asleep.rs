@@ -1,6 +1,7 @@
-//! The *asleep* word: a participant that is about to sleep says so and looks once more; who publishes looks at the word afterwards.
+//! The *asleep* word: a participant that is about to sleep sets it and polls once more; a process that publishes reads it afterwards.
 //!
-//! Each side writes one thing and then reads the other's. A full fence between the two keeps both from missing each other.
+//! Each side writes one word and then reads the other's. A full fence between the two ensures that at least one of them sees the other's
+//! write.
 
 use std::time::Duration;
 
@@ -8,12 +9,12 @@ use super::board::{Get, Set};
 use super::sync::{Ordering, fence};
 use crate::transport::interface::Broken;
 
-/// For what a participant sleeps, as it stands in its *asleep* word: others wake it for nothing else.
+/// What a participant sleeps for, encoded for its *asleep* word: other processes wake it for nothing else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sleeping(u64);
 
 impl Sleeping {
-    /// For whatever may come.
+    /// For anything that may come.
     pub const FOR_ANYTHING: Sleeping = Sleeping(1);
 
     /// For a sample on link number `link`.
@@ -27,32 +28,32 @@ impl Sleeping {
     }
 }
 
-/// For what the participant sleeps, or is about to.
+/// What the participant sleeps for, or is about to sleep for.
 pub(crate) fn asleep(word: &impl Get<u64>) -> Option<Sleeping> {
     Some(word.get()).filter(|&word| word != 0).map(Sleeping)
 }
 
-/// Says in the participant's own word that it is about to sleep and for what, or that it is awake again. Before it sleeps it must
-/// look once more: whoever publishes after that look sees the word.
+/// Announces in the participant's own word that it is about to sleep and what for, or that it is awake again. Before it sleeps it must
+/// poll once more: a process that publishes after that poll sees the word.
 pub(crate) fn set_asleep(word: &impl Set<u64>, what: Option<Sleeping>) {
     word.set(what.map_or(0, |what| what.0));
     fence(Ordering::SeqCst);
 }
 
-/// Whether the participant must be woken for something that `came` and has been published.
+/// Whether the participant must be woken for something for which `came` is true and which has been published.
 pub(crate) fn must_be_woken(word: &impl Get<u64>, came: impl Fn(Sleeping) -> bool) -> bool {
     fence(Ordering::SeqCst);
     asleep(word).is_some_and(|what| what == Sleeping::FOR_ANYTHING || came(what))
 }
 
-/// Where a participant says for what it sleeps.
+/// Where a participant announces what it sleeps for.
 pub(crate) trait Announce {
-    /// As [`set_asleep`] in the participant's own word.
+    /// Like [`set_asleep`], in the participant's own word.
     fn set_asleep(&mut self, what: Option<Sleeping>);
 }
 
-/// Where a participant sleeps.
+/// The sleep of a participant.
 pub(crate) trait Sleep {
-    /// Sleeps until woken, or for `limit`. A wake-up that came before counts.
+    /// Sleeps until woken, or for `limit`. A wake-up that came earlier counts.
     fn sleep(&mut self, limit: Duration) -> Result<(), Broken>;
 }

@@ -1,12 +1,12 @@
-//! A value that one process sets and others read at any time.
+//! A blackboard value: one process sets it and others read it at any time.
 
-/// The end of the one who sets it.
+/// The writing end.
 pub(crate) trait Set<T> {
-    /// Sets the value. Who gets it sees everything that was done before.
+    /// Sets the value. A process that reads it sees everything that was written before.
     fn set(&self, value: T);
 }
 
-/// The end of one who reads it.
+/// The reading end.
 pub(crate) trait Get<T> {
     /// The newest value that has arrived here.
     fn get(&self) -> T;

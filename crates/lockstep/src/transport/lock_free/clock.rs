@@ -1,25 +1,25 @@
-//! The horizon and what everybody is to do: two numbers that everyone reads at any time and only the orchestrator writes.
+//! The horizon and the order to all participants: two numbers that all processes read at any time and only the orchestrator writes.
 
 use super::board::{Get, Set};
 use crate::time::Ticks;
 
-/// The order to go on, as it stands on the board at first.
+/// The order to go on, which is the initial value on the board.
 pub(crate) const GO_ON: u64 = 0;
 const LEAVE: u64 = 1;
 const REST: u64 = 2;
 
-/// What everybody is to do besides stepping up to the horizon.
+/// The order to all participants, besides stepping up to the horizon.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
     /// Nothing else.
     GoOn,
-    /// Come to rest wherever you are, and wait for requests.
+    /// Come to rest at the current activation, and wait for requests.
     Rest,
     /// Leave.
     Leave,
 }
 
-/// What everybody is to do. An order that is not known is one to leave.
+/// The order to all participants. An unknown order counts as the order to leave.
 pub(crate) fn order(board: &impl Get<u64>) -> Order {
     match board.get() {
         GO_ON => Order::GoOn,
@@ -28,7 +28,7 @@ pub(crate) fn order(board: &impl Get<u64>) -> Order {
     }
 }
 
-/// Tells everybody what to do.
+/// Gives an order to all participants.
 pub(crate) fn give(board: &impl Set<u64>, order: Order) {
     board.set(match order {
         Order::GoOn => GO_ON,
@@ -37,20 +37,20 @@ pub(crate) fn give(board: &impl Set<u64>, order: Order) {
     });
 }
 
-/// The horizon as the orchestrator knows it: it only goes forward.
+/// The horizon as the orchestrator knows it; it only moves forward.
 pub(crate) struct Horizon {
     now: Ticks,
 }
 
 impl Horizon {
-    /// Before all instants: nobody does anything.
+    /// Before all instants: no participant does anything.
     pub(crate) const START: Horizon = Horizon { now: Ticks::MIN };
 
     pub(crate) fn now(&self) -> Ticks {
         self.now
     }
 
-    /// Moves it to `horizon` if that is ahead.
+    /// Moves the horizon to `horizon` if that is later.
     pub(crate) fn extend(&mut self, board: &impl Set<Ticks>, horizon: Ticks) {
         if horizon > self.now {
             self.now = horizon;

@@ -1,11 +1,11 @@
-//! A ring of entries: what a participant has for the tape, in words that the recorder holds.
+//! A ring of entries: what a participant sends to the tape, in words that the recorder holds.
 //!
-//! Appending a sample is a copy into shared memory, and one store commits those of an activation. From then on the recorder finds them,
-//! whatever becomes of the participant. The first word of the memory says how many words of entries were ever committed; the ring
-//! begins on the next cache line. What the recorder counts are words too.
+//! Appending a sample is a copy into shared memory, and one store commits the samples of an activation. From then on the recorder finds
+//! them, whatever happens to the participant. The first word of the memory is the total number of words of entries ever committed; the
+//! ring begins on the next cache line. The recorder also counts in words.
 //!
-//! An entry is a header of four 64-bit words (stream or [`NOTE`], bytes, index, stamp), then the payload, filled up to a
-//! multiple of 8. Where the ring ends, it goes on at the ring's beginning.
+//! An entry is a header of four 64-bit words (stream or [`NOTE`], bytes, index, stamp), then the payload, padded to a multiple of 8. At
+//! the end of the ring, an entry continues at the ring's beginning.
 
 use std::ops::RangeInclusive;
 
@@ -16,20 +16,20 @@ use crate::control::Note;
 use crate::transport::interface::{Broken, Header};
 use crate::wire;
 
-/// Stands where the stream's number does, for a note.
+/// Takes the place of the stream number in the entry of a note.
 pub(super) const NOTE: u64 = u64::MAX;
 /// Words of an entry's header.
 const HEAD: usize = 4;
-/// The room of a ring where there is enough memory, words: enough for participants that exchange samples every microsecond while the
-/// recorder naps, and little enough to stay in a core's own cache.
+/// The size of a ring where there is enough memory, words: enough for participants that exchange samples every microsecond while the
+/// recorder sleeps, and small enough to stay in a core's own cache.
 const ROOM: usize = 1 << 17;
-/// The least room of a ring, words: a longest note and those that may come with it.
+/// The minimum size of a ring, words: a longest note and those that may come with it.
 const ROOM_MIN: usize = 1 << 11;
-/// Activations for which there is room in any ring.
+/// The number of activations for which every ring has room.
 const ACTIVATIONS: usize = 4;
-/// Words that are taken at a time, if there is a whole entry in them.
+/// Words that are taken at a time, if they contain a whole entry.
 const BATCH: usize = 1 << 12;
-/// The longest reason that a failing participant may give, bytes: a note fits into a ring.
+/// The longest failure reason of a participant, bytes: a note fits into a ring.
 const REASON: usize = 6 * 1024;
 
 /// The words of an entry with a payload of `size` bytes.
@@ -42,8 +42,8 @@ fn activation_words(sizes: &[usize]) -> usize {
     sizes.iter().map(|&size| words_of(size)).sum()
 }
 
-/// How large a record's ring may be, bytes, for a participant that appends payloads of `sizes` bytes in each of its `activations`: from
-/// what its work takes to what serves it best. More than it ever records is of no use.
+/// The size of a record's ring, bytes, for a participant that appends payloads of `sizes` bytes in each of its `activations`: from the
+/// minimum that it needs to the optimum. More than it ever records is never useful.
 pub fn record_room(sizes: &[usize], activations: u64) -> RangeInclusive<u64> {
     let activation = activation_words(sizes);
     let least = ROOM_MIN.max(ACTIVATIONS * activation).next_multiple_of(LINE);
@@ -54,8 +54,8 @@ pub fn record_room(sizes: &[usize], activations: u64) -> RangeInclusive<u64> {
     8 * least as u64..=8 * best as u64
 }
 
-/// The words of the ring of a participant whose activations append payloads of `sizes` bytes, where it may have `room` bytes: that, or
-/// what four activations take if that is more.
+/// The words of the ring of a participant whose activations append payloads of `sizes` bytes and which may have `room` bytes: that, or
+/// the size of four activations if that is more.
 pub(crate) fn ring_words(sizes: &[usize], room: u32) -> usize {
     (room as usize / 8)
         .max(ROOM_MIN)
@@ -63,22 +63,22 @@ pub(crate) fn ring_words(sizes: &[usize], room: u32) -> usize {
         .next_multiple_of(LINE)
 }
 
-/// What the participant knows of its ring.
+/// The sender's state of a ring.
 pub(crate) struct EntrySender {
     /// Words of the ring.
     size: usize,
-    /// Where in the ring the next entry begins.
+    /// The position in the ring of the next entry.
     at: usize,
-    /// Words that were ever written.
+    /// Total words written.
     written: u64,
     room: Room,
-    /// The stream that an activation begins with, and the words of the entries of one activation.
+    /// The first stream of an activation, and the words of the entries of one activation.
     first: u32,
     activation: usize,
 }
 
 impl EntrySender {
-    /// For a ring of `size` words, and activations that append payloads of `sizes` bytes, that of stream `first` at first.
+    /// For a ring of `size` words, and activations that append payloads of `sizes` bytes, starting with that of stream `first`.
     pub(crate) fn new(size: usize, first: u32, sizes: &[usize]) -> EntrySender {
         EntrySender {
             size,
@@ -110,7 +110,7 @@ impl EntrySender {
         self.written += words_of(payload.len()) as u64;
     }
 
-    /// Puts a sample into `words`, of which the recorder has taken as many as `count` says; `false` when there is no room.
+    /// Writes a sample to `words`, of which the recorder has taken as many as `count` says; `false` when there is no room.
     #[inline]
     pub(crate) fn sample(
         &mut self,
@@ -120,7 +120,7 @@ impl EntrySender {
         header: Header,
         payload: &[u8],
     ) -> Result<bool, Broken> {
-        // The samples of one activation are committed together, so that whoever dies leaves whole activations.
+        // The samples of one activation are committed together, so that a participant that dies leaves whole activations.
         let need = if stream == self.first {
             self.activation
         } else {
@@ -139,13 +139,13 @@ impl EntrySender {
         Ok(true)
     }
 
-    /// Everything so far is there for the recorder.
+    /// Makes everything appended so far available to the recorder.
     #[inline]
     pub(crate) fn commit(&self, words: &[Word]) {
         words[0].announce(self.written);
     }
 
-    /// Puts a note behind the samples so far. `false` when there is no room now.
+    /// Appends a note after the samples so far. `false` when there is no room now.
     pub(crate) fn note(&mut self, words: &[Word], count: &impl Get<u64>, note: &Note) -> Result<bool, Broken> {
         let mut note = note.clone();
         if let Note::Failed { reason, .. } = &mut note {
@@ -164,7 +164,7 @@ impl EntrySender {
     }
 }
 
-/// What came out of a record.
+/// An entry read from a record.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Recorded<'a> {
     /// A sample of stream number `stream`.
@@ -180,11 +180,11 @@ pub enum Recorded<'a> {
     Note(Note),
 }
 
-/// What the recorder knows of a ring.
+/// The receiver's state of a ring.
 pub(crate) struct EntryReceiver {
-    /// Words that were ever taken.
+    /// Total words taken.
     taken: u64,
-    /// What is looked at: a copy, so that what is checked is what is used, whatever the sender does to its memory.
+    /// A copy of the entries, so that what is checked is what is used, whatever the sender does to its memory.
     copy: Vec<u64>,
 }
 
@@ -196,7 +196,7 @@ impl EntryReceiver {
         }
     }
 
-    /// Hands the entries that have come in `words` to `take`, a batch of them at most, and counts them; `false` when there is none.
+    /// Passes the entries that have arrived in `words` to `take`, at most one batch, and counts them; `false` when there is none.
     pub(crate) fn receive<E: From<Broken>>(
         &mut self,
         words: &[Word],
@@ -219,7 +219,7 @@ impl EntryReceiver {
             if used == new || (0 < used && batch < new) {
                 break used;
             }
-            // An entry that is longer than a batch comes alone.
+            // An entry that is longer than a batch is taken alone.
             let longer = (self.copy.get(1))
                 .and_then(|&bytes| usize::try_from(bytes).ok())
                 .map(words_of);
@@ -234,7 +234,7 @@ impl EntryReceiver {
     }
 }
 
-/// The size of the ring in a record's memory and the words in it that are committed and not taken.
+/// The size of the ring in a record's memory, and the number of words in it that are committed and not taken.
 pub(super) fn committed(words: &[Word], taken: u64) -> Result<(usize, usize), Broken> {
     let odd = |what: String| Err(Broken(format!("keeps a record {what}")));
     if words.len() <= LINE {
@@ -248,10 +248,10 @@ pub(super) fn committed(words: &[Word], taken: u64) -> Result<(usize, usize), Br
     }
 }
 
-/// Hands the whole entries at the beginning of `words` to `take`, and says how many words they are.
+/// Passes the whole entries at the beginning of `words` to `take`, and returns their size in words.
 ///
 /// # Errors
-/// What is wrong with them, or what `take` says.
+/// What is wrong with them, or the error of `take`.
 pub fn unpack<E: From<Broken>>(words: &[u64], mut take: impl FnMut(Recorded<'_>) -> Result<(), E>) -> Result<usize, E> {
     let mut rest = words;
     while let Some((entry, after)) = split_entry(rest)? {
@@ -261,7 +261,7 @@ pub fn unpack<E: From<Broken>>(words: &[u64], mut take: impl FnMut(Recorded<'_>)
     Ok(words.len() - rest.len())
 }
 
-/// The first entry and what follows it; `None` when it is not all there.
+/// The first entry and the words after it; `None` when it is incomplete.
 fn split_entry(words: &[u64]) -> Result<Option<(Recorded<'_>, &[u64])>, Broken> {
     let Some((&[stream, size, index, stamp], rest)) = words.split_first_chunk::<HEAD>() else {
         return Ok(None);

@@ -1,8 +1,8 @@
-//! Lock-free protocols of shared memory: hand-over of samples, rings, wake-up, clock.
+//! Lock-free protocols of shared memory: sample transfer, rings, wake-up, clock.
 //!
-//! Everything here works on words and boards that a caller lends, wherever these lie, and names no library of shared memory.
-//! `tests/ordering` includes these very files with the atomics of a model checker in place of [`sync`], and goes through the orders in
-//! which two processors may see them.
+//! Everything here works on words and boards that the caller provides, wherever they are, and names no shared memory library.
+//! `tests/ordering` includes these same files with the atomics of a model checker in place of [`sync`], and explores the orders in which
+//! two processors may see them.
 
 pub(crate) mod asleep;
 pub(crate) mod board;

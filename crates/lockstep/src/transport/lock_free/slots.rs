@@ -1,14 +1,14 @@
-//! A ring of slots: one sender, one receiver, nothing lost, nothing repeated.
+//! A ring of slots: one sender, one receiver, without loss or repetition.
 //!
-//! A slot is a whole number of cache lines: the number of the sample among all of the link (from 1 on; 0 while there is none), its
-//! index, its stamp, its payload. The number is written last. What the receiver counts are samples.
+//! A slot is a whole number of cache lines: the number of the sample among all of the link (from 1 on; 0 while there is none), its index,
+//! its stamp, its payload. The number is written last. The receiver counts samples.
 
 use super::board::{Get, Set};
 use super::room::Room;
 use super::words::{LINE, Word, put, take};
 use crate::transport::interface::{Broken, Header};
 
-/// Words in front of a payload: number, index, stamp.
+/// Words before a payload: number, index, stamp.
 pub(crate) const HEAD: usize = 3;
 
 /// The shape of a ring of slots.
@@ -29,14 +29,14 @@ impl Slots {
         self.stride() * self.capacity
     }
 
-    /// The word with which the slot behind the one at `first` begins.
+    /// The first word of the slot after the one at `first`.
     fn behind(self, first: usize) -> usize {
         let next = first + self.stride();
         if next < self.words() { next } else { 0 }
     }
 
     /// # Errors
-    /// When a payload of `payload` bytes does not belong here.
+    /// When the size of a payload of `payload` bytes is wrong for this ring.
     pub(crate) fn fits(self, payload: usize) -> Result<(), Broken> {
         if payload == self.size {
             return Ok(());
@@ -46,11 +46,11 @@ impl Slots {
     }
 }
 
-/// What the sender knows of a ring.
+/// The sender's state of a ring.
 pub(crate) struct SlotSender {
     slots: Slots,
     sent: u64,
-    /// The word with which the slot of the next sample begins.
+    /// The first word of the slot of the next sample.
     at: usize,
     room: Room,
 }
@@ -89,11 +89,11 @@ impl SlotSender {
     }
 }
 
-/// What the receiver knows of a ring.
+/// The receiver's state of a ring.
 pub(crate) struct SlotReceiver {
     slots: Slots,
     taken: u64,
-    /// The word with which the slot of the next sample begins.
+    /// The first word of the slot of the next sample.
     at: usize,
 }
 
@@ -102,7 +102,7 @@ impl SlotReceiver {
         SlotReceiver { slots, taken: 0, at: 0 }
     }
 
-    /// Copies the next sample out of `words` and counts it; `None` while it has not come.
+    /// Copies the next sample out of `words` and counts it; `None` while it has not arrived.
     #[inline]
     pub(crate) fn try_receive(
         &mut self,
@@ -117,7 +117,7 @@ impl SlotReceiver {
         let slot = &words[self.at..self.at + self.slots.stride()];
         let (number, due) = (slot[0].heard(), self.taken + 1);
         if number != due {
-            // The slot is empty, or still has what was taken out of it one round ago.
+            // The slot is empty, or still holds the sample that was taken from it one round ago.
             return match number == due.saturating_sub(self.slots.capacity as u64) {
                 true => Ok(None),
                 false => Err(Broken(format!(

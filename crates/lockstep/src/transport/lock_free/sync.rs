@@ -1,15 +1,15 @@
-//! Atomics of the processor. The tests of memory ordering put those of a model checker in this file's place.
+//! Atomics of the processor. The tests of memory ordering replace this file by the atomics of a model checker.
 
 pub(crate) use std::sync::atomic::{AtomicU64, Ordering, fence};
 
 /// Writes `bytes` over `words`, not atomically.
 ///
 /// # Safety
-/// There are as many bytes in `words`, and no thread of this process looks at them at the same time.
+/// `words` has room for as many bytes, and no thread of this process accesses them at the same time.
 #[inline]
 pub(crate) unsafe fn write_bytes(words: &[AtomicU64], bytes: &[u8]) {
     debug_assert!(bytes.len() <= size_of_val(words), "{} words", words.len());
-    // SAFETY: the words are cells, which may be written through a shared reference; the caller answers for the rest.
+    // SAFETY: the words are cells, which may be written through a shared reference; the caller guarantees the rest.
     unsafe {
         bytes
             .as_ptr()

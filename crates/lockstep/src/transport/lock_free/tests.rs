@@ -1,10 +1,10 @@
-//! What foreign words may do to a ring of entries: nothing. Beside the file, because the tests of memory ordering include the file.
+//! Invalid words in a ring of entries are rejected. In a separate file, because the tests of memory ordering include the entries file.
 
 use super::entries::{NOTE, committed, unpack};
 use super::words::{LINE, Word};
 use crate::transport::interface::Broken;
 
-/// How many entries there are and how many words they have, or what is wrong.
+/// The number of entries and of their words, or what is wrong.
 fn read(words: &[u64]) -> Result<(usize, usize), Broken> {
     let mut count = 0;
     let used = unpack(words, |_| {
@@ -32,9 +32,9 @@ fn whatever_a_record_holds_it_ends_with_a_reason() {
         assert_eq!(read(&[&sample[..], torn].concat()), Ok((1, 6)), "{torn:?}");
     }
     for bad in [
-        &[1 << 40, 0, 5, 50][..],       // a stream that nobody can have
-        &[NOTE, 8, 0, 0, 77],           // no such note
-        &[NOTE, 16, 0, 0, 0, u64::MAX], // a count without end
+        &[1 << 40, 0, 5, 50][..],       // a stream number out of range
+        &[NOTE, 8, 0, 0, 77],           // an unknown note
+        &[NOTE, 16, 0, 0, 0, u64::MAX], // an unbounded count
     ] {
         assert!(read(bad).is_err(), "{bad:?}");
     }

@@ -1,4 +1,4 @@
-//! Shared memory as words: one process writes while another may read, so what is read, is read atomically.
+//! Shared memory as words: one process writes while another may read, so every read is atomic.
 
 use super::sync::{AtomicU64, Ordering, fence, write_bytes};
 
@@ -25,23 +25,23 @@ impl Word {
         self.0.store(value, Ordering::Relaxed);
     }
 
-    /// The value, and with it everything that was written before it was announced.
+    /// Reads the value; everything that was written before it was announced is then visible.
     #[inline]
     pub(crate) fn heard(&self) -> u64 {
-        // A relaxed load is the only one that memory which may only be read is good for.
+        // Only a relaxed load works on read-only memory.
         let value = self.0.load(Ordering::Relaxed);
         fence(Ordering::Acquire);
         value
     }
 
-    /// Sets the value, for those who then see what was written before.
+    /// Sets the value; a reader that sees it also sees what was written before.
     #[inline]
     pub(crate) fn announce(&self, value: u64) {
         self.0.store(value, Ordering::Release);
     }
 }
 
-/// Writes `bytes`, the last word filled up with zeros. Nobody may look at these words before they have been announced.
+/// Writes `bytes`, the last word padded with zeros. These words must not be read before they have been announced.
 ///
 /// # Panics
 /// When there are not enough words.
@@ -50,10 +50,10 @@ pub(crate) fn put(words: &[Word], bytes: &[u8]) {
     if !bytes.len().is_multiple_of(8) {
         words[words.len() - 1].set(0);
     }
-    // SAFETY: a `Word` is an `AtomicU64` and nothing else.
+    // SAFETY: a `Word` contains only an `AtomicU64`.
     let cells = unsafe { &*(std::ptr::from_ref(words) as *const [AtomicU64]) };
-    // SAFETY: there is room, as the first line has checked; who reads these words in this process does so after an announcement that follows. What another process does to them
-    // in the meantime can only spoil what it reads itself.
+    // SAFETY: there is room, as the first line has checked; a reader of these words in this process reads them after an announcement that
+    // follows. Another process that accesses them in the meantime can only corrupt what it reads itself.
     unsafe { write_bytes(cells, bytes) };
 }
 

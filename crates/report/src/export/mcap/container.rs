@@ -1,4 +1,4 @@
-//! The container: records, chunks and their indices, as the MCAP specification lays them out.
+//! The container: records, chunks and their indices, according to the MCAP specification.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -7,17 +7,17 @@ use super::lz4;
 use crate::export::file::{About, Counted};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
-/// How an MCAP file is compressed.
+/// Compression of an MCAP file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Compression {
-    /// Not at all.
+    /// No compression.
     None,
-    /// Chunk by chunk as an LZ4 frame, which every reader of MCAP knows.
+    /// Each chunk is an LZ4 frame, which every reader of MCAP supports.
     #[default]
     Lz4,
 }
 
-/// Bytes of messages that a chunk collects.
+/// Bytes of messages per chunk.
 const CHUNK_BYTES: usize = 1 << 20;
 
 /// Numbers of the record types.
@@ -37,7 +37,7 @@ mod op {
     pub(super) const DATA_END: u8 = 0x0f;
 }
 
-/// The content of a record while it is put together.
+/// The content of a record under construction.
 #[derive(Default)]
 struct Content(Vec<u8>);
 
@@ -87,7 +87,7 @@ pub(super) struct Container<'a, W: Write> {
     schemas: Vec<Vec<u8>>,
     channels: Vec<Vec<u8>>,
     chunk: Vec<u8>,
-    /// Log time and place of each message of the open chunk, by channel.
+    /// Log time and offset of each message of the open chunk, by channel.
     index: BTreeMap<u16, Vec<(u64, u64)>>,
     chunk_range: Option<(u64, u64)>,
     chunk_indices: Vec<Vec<u8>>,
@@ -143,7 +143,7 @@ impl<'a, W: Write> Container<'a, W> {
         self.file.put(&record)
     }
 
-    /// Declares a protobuf schema; gives its number.
+    /// Declares a protobuf schema; returns its number.
     pub(super) fn schema(&mut self, name: &str, file_descriptor_set: &[u8]) -> io::Result<u16> {
         let id = number(self.schemas.len() + 1)?;
         let record = Content::default()
@@ -157,7 +157,7 @@ impl<'a, W: Write> Container<'a, W> {
         Ok(id)
     }
 
-    /// Declares a channel; gives its number.
+    /// Declares a channel; returns its number.
     pub(super) fn channel(&mut self, schema: u16, topic: &str, metadata: &[(String, String)]) -> io::Result<u16> {
         let id = number(self.channels.len())?;
         let record = Content::default()

@@ -1,24 +1,25 @@
-//! LZ4, as far as a chunk needs it: one frame of blocks that stand for themselves.
+//! LZ4, the subset that a chunk needs: one frame of independent blocks.
 //!
-//! A block is a series of literals and of copies of what came up to 64 KiB before. It is found by a table of where four bytes were seen
-//! last: one look for each place, so it is fast and good enough for numbers that repeat. See the LZ4 block and frame formats.
+//! A block is a sequence of literals and of copies of up to 64 KiB earlier data. Matches are found by a hash table of the
+//! last position of each four bytes, with a single look-up per position: fast, and good enough for numbers that repeat. See
+//! the LZ4 block and frame formats.
 
-/// The beginning of every frame: magic number, version 1 with independent blocks of at most 4 MiB, checksum of these two bytes.
+/// The start of every frame: magic number, version 1 with independent blocks of at most 4 MiB, checksum of these two bytes.
 const HEAD: [u8; 7] = [0x04, 0x22, 0x4d, 0x18, 0x60, 0x70, 0x73];
 /// Bytes of a block before it is compressed.
 const BLOCK: usize = 4 << 20;
-/// The sign of a block that is not compressed.
+/// The flag of a block that is not compressed.
 const PLAIN: u32 = 1 << 31;
-/// The least copy.
+/// Minimum length of a copy.
 const COPY: usize = 4;
-/// So many bytes at the end are literals, and the last copy begins so many before the end.
+/// This many bytes at the end are literals, and the last copy starts at least this many bytes before the end.
 const TAIL: usize = 5;
 const LAST_COPY: usize = 12;
-/// A copy reaches back this far.
+/// Maximum distance of a copy.
 const FAR: usize = 65_535;
 const TABLE_BITS: u32 = 14;
 
-/// `bytes` as a frame.
+/// Compresses `bytes` to a frame.
 pub(super) fn frame(bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::with_capacity(bytes.len() / 2 + 64);
     out.extend(HEAD);
@@ -40,7 +41,8 @@ pub(super) fn frame(bytes: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Puts `block` compressed behind `out`. `table` has zeros; then for a hash of four bytes one more than where they were.
+/// Appends the compressed `block` to `out`. `table` starts with zeros; then it maps a hash of four bytes to their position
+/// plus one.
 fn compress(block: &[u8], table: &mut [u32], out: &mut Vec<u8>) {
     let four = |at: usize| u32::from_le_bytes([block[at], block[at + 1], block[at + 2], block[at + 3]]);
     let (mut at, mut written) = (0, 0);
@@ -51,7 +53,7 @@ fn compress(block: &[u8], table: &mut [u32], out: &mut Vec<u8>) {
         let before = std::mem::replace(slot, at as u32 + 1) as usize;
         let from = before.wrapping_sub(1);
         if before == 0 || at - from > FAR || four(from) != bytes {
-            // Where nothing repeats, look ever more rarely.
+            // Where nothing repeats, the search step grows.
             at += 1 + ((at - written) >> 6);
             continue;
         }
@@ -65,7 +67,7 @@ fn compress(block: &[u8], table: &mut [u32], out: &mut Vec<u8>) {
     sequence(&block[written..], None, out);
 }
 
-/// Literals, then a copy of so many bytes from so far before.
+/// Literals, then a copy of `length` bytes from `distance` before.
 fn sequence(literals: &[u8], copy: Option<(usize, usize)>, out: &mut Vec<u8>) {
     let more = copy.map_or(0, |(_, length)| length - COPY);
     out.push((literals.len().min(15) << 4 | more.min(15)) as u8);
@@ -77,7 +79,7 @@ fn sequence(literals: &[u8], copy: Option<(usize, usize)>, out: &mut Vec<u8>) {
     }
 }
 
-/// What of a length does not fit into the four bits before.
+/// The part of a length that does not fit into the four bits before.
 fn rest(length: usize, out: &mut Vec<u8>) {
     if let Some(mut rest) = length.checked_sub(15) {
         while rest >= 255 {
@@ -93,7 +95,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// What a frame holds, by the rules of the format alone.
+    /// The content of a frame, decoded by the rules of the format only.
     fn unpack(frame: &[u8]) -> Vec<u8> {
         let mut rest = frame.strip_prefix(&HEAD).expect("a frame");
         let mut all = Vec::new();

@@ -1,4 +1,4 @@
-//! MCAP with protobuf: one file that Foxglove, PlotJuggler and Rerun open.
+//! MCAP with protobuf: one file for Foxglove, PlotJuggler and Rerun.
 
 mod container;
 mod lz4;
@@ -17,16 +17,16 @@ use schema::Schema;
 use tape::{Record, Records, Source};
 use transforms::Poses;
 
-/// Frame transforms are written at most this often, Hz: more than any display shows.
+/// Maximum rate of frame transforms, Hz: more than any display shows.
 const TRANSFORM_RATE: f64 = 100.0;
 
-/// One stream on its way into the file.
+/// One stream while it is written to the file.
 struct Topic<'a> {
     records: Records<'a, dyn Source + 'a>,
     channel: u16,
     schema: Schema,
     poses: Option<Poses>,
-    /// The newest record, taken out of `records` because streams are merged by their stamps.
+    /// The next record, copied out of `records` because streams are merged by their stamps.
     stamp_s: f64,
     index: u64,
     payload: Vec<u8>,
@@ -102,7 +102,7 @@ pub(super) fn write(
         file.message(channel, 0, start, &stage.solids(start))?;
     }
     let mut message = Vec::new();
-    // Few streams: looking at all of them costs less than any queue.
+    // There are few streams: a linear search costs less than a queue.
     while let Some((stream, topic)) = topics
         .iter_mut()
         .enumerate()
@@ -121,7 +121,7 @@ pub(super) fn write(
         {
             message.clear();
             poses.encode(&topic.payload, time, stage.as_ref(), &mut message);
-            // Rerun trips over a message without a transform.
+            // Rerun fails on a message without a transform.
             if !message.is_empty() {
                 file.message(channel, topic.index as u32, time, &message)?;
             }
@@ -132,7 +132,7 @@ pub(super) fn write(
     Ok(())
 }
 
-/// Seconds since the start of the run as the format's nanoseconds, which have no sign.
+/// Seconds since the start of the run as the format's unsigned nanoseconds.
 fn nanos(seconds: f64) -> u64 {
     (seconds * 1e9).round() as u64
 }

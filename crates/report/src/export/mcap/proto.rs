@@ -1,4 +1,4 @@
-//! Protocol Buffers' wire format, as far as exports need it.
+//! Protocol Buffers' wire format, the subset that exports need.
 
 pub(super) use crate::export::varint::varint;
 

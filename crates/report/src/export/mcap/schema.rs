@@ -66,21 +66,21 @@ fn file(set: &mut Vec<u8>, name: &str, package: &str, imports: &[&str], messages
     });
 }
 
-/// Gives every distinct descriptor a message name of its own.
+/// Assigns a unique message name to every distinct descriptor.
 #[derive(Default)]
 pub(super) struct Names {
     taken: HashMap<String, Descriptor>,
 }
 
-/// A message type that mirrors a descriptor: one field each, lists where it has a shape (row-major), bytes where that
-/// would be a long list of bytes.
+/// A message type that mirrors a descriptor: a field for each of its fields, lists where it has a shape (row-major), bytes
+/// instead of a long list of bytes.
 pub(super) struct Schema {
     pub(super) name: String,
     pub(super) file_descriptor_set: Vec<u8>,
     descriptor: Descriptor,
 }
 
-/// Letters, digits and underscores only, as protobuf wants its names.
+/// Replaces all characters that protobuf does not allow in names.
 fn identifier(text: &str) -> String {
     let mut name: String = text
         .chars()
@@ -92,8 +92,8 @@ fn identifier(text: &str) -> String {
     name
 }
 
-/// The names of the fields in the message. Names may become equal when foreign characters are replaced: then those that
-/// are names as they stand keep them, and the others get a number.
+/// The names of the fields in the message. Replacing characters may make names equal: then the names that are valid
+/// unchanged keep them, and the others get a number.
 fn identifiers(fields: &[Field]) -> Vec<String> {
     let mut order: Vec<usize> = (0..fields.len()).collect();
     order.sort_by_key(|at| identifier(&fields[*at].name) != fields[*at].name);
@@ -104,7 +104,8 @@ fn identifiers(fields: &[Field]) -> Vec<String> {
     placed.into_iter().map(|(_, name)| name).collect()
 }
 
-/// The type of a field, whose bytes on the wire are those of the payload but for elements of one or two bytes and short lists of them.
+/// The type of a field. Its bytes on the wire are those of the payload, except for elements of one or two bytes and short
+/// lists of them.
 fn kind(field: &Field) -> Type {
     match field.element {
         Element::F64 => Type::Double,
@@ -124,10 +125,11 @@ fn kind(field: &Field) -> Type {
 }
 
 /// The message type of a stream, in proto2: proto3 forbids fields whose names differ only in case and underscores, such as
-/// `q_1` and `q1`, because their default names in JSON would be equal, and some of its readers do so whatever names in JSON
-/// they are given. Here every name in JSON is the field's own.
+/// `q_1` and `q1`, because their default JSON names would be equal, and some readers enforce this whatever JSON names are
+/// given. Here every JSON name is the field's own.
 ///
-/// Names of values stand beside the type that they belong to, so each enumeration is inside of a message of its own.
+/// The names of enumeration values share the scope of their enumeration, so each enumeration is inside a message of its
+/// own.
 fn stream_type(name: &str, fields: &[Field], identifiers: &[String]) -> Vec<u8> {
     const LABEL_OPTIONAL: u64 = 1;
     const LABEL_REPEATED: u64 = 3;
@@ -257,8 +259,8 @@ impl Schema {
     }
 }
 
-/// Unit, frame and shape of every field, which protobuf has no place for, under the field's own name; and that name where
-/// the message has another.
+/// Unit, frame and shape of every field, which protobuf cannot express, under the field's own name; and that name where the
+/// message has another.
 pub(super) fn channel_metadata(spec: &StreamSpec) -> Vec<(String, String)> {
     let mut pairs = vec![
         ("offset".to_owned(), spec.offset.to_string()),

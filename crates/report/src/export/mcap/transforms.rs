@@ -1,4 +1,4 @@
-//! Frame transforms from the poses among the fields and of a scene's bodies, and the solids that hang on them.
+//! Frame transforms from the poses among the fields and from a scene's bodies, and the solids attached to them.
 
 use lockstep::port::Field;
 
@@ -14,24 +14,24 @@ struct Pose {
     attitude: Field,
 }
 
-/// The transforms that one stream gives.
+/// The transforms that one stream provides.
 pub(super) struct Poses {
     poses: Vec<Pose>,
-    /// The places of the bodies that move with this stream.
+    /// The indices of the bodies that move with this stream.
     bodies: Vec<usize>,
     next_s: f64,
 }
 
-/// The bodies of a scene as the records so far have moved them.
+/// The bodies of a scene, in the state after the records so far.
 pub(super) struct Stage {
     scene: BoundScene,
-    /// The frame of the messages that a body is fixed to, where its pose is one of theirs.
+    /// The frame of the messages that a body is attached to, where its pose is one of theirs.
     frames: Vec<Option<String>>,
     numbers: Vec<Vec<f64>>,
 }
 
-/// Which stream gives which transforms. A frame has one place: when several streams have its pose, those that the bodies of the scene
-/// follow are believed first, in the order of the bodies, then the order of the streams.
+/// Assigns transforms to streams. A frame has one source: when several streams have its pose, those that the bodies of the
+/// scene follow come first, in the order of the bodies, then the others in the order of the streams.
 pub(super) fn assign(streams: &[StreamSpec], scene: Option<&BoundScene>) -> (Vec<Option<Poses>>, Option<Stage>) {
     let leads: Vec<usize> = scene.map_or_else(Vec::new, |scene| {
         scene.bodies().iter().map(|body| lead(scene, body)).collect()
@@ -91,7 +91,7 @@ fn lead(scene: &BoundScene, body: &BoundBody) -> usize {
     stream.unwrap_or(scene.lead)
 }
 
-/// Whether a body has the pose of these fields, as they are.
+/// Whether a body has exactly the pose of these fields.
 fn follows(scene: &BoundScene, body: &BoundBody, pose: &Pose) -> bool {
     let is = |channel: usize, wanted: &Field| {
         let parts = &scene.channels.list[channel].parts;
@@ -123,7 +123,7 @@ fn poses_of(spec: &StreamSpec) -> Vec<Pose> {
 impl Poses {
     /// Whether a transform is to be written at `stamp_s`, given at least `distance_s` between two.
     pub(super) fn due(&mut self, stamp_s: f64, distance_s: f64) -> bool {
-        // Half a per mille of slack: stamps at exactly the distance must not fall behind by a rounding.
+        // Half a per mille of tolerance: rounding must not reject stamps at exactly the distance.
         if stamp_s < self.next_s - 5e-4 * distance_s {
             return false;
         }
@@ -150,7 +150,7 @@ impl Poses {
 }
 
 impl Stage {
-    /// Takes what a record of a stream says of the bodies.
+    /// Applies a record of a stream to the bodies.
     pub(super) fn take(&mut self, stream: usize, payload: &[u8]) {
         for (channel, numbers) in self.scene.channels.list.iter().zip(&mut self.numbers) {
             put(channel, stream, payload, numbers);
@@ -164,7 +164,7 @@ impl Stage {
         numbers.iter().all(|x| x.is_finite()).then_some(numbers)
     }
 
-    /// The pose of a body where the messages have no frame for it, and its links.
+    /// The pose of a body where the messages have no frame for it, and those of its links.
     fn encode(&self, at: usize, nanos: u64, out: &mut Vec<u8>) {
         let body = &self.scene.bodies()[at];
         let root = match &self.frames[at] {
@@ -183,7 +183,7 @@ impl Stage {
                 } else {
                     &self.scene.frame
                 };
-                // A body called like the world's frame is that frame.
+                // A body with the name of the world frame is that frame.
                 if body.name != world {
                     transform(out, nanos, world, &body.name, p, q.map(|x| x / length));
                 }
@@ -199,7 +199,7 @@ impl Stage {
         }
     }
 
-    /// A `SceneUpdate` with one entity per link, locked to the link's frame and there until the end.
+    /// A `SceneUpdate` with one entity per link, attached to the link's frame, with unlimited lifetime.
     pub(super) fn solids(&self, nanos: u64) -> Vec<u8> {
         let mut out = Vec::new();
         for body in self.scene.bodies() {

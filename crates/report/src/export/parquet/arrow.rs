@@ -1,5 +1,5 @@
-//! The schema as Arrow knows it, so that Arrow readers show the metadata of each column: a flatbuffer `Message` with a
-//! `Schema` in Arrow's encapsulated form (see the Arrow format specification, `Message.fbs` and `Schema.fbs`).
+//! The Arrow schema, from which Arrow readers get the metadata of each column: a flatbuffer `Message` with a `Schema` in
+//! Arrow's encapsulated form (see the Arrow format specification, `Message.fbs` and `Schema.fbs`).
 
 use lockstep::port::Element;
 
@@ -81,7 +81,7 @@ fn number(element: Element) -> Type {
     }
 }
 
-/// The type of a column's cells, with what is inside of them.
+/// The type of a column's cells, with its child types.
 fn cell(column: &Column<'_>) -> (Type, Vec<Vec<Slot>>) {
     const FIXED_SIZE_BINARY: u8 = 15;
     const FIXED_SIZE_LIST: u8 = 16;
@@ -117,16 +117,16 @@ fn align(buffer: &mut Vec<u8>, to: usize) {
     }
 }
 
-/// Puts the distance from `at` to the end of the buffer at `at`: offsets of a flatbuffer point forward.
+/// Writes at `at` the distance from `at` to the end of the buffer: flatbuffer offsets point forward.
 fn point_here(buffer: &mut [u8], at: usize) {
     let distance = (buffer.len() - at) as u32;
     buffer[at..at + 4].copy_from_slice(&distance.to_le_bytes());
 }
 
-/// Writes a table behind what is there; gives its position. Its parts follow behind it.
+/// Appends a table; returns its position. The values it refers to follow it.
 fn table(buffer: &mut Vec<u8>, slots: &[Slot]) -> u32 {
     align(buffer, 4);
-    // The list of where each value is stands in front of the table; every value gets four bytes, which aligns them all.
+    // The vtable precedes the table; every value gets four bytes, which aligns them all.
     let list = buffer.len();
     let list_bytes = 4 + 2 * slots.len();
     buffer.resize(list + list_bytes, 0);

@@ -1,4 +1,4 @@
-//! What the footer says: the columns, where their pages are, metadata.
+//! The footer: schema, page offsets, metadata.
 
 use lockstep::port::Element;
 
@@ -7,11 +7,11 @@ use super::thrift::Struct;
 /// A column chunk in the file.
 pub(super) struct Chunk {
     pub(super) offset: u64,
-    /// Header and values, bytes.
+    /// Total size of header and values, bytes.
     pub(super) size: u64,
 }
 
-/// A column as the footer describes it.
+/// The footer's description of a column.
 pub(super) struct Leaf<'a> {
     pub(super) name: &'a str,
     /// Parquet's number of the physical type.
@@ -21,16 +21,16 @@ pub(super) struct Leaf<'a> {
     pub(super) cell: Cell,
 }
 
-/// What a cell of a column is.
+/// The cell type of a column.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Cell {
-    /// A value.
+    /// One value.
     One,
-    /// A value that may be missing.
+    /// An optional value.
     Optional,
-    /// So many bytes.
+    /// Fixed-length bytes; the length.
     Bytes(usize),
-    /// A list of so many values.
+    /// A fixed-length list; the number of values.
     List(usize),
 }
 
@@ -41,7 +41,7 @@ impl Leaf<'_> {
         let (physical, converted) = types(element);
         let (physical, converted, cell) = match (element, elements) {
             (_, 1) => (physical, converted, Cell::One),
-            // As integers, bytes would take four times the room.
+            // As integers, bytes would take four times the space.
             (one, _) if one.size() == 1 && one.room().is_none() => (FIXED_LENGTH_BYTES, None, Cell::Bytes(elements)),
             _ => (physical, converted, Cell::List(elements)),
         };
@@ -53,7 +53,7 @@ impl Leaf<'_> {
         }
     }
 
-    /// How many values a row has.
+    /// The number of values in a row.
     pub(super) fn values(&self) -> u64 {
         match self.cell {
             Cell::List(elements) => elements as u64,
@@ -61,7 +61,7 @@ impl Leaf<'_> {
         }
     }
 
-    /// Where the values are, from the root of the schema.
+    /// The path of the values, from the root of the schema.
     pub(super) fn path(&self) -> Vec<&str> {
         match self.cell {
             Cell::List(_) => vec![self.name, "list", "element"],
@@ -119,13 +119,13 @@ fn types(element: Element) -> (i32, Option<i32>) {
         Element::F32 => (4, None),
         Element::F64 => (5, None),
         Element::Bool => (BOOLEAN, None),
-        // Texts: the names.
+        // Enumerations are stored as texts: their names.
         Element::Enum | Element::Text(_) => (6, Some(0)),
         Element::Bytes(_) => (6, None),
     }
 }
 
-/// The footer: schema, where the pages are, metadata.
+/// The footer: schema, page offsets, metadata.
 pub(super) fn describe(
     name: &str,
     leaves: &[Leaf<'_>],

@@ -1,7 +1,7 @@
-//! Parquet, as far as a tape needs it: required columns of numbers, of bytes of a fixed number, and of lists; plain encoding,
+//! Parquet, the subset that a tape needs: required columns of numbers, of fixed-length bytes, and of lists; plain encoding,
 //! no compression.
 //!
-//! Layout of a file: `PAR1`; per row group one data page per column; the footer (schema, where the pages are, metadata) in
+//! Layout of a file: `PAR1`; per row group one data page per column; the footer (schema, page offsets, metadata) in
 //! Thrift's compact protocol; its length; `PAR1`. See the Apache Parquet format specification.
 
 mod arrow;
@@ -25,17 +25,17 @@ use tape::{Records, Source, StreamSpec};
 
 pub(super) use sheet::write as write_sheet;
 
-/// Bytes of values that a row group collects before it is written.
+/// Bytes of values per row group.
 const GROUP_BYTES: usize = 16 << 20;
 
-/// About how many bytes a cell has in a page.
+/// Approximate size of a cell in a page, bytes.
 fn width(column: &Column<'_>) -> usize {
     let longest = column.field.values.iter().map(|named| named.name.len()).max();
     column.elements * column.field.element.size().max(4) + longest.unwrap_or(0)
 }
 
-/// Puts a cell behind those of its column: numbers of one or two bytes become 32-bit integers, enumerations texts. A text or
-/// bytes stand behind their length.
+/// Appends a cell to its column: numbers of one or two bytes become 32-bit integers, enumerations become texts. Texts and
+/// bytes are preceded by their length.
 fn put_cell(column: &Column<'_>, payload: &[u8], values: &mut Vec<u8>) {
     let (bytes, element) = (column.cell(payload), column.field.element);
     match element {
@@ -62,7 +62,7 @@ fn put_cell(column: &Column<'_>, payload: &[u8], values: &mut Vec<u8>) {
     }
 }
 
-/// Truth values take a bit each, the first one the lowest of its byte.
+/// Truth values take one bit each, least significant bit first.
 fn pack(truths: &mut Vec<u8>) {
     let bits = truths.chunks(8).map(|eight| {
         let each = eight.iter().enumerate();
@@ -87,7 +87,7 @@ pub(super) fn write(
     let row_bytes = 8 + columns.iter().map(width).sum::<usize>();
     let rows_at_once = (GROUP_BYTES / row_bytes).max(1) as u64;
     let mut records = Records::new(source, stream);
-    // Values by column, the stamp first; the buffers are used again for every row group.
+    // Values by column, the stamp first; the buffers are reused for every row group.
     let mut values: Vec<Vec<u8>> = vec![Vec::new(); leaves.len()];
     let mut groups: Vec<(u64, Vec<Chunk>)> = Vec::new();
     while records.remaining() > 0 {

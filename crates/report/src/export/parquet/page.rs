@@ -1,10 +1,10 @@
-//! What stands before the values of a page.
+//! Page headers and levels, which precede the values of a page.
 
 use super::footer::Cell;
 use super::thrift::Struct;
 use crate::export::varint::varint;
 
-/// For lists where each one begins (level 0), and that every element is there.
+/// For lists: repetition levels, 0 at the start of each list; and definition levels, which mark every element as present.
 pub(super) fn levels(cell: Cell, rows: u64) -> Vec<u8> {
     let Cell::List(elements) = cell else {
         return Vec::new();
@@ -48,7 +48,7 @@ mod tests {
     #[test]
     fn levels_of_lists_are_two_runs_a_row() {
         assert!(levels(Cell::One, 7).is_empty());
-        // Two lists of 300: a begin and 299 others each; 600 elements that are there.
+        // Two lists of 300: a start and 299 further elements each; 600 elements present.
         let begins = [2, 0, 0xd6, 0x04, 1, 2, 0, 0xd6, 0x04, 1];
         let there = [0xb0, 0x09, 1];
         let expected = [&[10, 0, 0, 0][..], &begins, &[3, 0, 0, 0], &there].concat();

@@ -1,4 +1,4 @@
-//! A small table as Parquet: one row group, columns in which values may be missing.
+//! A small table as Parquet: one row group, optional columns.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -60,7 +60,7 @@ pub(crate) fn write(sheet: &Sheet, out: &mut BufWriter<File>) -> io::Result<()> 
     file.put(b"PAR1")
 }
 
-/// Which values are there, then those values.
+/// Writes which values are present, then those values.
 fn page(cells: &Cells) -> Vec<u8> {
     let mut values = Vec::new();
     let there: Vec<bool> = match cells {

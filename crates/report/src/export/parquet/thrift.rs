@@ -1,4 +1,4 @@
-//! Thrift's compact protocol, as far as Parquet's footer needs it.
+//! Thrift's compact protocol, the subset that Parquet's footer needs.
 
 use crate::export::varint::varint;
 
@@ -8,7 +8,7 @@ const BINARY: u8 = 8;
 const LIST: u8 = 9;
 const STRUCT: u8 = 12;
 
-/// A structure being written; fields come in ascending order of their number.
+/// A structure under construction; fields must be added in ascending order of their number.
 #[derive(Default)]
 pub(super) struct Struct {
     bytes: Vec<u8>,
@@ -17,7 +17,8 @@ pub(super) struct Struct {
 
 impl Struct {
     fn field(&mut self, number: u8, kind: u8) {
-        // The header holds the distance from the field before, which for Parquet's structures is always below 16.
+        // The header holds the difference from the previous field number, which for Parquet's structures is always below
+        // 16.
         self.bytes.push((number - self.last) << 4 | kind);
         self.last = number;
     }
