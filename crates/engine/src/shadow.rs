@@ -12,7 +12,7 @@ use tape::compare::Comparison;
 
 use crate::Catalogue;
 use crate::replay::{Replay, Request};
-use crate::run::{Ending, Options, RunFailure, describe};
+use crate::run::{Ending, Options, RunFailure, port_discovery};
 use crate::scenario::{Program, RunSpec, Scenario, ScenarioSpec};
 
 /// What `--shadow NAME=PROGRAM` asks for.
@@ -126,7 +126,7 @@ impl Shadow {
                 .participants
                 .iter()
                 .find(|entry| entry.setup.name == self.participant);
-            let ports = entry.map(|entry| Ok((entry.clone(), describe::ports(&scenario, entry, options)?)));
+            let ports = entry.map(|entry| Ok((entry.clone(), port_discovery::ports(&scenario, entry, options)?)));
             let ports = ports.transpose();
             Ok((scenario, ports))
         };

@@ -74,9 +74,9 @@ impl Finished {
                 what: What::Again,
             })
             .collect();
-        let mut crew = Crew::new(campaign, scenario, &self.folder, &mut self.results, open);
-        let outcome = crew.run(options);
-        self.interrupted |= crew.stopped;
+        let mut pool = Pool::new(campaign, scenario, &self.folder, &mut self.results, open);
+        let outcome = pool.run(options);
+        self.interrupted |= pool.stopped;
         outcome
     }
 }
@@ -155,15 +155,15 @@ pub(super) fn work(
     let done = known.results.iter().flatten().count();
     let resumed = before.unwrap_or(done);
     let mut results = known.results;
-    let mut crew = Crew::new(campaign, scenario, &folder, &mut results, open);
-    crew.all = (0..campaign.points.len()).filter(|at| identity.owns(*at)).count();
-    (crew.resumed, crew.done) = (resumed, done);
-    crew.grows = campaign.source.as_ref().is_some_and(|source| source.rare);
-    crew.keep = options.keep.contains(&Keep::All);
-    crew.until = options.until.clone();
-    crew.draft = identity.shard.is_none().then(|| Draft::new(&folder));
-    let outcome = crew.run(options);
-    let (interrupted, enough) = (crew.stopped, crew.enough);
+    let mut pool = Pool::new(campaign, scenario, &folder, &mut results, open);
+    pool.all = (0..campaign.points.len()).filter(|at| identity.owns(*at)).count();
+    (pool.resumed, pool.done) = (resumed, done);
+    pool.grows = campaign.source.as_ref().is_some_and(|source| source.rare);
+    pool.keep = options.keep.contains(&Keep::All);
+    pool.until = options.until.clone();
+    pool.draft = identity.shard.is_none().then(|| Draft::new(&folder));
+    let outcome = pool.run(options);
+    let (interrupted, enough) = (pool.stopped, pool.enough);
     outcome?;
     results.truncate(enough.unwrap_or(results.len()));
     let mut finished = Finished {
@@ -224,14 +224,14 @@ fn open_points(known: &Known, identity: &Identity) -> VecDeque<Errand> {
 }
 
 /// A worker and the points that it is running, each with its ticket.
-struct Seat {
+struct Slot {
     worker: Worker,
     busy: Vec<(u64, Errand)>,
     /// Whether its point is one that is run again alone.
     alone: bool,
 }
 
-struct Crew<'a> {
+struct Pool<'a> {
     campaign: &'a Campaign,
     digest: String,
     folder: &'a Folder,
@@ -258,7 +258,7 @@ struct Crew<'a> {
     stopped: bool,
     /// The table of the results so far; a shard of a campaign has none.
     draft: Option<Draft>,
-    seats: Vec<Seat>,
+    slots: Vec<Slot>,
 }
 
 /// The table that is written during a campaign.
@@ -296,15 +296,15 @@ impl Draft {
 
 type Words = (Sender<(usize, Word)>, Receiver<(usize, Word)>);
 
-impl<'a> Crew<'a> {
+impl<'a> Pool<'a> {
     fn new(
         campaign: &'a Campaign,
         scenario: &Scenario,
         folder: &'a Folder,
         results: &'a mut Vec<Option<PointResult>>,
         open: VecDeque<Errand>,
-    ) -> Crew<'a> {
-        Crew {
+    ) -> Pool<'a> {
+        Pool {
             campaign,
             digest: digest_of_scenario(scenario.spec()).to_string(),
             folder,
@@ -322,7 +322,7 @@ impl<'a> Crew<'a> {
             enough: None,
             stopped: false,
             draft: None,
-            seats: Vec::new(),
+            slots: Vec::new(),
         }
     }
 
@@ -333,11 +333,11 @@ impl<'a> Crew<'a> {
         options.progress.report(Event::Over);
         self.stopped = options.interrupt.asked();
         // All workers are asked to end before the first is waited for.
-        self.seats.iter_mut().for_each(|seat| seat.worker.dismiss());
-        for number in 0..self.seats.len() {
+        self.slots.iter_mut().for_each(|slot| slot.worker.shut_down());
+        for number in 0..self.slots.len() {
             let _ = std::fs::remove_dir_all(self.folder.scratch(number));
         }
-        self.seats.clear();
+        self.slots.clear();
         outcome
     }
 
@@ -361,15 +361,15 @@ impl<'a> Crew<'a> {
             if self.enough.is_some() {
                 return Ok(());
             }
-            let worker = hire(number, &words.0)?;
-            self.seats.push(Seat {
+            let worker = start_worker(number, &words.0)?;
+            self.slots.push(Slot {
                 worker,
                 busy: Vec::new(),
                 alone: false,
             });
             self.order(number)?;
         }
-        while self.enough.is_none() && self.seats.iter().any(|seat| !seat.busy.is_empty()) {
+        while self.enough.is_none() && self.slots.iter().any(|slot| !slot.busy.is_empty()) {
             if options.interrupt.asked() {
                 return Ok(());
             }
@@ -391,13 +391,13 @@ impl<'a> Crew<'a> {
                 }
                 Word::Answer(Answer::Done(ticket, result)) => self.note(number, ticket, *result)?,
                 Word::Gone => {
-                    let seat = &mut self.seats[number];
-                    let reason = seat.worker.obituary();
-                    match seat.busy[..] {
+                    let slot = &mut self.slots[number];
+                    let reason = slot.worker.exit_report();
+                    match slot.busy[..] {
                         [(ticket, _)] => self.note(number, ticket, PointResult::without(Outcome::Crashed, reason))?,
-                        _ => self.suspects.extend(seat.busy.drain(..).map(|(_, errand)| errand)),
+                        _ => self.suspects.extend(slot.busy.drain(..).map(|(_, errand)| errand)),
                     }
-                    self.seats[number].worker = hire(number, &words.0)?;
+                    self.slots[number].worker = start_worker(number, &words.0)?;
                 }
             }
             self.order(number)?;
@@ -416,7 +416,7 @@ impl<'a> Crew<'a> {
     }
 
     fn note(&mut self, number: usize, ticket: u64, result: PointResult) -> Result<(), CampaignError> {
-        let busy = &mut self.seats[number].busy;
+        let busy = &mut self.slots[number].busy;
         let Some(at) = busy.iter().position(|(own, _)| *own == ticket) else {
             return Ok(());
         };
@@ -449,11 +449,11 @@ impl<'a> Crew<'a> {
         while let Some(errand) = self.next(number) {
             let (point, keep) = (errand.point, errand.what == What::Again);
             let keep = keep || (self.keep && errand.what == What::Own);
-            let seat = &mut self.seats[number];
+            let slot = &mut self.slots[number];
             self.tickets += 1;
             let task = Task {
                 ticket: self.tickets,
-                alone: seat.alone || self.lanes == 1,
+                alone: slot.alone || self.lanes == 1,
                 scenario: AnyPath(self.campaign.scenario.clone()),
                 digest: self.digest.clone(),
                 common: self.campaign.overrides.clone(),
@@ -462,8 +462,8 @@ impl<'a> Crew<'a> {
                 scratch: AnyPath(self.folder.scratch(number)),
                 digests: self.campaign.digests,
             };
-            seat.busy.push((self.tickets, errand));
-            match seat.worker.order(&task) {
+            slot.busy.push((self.tickets, errand));
+            match slot.worker.order(&task) {
                 // It died, and the notice of its death is on its way.
                 Err(error) if error.kind() == ErrorKind::BrokenPipe => return Ok(()),
                 ordered => ordered.map_err(|source| CampaignError::Io {
@@ -478,20 +478,20 @@ impl<'a> Crew<'a> {
 
     /// The next point for worker `number`.
     fn next(&mut self, number: usize) -> Option<Errand> {
-        let seat = &mut self.seats[number];
-        if seat.busy.is_empty() {
+        let slot = &mut self.slots[number];
+        if slot.busy.is_empty() {
             let suspect = self.suspects.pop_front();
-            seat.alone = suspect.is_some();
+            slot.alone = suspect.is_some();
             return suspect.or_else(|| self.open.pop_front());
         }
-        if seat.alone || seat.busy.len() >= self.lanes || !self.suspects.is_empty() {
+        if slot.alone || slot.busy.len() >= self.lanes || !self.suspects.is_empty() {
             return None;
         }
         self.open.pop_front()
     }
 }
 
-fn hire(number: usize, words: &Sender<(usize, Word)>) -> Result<Worker, CampaignError> {
+fn start_worker(number: usize, words: &Sender<(usize, Word)>) -> Result<Worker, CampaignError> {
     Worker::start(number, words).map_err(|source| CampaignError::Io {
         path: Path::new("/proc/self/exe").to_owned(),
         action: "start a worker",

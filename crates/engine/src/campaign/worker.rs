@@ -190,7 +190,7 @@ impl Worker {
     }
 
     /// How the process ended and its last output, after its death.
-    pub fn obituary(&mut self) -> String {
+    pub fn exit_report(&mut self) -> String {
         let ending = match self.child.wait() {
             Ok(status) => crate::run::ending_of_process(status),
             Err(error) => error.to_string(),
@@ -205,7 +205,7 @@ impl Worker {
     }
 
     /// Asks the worker to end in order: a run in progress ends its own processes first.
-    pub fn dismiss(&mut self) {
+    pub fn shut_down(&mut self) {
         self.orders = None;
         let _ = kill_process(Pid::from_child(&self.child), Signal::TERM);
     }

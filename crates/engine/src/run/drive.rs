@@ -7,13 +7,15 @@ use lockstep::port::Message;
 use lockstep::time::{Rational, Ticks};
 use toml::{Table, Value};
 
-use super::agenda::Agenda;
 use super::handle::{Over, Run};
 use super::inputs::{self, Inputs};
-use super::newest::{Sample, no_field};
 use super::outcome::{Ending, RunFailure};
-use super::streams::streams;
-use super::{attend, checkpoint, prepare};
+use super::prepare;
+use super::recording::newest::{Sample, no_field};
+use super::recording::streams::streams;
+use super::saved::checkpoint;
+use super::stops::actions;
+use super::stops::schedule::Schedule;
 use crate::assessment::Figures;
 use crate::scenario::payload;
 
@@ -68,12 +70,12 @@ impl Instantlike for &str {
 impl Run {
     /// The instant at which the run rests: all participants have done exactly the activations before it.
     pub fn now(&self) -> Rational {
-        self.course.time(self.now)
+        self.run_state.time(self.now)
     }
 
     /// The same, s.
     pub fn now_s(&self) -> f64 {
-        self.course.plan.timebase.seconds(self.now)
+        self.run_state.plan.timebase.seconds(self.now)
     }
 
     /// Whether the run is over: it has come to its end, or has failed.
@@ -92,13 +94,13 @@ impl Run {
             let time = time.to_string();
             Err(RunFailure::Instant { time, reason })
         };
-        let plan = &self.course.plan;
+        let plan = &self.run_state.plan;
         let ticks = match plan.timebase.ceil(time) {
-            Ok(ticks) if time <= self.course.scenario.duration => ticks.min(plan.end),
+            Ok(ticks) if time <= self.run_state.scenario.duration => ticks.min(plan.end),
             _ => {
                 return refuse(format!(
                     "lies behind the end of the run at {}",
-                    self.course.scenario.duration
+                    self.run_state.scenario.duration
                 ));
             }
         };
@@ -119,7 +121,7 @@ impl Run {
     /// # Errors
     /// As [`Run::run_to`].
     pub fn step(&mut self) -> Result<(), RunFailure> {
-        let (plan, now) = (&self.course.plan, self.now);
+        let (plan, now) = (&self.run_state.plan, self.now);
         let next = plan.participants.iter().filter_map(|own| {
             let next = own.sample_time.count_before(now.saturating_add(1));
             (next < own.activations).then(|| own.sample_time.instant(next))
@@ -158,7 +160,7 @@ impl Run {
     /// # Errors
     /// When there is no such output, or no sample of it yet.
     pub fn newest(&self, port: &str) -> Result<Sample, RunFailure> {
-        let streams = streams(&self.course.plan);
+        let streams = streams(&self.run_state.plan);
         let refuse = |reason: String| RunFailure::Port {
             port: port.to_owned(),
             reason,
@@ -168,7 +170,7 @@ impl Run {
             let known: Vec<String> = streams.iter().map(|spec| format!("`{}`", spec.name())).collect();
             refuse(format!("there is no such output; there is {}", known.join(", ")))
         })?;
-        let recorder = self.course.recorder();
+        let recorder = self.run_state.recorder();
         let (header, payload) = recorder
             .newest_of(number)
             .ok_or_else(|| refuse(format!("has no sample yet at t = {}", self.now())))?;
@@ -176,7 +178,7 @@ impl Run {
             name: port.to_owned(),
             descriptor: streams[number].descriptor.clone(),
             index: header.index,
-            stamp_s: self.course.plan.timebase.seconds(header.stamp),
+            stamp_s: self.run_state.plan.timebase.seconds(header.stamp),
             payload: payload.clone(),
         })
     }
@@ -185,7 +187,7 @@ impl Run {
     /// written.
     pub fn log(&self, participant: &str) -> String {
         let from_file = || {
-            let file = self.course.folder.as_ref()?.stderr(participant);
+            let file = self.run_state.folder.as_ref()?.stderr(participant);
             Some(String::from_utf8_lossy(&std::fs::read(file).ok()?).into_owned())
         };
         self.executor.said(participant).or_else(from_file).unwrap_or_default()
@@ -193,7 +195,7 @@ impl Run {
 
     /// The figures so far, if the scenario has an assessment or measures: those of a run that ended now.
     pub fn figures(&self) -> Option<Figures> {
-        self.course.recorder().figures()
+        self.run_state.recorder().figures()
     }
 
     /// Sets the unconnected input `PARTICIPANT.INPUT` to `value`: the activations at or after now see it, until it is set again. An
@@ -203,8 +205,8 @@ impl Run {
     /// [`RunFailure::Port`] when there is no such input, when it is connected (the message names the output), when its payload has
     /// other fields than `M`, and for a number that is not finite; [`RunFailure::Over`].
     pub fn set<M: Message>(&mut self, port: &str, value: &M) -> Result<(), RunFailure> {
-        let (participant, input) = inputs::find(&self.course.plan, port)?;
-        let descriptor = &self.course.plan.participants[participant].interface.inputs[input].descriptor;
+        let (participant, input) = inputs::find(&self.run_state.plan, port)?;
+        let descriptor = &self.run_state.plan.participants[participant].interface.inputs[input].descriptor;
         if let Some(difference) = M::descriptor().difference(descriptor) {
             return Err(RunFailure::Port {
                 port: port.to_owned(),
@@ -220,8 +222,8 @@ impl Run {
     /// # Errors
     /// As [`Run::set`]; also for an unknown field, and for a wrong number of elements.
     pub fn set_fields(&mut self, port: &str, fields: &[(&str, &[f64])]) -> Result<(), RunFailure> {
-        let (participant, input) = inputs::find(&self.course.plan, port)?;
-        let descriptor = &self.course.plan.participants[participant].interface.inputs[input].descriptor;
+        let (participant, input) = inputs::find(&self.run_state.plan, port)?;
+        let descriptor = &self.run_state.plan.participants[participant].interface.inputs[input].descriptor;
         let refuse = |reason: String| RunFailure::Port {
             port: port.to_owned(),
             reason,
@@ -243,12 +245,12 @@ impl Run {
     /// # Errors
     /// As [`Run::set`]; also for a wrong size.
     pub fn set_bytes(&mut self, port: &str, bytes: &[u8]) -> Result<(), RunFailure> {
-        let input = inputs::find(&self.course.plan, port)?;
+        let input = inputs::find(&self.run_state.plan, port)?;
         self.refuse_held("an input is set at a rest between two instants (`run_to`)")?;
         if self.over.is_some() {
             return Err(self.ended());
         }
-        let descriptor = &self.course.plan.participants[input.0].interface.inputs[input.1].descriptor;
+        let descriptor = &self.run_state.plan.participants[input.0].interface.inputs[input.1].descriptor;
         let refuse = |reason: String| RunFailure::Port {
             port: port.to_owned(),
             reason,
@@ -260,9 +262,9 @@ impl Run {
         if let Some(invalid) = descriptor.invalid(bytes).next() {
             return Err(refuse(format!("cannot be set to {}", invalid.words("a value"))));
         }
-        let event = inputs::event(&self.course.plan, self.now(), input, bytes);
-        self.course.recorder().event(&event)?;
-        self.course.inputs.insert(input, bytes.to_owned());
+        let event = inputs::event(&self.run_state.plan, self.now(), input, bytes);
+        self.run_state.recorder().event(&event)?;
+        self.run_state.inputs.insert(input, bytes.to_owned());
         self.unseen = true;
         Ok(())
     }
@@ -277,17 +279,17 @@ impl Run {
         }
         self.refuse_held("a state is saved at a rest between two instants (`run_to`)")?;
         let (cut, told) = {
-            let recorder = self.course.recorder();
+            let recorder = self.run_state.recorder();
             recorder.check_samples()?;
             (recorder.cut_at(self.now), recorder.told())
         };
         let time = self.now();
-        let state = attend::saved(self.executor.as_mut(), &self.course, time, cut)?;
+        let state = actions::saved(self.executor.as_mut(), &self.run_state, time, cut)?;
         self.saved += 1;
         self.saves.push(self.saved);
         Ok(Checkpoint {
             state,
-            inputs: self.course.inputs.clone(),
+            inputs: self.run_state.inputs.clone(),
             told,
             now: self.now,
             run: self.number,
@@ -330,30 +332,30 @@ impl Run {
     }
 
     fn go_back(&mut self, checkpoint: &Checkpoint) -> Result<(), RunFailure> {
-        let course = &mut self.course;
+        let run_state = &mut self.run_state;
         let state = &checkpoint.state;
-        let (assessment, watches) = prepare::judges(&course.scenario, &course.plan, &streams(&course.plan))?;
+        let (assessment, watches) = prepare::judges(&run_state.scenario, &run_state.plan, &streams(&run_state.plan))?;
         let (cut, told) = (&state.cut, checkpoint.told);
-        course.recorder().cut_back(state, told, assessment, watches)?;
-        course.inputs.clone_from(&checkpoint.inputs);
-        course.substituted = usize::try_from(state.substitutions).unwrap_or(usize::MAX);
-        let agenda = Agenda::new(
-            &course.scenario,
-            &course.plan,
-            &course.options,
+        run_state.recorder().cut_back(state, told, assessment, watches)?;
+        run_state.inputs.clone_from(&checkpoint.inputs);
+        run_state.substituted = usize::try_from(state.substitutions).unwrap_or(usize::MAX);
+        let schedule = Schedule::new(
+            &run_state.scenario,
+            &run_state.plan,
+            &run_state.options,
             checkpoint.now,
-            course.substituted,
+            run_state.substituted,
         )?;
-        let seats = prepare::seats_at(course, state, |_| false);
-        let fallen = self.executor.take_up(course, cut, seats, true)?;
+        let slots = prepare::seats_at(run_state, state, |_| false);
+        let fallen = self.executor.take_up(run_state, cut, slots, true)?;
         if let Some(first) = fallen.first() {
             return Err(RunFailure::Participant {
-                participant: course.name(first.number).to_owned(),
+                participant: run_state.name(first.number).to_owned(),
                 reason: first.reason.clone(),
             });
         }
-        course.guide.go_back(agenda, checkpoint.now);
-        course.last_checkpoint = course.scenario.restarts().then(|| state.clone());
+        run_state.guide.go_back(schedule, checkpoint.now);
+        run_state.last_checkpoint = run_state.scenario.restarts().then(|| state.clone());
         self.executor.went_back(checkpoint.now);
         (self.now, self.over, self.unseen) = (checkpoint.now, None, false);
         // The record that outputs were given is cut off as well.

@@ -8,9 +8,9 @@ use lockstep::plan::Cut;
 use lockstep::stepper::Stepper;
 use lockstep::time::Ticks;
 
-use super::course::Course;
-use super::fallen::Fallen;
+use super::failed::FailedParticipant;
 use super::outcome::{Ending, RunFailure};
+use super::state::RunState;
 use crate::scenario::Entry;
 
 /// The result of one turn.
@@ -27,8 +27,8 @@ pub(super) enum Turn {
     Parked,
 }
 
-/// What runs in a participant's slot (seat) when the run is taken up.
-pub(super) enum Seat {
+/// What runs in a participant's slot when the run is taken up.
+pub(super) enum Slot {
     /// The same program, with this state, or else the one that it has.
     Same(Option<Vec<u8>>),
     /// A new program, with this state, or else a cold start.
@@ -50,7 +50,7 @@ pub(super) struct Account {
 pub(super) trait Executor {
     /// Lets the participants do a part of what the guide grants, and takes what they have recorded. The error is a failure that the
     /// run may survive.
-    fn turn(&mut self, course: &mut Course) -> Result<Turn, Ending>;
+    fn turn(&mut self, run_state: &mut RunState) -> Result<Turn, Ending>;
 
     /// From now on steps are left to the caller if participants allow it: a turn then ends with [`Turn::Parked`].
     fn park(&mut self) {}
@@ -64,23 +64,23 @@ pub(super) trait Executor {
     fn rests_at(&self, now: Ticks) -> bool;
 
     /// The state of participant number `number`, at rest.
-    fn save(&mut self, course: &Course, number: usize) -> Result<Vec<u8>, RunFailure>;
+    fn save(&mut self, run_state: &RunState, number: usize) -> Result<Vec<u8>, RunFailure>;
 
-    /// At a rest: fills the slots as `seats` says; all participants continue at `cut`. `back` says that this is another cut than
-    /// the present one. Unconnected inputs have the values in the course. Returns the participants that failed meanwhile.
+    /// At a rest: fills the slots as `slots` says; all participants continue at `cut`. `back` says that this is another cut than
+    /// the present one. Unconnected inputs have the values in the run state. Returns the participants that failed meanwhile.
     ///
     /// # Errors
     /// A failure that no participant caused; then no participant is left.
     fn take_up(
         &mut self,
-        course: &mut Course,
+        run_state: &mut RunState,
         cut: &Cut,
-        seats: Vec<Seat>,
+        slots: Vec<Slot>,
         back: bool,
-    ) -> Result<Vec<Fallen>, RunFailure>;
+    ) -> Result<Vec<FailedParticipant>, RunFailure>;
 
-    /// At a rest: gives unconnected inputs the values in the course.
-    fn show_inputs(&mut self, course: &mut Course, cut: &Cut) -> Result<Vec<Fallen>, RunFailure>;
+    /// At a rest: gives unconnected inputs the values in the run state.
+    fn show_inputs(&mut self, run_state: &mut RunState, cut: &Cut) -> Result<Vec<FailedParticipant>, RunFailure>;
 
     /// All participants have gone back to `to`.
     fn went_back(&mut self, to: Ticks);
@@ -89,16 +89,16 @@ pub(super) trait Executor {
     fn outlives_failures(&self) -> bool;
 
     /// Handles the failure in `ending` as the scenario says: returns when the run can continue, or returns the ending as an error.
-    fn survive(&mut self, course: &mut Course, ending: Ending) -> Result<(), Ending>;
+    fn survive(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending>;
 
     /// Registers participants that failed while the run was taken up.
-    fn note_fallen(&mut self, fallen: Vec<Fallen>);
+    fn note_fallen(&mut self, fallen: Vec<FailedParticipant>);
 
     /// At a rest: which process is which participant, in words.
     fn processes(&self) -> String;
 
     /// At a rest: the failure of a participant that has ended or failed meanwhile.
-    fn failure(&mut self, course: &Course) -> Option<RunFailure>;
+    fn failure(&mut self, run_state: &RunState) -> Option<RunFailure>;
 
     /// Restarts the timeout within which participants must make progress.
     fn renew_patience(&mut self);
@@ -130,7 +130,7 @@ pub(super) trait Executor {
     }
 
     /// Orders all participants to exit, and takes what they still have to record.
-    fn bring_down(&mut self, course: &mut Course);
+    fn bring_down(&mut self, run_state: &mut RunState);
 
     /// How wall time was spent.
     fn account(&self) -> Account;

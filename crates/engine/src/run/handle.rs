@@ -8,19 +8,22 @@ use lockstep::time::Ticks;
 use tape::folder::{Claim, RunFolder};
 use tape::{Event, EventKind};
 
-use super::agenda::Agenda;
-use super::attend::{self, attend};
-use super::course::Course;
 use super::executor::{Executor, Turn};
-use super::horizon::Guide;
+use super::in_loop;
 use super::inputs;
-use super::monitor::Monitor;
 use super::options::Options;
 use super::outcome::{Ending, Outcome, RunFailure};
+use super::pace::horizon::Guide;
+use super::pace::spans::Times;
 use super::prepare::{self, Ready};
-use super::store::{Record, no_samples};
-use super::times::Times;
-use super::{in_process, instants, room, set_up};
+use super::processes::monitor::Monitor;
+use super::processes::resources;
+use super::processes::start_up;
+use super::recording::store::{Record, no_samples};
+use super::state::RunState;
+use super::stops::actions::{self, attend};
+use super::stops::instants;
+use super::stops::schedule::Schedule;
 use crate::observer::Event as Report;
 use crate::scenario::Scenario;
 use crate::scope;
@@ -34,7 +37,7 @@ use crate::scope;
 pub struct Run {
     // Dropped first: the recorder must outlive the participants that record.
     pub(super) executor: Box<dyn Executor>,
-    pub(super) course: Course,
+    pub(super) run_state: RunState,
     /// All participants have done exactly the activations before this instant.
     pub(super) now: Ticks,
     /// A participant is held before its step at this instant.
@@ -77,7 +80,7 @@ impl Run {
     /// The reason why the run cannot start; then it has left nothing, unless there was something to record.
     pub fn start(scenario: &Scenario, options: &Options) -> Result<Run, RunFailure> {
         let mut run = Run::begin(Arc::new(scenario.clone()), options.clone(), true)?;
-        run.course.recorder().keep_newest();
+        run.run_state.recorder().keep_newest();
         let from = run.now;
         run.go(Some(from));
         match run.over.take() {
@@ -102,12 +105,12 @@ impl Run {
         let (known, made) = prepare::checked(&scenario, made)?;
         let entries = prepare::entries(&scenario, &options)?;
         let participants = if options.in_process {
-            Some(in_process::seated(&scenario, &options, &entries, made)?)
+            Some(in_loop::executor::in_slots(&scenario, &options, &entries, made)?)
         } else {
             drop(made);
             refuse_inside_a_participant(&scenario)?;
             scope::leftovers().iter().for_each(scope::Leftover::remove);
-            room::check(&known.plan, scenario.moves())?;
+            resources::check(&known.plan, scenario.moves())?;
             None
         };
         let mut claim = match options.record {
@@ -134,7 +137,7 @@ impl Run {
             }
             (None, Some(folder)) => {
                 let monitor = Monitor::new(options.interrupt.clone());
-                set_up::set_up(&scenario, &options, &known, entries, folder, &monitor, asked)
+                start_up::set_up(&scenario, &options, &known, entries, folder, &monitor, asked)
                     .map(|(ready, processes)| (ready, Making::Done(Box::new(processes))))
             }
             (None, None) => Err(no_samples()),
@@ -163,12 +166,12 @@ impl Run {
             recovered,
         } = ready;
         let (from, substituted) = (start.from, start.substituted);
-        let agenda = Agenda::new(&scenario, &plan, &options, from, substituted)?;
+        let schedule = Schedule::new(&scenario, &plan, &options, from, substituted)?;
         let times = Times::new(&plan, &options, &scenario.title)?;
         let recorder = Arc::new(Mutex::new(recorder));
         let executor: Box<dyn Executor> = match making {
             Making::Here(participants) => {
-                let looped = in_process::set_up(
+                let looped = in_loop::executor::set_up(
                     &plan,
                     &entries,
                     from,
@@ -182,8 +185,8 @@ impl Run {
             Making::Done(processes) => processes,
         };
         options.begin(&plan, folder.as_ref());
-        let course = Course {
-            guide: Guide::new(&plan, &options, agenda, from),
+        let run_state = RunState {
+            guide: Guide::new(&plan, &options, schedule, from),
             entries,
             substituted,
             inputs: start.inputs,
@@ -198,7 +201,7 @@ impl Run {
         };
         Ok(Run {
             executor,
-            course,
+            run_state,
             now: from,
             held: false,
             answered: false,
@@ -223,7 +226,7 @@ impl Run {
             return;
         }
         let started = Instant::now();
-        let bound = bound.filter(|bound| *bound < self.course.plan.end);
+        let bound = bound.filter(|bound| *bound < self.run_state.plan.end);
         self.set_out(bound);
         let conduct = self.conduct(bound);
         self.arrive(bound, conduct);
@@ -232,20 +235,20 @@ impl Run {
 
     /// Preparation for [`Run::conduct`].
     pub(super) fn set_out(&mut self, bound: Option<Ticks>) {
-        self.course.guide.drive_to(bound);
-        self.course.guide.go_on();
+        self.run_state.guide.drive_to(bound);
+        self.run_state.guide.go_on();
         self.executor.renew_patience();
     }
 
     /// Follow-up of [`Run::conduct`], unless the run is parked.
     pub(super) fn arrive(&mut self, bound: Option<Ticks>, conduct: Conduct) {
-        self.now = bound.unwrap_or(self.course.plan.end);
+        self.now = bound.unwrap_or(self.run_state.plan.end);
         self.held = false;
         if let Conduct::Held(at) = conduct {
             (self.now, self.held) = (at, true);
         }
         if let Conduct::Over(ending) = conduct {
-            let newest = self.course.newest().clamp(0, self.course.plan.end);
+            let newest = self.run_state.newest().clamp(0, self.run_state.plan.end);
             if ending != Ending::Complete {
                 self.now = newest;
             }
@@ -256,15 +259,17 @@ impl Run {
 
     /// The main loop of every run: turns, rests, and recovery from failures.
     pub(super) fn conduct(&mut self, bound: Option<Ticks>) -> Conduct {
-        let Run { executor, course, .. } = self;
+        let Run {
+            executor, run_state, ..
+        } = self;
         let executor = executor.as_mut();
         let mut shown = !std::mem::take(&mut self.unseen);
         loop {
             let turn = if shown {
-                executor.turn(course)
+                executor.turn(run_state)
             } else {
                 shown = true;
-                show_inputs(executor, course, self.now).map(|()| Turn::Going)
+                show_inputs(executor, run_state, self.now).map(|()| Turn::Going)
             };
             let done = turn.and_then(|turn| match turn {
                 Turn::Going => Ok(None),
@@ -272,8 +277,8 @@ impl Run {
                 Turn::Held(at) => Ok(Some(Conduct::Held(at))),
                 Turn::Parked => Ok(Some(Conduct::Parked)),
                 Turn::Rests(now) => {
-                    let ending = attend(executor, course, now)?;
-                    let rests = bound == Some(now) && course.guide.is_free(now) && executor.rests_at(now);
+                    let ending = attend(executor, run_state, now)?;
+                    let rests = bound == Some(now) && run_state.guide.is_free(now) && executor.rests_at(now);
                     Ok(ending.map(Conduct::Over).or(rests.then_some(Conduct::Rests)))
                 }
             });
@@ -281,7 +286,7 @@ impl Run {
                 Ok(None) => {}
                 Ok(Some(done)) => return done,
                 Err(failed) => {
-                    if let Err(ending) = executor.survive(course, failed) {
+                    if let Err(ending) = executor.survive(run_state, failed) {
                         return Conduct::Over(ending);
                     }
                 }
@@ -313,16 +318,16 @@ impl Run {
     pub(crate) fn repeat_inputs(&mut self, events: &[Event]) -> Result<(), RunFailure> {
         for event in events.iter().filter(|event| event.kind == EventKind::Input) {
             let there = event.participant.as_ref();
-            let there = there.is_some_and(|name| self.course.plan.participant(name).is_some());
-            if !there || self.over.is_some() || event.time >= self.course.scenario.duration {
+            let there = there.is_some_and(|name| self.run_state.plan.participant(name).is_some());
+            if !there || self.over.is_some() || event.time >= self.run_state.scenario.duration {
                 continue;
             }
-            let (input, payload) = inputs::read(&self.course.plan, event).map_err(RunFailure::Other)?;
-            let ticks = self.course.plan.timebase.ceil(event.time);
+            let (input, payload) = inputs::read(&self.run_state.plan, event).map_err(RunFailure::Other)?;
+            let ticks = self.run_state.plan.timebase.ceil(event.time);
             self.go(Some(ticks.map_err(|error| RunFailure::Other(error.to_string()))?));
             if self.over.is_none() {
-                self.course.recorder().event(event)?;
-                self.course.inputs.insert(input, payload);
+                self.run_state.recorder().event(event)?;
+                self.run_state.inputs.insert(input, payload);
                 self.unseen = true;
             }
         }
@@ -337,14 +342,14 @@ impl Run {
 
     /// Ends the run, here if it is not over yet.
     pub(super) fn conclude(mut self) -> Outcome {
-        let course = &mut self.course;
-        course.options.progress.report(Report::Over);
-        self.executor.bring_down(course);
+        let run_state = &mut self.run_state;
+        run_state.options.progress.report(Report::Over);
+        self.executor.bring_down(run_state);
         let account = self.executor.account();
         drop(self.executor);
         let known = self.over.as_ref().map_or_else(Instant::now, |over| over.known);
         let ending = self.over.map_or(Ending::Complete, |over| over.ending);
-        let Course {
+        let RunState {
             plan,
             recorder,
             folder,
@@ -352,7 +357,7 @@ impl Run {
             times,
             scenario,
             ..
-        } = self.course;
+        } = self.run_state;
         let partial = prepare::partial(&scenario, &plan);
         let (punctuality, traced) = times.finish();
         let recorder = Arc::into_inner(recorder).expect("the participants are gone");
@@ -410,18 +415,23 @@ fn refuse_inside_a_participant(scenario: &Scenario) -> Result<(), RunFailure> {
 /// The executor of a run, as far as it has been made.
 enum Making {
     Here(Vec<Box<dyn lockstep::participant::Participant>>),
-    Done(Box<super::processes::Processes>),
+    Done(Box<super::processes::executor::Processes>),
 }
 
 /// Gives unconnected inputs the values that were set.
-fn show_inputs(executor: &mut dyn Executor, course: &mut Course, now: Ticks) -> Result<(), Ending> {
-    let cut = course.recorder().cut_at(now);
-    let shown = executor.show_inputs(course, &cut).and_then(|mut fallen| {
+fn show_inputs(executor: &mut dyn Executor, run_state: &mut RunState, now: Ticks) -> Result<(), Ending> {
+    let cut = run_state.recorder().cut_at(now);
+    let shown = executor.show_inputs(run_state, &cut).and_then(|mut fallen| {
         if fallen.is_empty() {
-            fallen.extend(attend::keep_for_restarts(executor, course, course.time(now), cut)?);
+            fallen.extend(actions::keep_for_restarts(
+                executor,
+                run_state,
+                run_state.time(now),
+                cut,
+            )?);
         }
         Ok(fallen)
     });
-    let fallen = shown.map_err(|failure| course.over(failure))?;
-    attend::fell(executor, course, fallen)
+    let fallen = shown.map_err(|failure| run_state.over(failure))?;
+    actions::fell(executor, run_state, fallen)
 }

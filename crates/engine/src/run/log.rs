@@ -22,7 +22,7 @@ const PIECE: usize = 1 << 16;
 
 /// The log of one participant.
 #[derive(Clone)]
-pub(super) struct Log {
+pub(crate) struct Log {
     path: PathBuf,
     flow: Arc<Flow>,
 }
@@ -40,7 +40,7 @@ struct Flow {
 
 impl Log {
     /// Creates the file `path`; returns the log and the pipe to write into.
-    pub(super) fn create(path: &Path) -> io::Result<(Log, PipeWriter)> {
+    pub(crate) fn create(path: &Path) -> io::Result<(Log, PipeWriter)> {
         let file = File::create(path)?;
         let (reader, writer) = io::pipe()?;
         let flow = Arc::new(Flow::default());
@@ -55,18 +55,18 @@ impl Log {
     }
 
     /// Whether the participant wrote more than [`LOG_MAX`].
-    pub(super) fn is_full(&self) -> bool {
+    pub(crate) fn is_full(&self) -> bool {
         self.flow.full.load(Ordering::Relaxed)
     }
 
     /// Waits until the file has everything that was written. To be called after the process has ended.
-    pub(super) fn settle(&self) {
+    pub(crate) fn settle(&self) {
         let over = self.flow.over.lock().unwrap_or_else(PoisonError::into_inner);
         drop(self.flow.is_over.wait_timeout_while(over, ENDS, |over| !*over));
     }
 
     /// The last lines of the log.
-    pub(super) fn last_lines(&self) -> Vec<String> {
+    pub(crate) fn last_lines(&self) -> Vec<String> {
         const TAIL: u64 = 4096;
         let read = || -> io::Result<Vec<u8>> {
             let mut file = File::open(&self.path)?;
@@ -129,7 +129,7 @@ impl Flow {
 }
 
 /// The last lines of a log, formatted as the end of a message.
-pub(super) fn words(log: &Log) -> String {
+pub(crate) fn words(log: &Log) -> String {
     let lines = log.last_lines();
     if lines.is_empty() {
         "; it wrote nothing".into()
@@ -139,7 +139,7 @@ pub(super) fn words(log: &Log) -> String {
 }
 
 /// The reason of a failure by a full log.
-pub(super) fn flood() -> String {
+pub(crate) fn flood() -> String {
     format!("wrote more than {} MiB to its standard error", LOG_MAX >> 20)
 }
 

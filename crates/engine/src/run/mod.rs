@@ -1,87 +1,49 @@
 //! One run, from a scenario to a verdict.
 
-mod abreast;
-mod agenda;
-mod attend;
-mod awake;
-mod branch;
-mod bus;
-pub mod checkpoint;
-mod child;
-mod continuation;
-mod course;
-mod crew;
-pub mod describe;
-mod direct;
 mod drive;
 mod executor;
-mod explain;
-mod fallen;
-pub mod faults;
-mod guard;
+mod failed;
 mod handle;
-mod handshake;
-mod held;
-mod horizon;
-mod in_process;
+mod in_loop;
 mod inputs;
-mod instants;
-mod kept;
-mod lanes;
-mod lateness;
-mod life;
 mod log;
-mod monitor;
-mod newest;
-mod notes;
-mod observed;
 mod options;
 mod outcome;
 mod pace;
-mod place;
-mod placement;
-mod played;
-mod ports;
 pub(crate) mod prepare;
 mod processes;
-mod punctuality;
-mod recall;
 mod recording;
-mod rest;
-pub mod room;
-mod said;
-mod set_up;
-mod slices;
-mod standstill;
-mod store;
-mod streams;
-mod survive;
-mod take_up;
-mod times;
-mod trace;
-mod traced;
+mod recovery;
+mod saved;
+mod state;
+mod stops;
+mod timeout;
 
 use std::sync::Arc;
 
-pub(crate) use abreast::Abreast;
-pub use branch::{Branch, branch};
-pub use bus::guard as guard_memory;
-pub use child::{own_program, start_instead, tie};
-pub use continuation::check_branch;
 pub use drive::{Checkpoint, Instantlike};
-pub(crate) use guard::{Forbidden, Watch};
 pub use handle::Run;
-pub use kept::Kept;
+pub(crate) use in_loop::batched::Abreast;
 pub(crate) use log::last_lines;
-pub use newest::Sample;
 pub use options::{Options, Origin, Overrun, Wait};
 pub use outcome::{Ending, Outcome, RunFailure};
-pub use placement::Placement;
+pub use pace::punctuality::{Lateness, Punctuality, factor};
+pub use pace::traced::Traced;
 pub use prepare::{Known, check, check_here, check_with_programs};
-pub use punctuality::{Lateness, Punctuality, factor};
-pub use store::Record;
-pub use streams::streams;
-pub use traced::Traced;
+pub use processes::child::{own_program, start_instead, tie};
+pub use processes::placement::Placement;
+pub use processes::sigbus::guard as guard_memory;
+pub(crate) use recording::guard::{Forbidden, Watch};
+pub use recording::kept::Kept;
+pub use recording::newest::Sample;
+pub use recording::store::Record;
+pub use recording::streams::streams;
+pub use saved::branch::{Branch, branch};
+pub use saved::continuation::check_branch;
+
+pub use processes::{port_discovery, resources};
+pub use recording::faults;
+pub use saved::checkpoint;
 
 pub use crate::scenario::ORCHESTRATOR;
 
@@ -89,7 +51,7 @@ use crate::scenario::Scenario;
 
 /// How a process ended in words: exit status or signal.
 pub fn ending_of_process(status: std::process::ExitStatus) -> String {
-    child::Participant::ending(status)
+    processes::child::Participant::ending(status)
 }
 
 /// Runs `scenario`.

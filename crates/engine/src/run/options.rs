@@ -8,9 +8,9 @@ use lockstep::plan::Plan;
 use lockstep::time::Rational;
 use tape::folder::RunFolder;
 
-use super::checkpoint::Checkpoint;
 use super::outcome::RunFailure;
-use super::store::Record;
+use super::recording::store::Record;
+use super::saved::checkpoint::Checkpoint;
 use crate::live::Steering;
 use crate::observer::{Event, Interrupt, Progress};
 

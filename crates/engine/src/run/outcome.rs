@@ -10,9 +10,9 @@ use serde_json::{Map, Value, json};
 use tape::folder::FolderError;
 use tape::{AppendError, CreateError, Digest, ReadError};
 
-use super::checkpoint::CheckpointError;
-use super::punctuality::Punctuality;
-use super::traced::Traced;
+use super::pace::punctuality::Punctuality;
+use super::pace::traced::Traced;
+use super::saved::checkpoint::CheckpointError;
 use crate::scenario::{ORCHESTRATOR, ScenarioError};
 use crate::scope::ScopeError;
 

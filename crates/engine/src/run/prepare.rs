@@ -11,23 +11,23 @@ use serde::Serialize;
 use tape::folder::{Claim, RunFolder, utc_text};
 use tape::{Event, EventKind, StreamSpec, Writer};
 
-use super::checkpoint::Checkpoint;
-use super::continuation;
-use super::course::Course;
-use super::describe;
-use super::executor::Seat;
-use super::guard::Watch;
+use super::executor::Slot;
 use super::inputs::Inputs;
-use super::lanes::Lanes;
-use super::monitor::Monitor;
-use super::observed::Observers;
 use super::options::{Options, Origin};
 use super::outcome::RunFailure;
-use super::played::Played;
-use super::recall::Before;
-use super::recording::Recorder;
-use super::store::Store;
-use super::streams::streams;
+use super::processes::monitor::Monitor;
+use super::processes::port_discovery;
+use super::recording::guard::Watch;
+use super::recording::lanes::Lanes;
+use super::recording::observed::Observers;
+use super::recording::recorder::Recorder;
+use super::recording::store::Store;
+use super::recording::streams::streams;
+use super::saved::checkpoint::Checkpoint;
+use super::saved::continuation;
+use super::saved::history::Played;
+use super::saved::restore::Before;
+use super::state::RunState;
 use crate::assessment::Assessment;
 use crate::live::Steering;
 use crate::observer::{Answer, Event as Report, Interrupt, Progress};
@@ -112,13 +112,13 @@ pub fn check_with_programs(scenario: &Scenario, options: &Options) -> Result<Kno
     let unknown: Vec<&Entry> = unknown
         .filter_map(|(entry, interface)| interface.is_none().then_some(entry))
         .collect();
-    let mut told = describe::ask(scenario, &unknown, options)?.into_iter();
+    let mut told = port_discovery::ask(scenario, &unknown, options)?.into_iter();
     let interfaces: Vec<Interface> = (known.interfaces.into_iter())
         .filter_map(|interface| interface.or_else(|| told.next()))
         .collect();
     let check_substitutes = || {
         let monitor = Monitor::new(options.interrupt.clone());
-        describe::check_substitutes(scenario, &interfaces, options, &monitor)
+        port_discovery::check_substitutes(scenario, &interfaces, options, &monitor)
     };
     if unknown.is_empty() {
         // Nothing was assumed, so this is the plan.
@@ -347,26 +347,26 @@ pub(super) fn entries_at(scenario: &Scenario, checkpoint: &Checkpoint) -> Vec<En
     for substitution in scenario.substitutions.iter().take(done) {
         entries[substitution.participant] = substitution.entry.clone();
     }
-    for (seat, replaced) in entries.iter_mut().zip(&checkpoint.replaced) {
-        if let (true, OnFailure::Substitute(program)) = (replaced, seat.on_failure.clone()) {
-            *seat = seat.replaced_by(&program);
+    for (slot, replaced) in entries.iter_mut().zip(&checkpoint.replaced) {
+        if let (true, OnFailure::Substitute(program)) = (replaced, slot.on_failure.clone()) {
+            *slot = slot.replaced_by(&program);
         }
     }
     entries
 }
 
 /// What runs in each slot when the run goes back to `checkpoint`; the participants for which `anew` returns true get new processes.
-pub(super) fn seats_at(course: &Course, checkpoint: &Checkpoint, anew: impl Fn(usize) -> bool) -> Vec<Seat> {
-    let entries = entries_at(&course.scenario, checkpoint);
-    let seats = checkpoint.states.iter().cloned().zip(entries).enumerate();
-    let seats = seats.map(|(number, (state, entry))| {
-        if anew(number) || !entry.runs_as(&course.entries[number]) {
-            Seat::New(Box::new(entry), Some(state))
+pub(super) fn seats_at(run_state: &RunState, checkpoint: &Checkpoint, anew: impl Fn(usize) -> bool) -> Vec<Slot> {
+    let entries = entries_at(&run_state.scenario, checkpoint);
+    let slots = checkpoint.states.iter().cloned().zip(entries).enumerate();
+    let slots = slots.map(|(number, (state, entry))| {
+        if anew(number) || !entry.runs_as(&run_state.entries[number]) {
+            Slot::New(Box::new(entry), Some(state))
         } else {
-            Seat::Same(Some(state))
+            Slot::Same(Some(state))
         }
     });
-    seats.collect()
+    slots.collect()
 }
 
 /// The start of the run; everything before it is copied to the tape. [`entries`] has checked that the scenario continues from
@@ -417,7 +417,7 @@ pub(super) fn substitution_event(
     plan: &Plan,
     now: Ticks,
     cut: &Cut,
-    seat: usize,
+    slot: usize,
     entry: &Entry,
     state: State,
 ) -> Event {
@@ -429,7 +429,7 @@ pub(super) fn substitution_event(
         time: plan.timebase.time(now).unwrap_or_default(),
         kind: EventKind::Substitution,
         participant: Some(entry.setup.name.clone()),
-        text: format!("{} takes over at activation {} {how}", entry.program, cut.next[seat]),
+        text: format!("{} takes over at activation {} {how}", entry.program, cut.next[slot]),
     }
 }
 

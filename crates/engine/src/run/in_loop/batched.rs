@@ -1,0 +1,49 @@
+//! Batched runs in one thread: where participants allow it, the steps of several runs are done together.
+
+use std::sync::Arc;
+
+use lockstep::participant::Pending;
+
+use crate::run::handle::{Conduct, Run};
+use crate::run::options::Options;
+use crate::run::outcome::{Outcome, RunFailure};
+use crate::scenario::Scenario;
+
+/// A run in one loop of this process that stops wherever a step is to be done together with those of other runs.
+pub(crate) struct Abreast {
+    run: Run,
+}
+
+impl Abreast {
+    /// A run before its first step.
+    ///
+    /// # Errors
+    /// As [`Run::begin`].
+    pub(crate) fn begin(scenario: Arc<Scenario>, options: Options) -> Result<Abreast, RunFailure> {
+        let mut run = Run::begin(scenario, options, false)?;
+        run.executor.park();
+        run.set_out(None);
+        Ok(Abreast { run })
+    }
+
+    /// Continues to the next such step, which [`Abreast::pending`] then returns; `false` at the end of the run.
+    pub(crate) fn advance(&mut self) -> bool {
+        match self.run.conduct(None) {
+            Conduct::Parked => true,
+            over => {
+                self.run.arrive(None, over);
+                false
+            }
+        }
+    }
+
+    /// The step that waits to be done.
+    pub(crate) fn pending(&mut self) -> Option<Pending<'_>> {
+        self.run.executor.pending()
+    }
+
+    /// The outcome of the run.
+    pub(crate) fn conclude(self) -> Outcome {
+        self.run.conclude()
+    }
+}

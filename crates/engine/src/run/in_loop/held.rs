@@ -1,0 +1,212 @@
+//! A rest within an instant: a participant is held before its step, its inputs can be read, and its outputs can be given in its
+//! place.
+
+use lockstep::participant::{Interface, Payload};
+use lockstep::port::{Descriptor, Message};
+use tape::{Event, EventKind};
+
+use crate::run::handle::{Over, Run};
+use crate::run::outcome::{Ending, RunFailure};
+use crate::run::recording::newest::Sample;
+
+impl Run {
+    /// Runs until `participant` is about to step: it has the inputs of its next activation, at [`Run::now`], and everything that
+    /// must come before that has been done. [`Run::shown`] returns its inputs and [`Run::answer`] gives its outputs; without an
+    /// answer it steps as usual when the run continues. Returns `false` when it has no activation left: then the run has come to
+    /// its end.
+    ///
+    /// # Errors
+    /// When there is no such participant, or the run is in processes; [`RunFailure::Over`].
+    pub fn run_before(&mut self, participant: &str) -> Result<bool, RunFailure> {
+        let number = self.number_of(participant)?;
+        if self.over.is_some() {
+            return Err(self.ended());
+        }
+        let Some(next) = self.executor.hold(number) else {
+            return Err(RunFailure::Participant {
+                participant: participant.to_owned(),
+                reason:
+                    "is in a process of its own, which is not held before a step: run in this process (`in_process`)"
+                        .into(),
+            });
+        };
+        // No further than that, because granted time cannot be revoked.
+        self.advance(Some(next.saturating_add(1)));
+        match &self.over {
+            None => Ok(true),
+            Some(Over { ending, .. }) if *ending == Ending::Complete => Ok(false),
+            Some(_) => Err(self.ended()),
+        }
+    }
+
+    /// The ports of a participant.
+    ///
+    /// # Errors
+    /// When there is no such participant.
+    pub fn interface(&self, participant: &str) -> Result<&Interface, RunFailure> {
+        let number = self.number_of(participant)?;
+        Ok(&self.run_state.plan.participants[number].interface)
+    }
+
+    /// What `PARTICIPANT.INPUT` shows in the activation before which the participant is held, as the participant sees it: after
+    /// delays and faults. Its index is that of the activation, its stamp the instant.
+    ///
+    /// # Errors
+    /// When the participant is not held, or has no such input.
+    pub fn shown(&self, port: &str) -> Result<Sample, RunFailure> {
+        let (name, input) = self.port_of_held(port)?;
+        let own = self.executor.held().ok_or_else(|| not_held(port, name))?;
+        let inputs = &own.assignment().interface.inputs;
+        let number = find(port, "input", input, inputs.iter().map(|one| &one.name))?;
+        let descriptor = inputs[number].descriptor.clone();
+        let mut payload = Payload::zeroed(descriptor.size as usize);
+        payload.bytes_mut().copy_from_slice(own.shown(number));
+        Ok(Sample {
+            name: port.to_owned(),
+            descriptor,
+            index: own.next_activation(),
+            stamp_s: own.next_seconds(),
+            payload,
+        })
+    }
+
+    /// Gives `PARTICIPANT.OUTPUT` for the activation before which the participant is held: the participant then does not step, and
+    /// this value is published instead. Outputs that are not given keep their last value.
+    ///
+    /// # Errors
+    /// When the participant is not held, has no such output, or its payload has other fields than `M`.
+    pub fn answer<M: Message>(&mut self, port: &str, value: &M) -> Result<(), RunFailure> {
+        self.answer_as(port, Payload::of(value).bytes(), Some(&M::descriptor()))
+    }
+
+    /// As [`Run::answer`], with the bytes of the payload.
+    ///
+    /// # Errors
+    /// As [`Run::answer`]; also for a wrong size.
+    pub fn answer_bytes(&mut self, port: &str, payload: &[u8]) -> Result<(), RunFailure> {
+        self.answer_as(port, payload, None)
+    }
+
+    fn answer_as(&mut self, port: &str, payload: &[u8], message: Option<&Descriptor>) -> Result<(), RunFailure> {
+        let (name, output) = self.port_of_held(port)?;
+        let own = self.executor.held().ok_or_else(|| not_held(port, name))?;
+        let outputs = &own.assignment().interface.outputs;
+        let number = find(port, "output", output, outputs.iter().map(|one| &one.name))?;
+        let descriptor = &outputs[number].descriptor;
+        let refuse = |reason: String| {
+            let port = port.to_owned();
+            Err(RunFailure::Port { port, reason })
+        };
+        if let Some((message, difference)) =
+            message.and_then(|message| Some((message, message.difference(descriptor)?)))
+        {
+            return refuse(format!("its payload is no `{}`: {difference}", message.name));
+        }
+        if payload.len() != descriptor.size as usize {
+            return refuse(format!(
+                "its payload has {} bytes, not {}",
+                descriptor.size,
+                payload.len()
+            ));
+        }
+        if let Some(invalid) = descriptor.invalid(payload).next() {
+            return refuse(format!("cannot be given {}", invalid.words("a value")));
+        }
+        self.give(number, payload)
+    }
+
+    /// What input number `input` shows to the participant that is held, without a lookup by name; `None` if no participant is held.
+    pub fn shown_at(&self, input: usize) -> Option<&[u8]> {
+        let own = self.executor.held()?;
+        (input < own.assignment().interface.inputs.len()).then(|| own.shown(input))
+    }
+
+    /// Gives output number `output` of the participant that is held, without a lookup by name. A value that is not finite ends the
+    /// run, as it would if the participant published it. Returns whether a participant is held and the payload has the right size.
+    ///
+    /// # Errors
+    /// When the tape cannot be written.
+    pub fn answer_at(&mut self, output: usize, payload: &[u8]) -> Result<bool, RunFailure> {
+        let outputs = self.executor.held().map(|own| &own.assignment().interface.outputs);
+        let port = outputs.and_then(|outputs| outputs.get(output));
+        if port.is_none_or(|port| port.descriptor.size as usize != payload.len()) {
+            return Ok(false);
+        }
+        self.give(output, payload).map(|()| true)
+    }
+
+    fn give(&mut self, output: usize, payload: &[u8]) -> Result<(), RunFailure> {
+        if !self.answered {
+            // Recorded once: from here on the tape does not follow from the scenario alone.
+            let participant = self.executor.held().map(|own| own.assignment().name.clone());
+            let event = Event {
+                time: self.now(),
+                kind: EventKind::Note,
+                participant,
+                text: "its outputs are given by the program that drives the run".to_owned(),
+            };
+            self.run_state.recorder().event(&event)?;
+            self.answered = true;
+        }
+        self.executor.answer(output, payload);
+        Ok(())
+    }
+
+    /// Refuses operations that need a rest between two instants.
+    pub(crate) fn refuse_held(&self, what: &str) -> Result<(), RunFailure> {
+        match self.executor.held() {
+            Some(own) if self.held => Err(RunFailure::Instant {
+                time: self.now().to_string(),
+                reason: format!(
+                    "is not over: `{}` is held before its activation there, and others have done theirs; {what}",
+                    own.assignment().name
+                ),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    fn number_of(&self, participant: &str) -> Result<usize, RunFailure> {
+        self.run_state.plan.participant(participant).ok_or_else(|| {
+            let known: Vec<String> = (self.run_state.plan.participants.iter())
+                .map(|own| format!("`{}`", own.name))
+                .collect();
+            RunFailure::Participant {
+                participant: participant.to_owned(),
+                reason: format!("there is no such participant; there is {}", known.join(", ")),
+            }
+        })
+    }
+
+    /// Splits `PARTICIPANT.PORT`; the participant must be the one that is held.
+    fn port_of_held<'a>(&self, port: &'a str) -> Result<(&'a str, &'a str), RunFailure> {
+        let (name, own) = port.split_once('.').ok_or_else(|| RunFailure::Port {
+            port: port.to_owned(),
+            reason: "is not a port: write \"PARTICIPANT.PORT\"".into(),
+        })?;
+        match self.executor.held() {
+            Some(held) if held.assignment().name == name => Ok((name, own)),
+            _ => Err(not_held(port, name)),
+        }
+    }
+}
+
+fn not_held(port: &str, name: &str) -> RunFailure {
+    RunFailure::Port {
+        port: port.to_owned(),
+        reason: format!("`{name}` is not held before an activation: `run_before(\"{name}\")` first"),
+    }
+}
+
+/// The number of the port called `name`.
+fn find<'a>(port: &str, what: &str, name: &str, all: impl Iterator<Item = &'a String>) -> Result<usize, RunFailure> {
+    let all: Vec<&String> = all.collect();
+    let known = || all.iter().map(|one| format!("`{one}`")).collect::<Vec<_>>().join(", ");
+    all.iter().position(|one| *one == name).ok_or_else(|| RunFailure::Port {
+        port: port.to_owned(),
+        reason: match all.is_empty() {
+            true => format!("there is no such {what}; it has none"),
+            false => format!("there is no such {what}; it has {}", known()),
+        },
+    })
+}

@@ -1,0 +1,266 @@
+//! The clock controller: how far the participants may go. It obeys stops, the pace of the wall clock, and external control of the
+//! run.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use lockstep::plan::Plan;
+use lockstep::time::Ticks;
+
+use super::wall_clock::{Due, Pace};
+use crate::live::Steering;
+use crate::run::options::Options;
+use crate::run::stops::schedule::{Action, Schedule};
+use crate::scenario::Scenario;
+
+/// A run under external control is granted about this much wall time in advance, so that it never waits for a grant and still stops
+/// soon.
+const AHEAD: Duration = Duration::from_millis(50);
+
+/// Determines the horizon of one run.
+pub(crate) struct Guide {
+    end: Ticks,
+    /// The instants at which the run rests before its end, and the reasons.
+    schedule: Schedule,
+    pace: Option<Pace>,
+    steering: Option<Arc<Steering>>,
+    lead: Lead,
+    granted: Ticks,
+    /// Where the run rests for the program that drives it.
+    bound: Option<Ticks>,
+}
+
+impl Guide {
+    /// A guide for a run of `plan` that begins at `from`; its clock starts now.
+    pub(crate) fn new(plan: &Plan, options: &Options, schedule: Schedule, from: Ticks) -> Guide {
+        let tick = plan.timebase.tick();
+        let shortest = plan.participants.iter().map(|own| own.sample_time.period).min();
+        let ticks_per_s = tick.denominator() as f64 / tick.numerator() as f64;
+        Guide {
+            end: plan.end,
+            schedule,
+            pace: options
+                .pace
+                .map(|factor| Pace::new(factor * ticks_per_s, from, Instant::now())),
+            steering: options.steering.clone(),
+            lead: Lead::new(shortest.unwrap_or(1)),
+            granted: from,
+            bound: None,
+        }
+    }
+
+    /// Sets the instant at which the run rests for its driving program; with `None` it rests only where its schedule says.
+    pub(crate) fn drive_to(&mut self, bound: Option<Ticks>) {
+        self.bound = bound;
+    }
+
+    /// Goes back to `to`; `schedule` has the rests from there on.
+    pub(crate) fn go_back(&mut self, schedule: Schedule, to: Ticks) {
+        (self.schedule, self.granted, self.lead.given) = (schedule, to, to);
+        self.go_on();
+    }
+
+    /// How far all participants may go now, when the newest sample is stamped `newest`. Never less than before.
+    pub(crate) fn horizon(&mut self, newest: Ticks) -> Ticks {
+        self.horizon_at(newest, Instant::now())
+    }
+
+    fn horizon_at(&mut self, newest: Ticks, now: Instant) -> Ticks {
+        let mut most = self.stop().unwrap_or(self.end);
+        let mut horizon = most;
+        if let Some(steering) = &self.steering {
+            most = most.min(steering.limit().max(self.granted));
+            horizon = most.min(self.lead.horizon(newest, now));
+        }
+        if let Some(pace) = &mut self.pace {
+            // The participants may do everything before the instant that has come, and the activations at that instant too.
+            horizon = most.min(pace.reached(most, now).saturating_add(1));
+        }
+        self.granted = self.granted.max(horizon);
+        self.granted
+    }
+
+    /// Reports to the external control how far the run is, and whether all participants rest at the horizon.
+    pub(crate) fn tell(&self, newest: Ticks, resting: bool) {
+        if let Some(steering) = &self.steering {
+            steering.tell(newest, self.granted, resting);
+        }
+    }
+
+    /// When the wall clock reaches `at`, if the run keeps pace with it.
+    pub(crate) fn due(&self, at: Ticks) -> Option<Due> {
+        self.pace.as_ref().map(|pace| pace.due(at))
+    }
+
+    /// The next rest.
+    pub(crate) fn stop(&self) -> Option<Ticks> {
+        self.schedule.next().into_iter().chain(self.bound).min()
+    }
+
+    /// Whether the schedule has nothing to do at `now`.
+    pub(crate) fn is_free(&self, now: Ticks) -> bool {
+        self.schedule.next() != Some(now)
+    }
+
+    /// Takes the next scheduled action of a rest at `now`.
+    pub(crate) fn take(&mut self, now: Ticks) -> Option<Action> {
+        self.schedule.take(now)
+    }
+
+    /// Puts back an action that was taken and could not be done.
+    pub(crate) fn put_back(&mut self, now: Ticks, action: Action) {
+        self.schedule.put_back(now, action);
+    }
+
+    /// The run goes back: the substitutions from number `done` on are still to come.
+    pub(crate) fn rewind(&mut self, scenario: &Scenario, plan: &Plan, done: usize) {
+        self.schedule.rewind(scenario, plan, done);
+        // Substitutes are started where all participants rest, and the newest rest may be before the granted time.
+        self.granted = self.granted.min(self.schedule.next().unwrap_or(self.granted));
+    }
+
+    /// Rests at `now` for the user, until the returned control lets the run continue.
+    pub(crate) fn hold(&self, now: Ticks) -> Option<Arc<Steering>> {
+        if let Some(steering) = &self.steering {
+            steering.tell(now, now, true);
+            steering.pause();
+        }
+        self.steering.clone()
+    }
+
+    /// Continues after a stop: the wall time spent in the stop does not count.
+    pub(crate) fn go_on(&mut self) {
+        if let Some(pace) = &mut self.pace {
+            pace.start_over(self.granted, Instant::now());
+        }
+    }
+}
+
+/// How far beyond the newest sample a run under external control and without a pace is granted time, so that a request to pause
+/// still takes effect soon.
+struct Lead {
+    least: Ticks,
+    ticks: Ticks,
+    given: Ticks,
+    since: Option<Instant>,
+}
+
+impl Lead {
+    fn new(shortest: Ticks) -> Lead {
+        let least = shortest.saturating_mul(16);
+        Lead {
+            least,
+            ticks: least,
+            given: 0,
+            since: None,
+        }
+    }
+
+    /// Grants more when half of the last grant is used up: twice as much when that was quick, half as much when it was slow.
+    fn horizon(&mut self, newest: Ticks, now: Instant) -> Ticks {
+        if newest.saturating_add(self.ticks / 2) < self.given {
+            return self.given;
+        }
+        if let Some(since) = self.since {
+            let took = now.saturating_duration_since(since);
+            if took < AHEAD / 2 {
+                self.ticks = self.ticks.saturating_mul(2);
+            } else if took > AHEAD * 2 {
+                self.ticks = (self.ticks / 2).max(self.least);
+            }
+        }
+        self.since = Some(now);
+        self.given = newest.max(0).saturating_add(self.ticks);
+        self.given
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn guide(stops: Vec<Ticks>, pace: Option<f64>, steering: Option<Arc<Steering>>, start: Instant) -> Guide {
+        let pace = pace.map(|ticks_per_s| Pace::new(ticks_per_s, 0, start));
+        Guide {
+            end: 100_000,
+            schedule: Schedule::of_pauses(stops),
+            pace,
+            steering,
+            lead: Lead::new(1),
+            granted: 0,
+            bound: None,
+        }
+    }
+
+    /// The last answer of looks every 100 ms, from `from` to `to`.
+    fn looked(guide: &mut Guide, newest: Ticks, start: Instant, from: u64, to: u64) -> Ticks {
+        let looks = (from..to).step_by(100).chain([to]);
+        looks
+            .map(|at| guide.horizon_at(newest, start + ms(at)))
+            .last()
+            .unwrap_or(0)
+    }
+
+    #[test]
+    fn a_paced_run_does_not_hurry_after_a_suspension() {
+        let start = Instant::now();
+        let mut guide = guide(vec![], Some(1000.0), None, start);
+        assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
+        let after = guide.horizon_at(101, start + ms(3_600_100));
+        assert!(after <= 101 + 250, "an hour of suspension counts as a moment: {after}");
+        assert_eq!(guide.horizon_at(101, start + ms(3_600_150)), after + 50);
+    }
+
+    fn ms(count: u64) -> Duration {
+        Duration::from_millis(count)
+    }
+
+    #[test]
+    fn a_free_run_is_let_to_its_end_at_once() {
+        let now = Instant::now();
+        assert_eq!(guide(vec![], None, None, now).horizon_at(0, now), 100_000);
+        assert_eq!(guide(vec![70], None, None, now).horizon_at(0, now), 70);
+    }
+
+    #[test]
+    fn time_at_rest_does_not_make_a_paced_run_hurry() {
+        let start = Instant::now();
+        let mut guide = guide(vec![500], Some(1000.0), None, start);
+        assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
+        // The stop is reached after 500 ms of wall time; ten seconds later the user lets the run continue.
+        assert_eq!(looked(&mut guide, 500, start, 200, 600), 500);
+        assert_eq!(looked(&mut guide, 500, start, 700, 10_600), 500);
+        guide.take(500);
+        assert_eq!(guide.horizon_at(500, start + ms(10_700)), 601);
+    }
+
+    #[test]
+    fn who_steers_holds_a_paced_run_and_lets_it_go_on_from_there() {
+        let start = Instant::now();
+        let steering = Arc::new(Steering::default());
+        let mut guide = guide(vec![], Some(1000.0), Some(steering.clone()), start);
+        assert_eq!(guide.horizon_at(0, start + ms(100)), 101);
+        steering.pause();
+        assert_eq!(guide.horizon_at(101, start + ms(5000)), 101);
+        steering.go_to(131);
+        guide.horizon_at(101, start + ms(5001));
+        assert_eq!(guide.horizon_at(101, start + ms(9000)), 131);
+        steering.resume();
+        assert_eq!(guide.horizon_at(131, start + ms(9001)), 133);
+    }
+
+    #[test]
+    fn a_steered_free_run_is_let_ahead_by_what_it_uses() {
+        let start = Instant::now();
+        let steering = Arc::new(Steering::default());
+        let mut guide = guide(vec![], None, Some(steering.clone()), start);
+        assert_eq!(guide.horizon_at(0, start), 16);
+        assert_eq!(guide.horizon_at(7, start + ms(1)), 16, "more than half is left");
+        assert_eq!(guide.horizon_at(8, start + ms(2)), 40, "quick: twice as much");
+        assert_eq!(guide.horizon_at(30, start + ms(500)), 46, "slow: half as much");
+        steering.pause();
+        assert_eq!(guide.horizon_at(46, start + ms(501)), 46);
+        steering.resume();
+        assert!(guide.horizon_at(46, start + ms(502)) > 46);
+    }
+}

@@ -1,0 +1,228 @@
+//! How well a run keeps pace with the wall clock: how late the steps of each participant are, and which participant is the cause.
+
+use lockstep::plan::Plan;
+use lockstep::span::{Doing, Span};
+use lockstep::time::Ticks;
+
+use super::horizon::Guide;
+use super::punctuality::{Lateness, Punctuality};
+use crate::run::options::Overrun;
+
+/// Evaluates steps as they come.
+pub(crate) struct Watchman {
+    asked: f64,
+    overrun: Overrun,
+    all: Vec<Own>,
+    /// The first overrun, in words.
+    first: Option<String>,
+    /// The stretch of the newest step: its number, the wall time from its beginning until the newest instant with a step was due,
+    /// and how late a step at that instant was, s.
+    newest: (u64, f64, f64),
+    /// The sums of these two times over the earlier stretches, s.
+    before: (f64, f64),
+}
+
+/// The data of one participant.
+struct Own {
+    histogram: Histogram,
+    overruns: u64,
+    too_long: u64,
+    largest_at: Ticks,
+    /// Work on the step that is not yet complete, ns.
+    work_ns: u64,
+}
+
+impl Watchman {
+    pub(crate) fn new(participants: usize, asked: f64, overrun: Overrun) -> Watchman {
+        let own = |_| Own {
+            histogram: Histogram::default(),
+            overruns: 0,
+            too_long: 0,
+            largest_at: 0,
+            work_ns: 0,
+        };
+        Watchman {
+            asked,
+            overrun,
+            all: (0..participants).map(own).collect(),
+            first: None,
+            newest: (0, 0.0, 0.0),
+            before: (0.0, 0.0),
+        }
+    }
+
+    /// Evaluates a span of participant number `number`.
+    pub(crate) fn look(&mut self, number: usize, span: &Span, guide: &Guide, plan: &Plan) {
+        let Doing::Computing { done } = span.doing else { return };
+        let participant = &plan.participants[number];
+        if span.activation >= participant.activations {
+            return;
+        }
+        let own = &mut self.all[number];
+        own.work_ns = (own.work_ns).saturating_add(span.end_ns.saturating_sub(span.begin_ns));
+        if !done {
+            return;
+        }
+        let work_ns = std::mem::take(&mut own.work_ns);
+        let at = participant.sample_time.instant(span.activation);
+        let (Some(due), Some(next)) = (guide.due(at), guide.due(at + participant.sample_time.period)) else {
+            return;
+        };
+        let late_ns = span.end_ns.saturating_sub(due.ns);
+        if late_ns > own.histogram.largest || own.histogram.count == 0 {
+            own.largest_at = at;
+        }
+        own.histogram.add(late_ns);
+        let period_s = participant.period.seconds() / self.asked;
+        own.too_long += u64::from(work_ns as f64 > period_s * 1e9);
+        let late_s = late_ns as f64 * 1e-9;
+        if due.stretch > self.newest.0 {
+            let (_, into_s, late_s) = self.newest;
+            self.before = (self.before.0 + into_s, self.before.1 + late_s);
+            self.newest = (due.stretch, due.into_s, late_s);
+        }
+        if due.stretch == self.newest.0 && due.into_s >= self.newest.1 {
+            let latest = if due.into_s > self.newest.1 { 0.0 } else { self.newest.2 };
+            self.newest = (due.stretch, due.into_s, late_s.max(latest));
+        }
+        if span.end_ns > next.ns {
+            own.overruns += 1;
+            let t = plan.timebase.seconds(at);
+            self.first.get_or_insert_with(|| {
+                format!(
+                    "overrun at t = {t} s: step {} of `{}` was complete {:.3} ms after the wall clock had come to it, and has {:.3} ms until \
+                     the next one is due (its own work took {:.3} ms); a run without --overrun stop counts such steps and goes on",
+                    span.activation,
+                    participant.name,
+                    late_s * 1e3,
+                    period_s * 1e3,
+                    work_ns as f64 * 1e-6
+                )
+            });
+        }
+    }
+
+    /// Why the run is to end here, if it is.
+    pub(crate) fn stops(&self) -> Option<&str> {
+        self.first.as_deref().filter(|_| self.overrun == Overrun::Stop)
+    }
+
+    /// The figures so far.
+    pub(crate) fn account(&self, plan: &Plan) -> Punctuality {
+        let (_, into_s, late_s) = self.newest;
+        let (due_s, late_s) = (self.before.0 + into_s, self.before.1 + late_s);
+        let held = (due_s > 0.0).then(|| self.asked * due_s / (due_s + late_s));
+        let all = self.all.iter().zip(&plan.participants).map(|(own, participant)| {
+            let seconds = |ns: u64| ns as f64 * 1e-9;
+            let quantile = |part: f64| seconds(own.histogram.quantile(part));
+            let lateness = Lateness {
+                steps: own.histogram.count,
+                overruns: own.overruns,
+                too_long: own.too_long,
+                lateness_p50_s: quantile(0.5),
+                lateness_p99_s: quantile(0.99),
+                lateness_p999_s: quantile(0.999),
+                lateness_largest_s: seconds(own.histogram.largest),
+                largest_at_s: plan.timebase.seconds(own.largest_at),
+            };
+            (participant.name.clone(), lateness)
+        });
+        Punctuality {
+            asked: self.asked,
+            held,
+            kept: Punctuality::is_kept(self.asked, held),
+            participants: all.collect(),
+        }
+    }
+}
+
+/// Buckets per factor of two: a quantile is at most a thirty-second too large.
+const PARTS: u64 = 32;
+
+/// A histogram of times, ns; its size does not depend on their number.
+#[derive(Default)]
+struct Histogram {
+    buckets: Vec<u64>,
+    count: u64,
+    largest: u64,
+}
+
+impl Histogram {
+    fn bucket(ns: u64) -> usize {
+        let shift = (ns / PARTS).checked_ilog2().unwrap_or(0) + u32::from(ns >= PARTS);
+        match shift {
+            0 => ns as usize,
+            shift => (u64::from(shift) * PARTS + (ns >> (shift - 1)) - PARTS) as usize,
+        }
+    }
+
+    /// The largest time of a bucket, ns.
+    fn end(bucket: usize) -> u64 {
+        let (octave, part) = (bucket as u64 / PARTS, bucket as u64 % PARTS);
+        match octave {
+            0 => part,
+            octave => ((PARTS + part + 1) << (octave - 1)) - 1,
+        }
+    }
+
+    fn add(&mut self, ns: u64) {
+        // About a century; the value comes from another process and may be anything.
+        let ns = ns.min(1 << 62);
+        let bucket = Self::bucket(ns);
+        if self.buckets.len() <= bucket {
+            self.buckets.resize(bucket + 1, 0);
+        }
+        self.buckets[bucket] += 1;
+        self.count += 1;
+        self.largest = self.largest.max(ns);
+    }
+
+    /// The least time, up to the width of a bucket, that the fraction `part` of all times does not exceed; 0 if there are none.
+    fn quantile(&self, part: f64) -> u64 {
+        let wanted = (part * self.count as f64).ceil() as u64;
+        let mut sum = 0;
+        for (bucket, count) in self.buckets.iter().enumerate() {
+            sum += count;
+            if sum >= wanted.max(1) {
+                return Self::end(bucket).min(self.largest);
+            }
+        }
+        0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_those_of_the_sorted_times_to_a_thirty_second() {
+        let draws = lockstep::random::Stream::new(5, "times");
+        let mut times: Vec<u64> = (0..5000)
+            .map(|at| draws.bits(2 * at) >> (draws.bits(2 * at + 1) % 60 + 4))
+            .collect();
+        let mut histogram = Histogram::default();
+        times.iter().for_each(|&ns| histogram.add(ns));
+        times.sort_unstable();
+        for part in [0.001, 0.5, 0.99, 0.999, 1.0] {
+            let exact = times[(part * times.len() as f64).ceil() as usize - 1];
+            let told = histogram.quantile(part);
+            assert!(
+                exact <= told && told <= exact + exact / PARTS,
+                "{part}: {told} for {exact}"
+            );
+        }
+        assert_eq!(histogram.quantile(1.0), *times.last().unwrap());
+    }
+
+    #[test]
+    fn buckets_follow_each_other_without_a_gap() {
+        for bucket in 0..1500 {
+            let end = Histogram::end(bucket);
+            assert_eq!(
+                (Histogram::bucket(end), Histogram::bucket(end + 1)),
+                (bucket, bucket + 1)
+            );
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! The pace of a run: granted time, the wall clock, and how well the run keeps up with it.
+
+pub(super) mod horizon;
+pub(super) mod lateness;
+pub(super) mod punctuality;
+pub(super) mod spans;
+pub(super) mod trace;
+pub(super) mod traced;
+pub(super) mod wall_clock;

@@ -1,0 +1,55 @@
+//! Descriptions of what a participant does, and of how it died.
+
+use std::process::ExitStatus;
+
+use lockstep::plan::Plan;
+use lockstep::transport::iceoryx::{Activity, Status};
+
+use super::child::Participant;
+use super::resources;
+use crate::run::log::words;
+
+/// What participant number `number` does.
+pub(crate) fn doing(plan: &Plan, number: usize, status: Status) -> String {
+    match status.activity {
+        Activity::Starting => "getting ready".into(),
+        Activity::Computing => format!("computing activation {}", status.next),
+        Activity::Input { input, index } => {
+            let link = plan.links_into(number).nth(input as usize);
+            match link.map(|link| &plan.links[link]) {
+                Some(link) => format!("waiting for sample #{index} of {}", plan.output_name(link.from)),
+                None => format!("waiting for input {input}"),
+            }
+        }
+        Activity::Room { output, consumer } => {
+            let readers = plan.links.iter().filter(|link| link.from == (number, output as usize));
+            match readers.clone().nth(consumer as usize) {
+                Some(link) => format!("waiting until {} has read", plan.input_name(link.to)),
+                None => "waiting for a reader".into(),
+            }
+        }
+        Activity::Recorder => "waiting for the recorder".into(),
+        Activity::Rest => "at rest at the horizon".into(),
+        Activity::Finished => "finished".into(),
+    }
+}
+
+/// The time of the next activation, s.
+pub(crate) fn instant(plan: &Plan, number: usize, status: Status) -> f64 {
+    plan.timebase
+        .seconds(plan.participants[number].sample_time.instant(status.next))
+}
+
+/// Describes the death of a participant's process, which ended before it was done; `last` is the status that it reported last.
+pub(crate) fn death(plan: &Plan, number: usize, process: &Participant, last: Status, status: ExitStatus) -> String {
+    format!(
+        "process {} {}{} at t = {} s (activation {}) while {}{}",
+        process.pid(),
+        Participant::ending(status),
+        resources::of_bus_error(status),
+        instant(plan, number, last),
+        last.next,
+        doing(plan, number, last),
+        words(process.log())
+    )
+}

@@ -1,0 +1,224 @@
+//! Requests of the orchestrator to a participant: hello, parameters, connection, state, move.
+
+use std::borrow::Borrow;
+
+use lockstep::control::{PROTOCOL, Reply, Request};
+use lockstep::participant::Interface;
+use lockstep::plan::{Assignment, Plan, Position};
+
+use super::monitor::Monitor;
+use super::participants::{ParticipantHandle, ask_all, foreign_writer_reason};
+use super::placement::Placement;
+use crate::run::outcome::RunFailure;
+use crate::run::saved::checkpoint::CANNOT_SAVE;
+use crate::scenario::{Entry, Scenario};
+use crate::text::quoted;
+
+const HELLO: Request = Request::Hello { protocol: PROTOCOL };
+
+/// Sends the hello request.
+pub(crate) fn say_hello(handle: &mut ParticipantHandle, monitor: &Monitor) -> Result<(), RunFailure> {
+    let reply = handle.ask(&HELLO, monitor)?;
+    hello_accepted(handle, reply)
+}
+
+fn hello_accepted(handle: &ParticipantHandle, reply: Reply) -> Result<(), RunFailure> {
+    match reply {
+        Reply::Hello { protocol: PROTOCOL, .. } => Ok(()),
+        Reply::Hello { protocol, program } => Err(handle.odd(format!(
+            "`{program}` speaks version {protocol} of the protocol; this orchestrator speaks {PROTOCOL}"
+        ))),
+        other => Err(handle.odd(format!("answered the greeting with {other:?}"))),
+    }
+}
+
+/// Hello and parameters: the participant describes its ports, which must match those that are `known`, if any are.
+pub(crate) fn handshake_one(
+    scenario: &Scenario,
+    entry: &Entry,
+    known: Option<&Interface>,
+    handle: &mut ParticipantHandle,
+    monitor: &Monitor,
+) -> Result<Interface, RunFailure> {
+    say_hello(handle, monitor)?;
+    let reply = handle.ask(&configuration(entry), monitor)?;
+    described(scenario, entry, known, handle, reply)
+}
+
+/// [`handshake_one`] for all of `handles`: the participants build their models at the same time.
+pub(crate) fn handshake_all(
+    scenario: &Scenario,
+    entries: &[impl Borrow<Entry>],
+    known: &[Option<&Interface>],
+    handles: &mut [ParticipantHandle],
+    monitor: &Monitor,
+) -> Result<Vec<Interface>, RunFailure> {
+    ask_all(
+        handles,
+        |_| HELLO,
+        monitor,
+        |_, handle, reply| hello_accepted(handle, reply),
+    )?;
+    let mut interfaces = Vec::with_capacity(handles.len());
+    let configure = |number: usize| configuration(entries[number].borrow());
+    ask_all(handles, configure, monitor, |number, handle, reply| {
+        let known = known.get(number).copied().flatten();
+        interfaces.push(described(scenario, entries[number].borrow(), known, handle, reply)?);
+        Ok(())
+    })?;
+    Ok(interfaces)
+}
+
+fn configuration(entry: &Entry) -> Request {
+    let setup = &entry.setup;
+    Request::Configure {
+        name: setup.name.clone(),
+        parameters: setup.parameters.to_string(),
+        seed: setup.seed,
+        period: setup.period,
+        offset: setup.offset,
+    }
+}
+
+/// The ports in the reply to the parameters.
+fn described(
+    scenario: &Scenario,
+    entry: &Entry,
+    known: Option<&Interface>,
+    handle: &ParticipantHandle,
+    reply: Reply,
+) -> Result<Interface, RunFailure> {
+    let interface = match reply {
+        Reply::Described { interface } => interface,
+        Reply::Refused { key, reason } => {
+            let refusal = scenario.refusal(entry, &quoted(&key), &quoted(&reason));
+            return Err(refusal.into());
+        }
+        other => return Err(handle.odd(format!("answered its parameters with {other:?}"))),
+    };
+    interface
+        .validate()
+        .map_err(|error| handle.odd(format!("describes ports that cannot be: {error}")))?;
+    if let Some(text) = control_text(&interface) {
+        return Err(handle.odd(format!(
+            "describes ports that cannot be: a name, unit or frame has a control character in it: {text}"
+        )));
+    }
+    if let Some(difference) = known.and_then(|known| interface.difference(known)) {
+        return Err(handle.odd(format!("describes other ports than expected: {difference}")));
+    }
+    Ok(interface)
+}
+
+/// The first name, unit or frame with a control character. They appear in messages, file names and pages.
+fn control_text(interface: &Interface) -> Option<&str> {
+    let inputs = interface.inputs.iter().map(|port| &port.descriptor);
+    let mut all = inputs.chain(interface.outputs.iter().map(|port| &port.descriptor));
+    all.find_map(|descriptor| {
+        let fields = descriptor.fields.iter();
+        let mut texts =
+            std::iter::once(&descriptor.name).chain(fields.flat_map(|field| [&field.name, &field.unit, &field.frame]));
+        texts.find(|text| quoted(text) != **text).map(String::as_str)
+    })
+}
+
+/// What participants receive in the connection request besides their parts of the plan.
+pub(crate) struct Connecting<'a> {
+    pub(crate) placement: &'a Placement,
+    /// The size of the ring of each record, bytes.
+    pub(crate) rings: &'a [u32],
+    pub(crate) monitor: &'a Monitor,
+}
+
+impl Connecting<'_> {
+    /// The request that gives participant number `number` its part of the plan, its cores, and its position; `None` at the start of
+    /// a run.
+    fn request(&self, number: usize, assignment: Assignment, position: Option<Position>) -> Request {
+        Request::Connect {
+            assignment,
+            cores: self.placement.cores[number].iter().map(|&core| core as u32).collect(),
+            waiting: self.placement.waiting[number],
+            record: self.rings[number],
+            position: position.map(Box::new),
+        }
+    }
+
+    /// Connects participant number `number`.
+    pub(crate) fn one(
+        &self,
+        number: usize,
+        handle: &mut ParticipantHandle,
+        assignment: Assignment,
+        position: Option<Position>,
+    ) -> Result<(), RunFailure> {
+        let reply = handle.ask(&self.request(number, assignment, position), self.monitor)?;
+        self.connected(handle, reply)
+    }
+
+    /// Connects all of `handles` at the same time.
+    pub(crate) fn all(
+        &self,
+        handles: &mut [ParticipantHandle],
+        plan: &Plan,
+        positions: Option<&[Position]>,
+    ) -> Result<(), RunFailure> {
+        let mut assignments = plan.assignments();
+        let request = |number: usize| {
+            let assignment = assignments.next().expect("the plan has every participant");
+            self.request(number, assignment, positions.map(|all| all[number].clone()))
+        };
+        ask_all(handles, request, self.monitor, |_, handle, reply| {
+            self.connected(handle, reply)
+        })
+    }
+
+    fn connected(&self, handle: &mut ParticipantHandle, reply: Reply) -> Result<(), RunFailure> {
+        let failure = match reply {
+            // Everything it records from now on reaches the recorder, even if the participant exits at once.
+            Reply::Done => match handle.ports.record.take_memory() {
+                Ok(true) => return super::place::all_there(),
+                Ok(false) => "has connected without sending the memory of its record".to_owned(),
+                Err(broken) => format!("its record cannot be received: {broken}"),
+            },
+            Reply::Refused { reason, .. } => format!("cannot connect: {reason}"),
+            other => format!("answered its part of the plan with {other:?}"),
+        };
+        match handle.foreign_writer(self.monitor.all()) {
+            Some((author, process)) => Err(RunFailure::Participant {
+                participant: author.to_owned(),
+                reason: quoted(&foreign_writer_reason(&handle.process.name, process, &failure)),
+            }),
+            None => Err(handle.odd(failure)),
+        }
+    }
+}
+
+/// Asks a participant at rest to go to `address` when the clock gives the order to leave.
+pub(crate) fn send_to(handle: &mut ParticipantHandle, address: &str, monitor: &Monitor) -> Result<(), RunFailure> {
+    let address = address.to_owned();
+    match handle.ask(&Request::Move { address }, monitor)? {
+        Reply::Done => Ok(()),
+        Reply::Refused { reason, .. } => {
+            Err(handle.odd(format!("cannot take part in a substitution or a restart: {reason}")))
+        }
+        other => Err(handle.odd(format!("answered the request to move with {other:?}"))),
+    }
+}
+
+/// Tells a participant at rest that it is being replaced, if its process still exists. Its reply does not matter.
+pub(crate) fn tell_replaced(handle: &mut ParticipantHandle, monitor: &Monitor) {
+    if handle.process.ended().is_none() {
+        let address = String::new();
+        let _ = handle.ask(&Request::Move { address }, monitor);
+    }
+}
+
+/// The state of a participant at rest.
+pub(crate) fn save(handle: &mut ParticipantHandle, monitor: &Monitor) -> Result<Vec<u8>, RunFailure> {
+    match handle.ask(&Request::Save, monitor)? {
+        Reply::State(Some(state)) => Ok(state),
+        Reply::State(None) => Err(handle.odd(CANNOT_SAVE)),
+        Reply::Refused { reason, .. } => Err(handle.odd(format!("cannot save its state: {reason}"))),
+        other => Err(handle.odd(format!("answered the request for its state with {other:?}"))),
+    }
+}

@@ -1,0 +1,96 @@
+//! Supervision of all participants while the orchestrator waits for one of them.
+
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
+
+use rustix::process::{WaitId, WaitIdOptions, waitid};
+
+use super::child::Participant;
+use super::resources;
+use crate::observer::Interrupt;
+use crate::run::log::{Log, flood, words};
+use crate::run::outcome::RunFailure;
+
+/// The reasons to end a wait early: a signal from the user, or the failure of a participant.
+pub(crate) struct Monitor {
+    interrupt: Interrupt,
+    watched: Vec<Watched>,
+}
+
+/// A monitored participant.
+struct Watched {
+    name: String,
+    pid: u32,
+    process: OwnedFd,
+    log: Log,
+}
+
+impl Monitor {
+    /// A monitor of the user's signals alone.
+    pub(crate) fn new(interrupt: Interrupt) -> Monitor {
+        let watched = Vec::new();
+        Monitor { interrupt, watched }
+    }
+
+    /// A monitor of the user's signals and of `processes`.
+    pub(crate) fn over<'a>(&self, processes: impl Iterator<Item = &'a Participant>) -> std::io::Result<Monitor> {
+        let watch = |process: &Participant| {
+            Ok(Watched {
+                name: process.name.clone(),
+                pid: process.pid(),
+                process: process.descriptor().try_clone_to_owned()?,
+                log: process.log().clone(),
+            })
+        };
+        Ok(Monitor {
+            interrupt: self.interrupt.clone(),
+            watched: processes.map(watch).collect::<std::io::Result<_>>()?,
+        })
+    }
+
+    /// The name and the process number of each monitored participant.
+    pub(crate) fn all(&self) -> impl Iterator<Item = (&str, u32)> {
+        self.watched.iter().map(|one| (one.name.as_str(), one.pid))
+    }
+
+    /// Whether the user asked the run to end.
+    pub(crate) fn asked(&self) -> bool {
+        self.interrupt.asked()
+    }
+
+    /// The signal or the failure that makes waiting pointless, if there is one.
+    pub(crate) fn failure(&self) -> Option<RunFailure> {
+        if self.asked() {
+            return Some(RunFailure::Interrupted);
+        }
+        self.watched.iter().find_map(|one| {
+            let reason = match (one.ended(), one.log.is_full()) {
+                (Some(status), _) => {
+                    one.log.settle();
+                    let ending = Participant::ending(status);
+                    let memory = resources::of_bus_error(status);
+                    format!("{ending} before the run began{memory}{}", words(&one.log))
+                }
+                (None, true) => flood(),
+                (None, false) => return None,
+            };
+            let participant = one.name.clone();
+            Some(RunFailure::Participant { participant, reason })
+        })
+    }
+}
+
+impl Watched {
+    /// The exit status of the process, if it has ended. The participant's own handle still collects it.
+    fn ended(&self) -> Option<ExitStatus> {
+        let options = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
+        let status = waitid(WaitId::PidFd(self.process.as_fd()), options).ok()??;
+        // In the format of `wait`: a signal in the low bits, an exit code above them.
+        let raw = match (status.exit_status(), status.terminating_signal()) {
+            (Some(code), _) => code << 8,
+            (None, signal) => signal.unwrap_or_default(),
+        };
+        Some(ExitStatus::from_raw(raw))
+    }
+}

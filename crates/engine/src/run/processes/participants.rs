@@ -1,0 +1,429 @@
+//! The participants of a run, each with the process, the services and the records that the orchestrator holds for it.
+
+use std::borrow::Borrow;
+use std::time::{Duration, Instant};
+
+use lockstep::control::{Note, Reply, Request, Timing};
+use lockstep::plan::Plan;
+use lockstep::span::{Detail, Span};
+use lockstep::time::Ticks;
+use lockstep::transport::Broken;
+use lockstep::transport::iceoryx::{Asked, Domain, Recorded, Sleeping};
+
+use super::child::Participant;
+use super::descriptions;
+use super::monitor::Monitor;
+use super::ports::Ports;
+use super::process_state::life;
+use super::resources;
+use crate::run::log::{flood, words};
+use crate::run::options::Options;
+use crate::run::outcome::RunFailure;
+use crate::run::recording::recorder::Recorder;
+use crate::run::timeout::{Awake, Patience};
+use crate::scenario::{Entry, Scenario};
+use crate::text::quoted;
+
+/// How long a program may take to enter the run, and to answer a request, unless the scenario or an option says otherwise.
+const START_WITHIN: Duration = Duration::from_secs(20);
+
+/// How long the program of `entry` may take to enter the run, and to answer a request.
+pub(crate) fn start_within(entry: &Entry, options: &Options) -> Duration {
+    let own = entry
+        .start_within
+        .map(|time| Duration::try_from_secs_f64(time.seconds()));
+    let own = own.map(|own| own.unwrap_or(Duration::MAX));
+    options.start_within.or(own).unwrap_or(START_WITHIN)
+}
+
+/// The result of taking one batch of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Taken {
+    /// Nothing.
+    Nothing,
+    /// Notes that repeat what is known already: no progress.
+    Old,
+    /// Samples, or a note about progress.
+    News,
+}
+
+/// One participant.
+pub(crate) struct ParticipantHandle {
+    pub(crate) process: Participant,
+    pub(crate) ports: Ports,
+    /// How long the participant may take to enter the run, and to answer a request.
+    within: Duration,
+    /// How its wall time was spent; known when it is done.
+    pub(crate) timing: Option<Timing>,
+    /// The reason for its failure, as it reported it.
+    pub(crate) failed: Option<Note>,
+    at_rest: Option<Ticks>,
+    /// The next activation, once the participant has come to rest on the recall order.
+    pub(crate) recalled: Option<u64>,
+    /// Its spans of wall time, with the number of missing spans after each batch; until they are taken.
+    pub(crate) spans: Vec<(u64, Vec<Span>)>,
+}
+
+impl ParticipantHandle {
+    pub(crate) fn new(process: Participant, ports: Ports, within: Duration) -> ParticipantHandle {
+        ParticipantHandle {
+            process,
+            ports,
+            within,
+            timing: None,
+            failed: None,
+            at_rest: None,
+            recalled: None,
+            spans: Vec::new(),
+        }
+    }
+
+    /// Whether the participant has done everything before `horizon`.
+    pub(crate) fn rests_at(&self, horizon: Ticks) -> bool {
+        self.timing.is_some() || self.at_rest == Some(horizon)
+    }
+
+    /// The reason for its failure, as it reported it, if it did.
+    pub(crate) fn failure(&self) -> Option<String> {
+        match &self.failed {
+            Some(Note::Failed { activation, t, reason }) => {
+                let (t, reason) = (quoted(t), quoted(reason));
+                Some(format!("failed at t = {t} s (activation {activation}): {reason}"))
+            }
+            _ => None,
+        }
+    }
+
+    /// How the process of participant number `number` failed, if it did: it ended before the participant was done, or its log is
+    /// full.
+    pub(crate) fn process_failure(&mut self, plan: &Plan, number: usize) -> Option<String> {
+        match self.process.ended() {
+            Some(status) if self.timing.is_some() && status.success() => None,
+            Some(status) => Some(descriptions::death(plan, number, &self.process, self.status(), status)),
+            None if self.process.floods() => Some(flood()),
+            None => None,
+        }
+    }
+
+    /// Another participant that has opened a publisher of this one's record, with its process number. `all` has the names and
+    /// processes of the participants.
+    pub(crate) fn foreign_writer<'a>(&self, all: impl Iterator<Item = (&'a str, u32)>) -> Option<(&'a str, u32)> {
+        let writers = self.ports.record.writers();
+        // A participant may be a script that starts the program.
+        let lines: Vec<(u32, Vec<u32>)> = writers.into_iter().map(|pid| (pid, ancestry(pid))).collect();
+        all.filter(|(_, pid)| *pid != self.process.pid())
+            .find_map(|(name, pid)| {
+                let line = lines.iter().find(|(_, line)| line.contains(&pid));
+                line.map(|(writer, _)| (name, *writer))
+            })
+    }
+
+    /// What the participant does.
+    pub(crate) fn status(&self) -> lockstep::transport::iceoryx::Status {
+        self.ports.status.get()
+    }
+
+    /// Wakes the participant.
+    pub(crate) fn ring(&self) {
+        self.ports.bell.ring();
+    }
+
+    /// Takes a batch of the participant's record. Notes about progress are checked against the plan and the samples on the tape.
+    pub(crate) fn take(&mut self, number: usize, recorder: &mut Recorder) -> Result<Taken, Broken> {
+        let mut news = false;
+        let ParticipantHandle {
+            ports,
+            timing,
+            failed,
+            at_rest,
+            recalled,
+            spans,
+            ..
+        } = self;
+        let Ports {
+            record, status, bell, ..
+        } = ports;
+        let took = record.receive(|entry| {
+            match entry {
+                Recorded::Sample {
+                    stream,
+                    header,
+                    payload,
+                } => {
+                    recorder.sample(number, stream, header, payload)?;
+                    news = true;
+                }
+                Recorded::Note(Note::Finished(spent)) => {
+                    recorder.finished(number)?;
+                    news |= timing.replace(spent).is_none();
+                }
+                Recorded::Note(Note::AtRest { horizon, next }) => {
+                    recorder.rests(number, horizon, next)?;
+                    news |= *at_rest < Some(horizon);
+                    *at_rest = (*at_rest).max(Some(horizon));
+                }
+                Recorded::Note(Note::Recalled { next }) => {
+                    recorder.recalled(number, next)?;
+                    news |= recalled.replace(next).is_none();
+                }
+                Recorded::Note(Note::Spans { lost, spans: some }) => spans.push((lost, some)),
+                Recorded::Note(note @ Note::Failed { .. }) => *failed = Some(note),
+            }
+            Ok(())
+        });
+        // A participant that sleeps until there is room for its record is woken now: a batch has been taken.
+        if matches!(took, Ok(true)) && status.asleep() == Some(Sleeping::FOR_ANYTHING) {
+            bell.ring();
+        }
+        Ok(match took? {
+            false => Taken::Nothing,
+            true if news => Taken::News,
+            true => Taken::Old,
+        })
+    }
+
+    /// Sends a request and waits for the reply.
+    pub(crate) fn ask(&mut self, request: &Request, monitor: &Monitor) -> Result<Reply, RunFailure> {
+        let mut reply = None;
+        ask_all(
+            std::slice::from_mut(self),
+            |_| request,
+            monitor,
+            |_, _, one| {
+                reply = Some(one);
+                Ok(())
+            },
+        )?;
+        Ok(reply.expect("the only one has answered"))
+    }
+
+    /// A failure of this participant; `reason` may contain text from the participant.
+    pub(crate) fn odd(&self, reason: impl AsRef<str>) -> RunFailure {
+        RunFailure::Participant {
+            participant: self.process.name.clone(),
+            reason: quoted(reason.as_ref()),
+        }
+    }
+}
+
+/// A request under way, with what is monitored until the reply comes.
+struct Pending<'a> {
+    asked: Asked<'a>,
+    process: &'a mut Participant,
+    within: Duration,
+    patience: Patience,
+    when: &'static str,
+    reply: Option<Reply>,
+}
+
+impl Pending<'_> {
+    /// Looks for the reply; `elsewhere` says that the monitor reports a failure.
+    ///
+    /// # Errors
+    /// When no usable reply will come.
+    fn look(&mut self, monitor: &Monitor, elsewhere: bool) -> Result<(), RunFailure> {
+        if self.reply.is_none() {
+            let looked = self.asked.reply();
+            self.reply = looked.map_err(|broken| unusable(self.process, self.when, &broken))?;
+        }
+        if self.reply.is_some() {
+            return Ok(());
+        }
+        let process = &mut *self.process;
+        let failed = elsewhere || process.ended().is_some() || process.floods();
+        match failed || self.patience.is_over() {
+            true => Err(silent(process, self.within, monitor, &Awaited::answer(self.when))),
+            false => Ok(()),
+        }
+    }
+}
+
+/// Sends each of `handles` the request that `request` returns, and passes the replies to `take` in order. The participants prepare
+/// their replies at the same time.
+///
+/// # Errors
+/// The first failure: a participant that does not answer, or an error of `take` for an earlier reply.
+pub(crate) fn ask_all<R: Borrow<Request>>(
+    handles: &mut [ParticipantHandle],
+    mut request: impl FnMut(usize) -> R,
+    monitor: &Monitor,
+    mut take: impl FnMut(usize, &mut ParticipantHandle, Reply) -> Result<(), RunFailure>,
+) -> Result<(), RunFailure> {
+    let mut all = Vec::with_capacity(handles.len());
+    for (number, handle) in handles.iter_mut().enumerate() {
+        let request = request(number);
+        let ParticipantHandle {
+            ports, process, within, ..
+        } = handle;
+        ports.bell.ring();
+        let when = when(request.borrow());
+        let asked = ports.control.begin(request.borrow());
+        all.push(Pending {
+            asked: asked.map_err(|broken| unusable(process, when, &broken))?,
+            process,
+            within: *within,
+            patience: Patience::new(*within),
+            when,
+            reply: None,
+        });
+    }
+    let mut waited;
+    loop {
+        // Only once per round: the monitor queries the system for every process.
+        let elsewhere = monitor.failure().is_some();
+        // Each participant's own state first: one that has died on its own request is reported as that, whichever participant
+        // before it is still waited for.
+        let mut look = |elsewhere| {
+            (all.iter_mut())
+                .map(|one| one.look(monitor, elsewhere))
+                .fold(Ok(()), Result::and)
+        };
+        waited = look(false);
+        if elsewhere && waited.is_ok() {
+            waited = look(true);
+        }
+        let mut answered = all.iter().map_while(|one| one.reply.as_ref());
+        let refused = answered.any(|reply| matches!(reply, Reply::Refused { .. }));
+        if waited.is_err() || refused || all.iter().all(|one| one.reply.is_some()) {
+            break;
+        }
+        std::thread::sleep(Asked::LOOK);
+    }
+    let replies: Vec<Reply> = all.into_iter().map_while(|one| one.reply).collect();
+    for (number, (handle, reply)) in handles.iter_mut().zip(replies).enumerate() {
+        take(number, handle, reply)?;
+    }
+    waited
+}
+
+/// When a request was made, in words.
+fn when(request: &Request) -> &'static str {
+    match request {
+        Request::Hello { .. } => "when it was greeted",
+        Request::Configure { .. } => "when it was given its parameters",
+        Request::Connect { .. } => "when it was given its part of the plan",
+        Request::Save => "when it was asked for its state",
+        Request::Move { .. } => "when it was asked to move",
+        Request::Terminate => "when it was told to leave",
+    }
+}
+
+/// The failure of a participant whose reply cannot be used.
+fn unusable(process: &Participant, when: &str, broken: &Broken) -> RunFailure {
+    RunFailure::Participant {
+        participant: process.name.clone(),
+        reason: quoted(&format!("gave no answer that can be used {when}: {broken}")),
+    }
+}
+
+/// The process numbers of a process, its parent, and so on.
+fn ancestry(mut pid: u32) -> Vec<u32> {
+    let mut line = Vec::new();
+    while pid > 1 && !line.contains(&pid) && line.len() < 16 {
+        line.push(pid);
+        let status = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+        let parent = status.lines().find_map(|line| line.strip_prefix("PPid:"));
+        pid = parent.and_then(|parent| parent.trim().parse().ok()).unwrap_or(0);
+    }
+    line
+}
+
+/// The reason of a failure caused by another participant that opened the record of `victim`, which failed with `broken`.
+pub(crate) fn foreign_writer_reason(victim: &str, process: u32, broken: &str) -> String {
+    format!("process {process} opened the record of `{victim}`, which is not its own: `{victim}` {broken}")
+}
+
+/// What a participant is waited for, in the words of a message.
+struct Awaited {
+    /// What the participant is to do.
+    what: &'static str,
+    /// From when on the time counts.
+    since: &'static str,
+    /// When the participant ended instead.
+    instead: &'static str,
+}
+
+impl Awaited {
+    const ARRIVAL: Awaited = Awaited {
+        what: "enter the run",
+        since: "of its start",
+        instead: "before it had entered the run",
+    };
+
+    /// The reply to the request that was made `when`.
+    fn answer(when: &'static str) -> Awaited {
+        Awaited {
+            what: "answer",
+            since: when,
+            instead: when,
+        }
+    }
+}
+
+/// Why a participant has not done what it is waited for: it ended or is late, or the monitor reports another failure.
+fn silent(process: &mut Participant, within: Duration, monitor: &Monitor, awaited: &Awaited) -> RunFailure {
+    let Awaited { what, since, instead } = awaited;
+    let elsewhere = monitor.failure();
+    let reason = match (process.ended(), elsewhere) {
+        (_, Some(RunFailure::Interrupted)) => return RunFailure::Interrupted,
+        (Some(status), _) => format!(
+            "{} {instead}{}{}",
+            Participant::ending(status),
+            resources::of_bus_error(status),
+            words(process.log())
+        ),
+        (None, _) if process.floods() => format!("{} {instead}", flood()),
+        (None, Some(failure)) => return failure,
+        (None, None) => {
+            let pid = process.pid();
+            format!(
+                "did not {what} within {} s {since} (pid {pid}, {}); a program that needs longer is given it by `start-within` in the \
+                 scenario or --start-within{}",
+                within.as_secs_f64(),
+                life(pid).words(),
+                words(process.log())
+            )
+        }
+    };
+    RunFailure::Participant {
+        participant: process.name.clone(),
+        reason,
+    }
+}
+
+/// Starts the program of `entry`; its output goes to `log`.
+///
+/// # Errors
+/// A file that is no program that can run here is a mistake in the scenario; any other error is a failure of the participant.
+pub(crate) fn start(
+    scenario: &Scenario,
+    entry: &Entry,
+    domain: &Domain,
+    log: &std::path::Path,
+    detail: Option<Detail>,
+) -> Result<Participant, RunFailure> {
+    use std::io::ErrorKind::{NotADirectory, NotFound, PermissionDenied};
+    Participant::start(entry, &domain.address().to_string(), log, detail).map_err(|error| {
+        if matches!(error.kind(), NotFound | NotADirectory | PermissionDenied) {
+            let reason = format!("{} cannot be started: {error}", entry.program);
+            return scenario.program_refusal(entry, &reason).into();
+        }
+        RunFailure::Participant {
+            participant: entry.setup.name.clone(),
+            reason: format!("cannot be started: {error}"),
+        }
+    })
+}
+
+/// Waits until the participant has entered the run; `waited` counts from the start of all programs.
+pub(crate) fn arrive(handle: &mut ParticipantHandle, waited: &mut Awake, monitor: &Monitor) -> Result<(), RunFailure> {
+    while !handle.ports.control.present() {
+        let process = &mut handle.process;
+        let late = waited.at(Instant::now()) > handle.within;
+        if process.ended().is_some() || monitor.failure().is_some() || late {
+            return Err(silent(process, handle.within, monitor, &Awaited::ARRIVAL));
+        }
+        std::thread::sleep(Duration::from_micros(300));
+    }
+    Ok(())
+}

@@ -1,0 +1,131 @@
+//! Port discovery: a program is asked for its ports before the run in which it may take part.
+
+use std::time::Instant;
+
+use lockstep::control::Request;
+use lockstep::participant::Interface;
+
+use crate::run::options::Options;
+use crate::run::timeout::Awake;
+
+use super::child::GRACE;
+use super::handshake;
+use super::monitor::Monitor;
+use super::participants::{self, ParticipantHandle};
+use super::place::Place;
+use crate::run::outcome::RunFailure;
+use crate::scenario::{Entry, OnFailure, Scenario};
+use crate::scope::Scope;
+
+/// The ports of `entry`, as [`ask`] returns them.
+///
+/// # Errors
+/// Those of [`ask`].
+pub fn ports(scenario: &Scenario, entry: &Entry, options: &Options) -> Result<Interface, RunFailure> {
+    ask_for_ports(scenario, entry, options, &Monitor::new(options.interrupt.clone()))
+}
+
+fn ask_for_ports(
+    scenario: &Scenario,
+    entry: &Entry,
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<Interface, RunFailure> {
+    if let Some(factory) = scenario.builtins().factory_of(&entry.program) {
+        let made = factory(&entry.setup);
+        let made = made.map_err(|error| scenario.refusal(entry, &error.key, &error.reason))?;
+        return Ok(made.interface());
+    }
+    let mut told = ask_monitored(scenario, &[entry], options, monitor)?;
+    Ok(told.remove(0))
+}
+
+/// The ports of `entries`, which are external programs with different names. The programs are started only for that, side by side
+/// in their own place, and ended again.
+///
+/// # Errors
+/// A program that does not enter, describes no ports, or refuses its parameters.
+pub fn ask(scenario: &Scenario, entries: &[&Entry], options: &Options) -> Result<Vec<Interface>, RunFailure> {
+    ask_monitored(scenario, entries, options, &Monitor::new(options.interrupt.clone()))
+}
+
+fn ask_monitored(
+    scenario: &Scenario,
+    entries: &[&Entry],
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<Vec<Interface>, RunFailure> {
+    if entries.is_empty() {
+        return Ok(Vec::new());
+    }
+    let scope = Scope::create()?;
+    let address = scope.address();
+    let words = address.folder.clone();
+    let names = entries.iter().map(|entry| entry.setup.name.as_str());
+    let (domain, ports) = Place::enter(address, names)?;
+    let mut handles = Vec::new();
+    for (entry, ports) in entries.iter().zip(ports) {
+        let log = words.join(format!("words.{}", entry.setup.name));
+        let process = participants::start(scenario, entry, &domain, &log, None)?;
+        handles.push(ParticipantHandle::new(
+            process,
+            ports,
+            participants::start_within(entry, options),
+        ));
+    }
+    let mut waited = Awake::since(Instant::now());
+    for handle in &mut handles {
+        participants::arrive(handle, &mut waited, monitor)?;
+    }
+    let interfaces = handshake::handshake_all(scenario, entries, &[], &mut handles, monitor)?;
+    for handle in &mut handles {
+        let _ = handle.ask(&Request::Terminate, monitor);
+    }
+    let started = Instant::now();
+    for handle in &mut handles {
+        handle.process.bring_down(GRACE.saturating_sub(started.elapsed()));
+    }
+    Ok(interfaces)
+}
+
+/// Checks that each program that may take over in mid-run has the ports of the participant that it replaces, which are `known`.
+///
+/// # Errors
+/// The first program with other ports and the difference, or what is wrong with its program.
+pub(crate) fn check_substitutes(
+    scenario: &Scenario,
+    known: &[Interface],
+    options: &Options,
+    monitor: &Monitor,
+) -> Result<(), RunFailure> {
+    let compare = |entry: &Entry, slot: usize| -> Result<(), RunFailure> {
+        let ports = ask_for_ports(scenario, entry, options, monitor).map_err(|failure| match failure {
+            RunFailure::Participant { participant, reason } => {
+                let reason = format!("{}, which may take its place, {reason}", entry.program);
+                let substitute = || RunFailure::Substitute { participant, reason };
+                // A participant of the run itself may have failed meanwhile.
+                monitor.failure().unwrap_or_else(substitute)
+            }
+            other => other,
+        })?;
+        match ports.difference(&known[slot]) {
+            Some(difference) => {
+                let reason = format!(
+                    "{} has other ports than `{}`: {difference}",
+                    entry.program, entry.setup.name
+                );
+                Err(scenario.program_refusal(entry, &reason).into())
+            }
+            None => Ok(()),
+        }
+    };
+    for substitution in &scenario.substitutions {
+        compare(&substitution.entry, substitution.participant)?;
+    }
+    for (slot, before) in scenario.participants.iter().enumerate() {
+        if let OnFailure::Substitute(program) = &before.on_failure {
+            compare(&before.replaced_by(program), slot)?;
+        }
+    }
+    Ok(())
+}

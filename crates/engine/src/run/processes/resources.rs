@@ -1,0 +1,262 @@
+//! The resources of a run in shared memory and open files: compared with what is available before anything is started, and
+//! reserved.
+//!
+//! What a participant records goes through a ring buffer in shared memory. Its size affects no result: a larger one lets the
+//! participant continue while the recorder is not scheduled. Where shared memory is small, as in a container, all rings are reduced
+//! as far as necessary.
+
+use std::fs::File;
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::ExitStatus;
+
+use lockstep::plan::Plan;
+use lockstep::transport::iceoryx::{Footprint, footprint};
+use rustix::fs::{FallocateFlags, fallocate, statvfs};
+use rustix::io::Errno;
+use rustix::process::{Resource, getrlimit};
+
+use crate::run::outcome::RunFailure;
+
+const SHARED_MEMORY: &str = "/dev/shm";
+/// Bytes that are left for other programs.
+const SPARE: u64 = 256 << 10;
+
+/// A size in words.
+fn mib(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
+/// The capacity of shared memory and the free part of it.
+#[derive(Debug, Clone, Copy)]
+struct Room {
+    /// Total bytes.
+    size: u64,
+    /// Free bytes.
+    free: u64,
+}
+
+impl Room {
+    /// The present state.
+    fn now() -> Room {
+        let about = statvfs(SHARED_MEMORY);
+        // If the system cannot be asked, a shortage shows when the memory is used.
+        about.map_or(
+            Room {
+                size: u64::MAX,
+                free: u64::MAX,
+            },
+            |about| Room {
+                size: about.f_blocks * about.f_frsize,
+                free: about.f_bavail * about.f_frsize,
+            },
+        )
+    }
+}
+
+/// The shared memory that a plan needs, in one line.
+pub fn describe(plan: &Plan) -> String {
+    let (needs, room) = (footprint(plan), Room::now());
+    format!(
+        "shared memory: {} in {SHARED_MEMORY} at least, {} if there is enough; {} of {} are free",
+        mib(needs.least()),
+        mib(needs.best()),
+        mib(room.free),
+        mib(room.size)
+    )
+}
+
+/// The same as figures for programs.
+pub fn figures(plan: &Plan) -> serde_json::Value {
+    let (needs, room) = (footprint(plan), Room::now());
+    serde_json::json!({
+        "least_bytes": needs.least(),
+        "best_bytes": needs.best(),
+        "free_bytes": room.free,
+        "open_files": needs.files,
+    })
+}
+
+/// The state of shared memory when a page of it was missing, in words that follow what happened.
+pub(crate) fn words() -> String {
+    let room = Room::now();
+    format!(
+        "{} of {} in {SHARED_MEMORY} are free: end what else uses it, or make it larger, such as with docker run --shm-size",
+        mib(room.free),
+        mib(room.size)
+    )
+}
+
+/// The most likely cause when a process was ended by SIGBUS; empty for other ends.
+pub(crate) fn of_bus_error(status: ExitStatus) -> String {
+    match status.signal() {
+        Some(libc::SIGBUS) => format!(" (shared memory may have been full; {})", words()),
+        _ => String::new(),
+    }
+}
+
+/// The failure that shared memory was full.
+pub(crate) fn full() -> RunFailure {
+    RunFailure::Room(format!("shared memory is full: {}", words()))
+}
+
+/// Refuses a run that exceeds the limits of this process. `places` is how many places in shared memory the orchestrator holds at a
+/// time: two if the run may move.
+fn within_limits(needs: &Footprint, places: u64) -> Result<(), RunFailure> {
+    let refuse = |reason: String| Err(RunFailure::Room(reason));
+    if let Some(most) = getrlimit(Resource::Nofile).current {
+        let files = (places * needs.files).max(needs.participant_files);
+        if files > most {
+            return refuse(format!(
+                "open files: the run needs about {files} in one process, and a process may open {most}: raise the limit (ulimit -n {files}, \
+                 or docker run --ulimit nofile={files})"
+            ));
+        }
+    }
+    if let Some(most) = getrlimit(Resource::Fsize).current {
+        let records = needs.records.iter().map(|room| Footprint::record(*room.start()));
+        let largest = records.max().unwrap_or(0).max(needs.largest);
+        if largest > most {
+            return refuse(format!(
+                "shared memory: the run needs an object of {} KiB, and files may have {} KiB: raise the limit (ulimit -f {})",
+                largest.div_ceil(1024),
+                most / 1024,
+                largest.div_ceil(1024)
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Shared memory that is reserved for a run until the run itself allocates it. It is removed with the run's folder.
+pub(crate) struct Reserved {
+    file: File,
+    path: PathBuf,
+    /// The size of each participant's ring, bytes.
+    rings: Vec<u32>,
+    /// The size of all rings.
+    records: u64,
+}
+
+/// The sizes of rings when `free` bytes are free: all rings are reduced from the best size by the same fraction, and they use at
+/// most half of what the least sizes leave, because other runs may start.
+fn rings(needs: &Footprint, free: u64) -> Vec<u32> {
+    let spare = free.saturating_sub(needs.least()) / 2;
+    let wish = (needs.best() - needs.least()).max(1);
+    let share = |room: &std::ops::RangeInclusive<u64>| {
+        let more = (room.end() - room.start()) as u128 * u128::from(spare.min(wish)) / u128::from(wish);
+        // Rounding down to whole pages keeps the sum within `spare`.
+        let ring = room.start() + more as u64 / 4096 * 4096;
+        ring.min(u64::from(u32::MAX / 64 * 64)) as u32
+    };
+    needs.records.iter().map(share).collect()
+}
+
+/// Refuses to move a run of `plan` to another place in shared memory if there is no room for its services in addition to the old
+/// ones.
+pub(crate) fn enough_to_move(plan: &Plan) -> Result<(), RunFailure> {
+    let (needs, room) = (footprint(plan), Room::now());
+    if needs.services > room.free {
+        return Err(RunFailure::Room(format!(
+            "shared memory: to be taken up the run needs {}, and {}",
+            mib(needs.services),
+            words()
+        )));
+    }
+    Ok(())
+}
+
+/// The size of each participant's ring, bytes, in a run of `plan` that has its services already.
+pub(crate) fn rings_now(plan: &Plan) -> Result<Vec<u32>, RunFailure> {
+    let (mut needs, room) = (footprint(plan), Room::now());
+    needs.services = 0;
+    if needs.least() > room.free {
+        return Err(RunFailure::Room(format!(
+            "shared memory: what participants record needs {}, and {}",
+            mib(needs.least()),
+            words()
+        )));
+    }
+    Ok(rings(&needs, room.free.saturating_sub(SPARE)))
+}
+
+/// Refuses a run of `plan` if the machine does not have enough resources, before anything is created.
+pub(crate) fn check(plan: &Plan, moves: bool) -> Result<(), RunFailure> {
+    let (needs, room) = (footprint(plan), Room::now());
+    within_limits(&needs, 1 + u64::from(moves))?;
+    let least = least(&needs, moves);
+    if least > room.free {
+        return Err(too_little(plan, &needs, least, room));
+    }
+    Ok(())
+}
+
+/// The least free shared memory with which a run starts.
+fn least(needs: &Footprint, moves: bool) -> u64 {
+    needs.least() + SPARE + if moves { needs.services } else { 0 }
+}
+
+/// Checks that there is room for a run of `plan`, and reserves it in a file in `folder`. `moves` says that the run may be taken up,
+/// for which it briefly holds two places at once.
+pub(crate) fn reserve(plan: &Plan, folder: &Path, moves: bool) -> Result<Reserved, RunFailure> {
+    let needs = footprint(plan);
+    let (room, least) = (Room::now(), least(&needs, moves));
+    let more = least - needs.least();
+    if least > room.free {
+        return Err(too_little(plan, &needs, least, room));
+    }
+    let rings = rings(&needs, room.free - more);
+    let records: u64 = rings.iter().map(|&ring| Footprint::record(u64::from(ring))).sum();
+    let path = folder.join("reserved");
+    let failed = |source: std::io::Error| RunFailure::Room(format!("`{}`: {source}", path.display()));
+    let file = File::create_new(&path).map_err(failed)?;
+    let mut held: u64 = needs.services + records;
+    if let Some(most) = getrlimit(Resource::Fsize).current {
+        held = held.min(most);
+    }
+    match fallocate(&file, FallocateFlags::empty(), 0, held) {
+        Ok(()) | Err(Errno::OPNOTSUPP) => Ok(Reserved {
+            file,
+            path,
+            rings,
+            records,
+        }),
+        Err(Errno::NOSPC) => Err(too_little(plan, &needs, least, Room::now())),
+        Err(error) => Err(failed(error.into())),
+    }
+}
+
+impl Reserved {
+    /// Releases the memory of the services, which are about to be created.
+    pub(crate) fn give_services(&self) {
+        // If less was reserved than the rings need, this does not increase it.
+        if let Ok(about) = self.file.metadata() {
+            let _ = self.file.set_len(about.len().min(self.records));
+        }
+    }
+
+    /// Releases the rest: participants are about to create their rings, of these sizes. `plan` is the one that runs, with the ports
+    /// that programs described.
+    pub(crate) fn give_rings(self, plan: &Plan) -> Vec<u32> {
+        let _ = std::fs::remove_file(&self.path);
+        let least = footprint(plan).records.into_iter().map(|room| *room.start());
+        let rings = self.rings.into_iter().zip(least);
+        rings
+            .map(|(ring, least)| ring.max(u32::try_from(least).unwrap_or(u32::MAX / 64 * 64)))
+            .collect()
+    }
+}
+
+fn too_little(plan: &Plan, needs: &Footprint, least: u64, room: Room) -> RunFailure {
+    let (participants, links) = (plan.participants.len() as u64, plan.links.len());
+    let fit = participants * room.free.saturating_sub(SPARE) / least;
+    let used = room.size - room.free.min(room.size);
+    let size = (used + least.max(needs.least() + SPARE)).div_ceil(1 << 20);
+    RunFailure::Room(format!(
+        "shared memory: {participants} participants with {links} links need {} in {SHARED_MEMORY}, and {} of {} are free, enough for about {fit} of \
+         the participants: make it {size} MiB, such as with docker run --shm-size={size}m or mount -o remount,size={size}m {SHARED_MEMORY}",
+        mib(least),
+        mib(room.free),
+        mib(room.size)
+    ))
+}

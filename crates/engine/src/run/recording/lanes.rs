@@ -1,0 +1,157 @@
+//! The mapping from a run's samples to its tape.
+
+use tape::{AppendError, StreamSpec};
+
+use super::kept::Kept;
+use super::store::Store;
+
+/// Which samples of each stream are kept, and where they go.
+pub(crate) struct Lanes {
+    /// For each stream of the run: which samples are kept, and its number on the tape.
+    all: Vec<(Kept, usize)>,
+    /// Whether all samples are kept.
+    whole: bool,
+    /// The name of each stream and the size of its payloads, where samples are left out.
+    left_out: Vec<(String, usize)>,
+}
+
+impl Lanes {
+    /// The mapping for `streams`, of which `kept` is kept, and the streams of the tape.
+    pub(crate) fn new(kept: &[Kept], streams: &[StreamSpec]) -> (Lanes, Vec<StreamSpec>) {
+        let (mut all, mut specs) = (Vec::new(), Vec::new());
+        for (kept, spec) in kept.iter().zip(streams) {
+            match kept.spec(spec) {
+                Some(spec) => {
+                    all.push((*kept, specs.len()));
+                    specs.push(spec);
+                }
+                None => all.push((Kept::NOTHING, 0)),
+            }
+        }
+        let whole = all.iter().all(|(kept, _)| kept.is_whole());
+        let left_out = match whole {
+            true => Vec::new(),
+            false => streams
+                .iter()
+                .map(|spec| (spec.name(), spec.descriptor.size as usize))
+                .collect(),
+        };
+        (Lanes { all, whole, left_out }, specs)
+    }
+
+    /// Whether all samples are kept.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.whole
+    }
+
+    /// Puts a sample into `store` if it is to be kept.
+    #[inline]
+    pub(crate) fn put(
+        &self,
+        store: &mut Store,
+        stream: usize,
+        index: u64,
+        stamp_s: f64,
+        payload: &[u8],
+    ) -> Result<(), AppendError> {
+        match self.place(stream, index) {
+            Some((lane, index)) => store.append(lane, index, stamp_s, payload),
+            // The tape does not check samples that it does not get, so their size is checked here.
+            None => match &self.left_out[stream] {
+                (_, expected) if *expected == payload.len() => Ok(()),
+                (name, expected) => Err(AppendError::Size {
+                    stream: name.clone(),
+                    index,
+                    size: payload.len(),
+                    expected: *expected,
+                }),
+            },
+        }
+    }
+
+    /// Which samples of stream number `stream` the tape gets.
+    pub(crate) fn kept(&self, stream: usize) -> Kept {
+        self.all[stream].0
+    }
+
+    /// Whether the tape gets sample `index` of stream number `stream`.
+    pub(crate) fn has(&self, stream: usize, index: u64) -> bool {
+        self.place(stream, index).is_some()
+    }
+
+    /// How many of the first `samples` samples of each stream of the run the tape gets.
+    pub(crate) fn of_first(&self, samples: &[u64]) -> Vec<u64> {
+        let all = self.all.iter().zip(samples);
+        all.map(|((kept, _), samples)| kept.of_first(*samples)).collect()
+    }
+
+    /// As [`Lanes::of_first`], but by stream of the tape.
+    pub(crate) fn on_tape(&self, samples: &[u64]) -> Vec<u64> {
+        let all = self.all.iter().zip(self.of_first(samples));
+        all.filter_map(|((kept, _), count)| (!kept.is_nothing()).then_some(count))
+            .collect()
+    }
+
+    /// The stream on the tape, and the index there, of sample `index` of stream number `stream` of the run; `None` when it is left
+    /// out.
+    #[inline]
+    fn place(&self, stream: usize, index: u64) -> Option<(usize, u64)> {
+        if self.whole {
+            return Some((stream, index));
+        }
+        let (kept, lane) = self.all.get(stream)?;
+        Some((*lane, kept.number(index)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lockstep::port::{Descriptor, Element, Field};
+    use lockstep::time::Rational;
+
+    fn stream(port: &str) -> StreamSpec {
+        let field = Field {
+            name: "x".into(),
+            element: Element::F64,
+            shape: Vec::new(),
+            unit: "m".into(),
+            frame: String::new(),
+            offset: 0,
+            values: Vec::new(),
+        };
+        let descriptor = Descriptor {
+            name: "M".into(),
+            size: 8,
+            fields: vec![field],
+        };
+        StreamSpec::new(
+            "a",
+            port,
+            descriptor,
+            Rational::from_millis(5),
+            Rational::from_millis(10),
+        )
+    }
+
+    #[test]
+    fn kept_samples_have_the_instants_that_they_had() {
+        let streams = [stream("x"), stream("y"), stream("z")];
+        let kept = [Kept::NOTHING, Kept::part(4, 2, 5), Kept::WHOLE];
+        let (lanes, specs) = Lanes::new(&kept, &streams);
+        assert!(!lanes.is_whole());
+        let names: Vec<String> = specs.iter().map(StreamSpec::name).collect();
+        assert_eq!(names, ["a.y", "a.z"]);
+        assert_eq!((specs[0].period, specs[0].first_index), (Rational::from_millis(40), 2));
+        assert_eq!(lanes.place(0, 8), None);
+        let places: Vec<_> = (0..40)
+            .filter_map(|index| Some((index, lanes.place(1, index)?)))
+            .collect();
+        assert_eq!(places, [(8, (0, 2)), (12, (0, 3)), (16, (0, 4))]);
+        assert_eq!(lanes.place(2, 7), Some((1, 7)));
+        let words: Vec<Option<String>> = kept.iter().zip(&streams).map(|(kept, spec)| kept.words(spec)).collect();
+        assert_eq!(words[0].as_deref(), Some("nothing of `a.x`"));
+        assert_eq!(words[1].as_deref(), Some("`a.y` every 40 ms from 85 ms to 165 ms"));
+        assert_eq!(words[2], None);
+    }
+}

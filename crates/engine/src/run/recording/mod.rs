@@ -1,0 +1,12 @@
+//! Recording of a run: which samples are kept, guarded and written, and where they go.
+
+pub mod faults;
+pub(super) mod guard;
+pub(super) mod kept;
+pub(super) mod lanes;
+pub(super) mod newest;
+pub(super) mod notes;
+pub(super) mod observed;
+pub(super) mod recorder;
+pub(super) mod store;
+pub(super) mod streams;

@@ -1,0 +1,79 @@
+//! Checks of participants' notes about their progress against the plan and their recorded samples.
+
+use lockstep::time::Ticks;
+use lockstep::transport::Broken;
+
+use super::recorder::{Recorder, samples};
+
+impl Recorder {
+    /// Checks a Finished note of participant number `participant` against its recorded samples.
+    ///
+    /// # Errors
+    /// The contradiction, in words that follow the participant's name.
+    pub fn finished(&self, participant: usize) -> Result<(), Broken> {
+        let own = &self.plan.participants[participant];
+        let says = "reports that it has finished";
+        let last = own.activations.checked_sub(1).map(|last| own.sample_time.instant(last));
+        if last.is_some_and(|last| last >= self.granted) {
+            return Err(Broken(format!(
+                "{says}; it may go no further than t = {} s",
+                self.plan.timebase.seconds(self.granted)
+            )));
+        }
+        self.stands_at(participant, own.activations, says)
+    }
+
+    /// Checks an AtRest note (granted time and next activation) against the plan and the recorded samples.
+    ///
+    /// # Errors
+    /// As [`Recorder::finished`].
+    pub fn rests(&self, participant: usize, horizon: Ticks, next: u64) -> Result<(), Broken> {
+        let t = self.plan.timebase.seconds(horizon);
+        let says = format!("reports that it rests at t = {t} s");
+        if horizon > self.granted {
+            return Err(Broken(format!(
+                "{says}; it may go no further than t = {} s",
+                self.plan.timebase.seconds(self.granted)
+            )));
+        }
+        let own = &self.plan.participants[participant];
+        let before = own.sample_time.count_before(horizon.min(self.plan.end));
+        let right = before.max(self.base[participant]);
+        if next != right {
+            return Err(Broken(format!(
+                "{says} before its activation {next}; by the plan it rests there before activation {right}"
+            )));
+        }
+        self.stands_at(participant, next, &says)
+    }
+
+    /// Checks a Recalled note (next activation) against the recorded samples.
+    ///
+    /// # Errors
+    /// As [`Recorder::finished`].
+    pub fn recalled(&self, participant: usize, next: u64) -> Result<(), Broken> {
+        let (least, most) = (self.base[participant], self.plan.participants[participant].activations);
+        let says = format!("reports that it rests before its activation {next}");
+        if !(least..=most).contains(&next) {
+            return Err(Broken(format!(
+                "{says}, of those from {least} to {most} that it may have reached"
+            )));
+        }
+        self.stands_at(participant, next, &says)
+    }
+
+    /// Checks that the participant has recorded exactly the samples of the activations before `next`.
+    fn stands_at(&self, participant: usize, next: u64, says: &str) -> Result<(), Broken> {
+        let owned = self.owners.iter().enumerate();
+        for (stream, _) in owned.filter(|(_, owner)| **owner == participant) {
+            let (due, right) = (self.reached[stream], samples(&self.plan, stream, participant, next));
+            if due != right {
+                let name = self.name(stream);
+                return Err(Broken(format!(
+                    "{says}, and has recorded {due} samples of `{name}` where the plan has {right}"
+                )));
+            }
+        }
+        Ok(())
+    }
+}

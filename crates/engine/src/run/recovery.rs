@@ -1,0 +1,333 @@
+//! Failure recovery: which participants are restarted or replaced, and when the run ends instead.
+
+use std::time::Duration;
+
+use lockstep::plan::Cut;
+use lockstep::time::Ticks;
+use tape::{Event, EventKind};
+
+use super::executor::Slot;
+use super::failed::{FailedParticipant, RESTARTS_MAX, Restarts};
+use super::outcome::{Ending, RunFailure};
+use super::prepare;
+use super::processes::descriptions;
+use super::processes::executor::{BATCHES, Processes};
+use super::processes::participants::Taken;
+use super::state::RunState;
+use super::stops::actions::keep_for_restarts;
+use super::timeout::Patience;
+use crate::scenario::OnFailure;
+
+/// Why a run ends when a guard violation is found only at its end: a substitute that does nothing would only hide the violation.
+const NOTHING_LEFT: &str = "it had taken its last step when its outputs were looked at, so a substitute has nothing to do; where the run \
+                            rests (`--checkpoint-every`) everything before is looked at first";
+
+impl Processes {
+    /// Handles the failure in `ending` as the scenario says: returns when the run can continue, or returns the ending as an error.
+    /// A participant that fails while the run is taken up counts as one more failure.
+    pub(super) fn survive_failure(&mut self, run_state: &mut RunState, ending: Ending) -> Result<(), Ending> {
+        let Ending::Failed { participant, reason } = &ending else {
+            return Err(ending);
+        };
+        let Some(number) = run_state.plan.participant(participant) else {
+            return Err(ending);
+        };
+        let reason = reason.clone();
+        let mut fallen = vec![FailedParticipant { number, reason }];
+        let others = std::mem::take(&mut self.failures.fallen);
+        fallen.extend(others.into_iter().filter(|one| one.number != number));
+        let first = fallen[0].clone();
+        let mut judged = 0;
+        loop {
+            for one in &fallen[judged..] {
+                self.judge(run_state, one, &first)?;
+            }
+            judged = fallen.len();
+            let done = self.recall(run_state, &mut fallen).and_then(|()| {
+                if fallen.len() > judged {
+                    // Another participant failed meanwhile, and must be judged before anything is done.
+                    return Ok(None);
+                }
+                self.recover(run_state, &fallen).map(Some)
+            });
+            match done {
+                Ok(Some(missing)) if missing.is_empty() => return Ok(()),
+                Ok(Some(missing)) => (fallen, judged) = (missing, 0),
+                Ok(None) => {}
+                Err(RunFailure::Interrupted) => return Err(run_state.over(RunFailure::Interrupted)),
+                // The first failure matters most.
+                Err(second) => {
+                    return Err(Ending::Failed {
+                        participant: run_state.plan.participants[first.number].name.clone(),
+                        reason: format!("{}\nand the run could not be taken up: {second}", first.reason),
+                    });
+                }
+            }
+        }
+    }
+
+    /// Fails if the run must end because of `one`. If it is not `first`, it failed after that.
+    fn judge(
+        &mut self,
+        run_state: &mut RunState,
+        one: &FailedParticipant,
+        first: &FailedParticipant,
+    ) -> Result<(), Ending> {
+        let participant = run_state.plan.participants[one.number].name.clone();
+        let mut over = None;
+        if run_state.entries[one.number].on_failure == OnFailure::Stop || self.handles.is_empty() {
+            over = Some(String::new());
+        } else {
+            let furthest = self.handles[one.number].status().next;
+            let restarts = &mut self.failures.restarts[one.number];
+            if furthest > restarts.furthest {
+                *restarts = Restarts { furthest, count: 0 };
+            }
+            restarts.count += 1;
+            if restarts.count > RESTARTS_MAX {
+                over = Some(format!(
+                    "\n(taken up again {RESTARTS_MAX} times without getting any further)"
+                ));
+            }
+        }
+        let Some(mut more) = over else {
+            run_state
+                .options
+                .progress
+                .say(&format!("participant `{participant}`: {}", one.reason));
+            return Ok(());
+        };
+        if one.number != first.number {
+            let name = &run_state.plan.participants[first.number].name;
+            more += &format!(
+                "\n(when the run was to go on after participant `{name}`: {})",
+                first.first_line()
+            );
+        }
+        let reason = one.reason.clone() + &more;
+        Err(Ending::Failed { participant, reason })
+    }
+
+    /// Ends the processes of `fallen`, and brings all other participants to rest. A participant that fails before it rests is added
+    /// to `fallen`.
+    fn recall(&mut self, run_state: &mut RunState, fallen: &mut Vec<FailedParticipant>) -> Result<(), RunFailure> {
+        for one in fallen.iter() {
+            let handle = &mut self.handles[one.number];
+            handle.process.bring_down(Duration::ZERO);
+            handle.failed = None;
+            // The samples that it had handed over count, up to the first faulty one.
+            while let Ok(Taken::Old | Taken::News) = handle.take(one.number, &mut run_state.recorder()) {}
+        }
+        self.place.clock.recall();
+        let mut patience = Patience::new(run_state.options.patience());
+        loop {
+            let mut left = None;
+            for number in 0..self.handles.len() {
+                if fallen.iter().any(|one| one.number == number) {
+                    continue;
+                }
+                match self.comes_to_rest(run_state, number)? {
+                    Ok(true) => {}
+                    Ok(false) => left = Some(number),
+                    Err(reason) => {
+                        self.handles[number].process.bring_down(Duration::ZERO);
+                        fallen.push(FailedParticipant { number, reason });
+                    }
+                }
+            }
+            let Some(number) = left else { return Ok(()) };
+            if self.monitor.asked() {
+                return Err(RunFailure::Interrupted);
+            }
+            if patience.is_over() {
+                let process = &mut self.handles[number].process;
+                let limit = patience.limit_s();
+                let reason = format!("process {} did not come to rest within {limit} s", process.pid());
+                process.bring_down(Duration::ZERO);
+                fallen.push(FailedParticipant { number, reason });
+            }
+            std::thread::sleep(Duration::from_micros(300));
+        }
+    }
+
+    /// Whether participant number `number` has come to rest; if it failed too, the reason.
+    fn comes_to_rest(&mut self, run_state: &mut RunState, number: usize) -> Result<Result<bool, String>, RunFailure> {
+        let handle = &mut self.handles[number];
+        handle.ring();
+        let ended = handle.process.ended();
+        // Bounded, because a participant may send notes without end.
+        for _ in 0..BATCHES {
+            let taken = handle.take(number, &mut run_state.recorder());
+            match taken {
+                Ok(Taken::Old | Taken::News) => {}
+                Ok(Taken::Nothing) => break,
+                Err(broken) => {
+                    let error = run_state.recorder().take_error();
+                    return match error {
+                        Some(error) => Err(error.into()),
+                        None => Ok(Err(broken.0)),
+                    };
+                }
+            }
+        }
+        if let Some(failed) = handle.failure() {
+            return Ok(Err(failed));
+        }
+        match ended {
+            // A participant that ended after it came to rest is found missing during the move.
+            Some(status) if handle.recalled.is_none() => {
+                let last = handle.status();
+                Ok(Err(descriptions::death(
+                    &run_state.plan,
+                    number,
+                    &handle.process,
+                    last,
+                    status,
+                )))
+            }
+            _ => Ok(Ok(handle.recalled.is_some())),
+        }
+    }
+
+    /// Continues the run as the scenario says; all participants are at rest except `fallen`, whose processes have ended. Returns
+    /// those that fail meanwhile.
+    fn recover(
+        &mut self,
+        run_state: &mut RunState,
+        fallen: &[FailedParticipant],
+    ) -> Result<Vec<FailedParticipant>, RunFailure> {
+        // A different program would not reproduce the samples on the tape: a participant that fails while the run goes back is
+        // restarted too.
+        let mut fallen_numbers = fallen.iter().map(|one| one.number);
+        if fallen_numbers.any(|number| {
+            run_state.entries[number].on_failure == OnFailure::Restart || run_state.recorder().is_ahead_of(number)
+        }) {
+            self.go_back(run_state, fallen)
+        } else {
+            self.replace(run_state, fallen)
+        }
+    }
+
+    /// Takes all participants back to the last checkpoint, and `fallen` in new processes, whatever their policy: no state of theirs
+    /// is lost that way.
+    fn go_back(
+        &mut self,
+        run_state: &mut RunState,
+        fallen: &[FailedParticipant],
+    ) -> Result<Vec<FailedParticipant>, RunFailure> {
+        let Some(checkpoint) = run_state.last_checkpoint.clone() else {
+            return Err(RunFailure::Other("there is no checkpoint to go back to".into()));
+        };
+        let slots = prepare::seats_at(run_state, &checkpoint, |number| {
+            fallen.iter().any(|one| one.number == number)
+        });
+        {
+            let mut recorder = run_state.recorder();
+            recorder.expect_again()?;
+            if let Some(rest) = &checkpoint.rest {
+                recorder.remember(&rest.samples);
+            }
+        }
+        let missing = self.move_everybody(run_state, &checkpoint.cut, slots)?;
+        run_state.substituted = usize::try_from(checkpoint.substitutions).unwrap_or(usize::MAX);
+        run_state
+            .guide
+            .rewind(&run_state.scenario, &run_state.plan, run_state.substituted);
+        for one in fallen {
+            let text = format!(
+                "restarted from the checkpoint at t = {}: {}",
+                checkpoint.time,
+                one.first_line()
+            );
+            Self::note(
+                run_state,
+                EventKind::Restart,
+                run_state.newest().max(0),
+                one.number,
+                text,
+            )?;
+        }
+        Ok(missing)
+    }
+
+    /// Replaces `fallen` by other programs, at the activations that the failed ones had reached.
+    fn replace(
+        &mut self,
+        run_state: &mut RunState,
+        fallen: &[FailedParticipant],
+    ) -> Result<Vec<FailedParticipant>, RunFailure> {
+        let mut cut = Cut { next: Vec::new() };
+        let mut slots = Vec::new();
+        let mut notes = Vec::new();
+        for (number, handle) in self.handles.iter().enumerate() {
+            let stands = match handle.recalled {
+                Some(next) => next,
+                None => self.stands(&run_state.recorder(), number),
+            };
+            cut.next.push(stands);
+            if run_state.recorder().is_liar(number) && stands == run_state.plan.participants[number].activations {
+                return Err(RunFailure::Other(NOTHING_LEFT.into()));
+            }
+            let (one, entry) = (
+                fallen.iter().find(|one| one.number == number),
+                &run_state.entries[number],
+            );
+            slots.push(match (one, &entry.on_failure) {
+                (Some(one), OnFailure::Substitute(program)) => {
+                    let entry = entry.replaced_by(program);
+                    let text = format!(
+                        "{} takes over at activation {stands} from afresh: the one before {}",
+                        entry.program,
+                        one.first_line()
+                    );
+                    notes.push((number, text));
+                    Slot::New(Box::new(entry), None)
+                }
+                _ => Slot::Same(None),
+            });
+        }
+        // The substitute sees again what its predecessor was shown last.
+        run_state.recorder().expect_again()?;
+        let mut missing = self.move_everybody(run_state, &cut, slots)?;
+        // A restart must not bring back a participant that was replaced.
+        run_state.last_checkpoint = None;
+        let mut at = 0;
+        for (number, text) in notes {
+            run_state.recorder().renew(number);
+            at = run_state.plan.participants[number]
+                .sample_time
+                .instant(cut.next[number]);
+            Self::note(run_state, EventKind::Substitution, at, number, text)?;
+        }
+        if missing.is_empty()
+            && let Some(one) = keep_for_restarts(self, run_state, run_state.time(at), cut)?
+        {
+            // A participant that lives but cannot save its state does no harm as long as the run need not go back.
+            if self.handles[one.number].process.ended().is_some() {
+                missing.push(one);
+            }
+        }
+        Ok(missing)
+    }
+
+    /// Records `text` about participant number `number` on the tape, and reports it to the user.
+    fn note(
+        run_state: &mut RunState,
+        kind: EventKind,
+        at: Ticks,
+        number: usize,
+        text: String,
+    ) -> Result<(), RunFailure> {
+        let name = run_state.plan.participants[number].name.clone();
+        let said = format!("participant `{name}`: {text}");
+        run_state.options.progress.say(&said);
+        run_state.recovered.push(said);
+        let event = Event {
+            time: run_state.time(at),
+            kind,
+            participant: Some(name),
+            text,
+        };
+        Ok(run_state.recorder().event(&event)?)
+    }
+}

@@ -1,0 +1,288 @@
+//! The state of a run at one instant, in one file.
+//!
+//! A checkpoint holds only what is stored nowhere else: the state and the position of every participant. The samples in transit on
+//! the links follow from the plan and the tape; random samples follow from seed, name and index. Where the tape does not have every
+//! sample, the checkpoint also has those that are still needed.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use lockstep::plan::{Cut, Plan};
+use lockstep::time::Rational;
+use lockstep::wire::{self, WireError};
+use serde::{Deserialize, Serialize};
+use tape::Digest;
+
+use super::beyond_tape::Rest;
+use crate::scenario::Entry;
+
+const MAGIC: &[u8] = b"escapement checkpoint 1\n";
+/// The format that also has the samples missing on the tape.
+const MAGIC_REST: &[u8] = b"escapement checkpoint 2\n";
+const DIGEST: usize = 32;
+
+/// The message for a participant without `save` that must save its state.
+pub(crate) const CANNOT_SAVE: &str = "cannot save its state, which a checkpoint or a substitution with state needs: implement `save` and `restore`, \
+                           or run without";
+
+/// The extension of a checkpoint's file.
+const ENDING: &str = ".checkpoint";
+
+/// The state of a run at rest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    /// The program that saved it.
+    pub version: String,
+    /// The instant: all participants have done exactly the activations before it.
+    pub time: Rational,
+    /// The participants, in the order of the plan.
+    pub participants: Vec<String>,
+    /// The position of each of them.
+    pub cut: Cut,
+    /// The state of each of them.
+    pub states: Vec<Vec<u8>>,
+    /// How many of the scenario's substitutions had taken place.
+    pub substitutions: u64,
+    /// For each participant, whether it had failed and had been replaced by another program of its `on-failure`.
+    pub replaced: Vec<bool>,
+    /// What the tape does not have, if it does not have every sample.
+    #[serde(skip)]
+    pub rest: Option<Rest>,
+}
+
+/// Why a checkpoint cannot be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// The file system reported an error.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// The error.
+        source: io::Error,
+    },
+    /// Another kind of file, or another version of the format.
+    #[error("{}: this is not a checkpoint that this version can read (it begins with other bytes)", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Bytes were changed or are missing in the file.
+    #[error("{}: the checkpoint is damaged ({reason}); take an earlier one with --from", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        reason: String,
+    },
+    /// The states are too large.
+    #[error("the checkpoint at t = {time}: {source}")]
+    TooLarge {
+        /// Its instant.
+        time: Rational,
+        /// The error of the encoder.
+        source: WireError,
+    },
+    /// There is no suitable file.
+    #[error("{}: there is no checkpoint{at}; there is {available} (checkpoints are made with --checkpoint-every and --checkpoint-at)", folder.display())]
+    None {
+        /// The folder of the checkpoints.
+        folder: PathBuf,
+        /// What was requested, in words.
+        at: String,
+        /// What there is, in words.
+        available: String,
+    },
+}
+
+impl Checkpoint {
+    /// The state of a run of `plan` at `time`, with `entries` in the slots; the participants are at `cut` and have these states.
+    pub fn new(
+        plan: &Plan,
+        time: Rational,
+        cut: Cut,
+        states: Vec<Vec<u8>>,
+        substituted: usize,
+        entries: &[Entry],
+    ) -> Checkpoint {
+        Checkpoint {
+            version: env!("CARGO_PKG_VERSION").into(),
+            time,
+            participants: plan.participants.iter().map(|own| own.name.clone()).collect(),
+            cut,
+            states,
+            substitutions: substituted as u64,
+            replaced: entries.iter().map(|entry| entry.replaced).collect(),
+            rest: None,
+        }
+    }
+
+    /// The bytes of a checkpoint's file.
+    ///
+    /// # Errors
+    /// [`CheckpointError::TooLarge`].
+    pub fn encode(&self) -> Result<Vec<u8>, CheckpointError> {
+        let time = self.time;
+        let (magic, body) = match &self.rest {
+            None => (MAGIC, wire::encode("a checkpoint", self)),
+            Some(rest) => (MAGIC_REST, wire::encode("a checkpoint", &(self, rest))),
+        };
+        let body = body.map_err(|source| CheckpointError::TooLarge { time, source })?;
+        let mut bytes = magic.to_vec();
+        bytes.extend_from_slice(Digest::of(&body).as_bytes());
+        bytes.extend_from_slice(&body);
+        Ok(bytes)
+    }
+
+    /// Decodes the checkpoint in the bytes of the file `path`, which may hold anything.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Foreign`] and [`CheckpointError::Damaged`].
+    pub fn decode(path: &Path, bytes: &[u8]) -> Result<Checkpoint, CheckpointError> {
+        let path = path.to_owned();
+        let (plain, more) = (bytes.strip_prefix(MAGIC), bytes.strip_prefix(MAGIC_REST));
+        let Some(rest) = plain.or(more) else {
+            return Err(CheckpointError::Foreign { path });
+        };
+        let damaged = |reason: String| CheckpointError::Damaged {
+            path: path.clone(),
+            reason,
+        };
+        let Some((digest, body)) = rest.split_at_checked(DIGEST) else {
+            return Err(damaged("it ends in its checksum".into()));
+        };
+        if Digest::of(body).as_bytes() != digest {
+            return Err(damaged("its checksum does not fit its contents".into()));
+        }
+        let decoded = match more {
+            None => wire::decode("a checkpoint", body),
+            Some(_) => wire::decode::<(Checkpoint, Rest)>("a checkpoint", body).map(|(checkpoint, rest)| Checkpoint {
+                rest: Some(rest),
+                ..checkpoint
+            }),
+        };
+        let checkpoint: Checkpoint = decoded.map_err(|error| damaged(error.to_string()))?;
+        let count = checkpoint.participants.len();
+        if [
+            checkpoint.states.len(),
+            checkpoint.cut.next.len(),
+            checkpoint.replaced.len(),
+        ] != [count; 3]
+        {
+            return Err(damaged(
+                "it does not have one state and one place for each participant".into(),
+            ));
+        }
+        Ok(checkpoint)
+    }
+
+    /// Writes it into `folder`, completely or not at all. Returns the file.
+    pub fn write(&self, folder: &Path) -> Result<PathBuf, CheckpointError> {
+        let io = |path: &Path| {
+            let path = path.to_owned();
+            move |source| CheckpointError::Io { path, source }
+        };
+        fs::create_dir_all(folder).map_err(io(folder))?;
+        let name = self.time.to_string().replace(' ', "").replace('/', "-");
+        let path = folder.join(format!("{name}{ENDING}"));
+        tape::write_whole(&path, self.encode()?).map_err(io(&path))?;
+        Ok(path)
+    }
+
+    /// The newest checkpoint in `folder` at or before `limit`.
+    ///
+    /// # Errors
+    /// When there is none, or when the suitable one is damaged.
+    pub fn find(folder: &Path, limit: Option<Rational>) -> Result<Checkpoint, CheckpointError> {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let paths = entries.map(|entry| entry.path());
+        let mut all = Vec::new();
+        for path in paths.filter(|path| path.to_string_lossy().ends_with(ENDING)) {
+            let bytes = fs::read(&path).map_err(|source| CheckpointError::Io {
+                path: path.clone(),
+                source,
+            })?;
+            all.push((path, bytes));
+        }
+        // The time of a damaged file is unknown; it matters only when no other file is suitable.
+        let (mut good, mut bad) = (Vec::new(), None);
+        for (path, bytes) in &all {
+            match Checkpoint::decode(path, bytes) {
+                Ok(checkpoint) => good.push(checkpoint),
+                Err(error) => bad = Some(error),
+            }
+        }
+        good.sort_by_key(|checkpoint| checkpoint.time);
+        let times: Vec<String> = good.iter().map(|one| one.time.to_string()).collect();
+        let fits = |one: &Checkpoint| limit.is_none_or(|limit| one.time <= limit);
+        match (good.into_iter().rev().find(fits), bad) {
+            (Some(checkpoint), _) => Ok(checkpoint),
+            (None, Some(bad)) => Err(bad),
+            (None, None) => Err(CheckpointError::None {
+                folder: folder.to_owned(),
+                at: limit.map(|limit| format!(" at or before {limit}")).unwrap_or_default(),
+                available: if times.is_empty() {
+                    "none at all".into()
+                } else {
+                    format!("one at {}", times.join(", "))
+                },
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lockstep::plan::Backlog;
+
+    fn checkpoint() -> Checkpoint {
+        Checkpoint {
+            version: "1".into(),
+            time: Rational::from_millis(12_500),
+            participants: vec!["a".into(), "b".into()],
+            cut: Cut { next: vec![3, 4] },
+            states: vec![vec![1, 2, 3], Vec::new()],
+            substitutions: 1,
+            replaced: vec![false, true],
+            rest: None,
+        }
+    }
+
+    fn with_rest() -> Checkpoint {
+        let sample = Backlog {
+            index: 7,
+            payload: vec![5, 6],
+        };
+        let rest = Rest {
+            counts: vec![2, 9],
+            samples: vec![vec![sample], Vec::new()],
+            assessment: Some(vec![1]),
+            guards: vec![("0".into(), Some((vec![3], 4))), ("1".into(), None)],
+        };
+        Checkpoint {
+            rest: Some(rest),
+            ..checkpoint()
+        }
+    }
+
+    #[test]
+    fn it_comes_back_as_it_went() {
+        for checkpoint in [checkpoint(), with_rest()] {
+            let bytes = checkpoint.encode().unwrap();
+            assert_eq!(Checkpoint::decode(Path::new("x"), &bytes).unwrap(), checkpoint);
+        }
+    }
+
+    #[test]
+    fn every_changed_byte_and_every_cut_is_noticed() {
+        let all = [checkpoint(), with_rest()].map(|checkpoint| checkpoint.encode().unwrap());
+        for (bytes, at) in all.iter().flat_map(|bytes| (0..bytes.len()).map(move |at| (bytes, at))) {
+            let mut changed = bytes.clone();
+            changed[at] ^= 1;
+            assert!(Checkpoint::decode(Path::new("x"), &changed).is_err(), "byte {at}");
+            assert!(Checkpoint::decode(Path::new("x"), &bytes[..at]).is_err(), "cut at {at}");
+        }
+    }
+}

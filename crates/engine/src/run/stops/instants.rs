@@ -1,0 +1,128 @@
+//! Checks of the instants on the command line against the length of the run.
+
+use lockstep::time::Rational;
+
+use super::schedule::CHECKPOINTS_MAX;
+use crate::run::options::Options;
+use crate::run::outcome::RunFailure;
+
+/// Refuses instants at which a run of `duration` does not come to rest, before anything is started.
+pub(crate) fn check(duration: Rational, options: &Options) -> Result<(), RunFailure> {
+    let refuse = |option: &'static str, time: Rational, reason: String| {
+        let value = time.to_string();
+        Err(RunFailure::Option { option, value, reason })
+    };
+    let begin = options.origin.as_ref().map(|origin| origin.checkpoint.time);
+    let instants = [
+        ("--pause-at", &options.pause_at),
+        ("--checkpoint-at", &options.checkpoint_at),
+    ];
+    for (option, times) in instants {
+        for &time in times {
+            if time.is_negative() {
+                return refuse(option, time, "lies before the start: give 0 s or more".into());
+            }
+            if time >= duration {
+                let reason =
+                    format!("is not before the end at {duration}: give an earlier time, or a longer --duration");
+                return refuse(option, time, reason);
+            }
+            if let Some(begin) = begin.filter(|begin| time < *begin) {
+                let reason = format!("lies before t = {begin}, from which the run goes on: give a later time");
+                return refuse(option, time, reason);
+            }
+        }
+    }
+    let option = "--checkpoint-every";
+    let Some(every) = options.checkpoint_every else {
+        return Ok(());
+    };
+    if !every.is_positive() {
+        return refuse(option, every, "is not above zero: give a time such as 5s".into());
+    }
+    if every >= duration {
+        let reason = format!("makes no checkpoint before the end at {duration}: give less");
+        return refuse(option, every, reason);
+    }
+    // If the product overflows, it is longer than every run.
+    if every
+        .checked_mul(CHECKPOINTS_MAX as i64)
+        .is_some_and(|most| most < duration)
+    {
+        let reason = format!("makes more than {CHECKPOINTS_MAX} checkpoints in {duration}: give more");
+        return refuse(option, every, reason);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(change: impl FnOnce(&mut Options)) -> Option<String> {
+        let mut options = Options::default();
+        change(&mut options);
+        let checked = check("10 s".parse().unwrap(), &options);
+        checked.err().map(|failure| {
+            assert_eq!(failure.exit_code(), 2);
+            failure.to_string()
+        })
+    }
+
+    fn time(text: &str) -> Rational {
+        text.parse().unwrap()
+    }
+
+    #[test]
+    fn instant_outside_the_run_is_refused_with_option_and_value() {
+        for text in ["0 s", "1 ns", "9.999 s"] {
+            assert_eq!(
+                refusal(|options| options.checkpoint_at = vec![time("1 s"), time(text)]),
+                None
+            );
+            assert_eq!(refusal(|options| options.pause_at = vec![time(text)]), None);
+        }
+        for (text, part) in [
+            ("-1 ns", "before the start"),
+            ("10 s", "the end at 10 s"),
+            ("1e9 h", "the end"),
+        ] {
+            for (option, refused) in [
+                (
+                    "--checkpoint-at",
+                    refusal(|options| options.checkpoint_at = vec![time("1 s"), time(text)]),
+                ),
+                ("--pause-at", refusal(|options| options.pause_at = vec![time(text)])),
+            ] {
+                let refused = refused.unwrap();
+                for part in [option, &time(text).to_string(), part] {
+                    assert!(refused.contains(part), "{part}: {refused}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn interval_without_checkpoints_or_with_too_many_is_refused() {
+        for text in ["1 ms", "9.999 s"] {
+            assert_eq!(
+                refusal(|options| options.checkpoint_every = Some(time(text))),
+                None,
+                "{text}"
+            );
+        }
+        for (text, part) in [
+            ("0 s", "above zero"),
+            ("-1 s", "above zero"),
+            ("10 s", "no checkpoint"),
+            ("2 h", "no checkpoint"),
+            ("999 us", "more than 10000"),
+            ("1 ns", "more than 10000"),
+        ] {
+            let refused = refusal(|options| options.checkpoint_every = Some(time(text))).unwrap();
+            for part in ["--checkpoint-every", &time(text).to_string(), part] {
+                assert!(refused.contains(part), "{part}: {refused}");
+            }
+        }
+    }
+}
