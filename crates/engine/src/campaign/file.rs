@@ -7,14 +7,13 @@ use sampling::subset::{Settings, Subset};
 use tape::Digest;
 use toml::{Table, Value};
 
-use super::Kind;
-use super::any_path::AnyPath;
 use super::declared::{Declared, dimension_of};
 use super::dispersions::{Context, DESIGNS, Design, Dispersion, Quantity, Sized, at_key, dispersion};
+use super::folder::any_path::AnyPath;
 use super::plan::Plan;
 use super::rare::Rare;
 use super::source::Source;
-use super::{Campaign, CampaignError};
+use super::{Campaign, CampaignError, Kind};
 use crate::assessment::Criterion;
 use crate::scenario::{Changes, Lines, Mistake, Scenario, ScenarioError};
 

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use super::Number;
-use super::keep::Keep;
-use super::shard::Shard;
+use super::folder::keep::Keep;
+use super::shards::shard::Shard;
 use super::until::Watch;
 use crate::observer::{Interrupt, Progress};
 

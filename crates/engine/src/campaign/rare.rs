@@ -9,14 +9,15 @@ use sampling::subset::{Candidate, Estimate, Subset};
 use serde_json::{Value, json};
 
 use super::declared::Declared;
-use super::folder::Folder;
-use super::identity::Identity;
-use super::keep::Keep;
+use super::folder::claim::Folder;
+use super::folder::identity::Identity;
+use super::folder::journal;
+use super::folder::keep::Keep;
 use super::options::Options;
 use super::plan::{Plan, columns_of};
-use super::point::{Outcome, Result as PointResult};
-use super::work::{Finished, work};
-use super::{Campaign, CampaignError, POINTS_MAX, journal};
+use super::workers::point::{Outcome, Result as PointResult};
+use super::workers::pool::{Finished, work};
+use super::{Campaign, CampaignError, POINTS_MAX};
 use crate::assessment::Criterion;
 use crate::scenario::Scenario;
 

@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 use tape::Digest;
 
-use super::any_path::AnyPath;
+use super::folder::any_path::AnyPath;
 
 /// A campaign file. Its points follow from the file, from the scenario with the changes that all points share, and from
 /// their number.

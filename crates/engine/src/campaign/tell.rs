@@ -3,7 +3,7 @@
 use sampling::statistics::nearest_rank;
 
 use super::Column;
-use super::point::{Outcome, Result as PointResult};
+use super::workers::point::{Outcome, Result as PointResult};
 
 /// `84 points: 61 met, 23 not met`
 pub fn verdicts(results: &[Option<PointResult>]) -> String {

@@ -4,8 +4,8 @@ use std::str::FromStr;
 
 use sampling::statistics::{NORMAL_95, wilson};
 
-use super::point::Result as PointResult;
-use super::table::figure_of;
+use super::folder::table::figure_of;
+use super::workers::point::Result as PointResult;
 use super::{CampaignError, Number};
 
 /// With fewer points than this the interval of a mean is not trustworthy.

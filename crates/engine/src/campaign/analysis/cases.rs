@@ -2,9 +2,11 @@
 
 use serde_json::{Value, json};
 
-use super::super::point::{Result as PointResult, word};
-use super::super::{Campaign, good_word, verdicts};
 use super::{failures, figure};
+use crate::campaign::Campaign;
+use crate::campaign::good_word;
+use crate::campaign::verdicts;
+use crate::campaign::workers::point::{Result as PointResult, word};
 
 /// The cases of a campaign with the outcome of each, for its page.
 pub fn of_cases(title: &str, campaign: &Campaign, results: &[Option<PointResult>]) -> Value {

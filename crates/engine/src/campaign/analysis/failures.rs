@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::super::point::{Outcome, Result as PointResult};
+use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// Groups of points that failed, the largest first: outcome, an example of the reason, number of points, and the first of
 /// them. Reasons that differ only in numbers are one group.

@@ -4,8 +4,9 @@ use report::campaign::floats;
 use sampling::statistics::{correlation, indices, moments, percentile, ranks};
 use serde_json::{Value, json};
 
-use super::super::point::Result as PointResult;
-use super::super::{Column, Figures, wilson};
+use crate::campaign::wilson;
+use crate::campaign::workers::point::Result as PointResult;
+use crate::campaign::{Column, Figures};
 
 /// Confidence level of all intervals.
 pub(super) const CONFIDENCE: f64 = 0.95;
@@ -52,7 +53,7 @@ pub(super) fn samples(results: &[Option<PointResult>]) -> Vec<Sample> {
     let differs = good.iter().flatten().any(|one| *one == 0.0) && good.iter().flatten().any(|one| *one == 1.0);
     if differs {
         all.push(Sample {
-            name: super::super::good_word(results).to_owned(),
+            name: crate::campaign::good_word(results).to_owned(),
             unit: String::new(),
             truth: true,
             limits: Vec::new(),

@@ -9,8 +9,11 @@ pub use cases::of_cases;
 use report::campaign::floats;
 use serde_json::{Value, json};
 
-use super::point::{Result as PointResult, word};
-use super::{Campaign, Column, Figures, Rarely, good_word, verdicts, wilson};
+use super::good_word;
+use super::verdicts;
+use super::wilson;
+use super::workers::point::{Result as PointResult, word};
+use super::{Campaign, Column, Figures, Rarely};
 use figure::Sample;
 
 /// Pictures are thinned out to this number of points; the numbers use all points.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use super::submit::{Cluster, Gave, Underway, give, place};
 use crate::Catalogue;
-use crate::campaign::identity::Identity;
-use crate::campaign::merge::merge;
+use crate::campaign::folder::identity::Identity;
+use crate::campaign::shards::merge::merge;
 use crate::campaign::{Campaign, CampaignError, Finished, Options};
 use crate::scenario::Scenario;
 

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::engine::{Engine, last_words};
 use super::job::{Job, Order};
 use crate::campaign::CampaignError;
-use crate::campaign::identity::failed;
+use crate::campaign::folder::identity::failed;
 
 const SCRIPT: &str = include_str!("hyperqueue.py");
 const REMEDY: &str = "it is spoken to through its Python package: activate an environment whose `python3` has it (pip install hyperqueue)";

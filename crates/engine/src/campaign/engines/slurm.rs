@@ -6,7 +6,7 @@ use std::process::Command;
 use super::engine::{Engine, last_words};
 use super::job::{Job, Order};
 use crate::campaign::CampaignError;
-use crate::campaign::identity::failed;
+use crate::campaign::folder::identity::failed;
 
 const REMEDY: &str = "start it on a machine of the cluster that has Slurm's commands in PATH";
 

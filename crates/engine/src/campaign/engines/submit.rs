@@ -11,11 +11,11 @@ use serde::{Deserialize, Serialize};
 use super::engine::Engine;
 use super::job::{Job, Order};
 use crate::Catalogue;
-use crate::campaign::bundle::{Bundle, bundle};
-use crate::campaign::folder::Folder;
-use crate::campaign::identity::{Identity, failed};
-use crate::campaign::shard::Shard;
-use crate::campaign::status::{State, parts};
+use crate::campaign::folder::claim::Folder;
+use crate::campaign::folder::identity::{Identity, failed};
+use crate::campaign::folder::status::{State, parts};
+use crate::campaign::shards::bundle::{Bundle, bundle};
+use crate::campaign::shards::shard::Shard;
 use crate::campaign::{Campaign, CampaignError, Options};
 use crate::scenario::Scenario;
 

@@ -8,8 +8,8 @@ use lockstep::plan::Plan;
 use serde::{Deserialize, Serialize};
 use tape::folder::RunFolder;
 
-use super::figures::Figures;
 use crate::Catalogue;
+use crate::campaign::figures::Figures;
 use crate::run::{self, Abreast, Ending, RunFailure};
 use crate::scenario::{Program, Scenario, ScenarioSpec};
 

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::identity::Identity;
 use super::journal;
-use super::point::Result as PointResult;
-use super::{Campaign, CampaignError};
+use crate::campaign::workers::point::Result as PointResult;
+use crate::campaign::{Campaign, CampaignError};
 use crate::run;
 use crate::scenario::{Changes, Scenario, ScenarioError, ScenarioSpec};
 

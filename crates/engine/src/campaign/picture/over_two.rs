@@ -2,13 +2,15 @@
 
 use report::figures::{Drawing, Map, MapCell, Shade};
 
-use super::picture::{Picture, Place, label, numbered};
-use super::point::Result as PointResult;
-use super::tell::distinct;
-use super::{Column, figure_value, short};
+use super::content::{Picture, Place, label, numbered};
+use crate::campaign::Column;
+use crate::campaign::figure_value;
+use crate::campaign::short;
+use crate::campaign::tell::distinct;
+use crate::campaign::workers::point::Result as PointResult;
 
 /// Each position in the colour of the outcome of its points.
-pub(super) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
+pub(crate) fn over_two(picture: &Picture<'_>, x: &Column, y: &Column) -> Drawing {
     let (across, down) = (in_order(x), in_order(y));
     let mut places = vec![Place::default(); across.len() * down.len()];
     let (columns, rows) = (numbered(&across), numbered(&down));

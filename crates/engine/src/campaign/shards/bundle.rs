@@ -9,11 +9,11 @@ use std::sync::Arc;
 
 use toml::{Table, Value};
 
-use super::any_path::AnyPath;
-use super::file::CampaignFile;
-use super::identity::{Identity, failed};
-use super::{Campaign, CampaignError};
 use crate::Catalogue;
+use crate::campaign::file::CampaignFile;
+use crate::campaign::folder::any_path::AnyPath;
+use crate::campaign::folder::identity::{Identity, failed};
+use crate::campaign::{Campaign, CampaignError};
 use crate::scenario::{Named, RunSpec, Scenario, each_in, each_named, value};
 
 /// A bundle: its contents, and what it lacks.

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::POINTS_MAX;
+use crate::campaign::POINTS_MAX;
 
 /// Shard number `number` of `of`: every `of`-th point, starting at point `number`.
 ///

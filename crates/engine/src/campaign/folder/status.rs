@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::CampaignError;
-use super::folder::{Holder, holder};
+use super::claim::{Holder, holder};
 use super::identity::Identity;
 use super::journal;
-use super::point::Outcome;
+use crate::campaign::CampaignError;
+use crate::campaign::workers::point::Outcome;
 
 /// A folder of a campaign and its progress.
 #[derive(Debug, Clone, PartialEq)]

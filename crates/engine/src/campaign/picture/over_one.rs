@@ -2,11 +2,13 @@
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Stroke};
 
-use super::figures::Figures;
-use super::picture::{Picture, Place, label, numbered};
-use super::point::Result as PointResult;
-use super::tell::distinct;
-use super::{Column, figure_value, short};
+use super::content::{Picture, Place, label, numbered};
+use crate::campaign::Column;
+use crate::campaign::figure_value;
+use crate::campaign::figures::Figures;
+use crate::campaign::short;
+use crate::campaign::tell::distinct;
+use crate::campaign::workers::point::Result as PointResult;
 
 /// The positions of a picture along its only axis.
 struct Axis<'a> {
@@ -17,7 +19,7 @@ struct Axis<'a> {
 }
 
 /// A figure of merit, or each criterion as a fraction of its limit.
-pub(super) fn over_one(picture: &Picture<'_>, column: &Column) -> Drawing {
+pub(crate) fn over_one(picture: &Picture<'_>, column: &Column) -> Drawing {
     let axis = Axis::of(picture, column);
     let (y_label, curves, limits) = axis.figure(picture).unwrap_or_else(|| axis.criteria(picture));
     let values = || {

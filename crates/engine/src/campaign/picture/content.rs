@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use report::figures::Shade;
 
-use super::Column;
-use super::figures::Number;
-use super::point::{Outcome, Result as PointResult};
-use super::tell::good_word;
+use crate::campaign::Column;
+use crate::campaign::figures::Number;
+use crate::campaign::tell::good_word;
+use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// What to draw.
 #[derive(Debug)]
@@ -24,12 +24,12 @@ pub struct Picture<'a> {
 
 impl Picture<'_> {
     /// The word for a successful point.
-    pub(super) fn word(&self) -> &'static str {
+    pub(crate) fn word(&self) -> &'static str {
         good_word(self.results)
     }
 
     /// Whether the figure shown has a lower limit and no upper one.
-    pub(super) fn lowest(&self) -> bool {
+    pub(crate) fn lowest(&self) -> bool {
         let figures = self.results.iter().flatten().find_map(|result| result.figures.as_ref());
         let criteria = figures.map_or(&[][..], |figures| &figures.criteria);
         let own = criteria
@@ -41,12 +41,12 @@ impl Picture<'_> {
 
 /// Points that share a position of the picture.
 #[derive(Debug, Default, Clone)]
-pub(super) struct Place<'a> {
-    pub(super) results: Vec<Option<&'a PointResult>>,
+pub(crate) struct Place<'a> {
+    pub(crate) results: Vec<Option<&'a PointResult>>,
 }
 
 impl Place<'_> {
-    pub(super) fn shade(&self) -> Shade {
+    pub(crate) fn shade(&self) -> Shade {
         let known: Vec<&&PointResult> = self.results.iter().flatten().collect();
         if known.len() < self.results.len() {
             Shade::Unknown
@@ -60,7 +60,7 @@ impl Place<'_> {
     }
 
     /// The worst value of a figure: the greatest, or the least where it has a lower limit only.
-    pub(super) fn worst(&self, lowest: bool, of: impl Fn(&PointResult) -> Option<f64>) -> Option<f64> {
+    pub(crate) fn worst(&self, lowest: bool, of: impl Fn(&PointResult) -> Option<f64>) -> Option<f64> {
         let values = self.results.iter().flatten().filter_map(|result| of(result));
         let worse = if lowest { f64::min } else { f64::max };
         values.filter(|value| value.is_finite()).reduce(worse)
@@ -68,7 +68,7 @@ impl Place<'_> {
 }
 
 /// The name of a column as an axis label.
-pub(super) fn label(column: &Column) -> String {
+pub(crate) fn label(column: &Column) -> String {
     if column.unit.is_empty() {
         column.name.clone()
     } else {
@@ -77,7 +77,7 @@ pub(super) fn label(column: &Column) -> String {
 }
 
 /// The number of each value.
-pub(super) fn numbered<'a>(values: &[&'a String]) -> BTreeMap<&'a String, usize> {
+pub(crate) fn numbered<'a>(values: &[&'a String]) -> BTreeMap<&'a String, usize> {
     values
         .iter()
         .enumerate()

@@ -6,17 +6,17 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use super::any_path::AnyPath;
-use super::company::company;
-use super::folder::{Folder, Known};
-use super::identity::{Identity, digest_of_scenario};
-use super::keep::{Keep, kept};
-use super::options::Options;
+use super::batch_size::company;
 use super::point::{Outcome, Result as PointResult};
-use super::table::sheet;
-use super::until::Watch;
 use super::worker::{Answer, Task, Word, Worker};
-use super::{Campaign, CampaignError};
+use crate::campaign::folder::any_path::AnyPath;
+use crate::campaign::folder::claim::{Folder, Known};
+use crate::campaign::folder::identity::{Identity, digest_of_scenario};
+use crate::campaign::folder::keep::{Keep, kept};
+use crate::campaign::folder::table::sheet;
+use crate::campaign::options::Options;
+use crate::campaign::until::Watch;
+use crate::campaign::{Campaign, CampaignError};
 use crate::observer::Event;
 use crate::scenario::Scenario;
 
@@ -132,7 +132,7 @@ pub fn run_as(
 
 /// Does the work of [`run`]. A campaign that grows had `before` points with results when it began; any other the ones in
 /// its folder.
-pub(super) fn work(
+pub(crate) fn work(
     campaign: &Campaign,
     scenario: &Scenario,
     identity: Identity,

@@ -8,11 +8,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rustix::process::{Pid, Signal, kill_process};
 use serde::{Deserialize, Serialize};
 
-use super::abreast::Points;
-use super::any_path::AnyPath;
-use super::identity::digest_of_scenario;
+use super::batched::Points;
 use super::point::{Order, Result as PointResult};
 use crate::Catalogue;
+use crate::campaign::folder::any_path::AnyPath;
+use crate::campaign::folder::identity::digest_of_scenario;
 use crate::scenario::{Changes, ScenarioSpec};
 
 /// A point for a worker.

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use tape::Digest;
 
 use super::any_path::AnyPath;
-use super::shard::Shard;
-use super::source::Source;
-use super::{Campaign, CampaignError, Column, Kind};
+use crate::campaign::shards::shard::Shard;
+use crate::campaign::source::Source;
+use crate::campaign::{Campaign, CampaignError, Column, Kind};
 use crate::scenario::{Changes, Scenario, ScenarioSpec};
 
 /// `campaign.json`: the identity of the folder.
@@ -84,7 +84,7 @@ pub struct Row {
     refused: Option<String>,
 }
 
-pub(super) fn failed(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> CampaignError + use<> {
+pub(crate) fn failed(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> CampaignError + use<> {
     let path = path.to_owned();
     move |source| CampaignError::Io { path, action, source }
 }
@@ -95,19 +95,19 @@ pub fn digest_of_scenario(spec: &ScenarioSpec) -> Digest {
 }
 
 /// A digest of several parts.
-pub(super) struct Parts(blake3::Hasher);
+pub(crate) struct Parts(blake3::Hasher);
 
 impl Parts {
-    pub(super) fn new(about: &str) -> Parts {
+    pub(crate) fn new(about: &str) -> Parts {
         Parts(blake3::Hasher::new_derive_key(about))
     }
 
-    pub(super) fn add(&mut self, bytes: &[u8]) {
+    pub(crate) fn add(&mut self, bytes: &[u8]) {
         self.0.update(&(bytes.len() as u64).to_le_bytes());
         self.0.update(bytes);
     }
 
-    pub(super) fn digest(&self) -> Digest {
+    pub(crate) fn digest(&self) -> Digest {
         self.0.finalize().into()
     }
 }
@@ -183,7 +183,7 @@ impl Identity {
     }
 
     /// The digest of the campaign with only its first `count` points.
-    pub(super) fn digest_of(&self, campaign: &Campaign, count: usize) -> Digest {
+    pub(crate) fn digest_of(&self, campaign: &Campaign, count: usize) -> Digest {
         let mut parts = Parts::new("escapement campaign 2");
         parts.add(self.program.as_bytes());
         parts.add(self.content.as_bytes());
@@ -227,7 +227,7 @@ impl Identity {
     }
 
     /// Writes the points that belong to the folder `root` and its identity.
-    pub(super) fn write(&self, root: &Path, campaign: &Campaign) -> Result<(), CampaignError> {
+    pub(crate) fn write(&self, root: &Path, campaign: &Campaign) -> Result<(), CampaignError> {
         let path = root.join("points.jsonl");
         let mut lines = Vec::new();
         for at in 0..campaign.points.len() {
@@ -260,7 +260,7 @@ impl Identity {
     }
 
     /// In words: `200 points of `close`, digest 0123456789…`
-    pub(super) fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         let digest = self.digest.to_string();
         let shard = self.shard.map_or(String::new(), |shard| format!("shard {shard} of "));
         format!(
@@ -272,7 +272,7 @@ impl Identity {
     }
 
     /// Checks whether the folder of this campaign may become that of `wanted`: the same campaign, or one that has grown.
-    pub(super) fn may_become(&self, wanted: &Identity, campaign: &Campaign) -> Result<(), String> {
+    pub(crate) fn may_become(&self, wanted: &Identity, campaign: &Campaign) -> Result<(), String> {
         let another = |why: &str| {
             Err(format!(
                 "is of another campaign ({}): {why}; name a new folder with --out",
@@ -311,7 +311,7 @@ impl Identity {
     }
 
     /// The part of `other` that differs, where its digest differs.
-    pub(super) fn difference(&self, other: &Identity) -> String {
+    pub(crate) fn difference(&self, other: &Identity) -> String {
         if self.program != other.program {
             format!(
                 "the program or one of the scenario's own is another build ({} and {})",
@@ -367,13 +367,13 @@ impl Campaign {
     }
 
     /// The reason why point `at` (from 0) does not exist, if so. The list is sorted.
-    pub(super) fn refused_at(&self, at: usize) -> Option<&str> {
+    pub(crate) fn refused_at(&self, at: usize) -> Option<&str> {
         let found = self.refused.binary_search_by_key(&at, |(point, _)| *point).ok()?;
         Some(&self.refused[found].1)
     }
 
     /// A campaign whose points are still to be filled in.
-    pub(super) fn blank(identity: &Identity) -> Campaign {
+    pub(crate) fn blank(identity: &Identity) -> Campaign {
         Campaign {
             kind: identity.kind,
             scenario: identity.file.0.clone(),
@@ -391,7 +391,7 @@ impl Campaign {
     }
 
     /// Reads the points of the folder `root` into their places.
-    pub(super) fn fill(&mut self, root: &Path) -> Result<(), CampaignError> {
+    pub(crate) fn fill(&mut self, root: &Path) -> Result<(), CampaignError> {
         each_row(root, |row| {
             let Some(at) = row.point.checked_sub(1).filter(|at| *at < self.points.len()) else {
                 return;
@@ -444,7 +444,7 @@ fn each_row(root: &Path, mut take: impl FnMut(Row)) -> Result<(), CampaignError>
 }
 
 /// The folder of a campaign unless the user names one.
-pub(super) fn default_root(identity: &Identity, digest: &Digest) -> PathBuf {
+pub(crate) fn default_root(identity: &Identity, digest: &Digest) -> PathBuf {
     let letters = identity.scenario.chars().map(|letter| {
         if letter.is_ascii_alphanumeric() || letter == '_' {
             letter

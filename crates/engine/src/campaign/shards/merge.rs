@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::folder::{Folder, holder};
-use super::identity::Identity;
-use super::journal::{self, Entry};
-use super::point::Result as PointResult;
-use super::work::Finished;
-use super::{Campaign, CampaignError};
+use crate::campaign::folder::claim::{Folder, holder};
+use crate::campaign::folder::identity::Identity;
+use crate::campaign::folder::journal::{self, Entry};
+use crate::campaign::workers::point::Result as PointResult;
+use crate::campaign::workers::pool::Finished;
+use crate::campaign::{Campaign, CampaignError};
 
 /// Number of points that an error names where points are missing.
 const NAMED: usize = 5;

@@ -3,9 +3,9 @@
 use std::collections::BTreeSet;
 use std::str::FromStr;
 
-use super::figures::{Figures, Number};
-use super::point::{Outcome, Result as PointResult};
 use crate::assessment::Criterion;
+use crate::campaign::figures::{Figures, Number};
+use crate::campaign::workers::point::{Outcome, Result as PointResult};
 
 /// A selection of the points of a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +39,7 @@ impl FromStr for Keep {
 
 /// The points (from 0) that `keep` selects. The worst are those with the greatest `figure`, or the least where it has a
 /// lower limit only; without `figure`, those closest to a limit or furthest beyond it.
-pub(super) fn kept(keep: &[Keep], results: &[Option<PointResult>], figure: Option<&Number>) -> BTreeSet<usize> {
+pub(crate) fn kept(keep: &[Keep], results: &[Option<PointResult>], figure: Option<&Number>) -> BTreeSet<usize> {
     let mut points = BTreeSet::new();
     for keep in keep {
         let all = results.iter().enumerate();

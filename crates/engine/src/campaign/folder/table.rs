@@ -2,9 +2,9 @@
 
 use report::export::{Cells, Sheet, SheetColumn};
 
-use super::figures::{Figures, Number};
-use super::point::Result as PointResult;
-use super::{Campaign, CampaignError};
+use crate::campaign::figures::{Figures, Number};
+use crate::campaign::workers::point::Result as PointResult;
+use crate::campaign::{Campaign, CampaignError};
 
 /// The table of a campaign. Points that were not run have empty cells.
 pub fn sheet(campaign: &Campaign, results: &[Option<PointResult>]) -> Sheet {

@@ -11,9 +11,9 @@ use tape::folder::private;
 
 use super::identity::{Identity, default_root, failed};
 use super::journal::{self, Journal};
-use super::options::Options;
-use super::point::Result as PointResult;
-use super::{Campaign, CampaignError, Outcome};
+use crate::campaign::options::Options;
+use crate::campaign::workers::point::Result as PointResult;
+use crate::campaign::{Campaign, CampaignError, Outcome};
 
 /// The process that holds a folder: the content of its file `lock`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -101,7 +101,7 @@ impl Folder {
     }
 
     /// The path of the folder of `campaign` with the identity `identity`, whether it exists or not.
-    pub(super) fn place(campaign: &Campaign, identity: &Identity, options: &Options) -> PathBuf {
+    pub(crate) fn place(campaign: &Campaign, identity: &Identity, options: &Options) -> PathBuf {
         match &options.out {
             Some(out) => out.clone(),
             // The number of points is not part of the name where the campaign may grow.
@@ -114,7 +114,7 @@ impl Folder {
     ///
     /// # Errors
     /// As [`Folder::open`].
-    pub(super) fn take(
+    pub(crate) fn take(
         root: &Path,
         campaign: &Campaign,
         identity: &Identity,
@@ -153,7 +153,7 @@ impl Folder {
     }
 
     /// Records in the folder which process holds it.
-    pub(super) fn hold(&mut self, workers: usize) -> Result<(), CampaignError> {
+    pub(crate) fn hold(&mut self, workers: usize) -> Result<(), CampaignError> {
         let holder = Holder {
             node: journal::node(),
             pid: std::process::id(),
@@ -191,7 +191,7 @@ impl Folder {
     }
 
     /// Appends a result from another machine to the journal.
-    pub(super) fn adopt(
+    pub(crate) fn adopt(
         &self,
         campaign: &Campaign,
         point: usize,

@@ -2,11 +2,12 @@
 
 use report::figures::Drawing;
 
+use super::content::Picture;
 use super::over_one::over_one;
 use super::over_two::over_two;
-use super::picture::Picture;
-use super::tell::distinct;
-use super::{Column, spread};
+use super::spread;
+use crate::campaign::Column;
+use crate::campaign::tell::distinct;
 
 /// Maximum number of positions along one side of a picture; with more no picture is drawn.
 const PLACES_MAX: usize = 2000;

@@ -2,16 +2,18 @@
 
 use report::figures::{Band, Chart, Curve, Drawing, Limit, Shade, Stroke};
 
-use super::figures::{Figures, Number};
-use super::picture::Picture;
-use super::{figure_value, good_word, short};
+use super::content::Picture;
+use crate::campaign::figure_value;
+use crate::campaign::figures::{Figures, Number};
+use crate::campaign::good_word;
+use crate::campaign::short;
 
 /// Maximum number of marks of a curve.
 const MARKS_MAX: usize = 60;
 
 /// For each criterion its sorted values, as fractions of the limit, over the fraction of the points; without criteria those
 /// of the figure. The fraction of the points that is met is green. `None` where there is nothing to draw.
-pub(super) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
+pub(crate) fn draw(picture: &Picture<'_>) -> Option<Drawing> {
     let with = || {
         picture
             .results

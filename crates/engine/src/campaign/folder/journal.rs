@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::CampaignError;
 use super::identity::failed;
-use super::point::Result as PointResult;
+use crate::campaign::CampaignError;
+use crate::campaign::workers::point::Result as PointResult;
 
 /// Values of a point by the names of their columns.
 pub type Values = serde_json::Map<String, serde_json::Value>;
@@ -39,13 +39,13 @@ pub fn node() -> String {
 }
 
 /// The journal's name in a campaign's folder.
-pub(super) fn path(root: &Path) -> PathBuf {
+pub(crate) fn path(root: &Path) -> PathBuf {
     root.join("results.jsonl")
 }
 
 /// The journal of a folder, open for appending.
 #[derive(Debug)]
-pub(super) struct Journal {
+pub(crate) struct Journal {
     path: PathBuf,
     file: File,
     node: String,
@@ -53,7 +53,7 @@ pub(super) struct Journal {
 
 impl Journal {
     /// Opens the journal of the folder `root` behind its last complete line; `take` gets each entry in it.
-    pub(super) fn open(root: &Path, take: impl FnMut(Entry)) -> Result<Journal, CampaignError> {
+    pub(crate) fn open(root: &Path, take: impl FnMut(Entry)) -> Result<Journal, CampaignError> {
         let path = path(root);
         let good = each(&path, take)?;
         let file = OpenOptions::new()
@@ -71,7 +71,7 @@ impl Journal {
 
     /// Appends a result of this machine for the point with these values; it has been handed to the operating system when
     /// this returns.
-    pub(super) fn add(
+    pub(crate) fn add(
         &self,
         point: usize,
         values: Values,
@@ -88,7 +88,7 @@ impl Journal {
     }
 
     /// Appends a line.
-    pub(super) fn put(&self, entry: &Entry) -> Result<(), CampaignError> {
+    pub(crate) fn put(&self, entry: &Entry) -> Result<(), CampaignError> {
         let line = serde_json::to_string(entry).unwrap_or_default() + "\n";
         (&self.file)
             .write_all(line.as_bytes())
@@ -98,7 +98,7 @@ impl Journal {
 
 /// Passes on the entries of the journal at `path` up to the last complete line; returns the length up to there, bytes. A
 /// missing file is an empty journal.
-pub(super) fn each(path: &Path, mut take: impl FnMut(Entry)) -> Result<u64, CampaignError> {
+pub(crate) fn each(path: &Path, mut take: impl FnMut(Entry)) -> Result<u64, CampaignError> {
     let file = match fs::File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(0),

@@ -1,0 +1,7 @@
+//! Execution of the points: a pool of worker processes, each of which runs several points side by side.
+
+pub(super) mod batch_size;
+pub(super) mod batched;
+pub(super) mod point;
+pub(super) mod pool;
+pub(super) mod worker;
